@@ -1,0 +1,50 @@
+# Two commands are enough on a fresh machine: make demo, make test.
+PYTHON ?= python3
+BIN := .venv/bin
+READY := .venv/.ready
+# Small matrix products are slower on several BLAS threads than on one.
+export OPENBLAS_NUM_THREADS ?= 1
+
+.PHONY: help install demo test lint docs bench lock clean
+
+help:  ## say what can be made
+	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
+
+install: $(READY)  ## create .venv from requirements.lock
+
+$(READY): requirements.lock pyproject.toml
+	@if command -v uv >/dev/null; then \
+	  uv venv --quiet --clear --python 3.11 .venv && \
+	  uv pip install --quiet --python $(BIN)/python --require-hashes -r requirements.lock && \
+	  uv pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation -e . ; \
+	else \
+	  $(PYTHON) -m venv --clear .venv && \
+	  $(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock && \
+	  $(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e . ; \
+	fi
+	@touch $@
+
+demo: $(READY)  ## import, identify and report a flight; prints where the report is
+	@$(BIN)/python examples/demo.py
+
+test: $(READY) lint  ## everything that must hold, in under eight minutes on two cores
+	$(BIN)/pytest -n 2 --dist worksteal
+
+lint: $(READY)  ## style, types and the direction of imports
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+	$(BIN)/lint-imports
+
+docs: $(READY)  ## build docs/ into site/
+	$(BIN)/mkdocs build --quiet --strict
+
+bench: $(READY)  ## print every benchmark and rewrite its result table
+	@for script in benchmarks/[a-z]*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+
+lock:  ## choose versions anew (needs uv)
+	uv pip compile pyproject.toml --extra dev --universal --python-version 3.11 --generate-hashes \
+	  --no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" --quiet --upgrade -o requirements.lock
+
+clean:  ## remove what can be made again
+	rm -rf .venv site .cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache

@@ -1,0 +1,1 @@
+"""From point models to one global model along the transition corridor."""

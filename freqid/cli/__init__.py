@@ -1,0 +1,1 @@
+"""The commands, one short module each; heavy imports happen inside the commands."""

@@ -1,0 +1,24 @@
+"""``freqid export-log``: a flight record becomes a file of another tool."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from freqid.cli.options import as_json, emit, output
+
+
+@click.command("export-log")
+@click.argument("record", type=click.Path(path_type=Path))
+@output("the record's name with .mat")
+@as_json
+def command(record: Path, destination: Path | None, json_: bool) -> None:
+    """Write RECORD as a MATLAB file in the 90-column SIDPAC layout, in SIDPAC's units."""
+    from freqid.core.record_file import read_record
+    from freqid.flightlog.sidpac import write_sidpac
+
+    destination = destination or record.with_suffix(".mat")
+    flight = read_record(record)
+    write_sidpac(flight, destination)
+    emit(json_, {"path": str(destination)}, f"{destination}: {flight.time.size} samples in SIDPAC columns")

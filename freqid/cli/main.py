@@ -1,0 +1,77 @@
+"""The command line: one group, commands loaded when they are asked for, and the exit codes."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import traceback
+
+import click
+
+from freqid import __version__
+from freqid.core.errors import EXIT_BUG, EXIT_DATA, FreqidError
+
+COMMANDS = {
+    "import-log": "import_log",
+    "export-log": "export_log",
+    "identify-point": "identify_point",
+    "report": "report",
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose commands live in modules of their own, in the order that work flows."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the command names in the order of `COMMANDS`."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import one command's module and return its ``command``."""
+        if cmd_name not in COMMANDS:
+            return None
+        return importlib.import_module(f"freqid.cli.{COMMANDS[cmd_name]}").command
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="freqid")
+def main() -> None:
+    """Frequency-domain system identification of eVTOL aircraft from flight data.
+
+    A flight goes import-log, identify-point, report. Results go to stdout, progress and errors to
+    stderr. Exit codes: 0 good, 2 usage, 3 unreadable or inconsistent data, 4 finished but a gate of
+    the scenario failed, 70 a bug.
+    """
+
+
+def run(arguments: list[str] | None = None) -> None:
+    """Run the command line and leave with the exit code of what happened."""
+    sys.exit(_exit_code(arguments))
+
+
+def _exit_code(arguments: list[str] | None) -> int:
+    try:
+        outcome = main.main(arguments, prog_name="freqid", standalone_mode=False)
+        return outcome if isinstance(outcome, int) else 0
+    except click.ClickException as error:
+        error.show()
+        return error.exit_code
+    except click.Abort:
+        click.echo("freqid: stopped; nothing was written.", err=True)
+        return 130
+    except FreqidError as error:
+        click.echo(f"freqid: {error}", err=True)
+        return error.exit_code
+    except MemoryError:
+        click.echo(
+            "freqid: there is not enough memory for this; use a shorter record or fewer lines.", err=True
+        )
+        return EXIT_DATA
+    except Exception:
+        traceback.print_exc()
+        click.echo(f"freqid {__version__}: the above is a bug; please report it with the command.", err=True)
+        return EXIT_BUG
+
+
+if __name__ == "__main__":
+    run()

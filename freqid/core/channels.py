@@ -1,0 +1,84 @@
+"""The channels that every record names alike: group, symbol, SI unit and meaning."""
+
+from __future__ import annotations
+
+from .errors import DataError, nearest
+
+STATE = {
+    "u": ("m/s", "velocity along x body, relative to the air"),
+    "v": ("m/s", "velocity along y body, relative to the air"),
+    "w": ("m/s", "velocity along z body, relative to the air"),
+    "p": ("rad/s", "roll rate"),
+    "q": ("rad/s", "pitch rate"),
+    "r": ("rad/s", "yaw rate"),
+    "phi": ("rad", "roll angle"),
+    "theta": ("rad", "pitch angle"),
+    "psi": ("rad", "heading angle"),
+    "ax": ("m/s2", "specific force along x body"),
+    "ay": ("m/s2", "specific force along y body"),
+    "az": ("m/s2", "specific force along z body"),
+    "pdot": ("rad/s2", "roll acceleration"),
+    "qdot": ("rad/s2", "pitch acceleration"),
+    "rdot": ("rad/s2", "yaw acceleration"),
+    "alt": ("m", "altitude"),
+}
+AIR = {
+    "rho": ("kg/m3", "air density"),
+    "V": ("m/s", "true airspeed"),
+    "alpha": ("rad", "angle of attack"),
+    "beta": ("rad", "angle of sideslip"),
+    "qbar": ("Pa", "dynamic pressure"),
+    "mach": ("1", "Mach number"),
+    "phat": ("1", "roll rate p b / 2V"),
+    "qhat": ("1", "pitch rate q cbar / 2V"),
+    "rhat": ("1", "yaw rate r b / 2V"),
+}
+POWER = {"voltage": ("V", "battery voltage"), "current": ("A", "battery current")}
+RESPONSE = {
+    "X": ("N", "force along x body"),
+    "Y": ("N", "force along y body"),
+    "Z": ("N", "force along z body"),
+    "L": ("N m", "moment about x body"),
+    "M": ("N m", "moment about y body"),
+    "N": ("N m", "moment about z body"),
+    "CX": ("1", "coefficient of X"),
+    "CY": ("1", "coefficient of Y"),
+    "CZ": ("1", "coefficient of Z"),
+    "Cl": ("1", "coefficient of L"),
+    "Cm": ("1", "coefficient of M"),
+    "Cn": ("1", "coefficient of N"),
+}
+WRENCH = ("X", "Y", "Z", "L", "M", "N")
+KNOWN = {"state": STATE, "air": AIR, "power": POWER, "response": RESPONSE}
+EFFECTOR_GROUPS = ("effector", "command", "excitation")
+GROUPS = (*KNOWN, *EFFECTOR_GROUPS)
+
+EFFECTOR_UNITS = {"surface": "rad", "tilt": "rad", "rotor": "rad/s", "thrust": "N", "throttle": "1"}
+
+
+def split(channel: str) -> tuple[str, str]:
+    """Split ``group/name`` and check the group, and the name where the group fixes it.
+
+    Raises
+    ------
+    DataError
+        For an unknown group, or an unknown name in `state`, `air`, `power` or `response`.
+    """
+    group, _, name = channel.partition("/")
+    if group not in GROUPS or not name or "/" in name:
+        raise DataError(
+            f"channel '{channel}' is not of the form group/name with a known group",
+            remedy=nearest(group, GROUPS),
+        )
+    if group in KNOWN and name not in KNOWN[group]:
+        raise DataError(f"channel '{channel}' is unknown", remedy=nearest(name, KNOWN[group]))
+    return group, name
+
+
+def si_unit(channel: str, effector_kinds: dict[str, str] | None = None) -> str | None:
+    """Return the SI unit of a channel, or None for an effector whose kind is not known."""
+    group, name = split(channel)
+    if group in KNOWN:
+        return KNOWN[group][name][0]
+    kind = (effector_kinds or {}).get(name)
+    return EFFECTOR_UNITS[kind] if kind else None

@@ -1,0 +1,166 @@
+"""What identification gives: a point model of the applied wrench at one reference condition."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .errors import UsageError, nearest
+from .scenario import Reference
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A response as measured and as the model gives it, on frequencies or samples.
+
+    Attributes
+    ----------
+    axis : ndarray, shape (n,)
+        Frequencies in Hz, or times in s.
+    measured, modelled : ndarray, shape (n,)
+        Complex transforms on frequencies, real values in time.
+    """
+
+    axis: Array
+    measured: NDArray[Any]
+    modelled: NDArray[Any]
+
+    @property
+    def residual(self) -> NDArray[Any]:
+        """Measured less modelled, shape (n,)."""
+        return self.measured - self.modelled
+
+    @property
+    def r2(self) -> float:
+        """Share of the measured energy that the model explains; about the mean in time."""
+        centre = 0.0 if np.iscomplexobj(self.measured) else self.measured.mean()
+        total = np.sum(np.abs(self.measured - centre) ** 2)
+        return float(1 - np.sum(np.abs(self.residual) ** 2) / total) if total else float("nan")
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residual."""
+        return float(np.sqrt(np.mean(np.abs(self.residual) ** 2)))
+
+
+@dataclass(frozen=True)
+class ResponseModel:
+    """One response as a linear function of p regressors about the reference, with its uncertainty.
+
+    ``response = bias + sum_j estimate[j] (regressor[j] - trim[j])``
+
+    Attributes
+    ----------
+    response, unit : str
+        Name and SI unit.
+    regressors, regressor_units : tuple of str, length p
+    trim : ndarray, shape (p,)
+        Values of the regressors that the model is expanded about.
+    estimate, std_error : ndarray, shape (p,)
+        Unit of the response per unit of the regressor.
+    covariance : ndarray, shape (p, p)
+    lower, upper : ndarray, shape (p,)
+        Confidence limits at the level of the identification.
+    bias, bias_std_error : float
+        Response at the trim, from the time domain.
+    r2, pse, rmse, fit_error : float
+        Coefficient of determination; predicted squared error of one real equation; rms of the residual
+        in the band of the fit, in the response's unit; standard deviation of one real equation.
+    t_statistic, variance_inflation : ndarray, shape (p,)
+    correlation : ndarray, shape (p, p)
+        Of the parameters' errors.
+    condition_index : ndarray, shape (n,)
+        Of the n = p + nuisance columns; the last is the condition number.
+    variance_proportion : ndarray, shape (n, p)
+        Share of each parameter's variance by condition index.
+    inseparable : tuple of tuple of str
+        Groups of parameters that the data cannot tell apart.
+    fit : mapping of str to Fit
+        ``"frequency"`` where lines were regressed, and ``"time"``.
+    """
+
+    response: str
+    unit: str
+    regressors: tuple[str, ...]
+    regressor_units: tuple[str, ...]
+    trim: Array
+    estimate: Array
+    std_error: Array
+    covariance: Array
+    lower: Array
+    upper: Array
+    bias: float
+    bias_std_error: float
+    r2: float
+    pse: float
+    rmse: float
+    fit_error: float
+    t_statistic: Array
+    variance_inflation: Array
+    correlation: Array
+    condition_index: Array
+    variance_proportion: Array
+    inseparable: tuple[tuple[str, ...], ...]
+    fit: Mapping[str, Fit]
+
+    @property
+    def condition_number(self) -> float:
+        """Ratio of largest to smallest singular value of the scaled columns."""
+        return float(self.condition_index[-1])
+
+    def __getitem__(self, regressor: str) -> tuple[float, float]:
+        """Return estimate and standard error of one parameter, or of ``"bias"``."""
+        if regressor == "bias":
+            return self.bias, self.bias_std_error
+        if regressor not in self.regressors:
+            raise UsageError(
+                f"response '{self.response}' has no parameter '{regressor}'",
+                remedy=nearest(regressor, (*self.regressors, "bias")),
+            )
+        j = self.regressors.index(regressor)
+        return float(self.estimate[j]), float(self.std_error[j])
+
+
+@dataclass(frozen=True)
+class PointModel:
+    """Responses identified at one reference condition.
+
+    Attributes
+    ----------
+    reference : Reference
+    responses : mapping of str to ResponseModel
+    method : {"frequency", "time"}
+    form : {"force", "specific", "coefficient"}
+    axes : {"body", "stability"}
+    confidence : float
+        Level of the intervals.
+    duration : float
+        Length of the manoeuvre, s.
+    vehicle : str
+    provenance : dict
+        Records, scenario and settings; JSON-compatible.
+    """
+
+    reference: Reference
+    responses: Mapping[str, ResponseModel]
+    method: str
+    form: str
+    axes: str
+    confidence: float
+    duration: float
+    vehicle: str
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __getitem__(self, response: str) -> ResponseModel:
+        try:
+            return self.responses[response]
+        except KeyError:
+            raise UsageError(
+                f"the model has no response '{response}'", remedy=nearest(response, self.responses)
+            ) from None

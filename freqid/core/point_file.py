@@ -1,0 +1,146 @@
+"""A point model on disk (``format="freqid-point"``)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import msgspec
+import numpy as np
+
+from . import store
+from .models import Fit, PointModel, ResponseModel
+from .scenario import Reference
+
+FORMAT = "freqid-point"
+_SCALARS = ("r2", "pse", "rmse", "fit_error")
+_VECTORS = ("trim", "lower", "upper", "t_statistic", "variance_inflation", "condition_index")
+_MATRICES = ("correlation", "variance_proportion")
+
+
+def write_point(path: Path, model: PointModel, scenario_sha256: str = "") -> None:
+    """Write a point model, whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    model : PointModel
+    scenario_sha256 : str
+        Of the scenario that it was identified with.
+
+    Raises
+    ------
+    DataError
+        Where the folder cannot be written.
+    """
+
+    def fill(file: h5py.File) -> None:
+        reference = file.create_group("reference")
+        for name, value in msgspec.to_builtins(model.reference).items():
+            reference.attrs[name] = value
+        for name in ("method", "form", "axes", "confidence", "duration", "vehicle"):
+            file.attrs[name] = getattr(model, name)
+        store.put_json(file, "responses", list(model.responses))
+        store.put_json(file.create_group("provenance"), "json", model.provenance)
+        for response in model.responses.values():
+            _fill_response(file, response)
+
+    store.write(path, FORMAT, fill, scenario_sha256)
+
+
+def _fill_response(file: h5py.File, model: ResponseModel) -> None:
+    parameters = file.create_group(f"parameter/{model.response}")
+    units = [per(model.unit, unit) for unit in model.regressor_units]
+    for j, name in enumerate(model.regressors):
+        group = parameters.create_group(name)
+        store.put(group, "estimate", model.estimate[j], units[j])
+        store.put(group, "std_error", model.std_error[j], units[j])
+    bias = parameters.create_group("bias")
+    store.put(bias, "estimate", model.bias, model.unit)
+    store.put(bias, "std_error", model.bias_std_error, model.unit)
+
+    covariance = store.put(file.require_group("covariance"), model.response, model.covariance, "mixed")
+    store.put_json(covariance, "parameters", list(model.regressors))
+    store.put_json(covariance, "parameter_units", units)
+
+    diagnostics = file.create_group(f"diagnostics/{model.response}")
+    diagnostics.attrs["units"] = model.unit
+    store.put_json(diagnostics, "regressor_units", list(model.regressor_units))
+    store.put_json(diagnostics, "inseparable", model.inseparable)
+    for name in _SCALARS:
+        diagnostics.attrs[name] = getattr(model, name)
+    for name in _VECTORS + _MATRICES:
+        store.put(diagnostics, name, getattr(model, name), "mixed" if name in _VECTORS[:3] else "1")
+    for domain, fit in model.fit.items():
+        group = file.create_group(f"fit/{model.response}/{domain}")
+        seconds = " s" if domain == "frequency" else ""
+        store.put(group, "axis", fit.axis, "Hz" if domain == "frequency" else "s")
+        store.put(group, "measured", fit.measured, model.unit + seconds)
+        store.put(group, "modelled", fit.modelled, model.unit + seconds)
+
+
+def read_point(path: Path) -> PointModel:
+    """Read a point model.
+
+    Raises
+    ------
+    DataError
+        Where the file is no intact point model.
+    """
+    with store.reading(path, FORMAT) as file:
+        attrs = store.subgroup(file, "reference").attrs
+        plain = {n: v.item() if isinstance(v, np.generic) else v for n, v in attrs.items()}
+        return PointModel(
+            reference=msgspec.convert(plain, Reference),
+            responses={r: _read_response(file, r) for r in store.get_json(file, "responses")},
+            method=store.get_text(file, "method"),
+            form=store.get_text(file, "form"),
+            axes=store.get_text(file, "axes"),
+            confidence=store.floats(file, "confidence")[0],
+            duration=store.floats(file, "duration")[0],
+            vehicle=store.get_text(file, "vehicle"),
+            provenance=store.get_json(store.subgroup(file, "provenance"), "json"),
+        )
+
+
+def _read_response(file: h5py.File, response: str) -> ResponseModel:
+    parameters = store.subgroup(file, f"parameter/{response}")
+    diagnostics = store.subgroup(file, f"diagnostics/{response}")
+    covariance = store.dataset(file, f"covariance/{response}")
+    names = tuple(store.get_json(covariance, "parameters"))
+
+    def column(field: str) -> np.ndarray:
+        return np.array([float(store.array(parameters, f"{name}/{field}")) for name in names])
+
+    figures: dict[str, Any] = {name: store.floats(diagnostics, name)[0] for name in _SCALARS}
+    figures |= {name: store.array(diagnostics, name) for name in _VECTORS + _MATRICES}
+    fits = {}
+    for domain, group in store.subgroup(file, f"fit/{response}").items():
+        fits[domain] = Fit(
+            axis=store.array(group, "axis"),
+            measured=store.dataset(group, "measured")[()],
+            modelled=store.dataset(group, "modelled")[()],
+        )
+    return ResponseModel(
+        response=response,
+        unit=store.get_text(diagnostics, "units"),
+        regressors=names,
+        regressor_units=tuple(store.get_json(diagnostics, "regressor_units")),
+        estimate=column("estimate"),
+        std_error=column("std_error"),
+        covariance=store.array(file, f"covariance/{response}"),
+        bias=float(store.array(parameters, "bias/estimate")),
+        bias_std_error=float(store.array(parameters, "bias/std_error")),
+        inseparable=tuple(tuple(group) for group in store.get_json(diagnostics, "inseparable")),
+        fit=fits,
+        **figures,
+    )
+
+
+def per(unit: str, regressor_unit: str) -> str:
+    """Return the unit of a parameter: that of the response over that of the regressor."""
+    if regressor_unit == "1":
+        return unit
+    over = f"({regressor_unit})" if any(c in regressor_unit for c in " /") else regressor_unit
+    return f"{unit}/{over}"

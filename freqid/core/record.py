@@ -1,0 +1,248 @@
+"""A flight as it was logged, and the stretch of it that a model is made from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from .channels import split
+from .errors import DataError, UsageError, nearest
+from .vehicle import MassProperties, Vehicle
+
+_TIME_TOLERANCE = 1e-3  # of one sample: what decimal places in a log leave of a uniform clock
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One logged quantity on the record's time base, in SI units.
+
+    Attributes
+    ----------
+    name : str
+        ``group/name``, as in the file: ``state/u``, ``effector/de1``.
+    unit : str
+        SI unit.
+    values : ndarray, shape (sample,)
+    native_rate_hz : float
+        Rate at which the source logged it; its Nyquist frequency bounds what it can tell.
+    source : str
+        Where it comes from: file and column, or how it was computed.
+    position_m : tuple of 3 floats, optional
+        Position of the sensor in vehicle axes, m; the centre of gravity where absent.
+    """
+
+    name: str
+    unit: str
+    values: NDArray[np.float64]
+    native_rate_hz: float
+    source: str
+    position_m: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Which airframe flew, with which software."""
+
+    tail: str = ""
+    firmware: str = ""
+    parameter_hash: str = ""
+
+
+@dataclass(frozen=True)
+class FlightRecord:
+    """One flight or manoeuvre on a uniform time base.
+
+    Attributes
+    ----------
+    time : ndarray, shape (sample,)
+        Seconds, uniformly spaced.
+    channels : mapping of str to Channel
+        By ``group/name``.
+    vehicle : Vehicle, optional
+        What the aircraft is known to be.
+    mass_properties : MassProperties, optional
+        Of this flight; they override the vehicle's.
+    reference : str
+        Id of the reference condition flown, empty where none is stated.
+    configuration : Configuration
+    provenance : dict
+        How the record came to be: source files, resampling, cuts. JSON-compatible.
+
+    Raises
+    ------
+    DataError
+        Where time is not finite, increasing and uniform, or a channel is not finite or has
+        another number of samples.
+    """
+
+    time: NDArray[np.float64]
+    channels: Mapping[str, Channel]
+    vehicle: Vehicle | None = None
+    mass_properties: MassProperties | None = None
+    reference: str = ""
+    configuration: Configuration = Configuration()
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_time(self.time)
+        for name, channel in self.channels.items():
+            split(name)
+            if channel.values.shape != self.time.shape:
+                raise DataError(
+                    f"channel '{name}' has shape {channel.values.shape}, expected {self.time.shape} like time"
+                )
+            bad = np.flatnonzero(~np.isfinite(channel.values))
+            if bad.size:
+                raise DataError(
+                    f"channel '{name}' is not finite in {bad.size} of {self.time.size} samples, "
+                    f"first at t = {self.time[bad[0]]:.4g} s",
+                    remedy="cut the record around them or repair the log first",
+                )
+
+    @cached_property
+    def dt(self) -> float:
+        """Sample interval, s."""
+        return float(self.time[-1] - self.time[0]) / (self.time.size - 1)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample, s."""
+        return float(self.time[-1] - self.time[0])
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.channels
+
+    def channel(self, name: str) -> Channel:
+        """Return one channel.
+
+        Raises
+        ------
+        DataError
+            Where the record has none of that name; the nearest names are suggested.
+        """
+        try:
+            return self.channels[name]
+        except KeyError:
+            raise DataError(f"channel '{name}' is missing", remedy=nearest(name, self.channels)) from None
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        return self.channel(name).values
+
+    def matrix(self, names: Iterable[str]) -> NDArray[np.float64]:
+        """Return several channels as one array, shape (channel, sample)."""
+        return np.array([self[name] for name in names])
+
+    def group(self, group: str) -> tuple[str, ...]:
+        """Return the names without group of all channels of a group, in the record's order."""
+        return tuple(n.partition("/")[2] for n in self.channels if n.startswith(group + "/"))
+
+    def with_channels(self, *channels: Channel) -> FlightRecord:
+        """Return the record with channels added or replaced."""
+        return replace(self, channels={**self.channels, **{c.name: c for c in channels}})
+
+    def cut(self, start: float, stop: float) -> FlightRecord:
+        """Return the samples from `start` to `stop`, both included, on the record's clock, s.
+
+        Raises
+        ------
+        UsageError
+            Where the interval is not inside the record.
+        """
+        first, last = float(self.time[0]), float(self.time[-1])
+        slack = 0.5 * self.dt
+        if not first - slack <= start < stop <= last + slack:
+            raise UsageError(
+                f"cut {start:g}:{stop:g} s is not inside the record, which runs {first:g}:{last:g} s"
+            )
+        low, high = np.searchsorted(self.time, [start - slack, stop + slack])
+        if high - low < 2:
+            raise UsageError(f"cut {start:g}:{stop:g} s holds fewer than two samples")
+        channels = {n: replace(c, values=c.values[low:high]) for n, c in self.channels.items()}
+        provenance = {**self.provenance, "cut_s": [start, stop]}
+        return replace(self, time=self.time[low:high], channels=channels, provenance=provenance)
+
+
+@dataclass(frozen=True)
+class Maneuver:
+    """The stretch of a flight that a point model is made from.
+
+    Attributes
+    ----------
+    record : FlightRecord
+        Cut to the manoeuvre.
+    vehicle : Vehicle
+        The record's, with the record's own mass properties in place.
+    """
+
+    record: FlightRecord
+    vehicle: Vehicle
+
+    @classmethod
+    def of(
+        cls, record: FlightRecord, vehicle: Vehicle | None = None, span: tuple[float, float] | None = None
+    ) -> Maneuver:
+        """Cut a manoeuvre out of a record.
+
+        Parameters
+        ----------
+        record : FlightRecord
+        vehicle : Vehicle, optional
+            Used in place of the record's.
+        span : tuple of 2 floats, optional
+            Start and stop on the record's clock, s; the whole record where absent.
+
+        Raises
+        ------
+        DataError
+            Where neither the record nor the caller describes the vehicle.
+        """
+        described = vehicle or record.vehicle
+        if described is None:
+            raise DataError(
+                "the record does not describe its vehicle",
+                remedy="import it with --scenario, or name a scenario now",
+            )
+        if record.mass_properties is not None:
+            described = msgspec.structs.replace(described, mass_properties=record.mass_properties)
+        return cls(record.cut(*span) if span else record, described)
+
+
+def check_time(time: NDArray[np.float64]) -> None:
+    """Check that a time base is finite, increasing and uniform.
+
+    Raises
+    ------
+    DataError
+        Naming the first sample where it is not.
+    """
+    if time.ndim != 1 or time.size < 2:
+        raise DataError(f"time has shape {time.shape}, expected one axis of at least two samples")
+    bad = np.flatnonzero(~np.isfinite(time))
+    if bad.size:
+        raise DataError(f"time is not finite at sample {bad[0]}")
+    steps = np.diff(time)
+    for fault, found in (("repeats", steps == 0), ("runs backward", steps < 0)):
+        if found.any():
+            at = int(np.argmax(found))
+            raise DataError(
+                f"time {fault} at sample {at + 1} (t = {time[at]:.6g} then {time[at + 1]:.6g} s), "
+                "expected it to increase",
+                remedy="repair the clock of the log or cut around the fault",
+            )
+    step = (time[-1] - time[0]) / (time.size - 1)
+    # The clock may be large beside the step (seconds of day): allow for its own rounding too.
+    slack = _TIME_TOLERANCE * step + 4 * np.spacing(np.abs(time).max())
+    off = np.abs(steps - np.median(steps)) > 2 * slack
+    if off.any():
+        at = int(np.argmax(off))
+        raise DataError(
+            f"time is not uniform: {steps[at]:.6g} s after t = {time[at]:.6g} s where the usual step is "
+            f"{np.median(steps):.6g} s ({int(off.sum())} such steps)",
+            remedy="import with --resample RATE, or cut around the dropout",
+        )

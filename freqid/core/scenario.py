@@ -1,0 +1,325 @@
+"""A scenario: one TOML file that says which aircraft, which conditions, what is done and what suffices."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import tomllib
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from .channels import WRENCH
+from .errors import DataError, UsageError, nearest
+from .vehicle import Effector, Inertia, MassProperties, Rotor, Strict, Vector, Vehicle, Wing
+
+T = TypeVar("T")
+
+
+class Airframe(Strict, frozen=True):
+    """Section ``[vehicle]``: mass properties and reference lengths, SI."""
+
+    name: str
+    mass_kg: float
+    inertia: Inertia
+    cg_m: Vector = (0.0, 0.0, 0.0)
+    mass_sigma_kg: float = 0.0
+    cg_sigma_m: Vector = (0.0, 0.0, 0.0)
+    inertia_sigma: Inertia | None = None
+    tilt_rad: dict[str, float] = msgspec.field(default_factory=dict)
+    area_m2: float | None = None
+    span_m: float | None = None
+    chord_m: float | None = None
+
+
+class Reference(Strict, frozen=True):
+    """One ``[[reference]]``: the condition that a point model holds at.
+
+    Attributes
+    ----------
+    id : str
+    u : float
+        Forward speed, m/s.
+    rho : float
+        Air density, kg/m3.
+    dw1, dw2 : float
+        Front and rear wing tilt, rad.
+    """
+
+    id: str
+    u: float
+    rho: float
+    dw1: float = 0.0
+    dw2: float = 0.0
+
+
+class FrequencyGrid(Strict, frozen=True):
+    """Lines from `start` to `stop`, both included, every `step`, Hz."""
+
+    start: float
+    step: float
+    stop: float
+
+    def __post_init__(self) -> None:
+        if not (self.step > 0 and 0 < self.start <= self.stop):
+            raise ValueError(
+                f"found start {self.start:g}, step {self.step:g}, stop {self.stop:g} Hz, "
+                "expected 0 < start <= stop and step > 0"
+            )
+
+    @property
+    def lines(self) -> NDArray[np.float64]:
+        """Frequencies, shape (frequency,), Hz."""
+        count = int(np.floor((self.stop - self.start) / self.step + 1e-9)) + 1
+        return self.start + self.step * np.arange(count, dtype=np.float64)
+
+
+class Excitation(Strict, frozen=True):
+    """Section ``[excitation]``: the multisine that is flown.
+
+    Attributes
+    ----------
+    band_hz : tuple of 2 floats
+    period_s : float
+        Fundamental period T; the harmonics are multiples of 1/T.
+    periods : int
+        How many are flown; two or more leave lines that measure noise.
+    amplitude : float or dict
+        In effector units, for all or by effector name.
+    """
+
+    band_hz: tuple[float, float]
+    period_s: float
+    periods: int = 2
+    amplitude: float | dict[str, float] = 1.0
+
+    @property
+    def harmonics(self) -> NDArray[np.float64]:
+        """Multiples of 1/T inside the band, shape (frequency,), Hz."""
+        low, high = self.band_hz
+        first = int(np.ceil(low * self.period_s - 1e-9))
+        last = int(np.floor(high * self.period_s + 1e-9))
+        return np.arange(max(first, 1), last + 1) / self.period_s
+
+
+class Identification(Strict, frozen=True):
+    """Section ``[identification]``: what is regressed on what, and how.
+
+    Attributes
+    ----------
+    responses : tuple of str
+        Among X Y Z L M N.
+    regressors : tuple of str, or dict
+        Channel names without group (``u``, ``beta``, ``phat``, ``de1``); for all responses, or by response.
+    frequencies_hz : FrequencyGrid or tuple of float, optional
+        Lines of the regression; the harmonics of ``[excitation]`` where absent.
+    method : {"frequency", "time"}
+    form : {"force", "specific", "coefficient"}
+    axes : {"body", "stability"}
+    trend : {"endpoints", "line", "mean", "none"}
+        What is removed before the transform, or before the regression in the time domain.
+    angular_acceleration : {"transform", "record"}
+        Whether moments take the rates' derivative exactly in the transform or from pdot, qdot, rdot.
+    response_source : {"reconstruct", "record"}
+        Whether responses are reconstructed from motion and mass, or read from ``response/...``.
+    nuisance : {"auto", "constant", "none"}
+        Columns that absorb the end terms of the transformed derivative.
+    confidence : float
+        Of the intervals, for example 0.95.
+    """
+
+    regressors: tuple[str, ...] | dict[str, tuple[str, ...]]
+    responses: tuple[str, ...] = WRENCH
+    frequencies_hz: FrequencyGrid | tuple[float, ...] | None = None
+    method: Literal["frequency", "time"] = "frequency"
+    form: Literal["force", "specific", "coefficient"] = "force"
+    axes: Literal["body", "stability"] = "body"
+    trend: Literal["endpoints", "line", "mean", "none"] = "endpoints"
+    angular_acceleration: Literal["transform", "record"] = "transform"
+    response_source: Literal["reconstruct", "record"] = "reconstruct"
+    nuisance: Literal["auto", "constant", "none"] = "auto"
+    confidence: float = 0.95
+
+    def __post_init__(self) -> None:
+        for response in self.responses:
+            if response not in WRENCH:
+                raise ValueError(f"response '{response}' is unknown; {nearest(response, WRENCH)}")
+        if isinstance(self.regressors, dict):
+            missing = [r for r in self.responses if r not in self.regressors]
+            if missing:
+                raise ValueError(f"regressors are missing for response {missing}, expected a list for each")
+        if not 0.5 <= self.confidence < 1:
+            raise ValueError(f"confidence is {self.confidence:g}, expected at least 0.5 and below 1")
+
+    def regressors_of(self, response: str) -> tuple[str, ...]:
+        """Return the regressor names of one response."""
+        if isinstance(self.regressors, dict):
+            return tuple(self.regressors[response])
+        return self.regressors
+
+
+class Gates(Strict, frozen=True):
+    """Section ``[gates]``: what a result must reach for a command to end with exit code 0.
+
+    Attributes
+    ----------
+    r2 : float or dict, optional
+        Lowest coefficient of determination, for all responses or by response.
+    condition_number : float, optional
+        Highest condition number of the scaled regressors.
+    """
+
+    r2: float | dict[str, float] | None = None
+    condition_number: float | None = None
+
+
+class Simulation(Strict, frozen=True):
+    """Section ``[simulation]``: effects switched on, by id, and their settings."""
+
+    effects: dict[str, Any] = msgspec.field(default_factory=dict)
+
+
+class Scenario(Strict, frozen=True):
+    """One aircraft and campaign.
+
+    Attributes
+    ----------
+    vehicle : Airframe
+    effector, rotor, wing, reference : tuple
+        One entry for each ``[[effector]]``, ``[[rotor]]``, ``[[wing]]``, ``[[reference]]``.
+    excitation : Excitation, optional
+    identification : Identification, optional
+    control, simulation, tolerance, noise, gates
+        The remaining sections; tolerance and noise give one sigma by name.
+    """
+
+    vehicle: Airframe
+    effector: tuple[Effector, ...] = ()
+    rotor: tuple[Rotor, ...] = ()
+    wing: tuple[Wing, ...] = ()
+    reference: tuple[Reference, ...] = ()
+    excitation: Excitation | None = None
+    identification: Identification | None = None
+    control: dict[str, Any] = msgspec.field(default_factory=dict)
+    simulation: Simulation = Simulation()
+    tolerance: dict[str, float] = msgspec.field(default_factory=dict)
+    noise: dict[str, float] = msgspec.field(default_factory=dict)
+    gates: Gates = Gates()
+
+    def __post_init__(self) -> None:
+        self.aircraft()  # what does not fit together is said when the file is read
+
+    def aircraft(self) -> Vehicle:
+        """Return the vehicle that the sections describe together."""
+        body = self.vehicle
+        return Vehicle(
+            name=body.name,
+            mass_properties=MassProperties(
+                mass_kg=body.mass_kg,
+                cg_m=body.cg_m,
+                inertia=body.inertia,
+                mass_sigma_kg=body.mass_sigma_kg,
+                cg_sigma_m=body.cg_sigma_m,
+                inertia_sigma=body.inertia_sigma,
+            ),
+            tilt_rad=body.tilt_rad,
+            area_m2=body.area_m2,
+            span_m=body.span_m,
+            chord_m=body.chord_m,
+            effectors=self.effector,
+            rotors=self.rotor,
+            wings=self.wing,
+        )
+
+    def reference_of(self, identifier: str) -> Reference:
+        """Return one reference condition.
+
+        Raises
+        ------
+        UsageError
+            Where the scenario has none of that id.
+        """
+        for reference in self.reference:
+            if reference.id == identifier:
+                return reference
+        raise UsageError(
+            f"the scenario has no reference '{identifier}'",
+            remedy=nearest(identifier, (r.id for r in self.reference)),
+        )
+
+
+def read_scenario(path: Path) -> tuple[Scenario, str]:
+    """Read and validate a scenario file.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    scenario : Scenario
+    sha256 : str
+        Of the file's bytes; results carry it so that they can be traced.
+
+    Raises
+    ------
+    DataError
+        Where the file cannot be read or is no TOML.
+    UsageError
+        For an unknown key, a wrong type or values that do not fit together, with the key's path.
+    """
+    try:
+        raw = Path(path).read_bytes()
+    except OSError as error:
+        raise DataError(
+            f"cannot be read ({error.strerror})", where=str(path), remedy="check the path"
+        ) from None
+    try:
+        table = tomllib.loads(raw.decode("utf-8"))
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise DataError(f"is no valid TOML ({error})", where=str(path), remedy="mend that line") from None
+    return convert(table, Scenario, str(path)), hashlib.sha256(raw).hexdigest()
+
+
+def convert(table: Any, kind: type[T], where: str) -> T:
+    """Convert plain data to a validated struct; an unknown key is an error with its path."""
+    try:
+        return msgspec.convert(table, kind, strict=True)
+    except msgspec.ValidationError as error:
+        raise _explained(str(error), kind, where) from None
+
+
+def _explained(message: str, kind: type, where: str) -> UsageError:
+    """Turn msgspec's sentence into ours, with the nearest known key where a key is unknown."""
+    text, _, path = message.partition(" - at `")
+    key_path = path.rstrip("`").removeprefix("$").lstrip(".") or "the top level"
+    unknown = re.search(r"unknown field `(.+)`", text)
+    if unknown:
+        return UsageError(
+            f"at {key_path}: key '{unknown[1]}' is unknown",
+            where=where,
+            remedy=nearest(unknown[1], _known_keys(kind, key_path)),
+        )
+    return UsageError(f"at {key_path}: {text[:1].lower()}{text[1:]}", where=where, remedy="correct the key")
+
+
+def _known_keys(kind: type, key_path: str) -> list[str]:
+    """Return the keys that are allowed at a path of a struct type."""
+    if key_path != "the top level":
+        for name in re.sub(r"\[[^\]]*\]", "", key_path).split("."):
+            hint = next((f.type for f in msgspec.structs.fields(kind) if f.name == name), None)
+            nested = _structs_in(hint)
+            if not nested:
+                return []
+            kind = nested[0]
+    return [field.name for field in msgspec.structs.fields(kind)]
+
+
+def _structs_in(hint: Any) -> list[type]:
+    """Return the struct types inside a type hint such as ``tuple[Effector, ...]``."""
+    if isinstance(hint, type) and issubclass(hint, msgspec.Struct):
+        return [hint]
+    return [found for inner in getattr(hint, "__args__", ()) for found in _structs_in(inner)]

@@ -1,0 +1,1 @@
+"""From a simulation and flights to a diagnosis of the gap between them."""

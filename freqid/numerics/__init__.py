@@ -1,0 +1,1 @@
+"""Numerical pieces that several folders need: quadrature, finite differences, small statistics."""

@@ -1,0 +1,1 @@
+"""A flight in place of the aircraft; only the simulation knows the truth."""

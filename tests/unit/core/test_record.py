@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+
+from freqid.core.errors import DataError, UsageError
+from freqid.core.record import Channel, FlightRecord, Maneuver, check_time
+from freqid.core.vehicle import Inertia, MassProperties, Vehicle
+
+
+def record(time=None, **values):
+    time = np.arange(501) * 0.02 if time is None else time
+    channels = {
+        n.replace("__", "/"): Channel(n.replace("__", "/"), "m/s", v, 50.0, "test") for n, v in values.items()
+    }
+    return FlightRecord(time, channels)
+
+
+def test_a_channel_is_found_by_group_and_name_and_a_slip_is_suggested():
+    flight = record(state__u=np.ones(501), state__w=np.zeros(501))
+    assert flight.matrix(["state/w", "state/u"]).shape == (2, 501)
+    assert flight.group("state") == ("u", "w")
+    with pytest.raises(DataError, match="'state/v' is missing; did you mean"):
+        flight["state/v"]
+
+
+def test_clock_of_seconds_of_day_is_uniform_despite_its_rounding():
+    check_time(np.round(54813.06 + 0.02 * np.arange(1001), 2))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (lambda t: np.delete(t, [100, 101]), "not uniform: 0.06 s after t = 1.98 s"),
+        (lambda t: np.insert(t, 50, t[50]), "repeats at sample 51"),
+        (lambda t: np.where(np.arange(t.size) == 70, t[68], t), "runs backward at sample 70"),
+        (lambda t: np.where(np.arange(t.size) == 7, np.nan, t), "not finite at sample 7"),
+        (lambda t: t[:1], "at least two samples"),
+    ],
+)
+def test_a_bad_clock_is_refused_with_its_place(spoil, says):
+    with pytest.raises(DataError, match=says):
+        check_time(spoil(np.arange(501) * 0.02))
+
+
+def test_a_sample_that_is_not_finite_is_refused_with_its_time():
+    values = np.ones(501)
+    values[250] = np.inf
+    with pytest.raises(DataError, match=r"'state/u' is not finite in 1 of 501 samples, first at t = 5 s"):
+        record(state__u=values)
+
+
+def test_a_cut_keeps_both_ends_and_says_so():
+    flight = record(state__u=np.arange(501.0)).cut(2.0, 4.0)
+    assert flight.time[[0, -1]] == pytest.approx([2.0, 4.0])
+    assert flight["state/u"][[0, -1]].tolist() == [100, 200]
+    assert flight.provenance["cut_s"] == [2.0, 4.0]
+    with pytest.raises(UsageError, match="not inside the record, which runs 2:4 s"):
+        flight.cut(1.0, 3.0)
+
+
+def test_the_records_own_mass_overrides_the_vehicles():
+    def body(mass_kg):
+        return MassProperties(mass_kg=mass_kg, inertia=Inertia(xx=2, yy=3, zz=4))
+
+    flight = record(state__u=np.arange(501.0))
+    with pytest.raises(DataError, match="does not describe its vehicle"):
+        Maneuver.of(flight)
+    vehicle = Vehicle(name="x", mass_properties=body(10.0))
+    assert Maneuver.of(flight, vehicle).vehicle.mass_properties.mass_kg == 10.0
+    weighed = FlightRecord(flight.time, flight.channels, vehicle, mass_properties=body(11.0))
+    assert Maneuver.of(weighed, span=(1.0, 2.0)).vehicle.mass_properties.mass_kg == 11.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 from pathlib import Path
 
 import pytest
@@ -15,3 +16,25 @@ def shared_data() -> Path:
     if not SHARED_DATA.is_dir():
         pytest.skip("the real flight data are not beside this checkout (../shared/data)")
     return SHARED_DATA
+
+
+@pytest.fixture(scope="session")
+def linear_aircraft():
+    """The module that flies an aircraft of known derivatives, ``examples/linear_record.py``."""
+    path = Path(__file__).resolve().parents[1] / "examples" / "linear_record.py"
+    spec = importlib.util.spec_from_file_location("linear_record", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="session")
+def linear_logs(linear_aircraft, tmp_path_factory):
+    """Two logs of the linear aircraft in field units: one without noise, one with all of it."""
+    folder = tmp_path_factory.mktemp("linear")
+    logs = {"clean": folder / "clean.csv", "noisy": folder / "noisy.csv"}
+    for seed, (name, path) in enumerate(logs.items()):
+        linear_aircraft.fly(seed=seed, noise=float(name == "noisy"), periods=1).to_csv(path, index=False)
+    return logs

@@ -37,9 +37,10 @@ def command(
     from dataclasses import replace
 
     from freqid.core.errors import DataError
+    from freqid.core.record import parse_span
     from freqid.core.record_file import write_record
     from freqid.core.scenario import read_scenario
-    from freqid.flightlog.cut import find_maneuvers, parse_cut
+    from freqid.flightlog.cut import find_maneuvers
     from freqid.flightlog.read import read_log
 
     described, sha256 = read_scenario(scenario) if scenario else (None, "")
@@ -50,7 +51,7 @@ def command(
     if reference:
         record = replace(record, reference=reference)
     if cut:
-        record = record.cut(*parse_cut(cut))
+        record = record.cut(*parse_span(cut))
 
     destination = destination or Path("reports") / f"{log.stem}.h5"
     pieces = {destination: record}

@@ -145,6 +145,8 @@ class PointModel:
     vehicle : str
     provenance : dict
         Records, scenario and settings; JSON-compatible.
+    prediction : mapping of str to Fit
+        By response: history of a manoeuvre that was not used, measured and as the model predicts it.
     """
 
     reference: Reference
@@ -156,6 +158,7 @@ class PointModel:
     duration: float
     vehicle: str
     provenance: dict[str, Any] = field(default_factory=dict)
+    prediction: Mapping[str, Fit] = field(default_factory=dict)
 
     def __getitem__(self, response: str) -> ResponseModel:
         try:

@@ -45,6 +45,9 @@ def write_point(path: Path, model: PointModel, scenario_sha256: str = "") -> Non
         store.put_json(file.create_group("provenance"), "json", model.provenance)
         for response in model.responses.values():
             _fill_response(file, response)
+        prediction = file.create_group("prediction")
+        for name, fit in model.prediction.items():
+            _fill_fit(prediction.create_group(name), fit, "s", model[name].unit)
 
     store.write(path, FORMAT, fill, scenario_sha256)
 
@@ -74,10 +77,26 @@ def _fill_response(file: h5py.File, model: ResponseModel) -> None:
         store.put(diagnostics, name, getattr(model, name), "mixed" if name in _VECTORS[:3] else "1")
     for domain, fit in model.fit.items():
         group = file.create_group(f"fit/{model.response}/{domain}")
-        seconds = " s" if domain == "frequency" else ""
-        store.put(group, "axis", fit.axis, "Hz" if domain == "frequency" else "s")
-        store.put(group, "measured", fit.measured, model.unit + seconds)
-        store.put(group, "modelled", fit.modelled, model.unit + seconds)
+        if domain == "frequency":
+            _fill_fit(group, fit, "Hz", f"{model.unit} s")
+        else:
+            _fill_fit(group, fit, "s", model.unit)
+
+
+def _fill_fit(group: h5py.Group, fit: Fit, axis_unit: str, unit: str) -> None:
+    store.put(group, "axis", fit.axis, axis_unit)
+    store.put(group, "measured", fit.measured, unit)
+    store.put(group, "modelled", fit.modelled, unit)
+
+
+def _read_fits(file: h5py.File, name: str) -> dict[str, Fit]:
+    """Read every fit of a group, by its name there."""
+    fits = {}
+    for key in map(str, store.subgroup(file, name)):
+        group = store.subgroup(file, f"{name}/{key}")
+        measured, modelled = (store.dataset(group, n)[()] for n in ("measured", "modelled"))
+        fits[key] = Fit(store.array(group, "axis"), measured, modelled)
+    return fits
 
 
 def read_point(path: Path) -> PointModel:
@@ -101,6 +120,7 @@ def read_point(path: Path) -> PointModel:
             duration=store.floats(file, "duration")[0],
             vehicle=store.get_text(file, "vehicle"),
             provenance=store.get_json(store.subgroup(file, "provenance"), "json"),
+            prediction=_read_fits(file, "prediction"),
         )
 
 
@@ -115,13 +135,6 @@ def _read_response(file: h5py.File, response: str) -> ResponseModel:
 
     figures: dict[str, Any] = {name: store.floats(diagnostics, name)[0] for name in _SCALARS}
     figures |= {name: store.array(diagnostics, name) for name in _VECTORS + _MATRICES}
-    fits = {}
-    for domain, group in store.subgroup(file, f"fit/{response}").items():
-        fits[domain] = Fit(
-            axis=store.array(group, "axis"),
-            measured=store.dataset(group, "measured")[()],
-            modelled=store.dataset(group, "modelled")[()],
-        )
     return ResponseModel(
         response=response,
         unit=store.get_text(diagnostics, "units"),
@@ -133,7 +146,7 @@ def _read_response(file: h5py.File, response: str) -> ResponseModel:
         bias=float(store.array(parameters, "bias/estimate")),
         bias_std_error=float(store.array(parameters, "bias/std_error")),
         inseparable=tuple(tuple(group) for group in store.get_json(diagnostics, "inseparable")),
-        fit=fits,
+        fit=_read_fits(file, f"fit/{response}"),
         **figures,
     )
 

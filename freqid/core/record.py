@@ -213,6 +213,24 @@ class Maneuver:
         return cls(record.cut(*span) if span else record, described)
 
 
+def parse_span(text: str) -> tuple[float, float]:
+    """Read a span written ``START:STOP``, in seconds.
+
+    Raises
+    ------
+    UsageError
+        Where it is not two numbers, the smaller one first.
+    """
+    parts = text.split(":")
+    try:
+        start, stop = (float(part) for part in parts)
+    except ValueError:
+        start, stop = 0.0, 0.0
+    if not start < stop:
+        raise UsageError(f"a span is START:STOP in seconds such as 12.5:72.5, not '{text}'")
+    return start, stop
+
+
 def check_time(time: NDArray[np.float64]) -> None:
     """Check that a time base is finite, increasing and uniform.
 

@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 from .channels import WRENCH
 from .errors import DataError, UsageError, nearest
 from .vehicle import Effector, Inertia, MassProperties, Rotor, Strict, Vector, Vehicle, Wing
 
 T = TypeVar("T")
+S = TypeVar("S", bound=Strict)
 
 
 class Airframe(Strict, frozen=True):
@@ -70,12 +69,6 @@ class FrequencyGrid(Strict, frozen=True):
                 "expected 0 < start <= stop and step > 0"
             )
 
-    @property
-    def lines(self) -> NDArray[np.float64]:
-        """Frequencies, shape (frequency,), Hz."""
-        count = int(np.floor((self.stop - self.start) / self.step + 1e-9)) + 1
-        return self.start + self.step * np.arange(count, dtype=np.float64)
-
 
 class Excitation(Strict, frozen=True):
     """Section ``[excitation]``: the multisine that is flown.
@@ -96,14 +89,6 @@ class Excitation(Strict, frozen=True):
     periods: int = 2
     amplitude: float | dict[str, float] = 1.0
 
-    @property
-    def harmonics(self) -> NDArray[np.float64]:
-        """Multiples of 1/T inside the band, shape (frequency,), Hz."""
-        low, high = self.band_hz
-        first = int(np.ceil(low * self.period_s - 1e-9))
-        last = int(np.floor(high * self.period_s + 1e-9))
-        return np.arange(max(first, 1), last + 1) / self.period_s
-
 
 class Identification(Strict, frozen=True):
     """Section ``[identification]``: what is regressed on what, and how.
@@ -119,14 +104,17 @@ class Identification(Strict, frozen=True):
     method : {"frequency", "time"}
     form : {"force", "specific", "coefficient"}
     axes : {"body", "stability"}
-    trend : {"endpoints", "line", "mean", "none"}
-        What is removed before the transform, or before the regression in the time domain.
+    trend : {"endpoints", "line", "mean", "none"}, optional
+        What is removed before the transform: the line of least squares where absent. In the time
+        domain only a bias is estimated, or a bias and a slope with ``"endpoints"`` or ``"line"``.
     angular_acceleration : {"transform", "record"}
         Whether moments take the rates' derivative exactly in the transform or from pdot, qdot, rdot.
     response_source : {"reconstruct", "record"}
         Whether responses are reconstructed from motion and mass, or read from ``response/...``.
     nuisance : {"auto", "constant", "none"}
-        Columns that absorb the end terms of the transformed derivative.
+        Columns that absorb end samples and trend on the lines; ``"constant"`` is one column of ones.
+    residuals : {"coloured", "white"}
+        What the standard errors allow the residual to be.
     confidence : float
         Of the intervals, for example 0.95.
     """
@@ -137,10 +125,11 @@ class Identification(Strict, frozen=True):
     method: Literal["frequency", "time"] = "frequency"
     form: Literal["force", "specific", "coefficient"] = "force"
     axes: Literal["body", "stability"] = "body"
-    trend: Literal["endpoints", "line", "mean", "none"] = "endpoints"
+    trend: Literal["endpoints", "line", "mean", "none"] | None = None
     angular_acceleration: Literal["transform", "record"] = "transform"
     response_source: Literal["reconstruct", "record"] = "reconstruct"
     nuisance: Literal["auto", "constant", "none"] = "auto"
+    residuals: Literal["coloured", "white"] = "coloured"
     confidence: float = 0.95
 
     def __post_init__(self) -> None:
@@ -177,9 +166,20 @@ class Gates(Strict, frozen=True):
 
 
 class Simulation(Strict, frozen=True):
-    """Section ``[simulation]``: effects switched on, by id, and their settings."""
+    """Section ``[simulation]``: what only the simulation knows; its modules validate their parts.
+
+    Attributes
+    ----------
+    effects : dict
+        Settings by effect id.
+    airframe, actuators, sensors, wind : dict
+    """
 
     effects: dict[str, Any] = msgspec.field(default_factory=dict)
+    airframe: dict[str, Any] = msgspec.field(default_factory=dict)
+    actuators: dict[str, Any] = msgspec.field(default_factory=dict)
+    sensors: dict[str, Any] = msgspec.field(default_factory=dict)
+    wind: dict[str, Any] = msgspec.field(default_factory=dict)
 
 
 class Scenario(Strict, frozen=True):
@@ -290,6 +290,18 @@ def convert(table: Any, kind: type[T], where: str) -> T:
         return msgspec.convert(table, kind, strict=True)
     except msgspec.ValidationError as error:
         raise _explained(str(error), kind, where) from None
+
+
+def overridden(section: S, **changes: Any) -> S:
+    """Return a section with some values replaced, those that are not None, and validated again.
+
+    Raises
+    ------
+    UsageError
+        Where the new values do not fit.
+    """
+    table = msgspec.to_builtins(section) | {k: v for k, v in changes.items() if v is not None}
+    return convert(table, type(section), "command line")
 
 
 def _explained(message: str, kind: type, where: str) -> UsageError:

@@ -1,0 +1,34 @@
+"""``freqid report``: a point model becomes a page that a team reviews."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from freqid.cli.options import as_json, emit, output
+
+
+@click.command("report")
+@click.argument("model", type=click.Path(path_type=Path))
+@output("the model's name with .html")
+@click.option("--record", type=click.Path(path_type=Path), help="The record, where it has been moved.")
+@click.option("--scenario", type=click.Path(path_type=Path), help="Its gates enter the verdict.")
+@as_json
+def command(
+    model: Path, destination: Path | None, record: Path | None, scenario: Path | None, json_: bool
+) -> None:
+    """Write one self-contained HTML page about the point model MODEL."""
+    from freqid.core.point_file import read_point
+    from freqid.core.record_file import read_record
+    from freqid.core.scenario import read_scenario
+    from freqid.report.page import write_report
+
+    point = read_point(model)
+    if record is None:
+        used = Path(point.provenance.get("record", ""))
+        record = used if used.is_file() else None
+    gates = read_scenario(scenario)[0].gates if scenario else None
+    destination = destination or model.with_suffix(".html")
+    write_report(destination, point, read_record(record) if record else None, gates=gates)
+    emit(json_, {"path": str(destination)}, str(destination))

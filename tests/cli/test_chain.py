@@ -1,0 +1,230 @@
+"""The commands as a user runs them, and what they say when the input is bad."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+
+from freqid.cli.main import run
+
+SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
+SCENARIO, MAP = SCENARIOS / "linear.toml", SCENARIOS / "maps" / "linear.toml"
+
+
+@pytest.fixture
+def freqid(capsys):
+    """Run one command in this process; return exit code, stdout and stderr."""
+
+    def call(*arguments):
+        with pytest.raises(SystemExit) as left:
+            run([str(a) for a in arguments])
+        captured = capsys.readouterr()
+        return left.value.code, captured.out, captured.err
+
+    return call
+
+
+@pytest.fixture
+def record(freqid, linear_logs, tmp_path):
+    path = tmp_path / "flight.h5"
+    code, _, err = freqid(
+        "import-log", linear_logs["noisy"], "--map", MAP, "--scenario", SCENARIO, "--at", "u20", "-o", path
+    )
+    assert (code, err) == (0, "")
+    return path
+
+
+def test_a_flight_goes_from_log_to_page(freqid, record, tmp_path):
+    point, page = tmp_path / "point.h5", tmp_path / "page.html"
+    code, out, _ = freqid("identify-point", record, "--scenario", SCENARIO, "-o", point, "--json")
+    assert code == 0
+    said = json.loads(out)
+    assert said["reference"]["id"] == "u20"
+    with h5py.File(point) as file:
+        for name, figures in said["responses"].items():
+            assert set(figures) >= {"parameters", "r2", "pse", "rmse"}
+            for parameter, values in figures["parameters"].items():
+                for key in ("estimate", "std_error"):
+                    assert file[f"parameter/{name}/{parameter}/{key}"][()] == values[key]
+            assert file[f"covariance/{name}"].shape == (5, 5)
+    code, out, _ = freqid("report", point, "--scenario", SCENARIO, "-o", page)
+    assert (code, out.strip()) == (0, str(page))
+    assert "<svg" in page.read_text()
+
+
+def test_the_table_names_units_and_two_standard_errors(freqid, record):
+    code, out, _ = freqid("identify-point", record, "--scenario", SCENARIO, "--responses", "M")
+    assert code == 0
+    assert "M [N m]" in out
+    assert "N m/rad" in out
+    assert "N m/(rad/s)" in out
+
+
+def test_a_missed_gate_is_exit_code_4_and_the_model_is_written(freqid, record, tmp_path):
+    strict = tmp_path / "strict.toml"
+    strict.write_text(SCENARIO.read_text().replace("r2 = 0.8", "r2 = 0.99999"))
+    point = tmp_path / "point.h5"
+    code, _, err = freqid("identify-point", record, "--scenario", strict, "-o", point)
+    assert code == 4
+    assert "the gate is 0.99999" in err
+    assert point.is_file()
+
+
+def test_cut_and_split(freqid, linear_logs, tmp_path):
+    path = tmp_path / "cut.h5"
+    freqid("import-log", linear_logs["noisy"], "--map", MAP, "--cut", "12.5:42.5", "-o", path)
+    with h5py.File(path) as file:
+        np.testing.assert_allclose(file["time"][[0, -1]], [12.5, 42.5])
+
+
+def test_a_record_goes_to_sidpac_columns_and_back(freqid, record, tmp_path):
+    code, _, _ = freqid("export-log", record, "-o", tmp_path / "flight.mat")
+    assert code == 0
+    code, _, err = freqid("import-log", tmp_path / "flight.mat", "-o", tmp_path / "back.h5")
+    assert (code, err) == (0, "")
+    with h5py.File(record) as ours, h5py.File(tmp_path / "back.h5") as back:
+        np.testing.assert_allclose(back["state/q"][()], ours["state/q"][()], rtol=1e-12, atol=1e-15)
+
+
+def spoiled(change):
+    def write(logs, folder):
+        table = pd.read_csv(logs["noisy"])
+        path = folder / "bad.csv"
+        change(table).to_csv(path, index=False)
+        return path
+
+    return write
+
+
+BAD_LOGS = {
+    "NaN": (spoiled(lambda t: t.assign(q_dps=t.q_dps.where(t.index != 40))), "state/q"),
+    "inf": (spoiled(lambda t: t.assign(q_dps=t.q_dps.where(t.index != 40, np.inf))), "state/q"),
+    "dropout": (spoiled(lambda t: t.drop(index=range(100, 150))), "time"),
+    "duplicate": (spoiled(lambda t: pd.concat([t[:50], t[49:]])), "repeats"),
+    "backward": (spoiled(lambda t: pd.concat([t[:50], t[40:]])), "backward"),
+    "misspelt": (spoiled(lambda t: t.rename(columns={"q_dps": "q_dsp"})), "did you mean"),
+    "text": (spoiled(lambda t: t.astype({"q_dps": object}).assign(q_dps="fast")), "fast"),
+    "empty": (spoiled(lambda t: t[:0]), "bad.csv"),
+}
+
+
+@pytest.mark.parametrize("fault", BAD_LOGS)
+def test_a_bad_log_is_exit_code_3_with_a_sentence_and_no_file(freqid, linear_logs, tmp_path, fault):
+    write, says = BAD_LOGS[fault]
+    log = write(linear_logs, tmp_path)
+    code, out, err = freqid("import-log", log, "--map", MAP, "-o", tmp_path / "out" / "r.h5")
+    assert code == 3
+    assert out == ""
+    assert says in err
+    assert "bad.csv" in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+BAD_SCENARIOS = {
+    "band above Nyquist": (
+        "[identification]",
+        "[identification]\nfrequencies_hz = [1.0, 26.0]",
+        3,
+        "Nyquist",
+    ),
+    "record too short": (
+        "[identification]",
+        "[identification]\nfrequencies_hz = [0.01, 1.0]",
+        3,
+        "period of",
+    ),
+    "too many regressors": (
+        "[identification]",
+        "[identification]\nfrequencies_hz = [0.5, 1.0]",
+        3,
+        "equations",
+    ),
+    "misspelt regressor": ('X = ["u"', 'X = ["uu"', 3, "'uu' is no channel"),
+    "constant regressor": ('X = ["u"', 'X = ["rho"', 3, "'rho' is constant"),
+    "collinear pair": ('X = ["u"', 'X = ["twice_w"', 3, "'twice_w'"),
+    "unknown key": ("[identification]", "[identification]\nmehtod = 'time'", 2, "did you mean 'method'"),
+    "unknown response": ('"X", "Y"', '"X", "V"', 2, "response 'V' is unknown"),
+}
+
+
+@pytest.mark.parametrize("fault", BAD_SCENARIOS)
+def test_a_bad_request_says_what_and_where_and_writes_nothing(freqid, record, tmp_path, fault):
+    old, new, expected, says = BAD_SCENARIOS[fault]
+    scenario = tmp_path / "s.toml"
+    scenario.write_text(SCENARIO.read_text().replace(old, new, 1))
+    if fault == "collinear pair":
+        with h5py.File(record, "r+") as file:
+            twin = file["state/w"]
+            file.copy(twin, "effector/twice_w")
+            file["effector/twice_w"][...] = 2 * twin[()]
+            order = json.loads(file.attrs["channel_order"])
+            file.attrs["channel_order"] = json.dumps([*order, "effector/twice_w"])
+    code, out, err = freqid("identify-point", record, "--scenario", scenario, "-o", tmp_path / "p.h5")
+    assert code == expected, err
+    assert says in err
+    assert out == ""
+    assert not (tmp_path / "p.h5").exists()
+    if fault == "collinear pair":
+        assert "'w'" in err
+
+
+def test_a_missing_channel_of_the_wrench_is_named(freqid, record, tmp_path):
+    with h5py.File(record, "r+") as file:
+        order = [n for n in json.loads(file.attrs["channel_order"]) if n != "state/ax"]
+        file.attrs["channel_order"] = json.dumps(order)
+    code, _, err = freqid("identify-point", record, "--scenario", SCENARIO, "-o", tmp_path / "p.h5")
+    assert code == 3
+    assert "flight.h5: channel 'state/ax' is missing" in err
+
+
+@pytest.mark.parametrize("command", ["identify-point", "report", "export-log"])
+def test_a_foreign_file_is_refused_by_every_command(freqid, tmp_path, command):
+    alien = tmp_path / "alien.h5"
+    alien.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(200))
+    options = ["--scenario", SCENARIO] if command == "identify-point" else []
+    code, _, err = freqid(command, alien, *options, "-o", tmp_path / "out.h5")
+    assert code == 3
+    assert "alien.h5" in err
+    assert not (tmp_path / "out.h5").exists()
+
+
+def test_an_unwritable_folder_is_exit_code_3(freqid, record, tmp_path):
+    (tmp_path / "file").write_text("")
+    code, _, err = freqid("identify-point", record, "--scenario", SCENARIO, "-o", tmp_path / "file" / "p.h5")
+    assert code == 3
+    assert "cannot be written" in err
+
+
+def test_usage_errors_are_exit_code_2(freqid):
+    for arguments in (["identify-pont"], ["import-log"], ["report", "--nonsense", "x"]):
+        code, _, err = freqid(*arguments)
+        assert code == 2
+        assert err
+
+
+def test_a_bug_is_exit_code_70(freqid, record, monkeypatch, tmp_path):
+    from freqid.identify import point
+
+    monkeypatch.setattr(point, "identify_point", lambda *a, **k: 1 / 0)
+    code, _, err = freqid("identify-point", record, "--scenario", SCENARIO, "-o", tmp_path / "p.h5")
+    assert code == 70
+    assert "is a bug" in err
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["import-log", "LOG", "--map", "MAP", "-o", "OUT"]])
+def test_what_only_reads_data_loads_neither_jax_nor_matplotlib(linear_logs, tmp_path, arguments):
+    words = {"LOG": linear_logs["noisy"], "MAP": MAP, "OUT": tmp_path / "r.h5"}
+    code = (
+        "import sys, freqid.cli.main as m\n"
+        f"code = m._exit_code({[str(words.get(a, a)) for a in arguments]!r})\n"
+        "heavy = {'jax', 'matplotlib'} & set(sys.modules)\n"
+        "sys.exit(f'loaded {heavy}' if heavy else code)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

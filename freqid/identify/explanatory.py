@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from freqid.core.channels import AIR, STATE
 from freqid.core.errors import DataError, nearest
+from freqid.core.frames import body_velocity, flow_angles
 from freqid.core.record import Maneuver
 
 Array = NDArray[np.float64]
@@ -78,14 +79,12 @@ def _velocity(maneuver: Maneuver) -> Array:
     record = maneuver.record
     if all(f"state/{n}" in record for n in "uvw"):
         return record.matrix(("state/u", "state/v", "state/w"))
-    speed, alpha, beta = record.matrix(("air/V", "air/alpha", "air/beta"))
-    along = speed * np.cos(beta)
-    return np.array([along * np.cos(alpha), speed * np.sin(beta), along * np.sin(alpha)])
+    return body_velocity(*record.matrix(("air/V", "air/alpha", "air/beta")))
 
 
-def _speed(maneuver: Maneuver) -> Array:
-    logged = "air/V" in maneuver.record
-    return maneuver.record["air/V"] if logged else np.linalg.norm(_velocity(maneuver), axis=0)
+def _flow(maneuver: Maneuver) -> tuple[Array, Array, Array]:
+    """Return V, alpha and beta, shape (sample,) each, computed."""
+    return flow_angles(np.array([history(maneuver, n) for n in "uvw"]))
 
 
 def _per_span(rate: str, length: str) -> Callable[[Maneuver], Array]:
@@ -96,7 +95,7 @@ def _per_span(rate: str, length: str) -> Callable[[Maneuver], Array]:
                 f"'{rate}hat' needs the vehicle's {length}",
                 remedy=f"add {length} to [vehicle] of the scenario",
             )
-        return history(maneuver, rate) * reference / (2 * _speed(maneuver))
+        return history(maneuver, rate) * reference / (2 * history(maneuver, "V"))
 
     return nondimensional
 
@@ -105,10 +104,10 @@ _COMPUTED: dict[str, Callable[[Maneuver], Array]] = {
     "u": lambda m: _velocity(m)[0],
     "v": lambda m: _velocity(m)[1],
     "w": lambda m: _velocity(m)[2],
-    "V": _speed,
-    "alpha": lambda m: np.arctan2(history(m, "w"), history(m, "u")),
-    "beta": lambda m: np.arctan2(history(m, "v"), np.hypot(history(m, "u"), history(m, "w"))),
-    "qbar": lambda m: 0.5 * m.record["air/rho"] * _speed(m) ** 2,
+    "V": lambda m: _flow(m)[0],
+    "alpha": lambda m: _flow(m)[1],
+    "beta": lambda m: _flow(m)[2],
+    "qbar": lambda m: 0.5 * m.record["air/rho"] * history(m, "V") ** 2,
     "phat": _per_span("p", "span_m"),
     "qhat": _per_span("q", "chord_m"),
     "rhat": _per_span("r", "span_m"),

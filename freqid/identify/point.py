@@ -149,6 +149,11 @@ def _responses(maneuver: Maneuver, settings: Identification) -> AppliedWrench:
             axes=settings.axes,
             angular_acceleration=settings.angular_acceleration,
         )
+    if settings.form == "specific":
+        raise UsageError(
+            "a record holds responses as forces or as coefficients, not per mass",
+            remedy="use form 'force' or 'coefficient', or response_source 'reconstruct'",
+        )
     names = [response_name(r, settings.form) for r in settings.responses]
     direct = maneuver.record.matrix(f"response/{n}" for n in names)
     return AppliedWrench(

@@ -118,3 +118,12 @@ def overridden_area(vehicle):
     import msgspec
 
     return msgspec.structs.replace(vehicle, area_m2=None)
+
+
+def test_noise_outside_the_band_pulls_the_time_domain_towards_zero(linear_aircraft, scenario, flown):
+    z_w = linear_aircraft.DERIVATIVES["Z"]["w"]
+    settings = overridden(scenario.identification, responses=("Z",))
+    in_frequency = identify_point(flown["noisy"], settings, excitation=scenario.excitation)["Z"]["w"][0]
+    in_time = identify_point(flown["noisy"], overridden(settings, method="time"))["Z"]["w"][0]
+    assert -0.08 < in_frequency / z_w - 1 < -0.02
+    assert -0.45 < in_time / z_w - 1 < -0.35

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from freqid import __version__
 from freqid.cli.options import as_json, emit, output
 
 if TYPE_CHECKING:
     from freqid.core.models import Fit, PointModel, ResponseModel
-    from freqid.core.scenario import Gates
 
 
 @click.command("identify-point")
@@ -50,6 +50,7 @@ def command(
     from dataclasses import replace
 
     from freqid.core.errors import DataError, GateFailed, UsageError
+    from freqid.core.models import missed_gates
     from freqid.core.point_file import write_point
     from freqid.core.record import Maneuver, parse_span
     from freqid.core.record_file import read_record
@@ -81,7 +82,13 @@ def command(
         )
     except DataError as error:
         raise error.at(str(record)) from None
-    sources = {"record": str(record), "scenario": str(scenario), "cut": cut, "log": flight.provenance}
+    sources = {
+        "record": str(record),
+        "cut": cut,
+        "log": flight.provenance,
+        "scenario": {"file": str(scenario), "sha256": sha256},
+        "freqid_version": __version__,
+    }
     predicted = {}
     if held_out:
         try:
@@ -94,26 +101,14 @@ def command(
     destination = destination or record.with_name(f"{record.stem}-point.h5")
     write_point(destination, model, sha256)
     emit(json_, _for_machines(model), f"{_table(model)}\n{destination}")
-    missed = list(missed_gates(model, described.gates))
+    missed = [
+        f"{m.figure} of {m.response} is {m.found:.5g}, the gate is {m.gate:g}"
+        for m in missed_gates(model, described.gates)
+    ]
     if missed:
         raise GateFailed(
             "; ".join(missed), where=str(destination), remedy="the model is written all the same"
         )
-
-
-def missed_gates(model: PointModel, gates: Gates) -> list[str]:
-    """Say in words which gates a model misses."""
-    missed = []
-    for name, response in model.responses.items():
-        bar = gates.r2.get(name) if isinstance(gates.r2, dict) else gates.r2
-        if bar is not None and not response.r2 >= bar:
-            missed.append(f"R2 of {name} is {response.r2:.4f}, the gate is {bar:g}")
-        if gates.condition_number is not None and response.condition_number > gates.condition_number:
-            missed.append(
-                f"condition number of {name} is {response.condition_number:.1f}, "
-                f"the gate is {gates.condition_number:g}"
-            )
-    return missed
 
 
 def _names(text: str | None) -> tuple[str, ...] | None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import UsageError, nearest
-from .scenario import Reference
+from .scenario import Gates, Reference
 
 Array = NDArray[np.float64]
 
@@ -62,6 +62,8 @@ class ResponseModel:
     regressors, regressor_units : tuple of str, length p
     trim : ndarray, shape (p,)
         Values of the regressors that the model is expanded about.
+    regressor_rms : ndarray, shape (p,)
+        Of the regressors over the manoeuvre, about a straight line: what each was moved by.
     estimate, std_error : ndarray, shape (p,)
         Unit of the response per unit of the regressor.
     covariance : ndarray, shape (p, p)
@@ -90,6 +92,7 @@ class ResponseModel:
     regressors: tuple[str, ...]
     regressor_units: tuple[str, ...]
     trim: Array
+    regressor_rms: Array
     estimate: Array
     std_error: Array
     covariance: Array
@@ -167,3 +170,34 @@ class PointModel:
             raise UsageError(
                 f"the model has no response '{response}'", remedy=nearest(response, self.responses)
             ) from None
+
+
+@dataclass(frozen=True)
+class MissedGate:
+    """A figure of merit that is not what the scenario asks for.
+
+    Attributes
+    ----------
+    response : str
+    figure : str
+        ``"R2"`` or ``"condition number"``.
+    found, gate : float
+    """
+
+    response: str
+    figure: str
+    found: float
+    gate: float
+
+
+def missed_gates(model: PointModel, gates: Gates) -> list[MissedGate]:
+    """Return the gates that a model misses; a figure that is not a number misses its gate."""
+    missed = []
+    for name, response in model.responses.items():
+        asked = gates.r2.get(name) if isinstance(gates.r2, dict) else gates.r2
+        if asked is not None and not response.r2 >= asked:
+            missed.append(MissedGate(name, "R2", response.r2, asked))
+        bound = gates.condition_number
+        if bound is not None and not response.condition_number <= bound:
+            missed.append(MissedGate(name, "condition number", response.condition_number, bound))
+    return missed

@@ -15,7 +15,7 @@ from .scenario import Reference
 
 FORMAT = "freqid-point"
 _SCALARS = ("r2", "pse", "rmse", "fit_error")
-_VECTORS = ("trim", "lower", "upper", "t_statistic", "variance_inflation", "condition_index")
+_VECTORS = ("trim", "regressor_rms", "lower", "upper", "t_statistic", "variance_inflation", "condition_index")
 _MATRICES = ("correlation", "variance_proportion")
 
 
@@ -74,7 +74,7 @@ def _fill_response(file: h5py.File, model: ResponseModel) -> None:
     for name in _SCALARS:
         diagnostics.attrs[name] = getattr(model, name)
     for name in _VECTORS + _MATRICES:
-        store.put(diagnostics, name, getattr(model, name), "mixed" if name in _VECTORS[:3] else "1")
+        store.put(diagnostics, name, getattr(model, name), "mixed" if name in _VECTORS[:4] else "1")
     for domain, fit in model.fit.items():
         group = file.create_group(f"fit/{model.response}/{domain}")
         if domain == "frequency":

@@ -71,7 +71,7 @@ class FrequencyGrid(Strict, frozen=True):
 
 
 class Excitation(Strict, frozen=True):
-    """Section ``[excitation]``: the multisine that is flown.
+    """Section ``[excitation]``: the multisines that are flown.
 
     Attributes
     ----------
@@ -81,13 +81,63 @@ class Excitation(Strict, frozen=True):
     periods : int
         How many are flown; two or more leave lines that measure noise.
     amplitude : float or dict
-        In effector units, for all or by effector name.
+        In effector units, for all or by effector: of the single sine that has the signal's rms.
+    effectors : tuple of str, optional
+        Those that are excited; where absent, those that `amplitude` names, or all but tilts.
+    allocation : {"interleaved", "propulsors-low"} or dict
+        Who gets which harmonic: dealt out in turn; the same with rotors confined to the lower part of
+        the band; or lists of harmonic numbers by effector.
+    propulsor_share : float
+        Part of the band's harmonics, from its low end, that rotors are confined to.
+    empty : tuple of int
+        Harmonic numbers left without power, which then show nonlinearity and noise.
+    forbidden_hz : tuple of (low, high)
+        Bands kept clear, for example of structural modes.
+    power_db : float
+        Power of each harmonic may differ from `spectrum` by so much, to lower the peaks.
+    spectrum : tuple of (Hz, power), optional
+        Relative power, linear between the points; flat where absent.
+    dt_s : float
+        Interval at which the signals are sampled.
+    starts : int
+        Random starts of the search for phases, by effector.
+    net_load : dict
+        Importance of the net peak of each axis, X to N; axes that are not named do not count.
     """
 
     band_hz: tuple[float, float]
     period_s: float
     periods: int = 2
     amplitude: float | dict[str, float] = 1.0
+    effectors: tuple[str, ...] | None = None
+    allocation: Literal["interleaved", "propulsors-low"] | dict[str, tuple[int, ...]] = "interleaved"
+    propulsor_share: float = 0.7
+    empty: tuple[int, ...] = ()
+    forbidden_hz: tuple[tuple[float, float], ...] = ()
+    power_db: float = 0.0
+    spectrum: tuple[tuple[float, float], ...] | None = None
+    dt_s: float = 0.02
+    starts: int = 20
+    net_load: dict[Literal["X", "Y", "Z", "L", "M", "N"], float] = msgspec.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        low, high = self.band_hz
+        if not 0 < low < high:
+            raise ValueError(f"band_hz is {list(self.band_hz)}, expected 0 < low < high")
+        for name in ("period_s", "dt_s"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} is {getattr(self, name):g}, expected a positive time")
+        if high > 0.5 / self.dt_s:
+            raise ValueError(
+                f"band_hz reaches {high:g} Hz, above the Nyquist frequency of dt_s = {self.dt_s:g} s; "
+                f"expected at most {0.5 / self.dt_s:g} Hz, or a dt_s of at most {0.5 / high:.4g} s"
+            )
+        if self.periods < 1 or self.starts < 1:
+            raise ValueError("periods and starts are counts, expected at least 1")
+        if not 0 <= self.power_db <= 20:
+            raise ValueError(f"power_db is {self.power_db:g}, expected 0 to 20")
+        if not 0 < self.propulsor_share <= 1:
+            raise ValueError(f"propulsor_share is {self.propulsor_share:g}, expected above 0 and at most 1")
 
 
 class Identification(Strict, frozen=True):

@@ -88,12 +88,16 @@ class Effector(Strict, frozen=True):
         Lowest and highest position, in that unit.
     rate_limit : float, optional
         Largest rate, in that unit per second.
+    effectiveness : dict
+        N by force axis and N m by moment axis, ``X`` to ``N``, per unit of position, near the
+        conditions that are flown; for the net load of many effectors that move together.
     """
 
     name: str
     kind: Literal["surface", "tilt", "rotor", "thrust", "throttle"]
     limits: tuple[float, float]
     rate_limit: float | None = None
+    effectiveness: dict[Literal["X", "Y", "Z", "L", "M", "N"], float] = msgspec.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.limits[0] < self.limits[1]:

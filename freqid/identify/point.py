@@ -70,8 +70,10 @@ def identify_point(
     names = tuple(dict.fromkeys(n for r in settings.responses for n in settings.regressors_of(r)))
     x, units = explanatory_variables(maneuver, names)
     wrench = _responses(maneuver, settings)
-    trim = x.mean(axis=1)
-    problem = _Problem(names, units, x - trim[:, None], trim, wrench, maneuver.record.dt, settings)
+    dt, trim = maneuver.record.dt, x.mean(axis=1)
+    x = x - trim[:, None]
+    rms = remove_trend(x, dt, "line").x.std(axis=1)
+    problem = _Problem(names, units, x, trim, rms, wrench, dt, settings)
     if settings.method == "frequency":
         responses = _fit_lines(problem, _lines(settings, excitation))
     else:
@@ -126,6 +128,7 @@ class _Problem:
     units: tuple[str, ...]
     x: Array
     trim: Array
+    rms: Array
     wrench: AppliedWrench
     dt: float
     settings: Identification
@@ -199,7 +202,7 @@ def _fit_lines(problem: _Problem, lines: Array) -> dict[str, ResponseModel]:
     trend = settings.trend or "line"
     x = plan(remove_trend(problem.x, dt, trend).x)
     z = plan(remove_trend(wrench.direct, dt, trend).x)
-    changing = wrench.momentum.any()
+    changing = bool(wrench.momentum.any())
     if changing:
         z += plan.derivative(remove_trend(wrench.momentum, dt, "endpoints").x)
     nuisance = _nuisance(plan, settings, changing)
@@ -322,6 +325,7 @@ def _response_model(
         regressors=fit.names,
         regressor_units=tuple(problem.units[j] for j in columns),
         trim=problem.trim[columns],
+        regressor_rms=problem.rms[columns],
         estimate=fit.estimate[i],
         std_error=fit.std_error[i],
         covariance=fit.covariance[i],

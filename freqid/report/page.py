@@ -1,0 +1,128 @@
+"""One self-contained page about a point model, for the people who review it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from freqid import __version__
+from freqid.core.errors import DataError
+from freqid.core.models import PointModel
+from freqid.core.record import FlightRecord, parse_span
+from freqid.core.scenario import Gates
+from freqid.core.store import replacing
+from freqid.report import notation
+from freqid.report.pictures import (
+    collinearity_pictures,
+    data_pictures,
+    fit_pictures,
+    parameter_picture,
+    prediction_pictures,
+)
+from freqid.report.tables import channels, facts, parameters, scores, summary
+from freqid.report.verdict import verdict
+
+_TEMPLATES = jinja2.Environment(
+    loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+    autoescape=True,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    undefined=jinja2.StrictUndefined,
+)
+
+
+def write_report(
+    path: Path, model: PointModel, record: FlightRecord | None = None, *, gates: Gates | None = None
+) -> None:
+    """Write the page of a point model, whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        Of the HTML file.
+    model : PointModel
+    record, gates
+        As for `build_page`.
+
+    Raises
+    ------
+    DataError
+        Where the folder cannot be written.
+    """
+    page = build_page(model, record, gates=gates)
+    with replacing(path) as temporary:
+        temporary.write_text(page, encoding="utf-8", newline="\n")
+
+
+def build_page(model: PointModel, record: FlightRecord | None = None, *, gates: Gates | None = None) -> str:
+    """Return the page of a point model: one HTML text that fetches nothing.
+
+    Parameters
+    ----------
+    model : PointModel
+    record : FlightRecord, optional
+        That the model was made from: its channels are drawn.
+    gates : Gates, optional
+        What the scenario asks for; it enters the verdict.
+
+    Returns
+    -------
+    str
+        The same for the same arguments; no time of day enters.
+
+    Raises
+    ------
+    DataError
+        Where the record is not as long as the one that the model was made from.
+    """
+    provenance = _provenance(model, record)
+    if record is not None:
+        record = _as_used(model, record)
+    return _TEMPLATES.get_template("report.html").render(
+        title=model.vehicle or "Unnamed vehicle",
+        reference=model.reference.id,
+        version=__version__,
+        findings=verdict(model, gates),
+        facts=facts(model, record),
+        summary=summary(model, gates),
+        data=data_pictures(model, record) if record is not None else [],
+        channels=channels(record) if record is not None else [],
+        responses=[
+            {
+                "name": name,
+                "symbol": notation.symbol(name, model.form),
+                "meaning": notation.meaning(name, model.form),
+                "scores": scores(model, name),
+                "fits": fit_pictures(model, name),
+                "parameters": parameters(model, name),
+                "bars": parameter_picture(model, name),
+            }
+            for name in model.responses
+        ],
+        predictions=prediction_pictures(model),
+        predicted=model.provenance.get("predicted"),
+        collinearity=collinearity_pictures(model),
+        level=f"{100 * model.confidence:g}",
+        provenance=provenance,
+    )
+
+
+def _as_used(model: PointModel, record: FlightRecord) -> FlightRecord:
+    """Return the stretch of the record that the model says it was made from."""
+    cut = model.provenance.get("cut")
+    if isinstance(cut, str) and record.duration > model.duration + record.dt:
+        record = record.cut(*parse_span(cut))
+    if abs(record.duration - model.duration) > record.dt:
+        raise DataError(
+            f"the record lasts {record.duration:.6g} s, but the model was made from {model.duration:.6g} s",
+            remedy="give the record that the model was made from, or none",
+        )
+    return record
+
+
+def _provenance(model: PointModel, record: FlightRecord | None) -> dict[str, Any]:
+    if record is None or record.provenance in model.provenance.values():
+        return model.provenance
+    return {**model.provenance, "provenance of the record": record.provenance}

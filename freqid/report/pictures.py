@@ -1,0 +1,272 @@
+"""The figures of a page: which ones a model calls for, and the caption that says what to see in each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from freqid.core.channels import GROUPS
+from freqid.core.models import Fit, PointModel, ResponseModel
+from freqid.core.record import FlightRecord
+from freqid.core.spectrum import Spectrum
+from freqid.identify.fourier import FourierPlan
+from freqid.identify.trend import remove_trend
+from freqid.report import figures
+from freqid.report.notation import (
+    formula,
+    meaning,
+    number,
+    percent,
+    plain_symbol,
+    pretty_unit,
+    share,
+    symbol,
+    with_unit,
+)
+from freqid.report.svg import inline_svg
+
+_STRIPS = 8  # in one figure at most: about the height of a screen
+_GROUP = {
+    "state": "States",
+    "air": "Air data",
+    "effector": "Effector positions",
+    "command": "Commands",
+    "excitation": "Injected excitation",
+    "power": "Power supply",
+    "response": "Responses in the record",
+}
+_HINT = {
+    "state": "Look for drift, dropouts and excursions too large for a linear model.",
+    "air": "The flight condition should hold: the model is expanded about its mean.",
+    "effector": "What moved the aircraft, as measured.",
+    "command": "",
+    "excitation": "What was added to the commands.",
+    "power": "",
+    "response": "As the record holds them.",
+}
+_INDICES = 5  # condition indices shown: the largest tell what the data cannot separate
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure of the page and what to see in it."""
+
+    svg: Markup
+    caption: Markup
+
+
+def data_pictures(model: PointModel, record: FlightRecord) -> list[Picture]:
+    """Draw the channels of a record by group, and the spectra of its effectors on the model's lines."""
+    lines = next((r.fit["frequency"].axis for r in model.responses.values() if "frequency" in r.fit), None)
+    pictures = []
+    for group in GROUPS:
+        names = [n for n in record.channels if n.startswith(group + "/")]
+        if group == "command":  # drawn behind the effector's position where there is one
+            names = [n for n in names if n.replace("command/", "effector/", 1) not in record]
+        for part in _parts(names):
+            grey = any(n.replace("effector/", "command/", 1) in record for n in part if group == "effector")
+            hint = _HINT[group] if part[0] == names[0] else ""
+            pictures.append(
+                _picture(
+                    figures.channel_strips(record, part),
+                    f"data{len(pictures)}",
+                    f"{_GROUP[group]} over time: {', '.join(part)}",
+                    f"{_GROUP[group]}, {_span(part)}. {hint}{' Grey: commands.' if grey else ''}",
+                )
+            )
+        if group == "effector" and lines is not None:
+            pictures += [_amplitude_picture(record, part, lines) for part in _parts(names)]
+    return pictures
+
+
+def _amplitude_picture(record: FlightRecord, names: list[str], lines: NDArray[np.float64]) -> Picture:
+    plan = FourierPlan(record.time.size, record.dt, lines)
+    values = plan(remove_trend(record.matrix(names), record.dt, "line").x)
+    units = tuple(record.channel(name).unit for name in names)
+    return _picture(
+        figures.amplitude_strips(Spectrum(tuple(names), units, lines, values, record.duration)),
+        f"amplitude{list(record.channels).index(names[0])}",
+        f"Amplitudes of the effectors over frequency: {', '.join(names)}",
+        f"Amplitudes on the lines of the regression, {_span(names)}. "
+        "A response is known where effectors have power.",
+    )
+
+
+def fit_pictures(model: PointModel, name: str) -> list[Picture]:
+    """Draw one response as measured and as the model gives it, in frequency and time."""
+    response = model[name]
+    label, words = formula(name, model.form), meaning(name, model.form) or plain_symbol(name, model.form)
+    pictures = []
+    if "frequency" in response.fit:
+        fit = response.fit["frequency"]
+        pictures.append(
+            _picture(
+                figures.fit_over_frequency(fit, label, response.unit),
+                f"{_key(model, name)}-frequency",
+                f"{words}: measured, model and residual over frequency",
+                Markup(
+                    "In frequency, {} lines: the residual holds {} of the measured energy, half of it "
+                    "below {} Hz. Lines where it comes near the measured magnitude are not explained."
+                ).format(fit.axis.size, percent(_energy_left(fit)), number(_median_frequency(fit))),
+            )
+        )
+    if "time" in response.fit:
+        fit = response.fit["time"]
+        pictures.append(
+            _picture(
+                figures.fit_over_time(fit, label, response.unit),
+                f"{_key(model, name)}-time",
+                f"{words}: measured, model and residual over time",
+                Markup("In time: {}{}").format(
+                    _time_score(fit, response),
+                    " Outside the band of the fit nothing was asked of the model." if len(pictures) else "",
+                ),
+            )
+        )
+    return pictures
+
+
+def prediction_pictures(model: PointModel) -> list[Picture]:
+    """Draw each response over a manoeuvre that was not used, as measured and as predicted."""
+    return [
+        _picture(
+            figures.fit_over_time(
+                model.prediction[name], formula(name, model.form), model[name].unit, "prediction"
+            ),
+            f"{_key(model, name)}-prediction",
+            f"{meaning(name, model.form) or name}: measured and predicted over another manoeuvre",
+            Markup("{}: {}").format(
+                symbol(name, model.form), _time_score(model.prediction[name], model[name])
+            ),
+        )
+        for name in model.responses
+        if name in model.prediction
+    ]
+
+
+def parameter_picture(model: PointModel, name: str) -> Picture:
+    """Draw the parameters of a response by what they contribute to it, with their 2-sigma bars."""
+    response = model[name]
+    size = response.regressor_rms
+    return _picture(
+        figures.parameter_bars(
+            response.regressors,
+            response.estimate * size,
+            2 * response.std_error * size,
+            with_unit("Contribution, rms", response.unit),
+        ),
+        f"{_key(model, name)}-parameters",
+        f"Parameters of {plain_symbol(name, model.form)} with 2-sigma bars",
+        Markup(
+            "What each parameter of {} contributes in this manoeuvre, with 2σ bars. "
+            "Grey: the bar includes zero."
+        ).format(symbol(name, model.form)),
+    )
+
+
+def collinearity_pictures(model: PointModel) -> list[dict[str, Any]]:
+    """Return what the data can separate, once for all responses on the same regressors.
+
+    Returns
+    -------
+    list of dict
+        ``symbols`` of the responses, their ``inseparable`` groups, the largest condition ``indices`` of
+        ``all``, ``rows`` of variance proportions, and ``pictures`` of correlations: one where they agree.
+    """
+    blocks: dict[tuple[Any, ...], dict[str, Any]] = {}
+    maps: dict[tuple[Any, ...], dict[bytes, list[str]]] = {}
+    for name, response in model.responses.items():
+        key = (response.regressors, np.round(response.condition_index, 6).tobytes())
+        correlation = np.round(response.correlation, 6).tobytes()
+        maps.setdefault(key, {}).setdefault(correlation, []).append(name)
+        weakest = np.argsort(-response.condition_index)[:_INDICES]
+        index = response.condition_index[weakest]
+        proportion = response.variance_proportion[weakest]
+        blocks[key] = {
+            "inseparable": response.inseparable,
+            "indices": [number(i) for i in index.tolist()],
+            "all": response.condition_index.size,
+            "rows": [
+                (regressor, [(f"{s:.2f}", s > 0.5 and i > 10) for s, i in zip(column, index, strict=True)])
+                for regressor, column in zip(response.regressors, proportion.T.tolist(), strict=True)
+            ],
+        }
+    for key, block in blocks.items():
+        block["symbols"] = _symbols(model, [name for names in maps[key].values() for name in names])
+        block["pictures"] = [_correlation_picture(model, names) for names in maps[key].values()]
+    return list(blocks.values())
+
+
+def _correlation_picture(model: PointModel, names: list[str]) -> Picture:
+    response = model[names[0]]
+    plain = ", ".join(plain_symbol(name, model.form) for name in names)
+    return _picture(
+        figures.correlation_map(response.regressors, response.correlation),
+        f"{_key(model, names[0])}-correlation",
+        f"Correlation of the parameters' errors, {plain}",
+        Markup("{}: correlation of the parameters' errors. {}").format(
+            _symbols(model, names), _strongest(response)
+        ),
+    )
+
+
+def _symbols(model: PointModel, names: list[str]) -> Markup:
+    return Markup(", ").join(symbol(name, model.form) for name in names)
+
+
+def _picture(figure: Figure, key: str, label: str, caption: Markup | str) -> Picture:
+    return Picture(inline_svg(figure, key, label), Markup("{}").format(caption))
+
+
+def _key(model: PointModel, name: str) -> str:
+    """Return what the ids of a response's figures begin with: its place, for a name may hold anything."""
+    return f"r{list(model.responses).index(name)}"
+
+
+def _parts(names: list[str]) -> list[list[str]]:
+    """Split channels into figures of like height, an even number of them where one is not enough."""
+    if len(names) <= _STRIPS:
+        return [names] if names else []
+    count = 2 * -(-len(names) // (2 * _STRIPS))
+    bounds = np.linspace(0, len(names), count + 1).round().astype(int)
+    return [names[low:high] for low, high in pairwise(bounds)]
+
+
+def _span(names: list[str]) -> str:
+    """Name the channels of a figure by the first and the last."""
+    first, last = names[0].partition("/")[2], names[-1].partition("/")[2]
+    return first if len(names) == 1 else f"{first} to {last}"
+
+
+def _time_score(fit: Fit, response: ResponseModel) -> str:
+    spread = float(np.std(fit.measured))
+    unit = "" if response.unit == "1" else f" {pretty_unit(response.unit)}"
+    part = f", {percent(fit.rms / spread)} of the measured" if spread else ""
+    return f"R²\u00a0{share(fit.r2)}; residual rms {number(fit.rms)}{unit}{part}."
+
+
+def _energy_left(fit: Fit) -> float:
+    total = float(np.sum(np.abs(fit.measured) ** 2))
+    return float(np.sum(np.abs(fit.residual) ** 2)) / total if total else float("nan")
+
+
+def _median_frequency(fit: Fit) -> float:
+    """Return the frequency below which half of the residual's energy lies, Hz."""
+    energy = np.cumsum(np.abs(fit.residual) ** 2)
+    return float(fit.axis[np.searchsorted(energy, 0.5 * energy[-1])])
+
+
+def _strongest(response: ResponseModel) -> Markup:
+    if len(response.regressors) < 2:
+        return Markup("There is one parameter.")
+    apart = np.abs(np.tril(response.correlation, -1))
+    i, j = np.unravel_index(int(apart.argmax()), apart.shape)
+    return Markup("The strongest is between <code>{}</code> and <code>{}</code>: {}.").format(
+        response.regressors[j], response.regressors[i], number(float(response.correlation[i, j]), 2)
+    )

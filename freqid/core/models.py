@@ -84,7 +84,7 @@ class ResponseModel:
     inseparable : tuple of tuple of str
         Groups of parameters that the data cannot tell apart.
     fit : mapping of str to Fit
-        ``"frequency"`` where lines were regressed, and ``"time"``.
+        ``"frequency"`` where lines were regressed, and ``"time"``, then up to the highest line.
     """
 
     response: str

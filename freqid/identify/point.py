@@ -17,7 +17,7 @@ from freqid.core.scenario import Excitation, Identification, Reference
 from freqid.identify.explanatory import explanatory_variables, history
 from freqid.identify.fourier import FourierPlan, frequency_grid, harmonics
 from freqid.identify.regression import LeastSquares, least_squares
-from freqid.identify.trend import remove_trend, trend_columns
+from freqid.identify.trend import remove_trend, trend_columns, up_to
 from freqid.identify.uncertainty import (
     correct_coloured_lines,
     correct_coloured_samples,
@@ -106,7 +106,8 @@ def predict(model: PointModel, maneuver: Maneuver, settings: Identification) -> 
     -------
     dict of str to Fit
         Measured and predicted history by response, each about its own mean: a point model says how the
-        wrench changes about a trim, not what another flight's trim was.
+        wrench changes about a trim, not what another flight's trim was. Of a model identified on lines
+        both are shown up to the highest line.
     """
     wrench = _responses(maneuver, settings)
     measured = wrench.history(maneuver.record.dt)
@@ -115,8 +116,11 @@ def predict(model: PointModel, maneuver: Maneuver, settings: Identification) -> 
     for r, name in enumerate(settings.responses):
         response = model[name]
         x = np.array([history(maneuver, n) for n in response.regressors])
-        modelled = response.estimate @ x
-        fits[name] = Fit(time, measured[r] - measured[r].mean(), modelled - modelled.mean())
+        both = np.array([measured[r], response.estimate @ x])
+        if "frequency" in response.fit:
+            both = up_to(both, maneuver.record.dt, float(response.fit["frequency"].axis[-1]))
+        both -= both.mean(axis=1, keepdims=True)
+        fits[name] = Fit(time, both[0], both[1])
     return fits
 
 
@@ -207,7 +211,8 @@ def _fit_lines(problem: _Problem, lines: Array) -> dict[str, ResponseModel]:
         z += plan.derivative(remove_trend(wrench.momentum, dt, "endpoints").x)
     nuisance = _nuisance(plan, settings, changing)
 
-    measured = wrench.history(dt)
+    highest = float(lines[-1])
+    measured = up_to(wrench.history(dt), dt, highest)
     mean = wrench.mean(dt)
     time = dt * np.arange(problem.x.shape[1])
     models = {}
@@ -228,7 +233,7 @@ def _fit_lines(problem: _Problem, lines: Array) -> dict[str, ResponseModel]:
         rmse = np.sqrt(2 * share * fit.residual_square) / plan.duration
         near = np.argsort(lines)[:BIAS_LINES]
         bias_error = np.sqrt(np.mean(np.abs(fit.residual[:, near]) ** 2, axis=1)) / plan.duration
-        modelled_t = fit.estimate @ problem.x[columns] + mean[rows, None]
+        modelled_t = up_to(fit.estimate @ problem.x[columns] + mean[rows, None], dt, highest)
         for i, r in enumerate(rows):
             models[settings.responses[r]] = _response_model(
                 problem,

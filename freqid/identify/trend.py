@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.fft import dst, idst
 
 from freqid.core.errors import UsageError
 from freqid.numerics.channels import as_channels
@@ -106,3 +107,33 @@ def trend_columns(frequencies_hz: ArrayLike, duration: float) -> NDArray[np.comp
     line = (constant / duration - last) / (1j * omega) - constant / 2
     flat = np.max(np.abs(constant)) < 1e-9 * duration
     return np.array([line] if flat else [constant, line])
+
+
+def up_to(x: ArrayLike, dt: float, highest_hz: float) -> NDArray[np.float64]:
+    """Return channels without what lies above a frequency, for histories beside a fit that ends there.
+
+    Parameters
+    ----------
+    x : array_like of float, shape (channel, sample)
+        Samples, any unit.
+    dt : float
+        Sampling interval, s.
+    highest_hz : float
+        Highest frequency that stays, Hz.
+
+    Returns
+    -------
+    ndarray, shape (channel, sample)
+
+    Notes
+    -----
+    The line through the ends is kept as it is and the rest reflected to an odd periodic signal, so that
+    nothing jumps where the record ends (Klein & Morelli, 2nd ed., chapter 11); no phase is added.
+    """
+    flat = remove_trend(x, dt, "endpoints")
+    n = flat.x.shape[1] - 1
+    sines = dst(flat.x[:, 1:-1], type=1, axis=1)
+    sines[:, np.arange(1, n) / (2 * n * dt) > highest_hz] = 0.0
+    kept = np.zeros_like(flat.x)
+    kept[:, 1:-1] = idst(sines, type=1, axis=1)
+    return np.asarray(x, dtype=float) - flat.x + kept

@@ -125,7 +125,7 @@ def fit_pictures(model: PointModel, name: str) -> list[Picture]:
                 f"{words}: measured, model and residual over time",
                 Markup("In time: {}{}").format(
                     _time_score(fit, response),
-                    " Outside the band of the fit nothing was asked of the model." if len(pictures) else "",
+                    " Both are shown up to the highest line of the fit." if len(pictures) else "",
                 ),
             )
         )

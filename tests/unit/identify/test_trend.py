@@ -7,7 +7,7 @@ import pytest
 
 from freqid.core.errors import UsageError
 from freqid.identify.fourier import FourierPlan, frequency_grid
-from freqid.identify.trend import remove_trend, trend_columns
+from freqid.identify.trend import remove_trend, trend_columns, up_to
 
 DT = 0.1
 TIME = DT * np.arange(201)
@@ -69,3 +69,11 @@ def test_trend_columns_are_the_transforms_of_constant_and_line(step, rows):
     f = frequency_grid(0.05, step, 2.0)
     transforms = FourierPlan(201, DT, f)(np.stack([np.ones(201), TIME / 20.0 - 0.5]))
     np.testing.assert_allclose(trend_columns(f, 20.0), transforms[-rows:], atol=1e-12)
+
+
+def test_up_to_keeps_what_is_below_and_drops_what_is_above():
+    dt, t = 0.02, np.arange(3001) * 0.02
+    low = 3.0 + 0.2 * t + np.sin(2 * np.pi * 0.75 * t)
+    both = np.array([low + 0.5 * np.sin(2 * np.pi * 4.0 * t), low])
+    kept = up_to(both, dt, 2.0)
+    np.testing.assert_allclose(kept, [low, low], atol=1e-12)

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 
 import matplotlib.style
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -79,19 +80,23 @@ def stacked_panels(
     heights: Sequence[float],
     *,
     width: float = WIDTH,
-    legend: bool = False,
+    legend: int = 0,
     top: float = _TOP,
     left: float = _LEFT,
+    right: float = _RIGHT,
     bottom: float = _BOTTOM,
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure of stacked axes of given heights in inches, and the axes from the top down."""
-    above = top + (0.2 if legend else 0.0)
+    """Return a figure of stacked axes of given heights in inches, and the axes from the top down.
+
+    `legend` rows of a legend find room above; the other lengths are margins, in inches.
+    """
+    above = top + 0.2 * legend
     total = above + sum(heights) + _GAP * (len(heights) - 1) + bottom
     figure, panels = Figure(figsize=(width, total)), []
     y = total - above
     for height in heights:
         y -= height
-        place = (left / width, y / total, (width - left - _RIGHT) / width, height / total)
+        place = (left / width, y / total, (width - left - right) / width, height / total)
         panels.append(figure.add_axes(place, sharex=panels[0] if panels else None))
         y -= _GAP
     return figure, panels
@@ -145,10 +150,11 @@ def literal(text: str, longest: int) -> str:
     return text.replace("$", r"\$")
 
 
-def draw_legend(figure: Figure, lines: Sequence[Line2D]) -> None:
-    """Name the lines in one row above the panels."""
+def draw_legend(figure: Figure, lines: Sequence[Artist], columns: int | None = None) -> None:
+    """Name the lines above the panels, in one row unless `columns` says how many stand side by side."""
     place = (1 - _RIGHT / WIDTH, 1 - 0.02 / figure.get_figheight())
-    figure.legend(handles=lines, loc="upper right", ncols=len(lines), bbox_to_anchor=place, borderaxespad=0.0)
+    ncols = columns or len(lines)
+    figure.legend(handles=lines, loc="upper right", ncols=ncols, bbox_to_anchor=place, borderaxespad=0.0)
 
 
 def few_ticks(axes: Axes) -> None:

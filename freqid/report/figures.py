@@ -105,7 +105,7 @@ def fit_over_frequency(fit: Fit, label: str, unit: str) -> Figure:
     label, unit : str
         Response as matplotlib writes it (`notation.formula`), and its SI unit.
     """
-    figure, (magnitude, phase) = stacked_panels([1.75, 0.75], legend=True)
+    figure, (magnitude, phase) = stacked_panels([1.75, 0.75], legend=1)
     f = fit.axis
     dots = {"linestyle": "none", "marker": "o", "markeredgewidth": 0}
     (left,) = magnitude.plot(f, np.abs(fit.residual), color=ORANGE, linewidth=0.9, label="residual")
@@ -138,7 +138,7 @@ def fit_over_time(fit: Fit, label: str, unit: str, modelled: str = "model") -> F
     modelled : str
         What the model's line is called.
     """
-    figure, (both, below) = stacked_panels([1.75, 0.75], legend=True)
+    figure, (both, below) = stacked_panels([1.75, 0.75], legend=1)
     flown = draw_history(both, fit.axis, fit.measured, GREY, linewidth=2.0, label="measured")
     model = draw_history(both, fit.axis, fit.modelled, BLUE, linewidth=0.9, label=modelled)
     left = draw_history(below, fit.axis, fit.residual, ORANGE, linewidth=0.8, label="residual")

@@ -5,14 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import jinja2
-
 from freqid import __version__
 from freqid.core.errors import DataError
 from freqid.core.models import PointModel
 from freqid.core.record import FlightRecord, parse_span
 from freqid.core.scenario import Gates
-from freqid.core.store import replacing
 from freqid.report import notation
 from freqid.report.pictures import (
     collinearity_pictures,
@@ -21,16 +18,9 @@ from freqid.report.pictures import (
     parameter_picture,
     prediction_pictures,
 )
+from freqid.report.rendering import render, write_text
 from freqid.report.tables import channels, facts, parameters, scores, summary
 from freqid.report.verdict import verdict
-
-_TEMPLATES = jinja2.Environment(
-    loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
-    autoescape=True,
-    trim_blocks=True,
-    lstrip_blocks=True,
-    undefined=jinja2.StrictUndefined,
-)
 
 
 def write_report(
@@ -51,9 +41,7 @@ def write_report(
     DataError
         Where the folder cannot be written.
     """
-    page = build_page(model, record, gates=gates)
-    with replacing(path) as temporary:
-        temporary.write_text(page, encoding="utf-8", newline="\n")
+    write_text(path, build_page(model, record, gates=gates))
 
 
 def build_page(model: PointModel, record: FlightRecord | None = None, *, gates: Gates | None = None) -> str:
@@ -80,7 +68,8 @@ def build_page(model: PointModel, record: FlightRecord | None = None, *, gates: 
     provenance = _provenance(model, record)
     if record is not None:
         record = _as_used(model, record)
-    return _TEMPLATES.get_template("report.html").render(
+    return render(
+        "report.html",
         title=model.vehicle or "Unnamed vehicle",
         reference=model.reference.id,
         version=__version__,

@@ -73,7 +73,7 @@ def data_pictures(model: PointModel, record: FlightRecord) -> list[Picture]:
             grey = any(n.replace("effector/", "command/", 1) in record for n in part if group == "effector")
             hint = _HINT[group] if part[0] == names[0] else ""
             pictures.append(
-                _picture(
+                picture(
                     figures.channel_strips(record, part),
                     f"data{len(pictures)}",
                     f"{_GROUP[group]} over time: {', '.join(part)}",
@@ -89,7 +89,7 @@ def _amplitude_picture(record: FlightRecord, names: list[str], lines: NDArray[np
     plan = FourierPlan(record.time.size, record.dt, lines)
     values = plan(remove_trend(record.matrix(names), record.dt, "line").x)
     units = tuple(record.channel(name).unit for name in names)
-    return _picture(
+    return picture(
         figures.amplitude_strips(Spectrum(tuple(names), units, lines, values, record.duration)),
         f"amplitude{list(record.channels).index(names[0])}",
         f"Amplitudes of the effectors over frequency: {', '.join(names)}",
@@ -106,7 +106,7 @@ def fit_pictures(model: PointModel, name: str) -> list[Picture]:
     if "frequency" in response.fit:
         fit = response.fit["frequency"]
         pictures.append(
-            _picture(
+            picture(
                 figures.fit_over_frequency(fit, label, response.unit),
                 f"{_key(model, name)}-frequency",
                 f"{words}: measured, model and residual over frequency",
@@ -119,7 +119,7 @@ def fit_pictures(model: PointModel, name: str) -> list[Picture]:
     if "time" in response.fit:
         fit = response.fit["time"]
         pictures.append(
-            _picture(
+            picture(
                 figures.fit_over_time(fit, label, response.unit),
                 f"{_key(model, name)}-time",
                 f"{words}: measured, model and residual over time",
@@ -135,7 +135,7 @@ def fit_pictures(model: PointModel, name: str) -> list[Picture]:
 def prediction_pictures(model: PointModel) -> list[Picture]:
     """Draw each response over a manoeuvre that was not used, as measured and as predicted."""
     return [
-        _picture(
+        picture(
             figures.fit_over_time(
                 model.prediction[name], formula(name, model.form), model[name].unit, "prediction"
             ),
@@ -154,7 +154,7 @@ def parameter_picture(model: PointModel, name: str) -> Picture:
     """Draw the parameters of a response by what they contribute to it, with their 2-sigma bars."""
     response = model[name]
     size = response.regressor_rms
-    return _picture(
+    return picture(
         figures.parameter_bars(
             response.regressors,
             response.estimate * size,
@@ -206,7 +206,7 @@ def collinearity_pictures(model: PointModel) -> list[dict[str, Any]]:
 def _correlation_picture(model: PointModel, names: list[str]) -> Picture:
     response = model[names[0]]
     plain = ", ".join(plain_symbol(name, model.form) for name in names)
-    return _picture(
+    return picture(
         figures.correlation_map(response.regressors, response.correlation),
         f"{_key(model, names[0])}-correlation",
         f"Correlation of the parameters' errors, {plain}",
@@ -220,7 +220,8 @@ def _symbols(model: PointModel, names: list[str]) -> Markup:
     return Markup(", ").join(symbol(name, model.form) for name in names)
 
 
-def _picture(figure: Figure, key: str, label: str, caption: Markup | str) -> Picture:
+def picture(figure: Figure, key: str, label: str, caption: Markup | str) -> Picture:
+    """Return a figure ready for a page: its key unique there, its label for those who cannot see it."""
     return Picture(inline_svg(figure, key, label), Markup("{}").format(caption))
 
 

@@ -73,12 +73,12 @@ def summary(model: PointModel, gates: Gates | None) -> dict[str, Any]:
             {
                 "symbol": notation.symbol(name, model.form),
                 "meaning": notation.meaning(name, model.form),
-                "r2": _exact(response.r2, notation.share(response.r2)),
+                "r2": exact(response.r2, notation.share(response.r2)),
                 "time": _r2_of(response.fit.get("time")) if model.method == "frequency" else None,
                 "prediction": _r2_of(model.prediction.get(name)),
-                "rmse": _exact(response.rmse, notation.number(response.rmse)),
+                "rmse": exact(response.rmse, notation.number(response.rmse)),
                 "unit": notation.pretty_unit(response.unit),
-                "condition": _exact(response.condition_number, notation.number(response.condition_number)),
+                "condition": exact(response.condition_number, notation.number(response.condition_number)),
                 "weak": f"{int(crosses_zero(response).sum())} of {len(response.regressors)}",
                 "missed": Markup("; ").join(missed.get(name, ())),
             }
@@ -92,7 +92,7 @@ def summary(model: PointModel, gates: Gates | None) -> dict[str, Any]:
 
 
 def _r2_of(fit: Fit | None) -> Markup | str:
-    return notation.NONE if fit is None else _exact(fit.r2, notation.share(fit.r2))
+    return notation.NONE if fit is None else exact(fit.r2, notation.share(fit.r2))
 
 
 def scores(model: PointModel, name: str) -> list[tuple[str, str]]:
@@ -124,13 +124,13 @@ def parameters(model: PointModel, name: str) -> list[dict[str, Any]]:
         rows.append(
             {
                 "name": regressor,
-                "estimate": _exact(estimate, texts[1]),
-                "error": _exact(error, texts[0]),
+                "estimate": exact(estimate, texts[1]),
+                "error": exact(error, texts[0]),
                 "relative": notation.percent(error / abs(estimate) if estimate else math.inf),
-                "t": _exact(t, notation.number(t, 3)),
-                "low": _exact(low, texts[2]),
-                "high": _exact(high, texts[3]),
-                "inflation": _exact(inflation, notation.number(inflation)),
+                "t": exact(t, notation.number(t, 3)),
+                "low": exact(low, texts[2]),
+                "high": exact(high, texts[3]),
+                "inflation": exact(inflation, notation.number(inflation)),
                 "inflated": inflation > HIGH_INFLATION,
                 "unit": notation.pretty_unit(per(response.unit, response.regressor_units[j])),
                 "weak": bool(weak[j]),
@@ -140,15 +140,15 @@ def parameters(model: PointModel, name: str) -> list[dict[str, Any]]:
     rows.append(
         {
             "name": "bias",
-            "estimate": _exact(response.bias, bias),
-            "error": _exact(response.bias_std_error, error),
+            "estimate": exact(response.bias, bias),
+            "error": exact(response.bias_std_error, error),
             "unit": notation.pretty_unit(response.unit),
         }
     )
     return rows
 
 
-def _exact(value: float, text: str) -> Markup | str:
+def exact(value: float, text: str) -> Markup | str:
     """Return a number as text that carries its full value for whoever copies or checks it."""
     if not math.isfinite(value):
         return notation.NONE

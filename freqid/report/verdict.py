@@ -44,7 +44,7 @@ def verdict(model: PointModel, gates: Gates | None = None) -> tuple[Finding, ...
     findings = [_crossing(model), *(_collinear(model) or [_separable(model)])]
     if model.prediction:
         findings.append(_prediction(model))
-    findings.sort(key=lambda finding: ("bad", "note", "good").index(finding.kind))
+    findings.sort(key=lambda f: ("bad", "note", "good").index(f.kind))
     return (_headline(model, gates), *findings)
 
 
@@ -69,21 +69,21 @@ def _headline(model: PointModel, gates: Gates | None) -> Finding:
     scores = {name: response.r2 for name, response in model.responses.items()}
     spread = _spread(model, scores)
     if gates is None or (gates.r2 is None and gates.condition_number is None):
-        return _finding("note", "R² is {}. No gate was given to hold it against.", spread)
+        return finding("note", "R² is {}. No gate was given to hold it against.", spread)
     missed = missed_by_response(model, gates)
     if not missed:
-        return _finding("good", "Every response reaches its gate: R² is {}.", spread)
+        return finding("good", "Every response reaches its gate: R² is {}.", spread)
     said = [
         Markup("{} ({})").format(symbol(name, model.form), Markup(", ").join(what))
         for name, what in missed.items()
     ]
-    return _finding(
+    return finding(
         "bad",
         "{} of {} responses {} a gate: {}. R² is {}.",
         len(missed),
         len(scores),
         "misses" if len(missed) == 1 else "miss",
-        _listed(said),
+        listed(said),
         spread,
     )
 
@@ -92,18 +92,18 @@ def _prediction(model: PointModel) -> Finding:
     scores = {name: fit.r2 for name, fit in model.prediction.items()}
     worse = [symbol(name, model.form) for name, score in scores.items() if not score > 0]
     if worse:
-        return _finding(
+        return finding(
             "bad",
             "A manoeuvre that was not used is predicted worse than by a constant in {}; R² is {}.",
-            _listed(worse),
+            listed(worse),
             _spread(model, scores),
         )
-    return _finding("note", "A manoeuvre that was not used is predicted with R² {}.", _spread(model, scores))
+    return finding("note", "A manoeuvre that was not used is predicted with R² {}.", _spread(model, scores))
 
 
 def _separable(model: PointModel) -> Finding:
     responses = model.responses.values()
-    return _finding(
+    return finding(
         "good",
         "The data separate every parameter: variance inflation is at most {}, the condition number {}.",
         number(max(float(response.variance_inflation.max(initial=1)) for response in responses)),
@@ -117,10 +117,10 @@ def _collinear(model: PointModel) -> list[Finding]:
         for group in response.inseparable:
             groups.setdefault(group, []).append(name)
     findings = [
-        _finding(
+        finding(
             "bad",
             "The data cannot separate {} in {}: only a combination of their parameters is known.",
-            _listed(map(_code, group)),
+            listed(map(code, group)),
             _responses(model, names),
         )
         for group, names in groups.items()
@@ -132,8 +132,8 @@ def _collinear(model: PointModel) -> list[Finding]:
                 largest[name] = max(value, largest.get(name, 0.0))
     if largest:
         names = sorted(largest, key=lambda name: -largest[name])
-        said = _listed(Markup("{} ({})").format(_code(name), number(largest[name])) for name in names)
-        findings.append(_finding("note", "Variance inflation is above {:g} for {}.", HIGH_INFLATION, said))
+        said = listed(Markup("{} ({})").format(code(name), number(largest[name])) for name in names)
+        findings.append(finding("note", "Variance inflation is above {:g} for {}.", HIGH_INFLATION, said))
     return findings
 
 
@@ -141,13 +141,13 @@ def _crossing(model: PointModel) -> Finding:
     total, weak = 0, []
     for name, response in model.responses.items():
         total += len(response.regressors)
-        names = [_code(n) for n, c in zip(response.regressors, crosses_zero(response), strict=True) if c]
+        names = [code(n) for n, c in zip(response.regressors, crosses_zero(response), strict=True) if c]
         if names:
-            weak.append((len(names), Markup("{}: {}").format(symbol(name, model.form), _listed(names))))
+            weak.append((len(names), Markup("{}: {}").format(symbol(name, model.form), listed(names))))
     if not weak:
-        return _finding("good", "All {} parameters differ from zero by more than 2σ.", total)
+        return finding("good", "All {} parameters differ from zero by more than 2σ.", total)
     count = sum(n for n, _ in weak)
-    return _finding(
+    return finding(
         "note",
         "{} of {} parameters cannot be told from zero: the 2σ bar includes it ({}).",
         count,
@@ -171,14 +171,15 @@ def _spread(model: PointModel, scores: dict[str, float]) -> Markup:
 def _responses(model: PointModel, names: list[str]) -> Markup:
     if len(names) == len(model.responses) > 2:
         return Markup("every response")
-    return _listed(symbol(name, model.form) for name in names)
+    return listed(symbol(name, model.form) for name in names)
 
 
-def _code(name: str) -> Markup:
+def code(name: str) -> Markup:
+    """Return a name as the page sets names."""
     return Markup("<code>{}</code>").format(name)
 
 
-def _listed(items: Iterable[Markup]) -> Markup:
+def listed(items: Iterable[Markup]) -> Markup:
     """Join items as a sentence does: a, b and c."""
     items = list(items)
     if len(items) < 2:
@@ -186,5 +187,6 @@ def _listed(items: Iterable[Markup]) -> Markup:
     return Markup(", ").join(items[:-1]) + Markup(" and ") + items[-1]
 
 
-def _finding(kind: Literal["good", "note", "bad"], text: str, *parts: object) -> Finding:
+def finding(kind: Literal["good", "note", "bad"], text: str, *parts: object) -> Finding:
+    """Return a sentence with its parts filled in and escaped."""
     return Finding(kind, Markup(text).format(*parts))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from freqid.cli.options import as_json, emit, output
+from freqid.cli.options import as_json, emit, keep_inputs, output
 
 
 @click.command("export-log")
@@ -20,5 +20,9 @@ def command(record: Path, destination: Path | None, json_: bool) -> None:
 
     destination = destination or record.with_suffix(".mat")
     flight = read_record(record)
-    write_sidpac(flight, destination)
-    emit(json_, {"path": str(destination)}, f"{destination}: {flight.time.size} samples in SIDPAC columns")
+    keep_inputs(destination, record)
+    left_out = write_sidpac(flight, destination)
+    text = f"{destination}: {flight.time.size} samples in SIDPAC columns"
+    if left_out:
+        text += f"\nSIDPAC has no column for {', '.join(left_out)}"
+    emit(json_, {"path": str(destination), "left_out": left_out}, text)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from freqid import __version__
-from freqid.cli.options import as_json, emit, output
+from freqid.cli.options import as_json, emit, keep_inputs, output
 
 if TYPE_CHECKING:
     from freqid.core.models import Fit, PointModel, ResponseModel
@@ -73,7 +73,7 @@ def command(
     flight = read_record(record)
     at = reference or flight.reference
     try:
-        maneuver = Maneuver.of(flight, described.aircraft(), parse_span(cut) if cut else None)
+        maneuver = Maneuver.of(flight, described.aircraft(), None if cut is None else parse_span(cut))
         model = identify_point(
             maneuver,
             settings,
@@ -99,6 +99,7 @@ def command(
     model = replace(model, provenance=sources, prediction=predicted)
 
     destination = destination or record.with_name(f"{record.stem}-point.h5")
+    keep_inputs(destination, record, scenario, held_out)
     write_point(destination, model, sha256)
     emit(json_, _for_machines(model), f"{_table(model)}\n{destination}")
     missed = [
@@ -112,7 +113,9 @@ def command(
 
 
 def _names(text: str | None) -> tuple[str, ...] | None:
-    return tuple(part.strip() for part in text.split(",") if part.strip()) if text else None
+    if text is None:
+        return None
+    return tuple(part.strip() for part in text.split(",") if part.strip())
 
 
 def _for_machines(model: PointModel) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from freqid.cli.options import as_json, emit, output
+from freqid.cli.options import as_json, emit, keep_inputs, output
 
 
 @click.command("import-log")
@@ -47,11 +47,10 @@ def command(
     vehicle = described.aircraft() if described else None
     if described and reference:
         described.reference_of(reference)
-    record = read_log(log, map_path, resample_hz=rate_hz, vehicle=vehicle)
+    span = None if cut is None else parse_span(cut)
+    record = read_log(log, map_path, cut=span, resample_hz=rate_hz, vehicle=vehicle)
     if reference:
         record = replace(record, reference=reference)
-    if cut:
-        record = record.cut(*parse_span(cut))
 
     destination = destination or Path("reports") / f"{log.stem}.h5"
     pieces = {destination: record}
@@ -63,6 +62,8 @@ def command(
             destination.with_name(f"{destination.stem}-{i}{destination.suffix}"): record.cut(*span)
             for i, span in enumerate(spans, start=1)
         }
+    for path in pieces:
+        keep_inputs(path, log, map_path, scenario)
     for path, piece in pieces.items():
         write_record(path, piece, sha256)
 

@@ -19,6 +19,20 @@ def output(default: str) -> Callable[[Command], Command]:
     )
 
 
+def keep_inputs(destination: Path, *inputs: Path | None) -> None:
+    """Refuse a result that would replace one of the files it is made from.
+
+    Raises
+    ------
+    UsageError
+    """
+    from freqid.core.errors import UsageError
+
+    for source in inputs:
+        if source is not None and source.exists() and destination.exists() and destination.samefile(source):
+            raise UsageError(f"the result would replace its own input {source}", remedy="change -o")
+
+
 def as_json(command: Command) -> Command:
     """Add ``--json``."""
     return click.option("--json", "json_", is_flag=True, help="Print the result as JSON.")(command)

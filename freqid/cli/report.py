@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from freqid.cli.options import as_json, emit, output
+from freqid.cli.options import as_json, emit, keep_inputs, output
 
 
 @click.command("report")
@@ -26,9 +26,10 @@ def command(
 
     point = read_point(model)
     if record is None:
-        used = Path(point.provenance.get("record", ""))
-        record = used if used.is_file() else None
+        used = point.provenance.get("record")
+        record = Path(used) if isinstance(used, str) and Path(used).is_file() else None
     gates = read_scenario(scenario)[0].gates if scenario else None
     destination = destination or model.with_suffix(".html")
+    keep_inputs(destination, model, record, scenario)
     write_report(destination, point, read_record(record) if record else None, gates=gates)
     emit(json_, {"path": str(destination)}, str(destination))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from .errors import DataError, nearest
+from .units import parse_unit
 
 STATE = {
     "u": ("m/s", "velocity along x body, relative to the air"),
@@ -52,6 +53,7 @@ WRENCH = ("X", "Y", "Z", "L", "M", "N")
 KNOWN = {"state": STATE, "air": AIR, "power": POWER, "response": RESPONSE}
 EFFECTOR_GROUPS = ("effector", "command", "excitation")
 GROUPS = (*KNOWN, *EFFECTOR_GROUPS)
+TAKEN = {**STATE, **AIR, "bias": ("", "")}  # regressors by themselves, so no effector may be called so
 
 EFFECTOR_UNITS = {"surface": "rad", "tilt": "rad", "rotor": "rad/s", "thrust": "N", "throttle": "1"}
 
@@ -70,9 +72,29 @@ def split(channel: str) -> tuple[str, str]:
             f"channel '{channel}' is not of the form group/name with a known group",
             remedy=nearest(group, GROUPS),
         )
+    if group in EFFECTOR_GROUPS and name in TAKEN:
+        raise DataError(
+            f"channel '{channel}' has the name of a regressor that means something else",
+            remedy="give the effector another name",
+        )
     if group in KNOWN and name not in KNOWN[group]:
         raise DataError(f"channel '{channel}' is unknown", remedy=nearest(name, KNOWN[group]))
     return group, name
+
+
+def effector_unit(unit: str) -> str:
+    """Return the SI unit of an effector that is stated in some unit.
+
+    Raises
+    ------
+    DataError
+        Where no kind of effector is measured so.
+    """
+    for si in dict.fromkeys(EFFECTOR_UNITS.values()):
+        if parse_unit(unit).dimension == parse_unit(si).dimension:
+            return si
+    known = ", ".join(sorted(set(EFFECTOR_UNITS.values())))
+    raise DataError(f"found unit '{unit}', expected one that converts to {known}", remedy="correct the unit")
 
 
 def si_unit(channel: str, effector_kinds: dict[str, str] | None = None) -> str | None:

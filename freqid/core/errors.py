@@ -39,7 +39,8 @@ class FreqidError(Exception):
 
     def __str__(self) -> str:
         text = f"{self.where}: {self.message}" if self.where else self.message
-        return f"{text}; {self.remedy}." if self.remedy else f"{text}."
+        text = f"{text}; {self.remedy}" if self.remedy else text
+        return text if text.endswith("?") else f"{text}."
 
     def at(self, where: str) -> FreqidError:
         """Return the same error with its place filled in, unless it has one already."""

@@ -94,8 +94,11 @@ def _read_fits(file: h5py.File, name: str) -> dict[str, Fit]:
     fits = {}
     for key in map(str, store.subgroup(file, name)):
         group = store.subgroup(file, f"{name}/{key}")
+        axis = store.array(group, "axis")
         measured, modelled = (store.dataset(group, n)[()] for n in ("measured", "modelled"))
-        fits[key] = Fit(store.array(group, "axis"), measured, modelled)
+        if not axis.shape == np.shape(measured) == np.shape(modelled) or axis.ndim != 1:
+            raise ValueError(f"fit '{name}/{key}' has histories of different lengths")
+        fits[key] = Fit(axis, measured, modelled)
     return fits
 
 
@@ -110,6 +113,9 @@ def read_point(path: Path) -> PointModel:
     with store.reading(path, FORMAT) as file:
         attrs = store.subgroup(file, "reference").attrs
         plain = {n: v.item() if isinstance(v, np.generic) else v for n, v in attrs.items()}
+        provenance = store.get_json(store.subgroup(file, "provenance"), "json")
+        if not isinstance(provenance, dict) or not store.get_json(file, "responses"):
+            raise ValueError("provenance or responses are not as they are written")
         return PointModel(
             reference=msgspec.convert(plain, Reference),
             responses={r: _read_response(file, r) for r in store.get_json(file, "responses")},
@@ -119,7 +125,7 @@ def read_point(path: Path) -> PointModel:
             confidence=store.floats(file, "confidence")[0],
             duration=store.floats(file, "duration")[0],
             vehicle=store.get_text(file, "vehicle"),
-            provenance=store.get_json(store.subgroup(file, "provenance"), "json"),
+            provenance=provenance,
             prediction=_read_fits(file, "prediction"),
         )
 
@@ -133,13 +139,21 @@ def _read_response(file: h5py.File, response: str) -> ResponseModel:
     def column(field: str) -> np.ndarray:
         return np.array([float(store.array(parameters, f"{name}/{field}")) for name in names])
 
+    p = len(names)
+    expected = dict.fromkeys(_VECTORS, (p,)) | {"correlation": (p, p)}
     figures: dict[str, Any] = {name: store.floats(diagnostics, name)[0] for name in _SCALARS}
     figures |= {name: store.array(diagnostics, name) for name in _VECTORS + _MATRICES}
+    for name, shape in expected.items():
+        if name != "condition_index" and figures[name].shape != shape:
+            raise ValueError(f"'{name}' of {response} has shape {figures[name].shape}, expected {shape}")
+    regressor_units = tuple(store.get_json(diagnostics, "regressor_units"))
+    if len(regressor_units) != p:
+        raise ValueError(f"{response} has {len(regressor_units)} units for {p} regressors")
     return ResponseModel(
         response=response,
         unit=store.get_text(diagnostics, "units"),
         regressors=names,
-        regressor_units=tuple(store.get_json(diagnostics, "regressor_units")),
+        regressor_units=regressor_units,
         estimate=column("estimate"),
         std_error=column("std_error"),
         covariance=store.array(file, f"covariance/{response}"),

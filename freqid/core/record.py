@@ -146,6 +146,23 @@ class FlightRecord:
         """Return the record with channels added or replaced."""
         return replace(self, channels={**self.channels, **{c.name: c for c in channels}})
 
+    def check_band(self, names: Iterable[str], f_max: float) -> None:
+        """Check that channels can tell anything up to a frequency, Hz.
+
+        Raises
+        ------
+        DataError
+            Naming the first channel whose Nyquist frequency, of its native rate or of the record, is lower.
+        """
+        for name in names:
+            rate = min(self.channel(name).native_rate_hz, 1 / self.dt)
+            if f_max > 0.5 * rate * (1 + 1e-9):
+                raise DataError(
+                    f"the band reaches {f_max:g} Hz, but channel '{name}' was logged at {rate:.6g} Hz "
+                    f"and tells nothing above its Nyquist frequency, {0.5 * rate:.6g} Hz",
+                    remedy="lower the band or leave the channel out",
+                )
+
     def cut(self, start: float, stop: float) -> FlightRecord:
         """Return the samples from `start` to `stop`, both included, on the record's clock, s.
 
@@ -255,6 +272,8 @@ def check_time(time: NDArray[np.float64]) -> None:
             )
     step = (time[-1] - time[0]) / (time.size - 1)
     # The clock may be large beside the step (seconds of day): allow for its own rounding too.
+    if not np.isfinite(step):
+        raise DataError(f"time runs from {time[0]:g} to {time[-1]:g} s, too far for one record")
     slack = _TIME_TOLERANCE * step + 4 * np.spacing(np.abs(time).max())
     off = np.abs(steps - np.median(steps)) > 2 * slack
     if off.any():

@@ -9,9 +9,10 @@ import h5py
 import msgspec
 
 from . import store
-from .channels import split
+from .channels import effector_unit, si_unit, split
 from .errors import DataError
 from .record import Channel, Configuration, FlightRecord
+from .units import to_si
 from .vehicle import MassProperties, Vehicle
 
 FORMAT = "freqid-record"
@@ -74,10 +75,16 @@ def read_record(path: Path) -> FlightRecord:
                 raise DataError(f"channel '{name}' has no unit", remedy="add the attribute 'units'")
             position = store.floats(dataset, "position_m")
             (native_rate_hz,) = store.floats(dataset, "native_rate_hz")
+            si = si_unit(name) or effector_unit(unit)
+            convert = to_si(unit, si, name)
+            if len(position) not in (0, 3):
+                raise DataError(
+                    f"channel '{name}' has a position_m of {len(position)} numbers, expected three"
+                )
             channels[name] = Channel(
                 name=name,
-                unit=unit,
-                values=store.array(file, name),
+                unit=si,
+                values=convert.factor * store.array(file, name) + convert.offset,
                 native_rate_hz=native_rate_hz,
                 source=store.get_text(dataset, "source"),
                 position_m=(position[0], position[1], position[2]) if position else None,

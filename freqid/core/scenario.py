@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import tomllib
+from math import inf, isfinite
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -53,6 +54,12 @@ class Reference(Strict, frozen=True):
     rho: float
     dw1: float = 0.0
     dw2: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (isfinite(self.u) and 0 <= self.rho < inf):
+            raise ValueError(
+                f"reference '{self.id}' has u = {self.u:g}, rho = {self.rho:g}; expected finite, rho >= 0"
+            )
 
 
 class FrequencyGrid(Strict, frozen=True):
@@ -125,7 +132,7 @@ class Excitation(Strict, frozen=True):
         if not 0 < low < high:
             raise ValueError(f"band_hz is {list(self.band_hz)}, expected 0 < low < high")
         for name in ("period_s", "dt_s"):
-            if not getattr(self, name) > 0:
+            if not 0 < getattr(self, name) < inf:
                 raise ValueError(f"{name} is {getattr(self, name):g}, expected a positive time")
         if high > 0.5 / self.dt_s:
             raise ValueError(
@@ -183,6 +190,8 @@ class Identification(Strict, frozen=True):
     confidence: float = 0.95
 
     def __post_init__(self) -> None:
+        if not self.responses:
+            raise ValueError(f"responses is empty, expected some of {' '.join(WRENCH)}")
         for response in self.responses:
             if response not in WRENCH:
                 raise ValueError(f"response '{response}' is unknown; {nearest(response, WRENCH)}")
@@ -190,6 +199,14 @@ class Identification(Strict, frozen=True):
             missing = [r for r in self.responses if r not in self.regressors]
             if missing:
                 raise ValueError(f"regressors are missing for response {missing}, expected a list for each")
+        for response in self.responses:
+            chosen = self.regressors_of(response)
+            if not chosen:
+                raise ValueError(f"response '{response}' has no regressors, expected at least one")
+            twice = sorted({name for name in chosen if chosen.count(name) > 1})
+            if twice or "bias" in chosen:
+                what = f"names {twice} more than once" if twice else "names 'bias', which is always estimated"
+                raise ValueError(f"regressors of '{response}' {what}")
         if not 0.5 <= self.confidence < 1:
             raise ValueError(f"confidence is {self.confidence:g}, expected at least 0.5 and below 1")
 
@@ -213,6 +230,15 @@ class Gates(Strict, frozen=True):
 
     r2: float | dict[str, float] | None = None
     condition_number: float | None = None
+
+    def __post_init__(self) -> None:
+        asked = self.r2 if isinstance(self.r2, dict) else {}
+        for response in asked:
+            if response not in WRENCH:
+                raise ValueError(f"gate r2 names response '{response}'; {nearest(response, WRENCH)}")
+        bars = [*asked.values(), self.condition_number, None if isinstance(self.r2, dict) else self.r2]
+        if not all(isfinite(bar) for bar in bars if bar is not None):
+            raise ValueError("a gate is not finite, expected a number that can be reached")
 
 
 class Simulation(Strict, frozen=True):

@@ -28,9 +28,12 @@ def replacing(path: Path) -> Iterator[Path]:
     Raises
     ------
     DataError
-        Where the folder cannot be written.
+        Where the folder cannot be written, or something that is no regular file has that name.
     """
     target = Path(path)
+    if target.exists() and not target.is_file():
+        kind = "a folder" if target.is_dir() else "no regular file"
+        raise DataError(f"cannot be written, it is {kind}", where=str(target), remedy="name a file with -o")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
@@ -90,7 +93,8 @@ def reading(path: Path, kind: str) -> Iterator[h5py.File]:
     """
     where = str(path)
     if not Path(path).is_file():
-        raise DataError("no such file", where=where, remedy="check the path")
+        found = "is a folder" if Path(path).is_dir() else "no such file"
+        raise DataError(found, where=where, remedy="check the path")
     try:
         file = h5py.File(path, "r")
     except OSError:
@@ -119,7 +123,7 @@ def reading(path: Path, kind: str) -> Iterator[h5py.File]:
             )
         try:
             yield file
-        except (KeyError, OSError, ValueError, TypeError, RuntimeError, AttributeError) as error:
+        except (LookupError, OSError, ValueError, TypeError, RuntimeError, AttributeError) as error:
             raise DataError(
                 f"is damaged or incomplete as a {kind} file ({error})", where=where, remedy="write it again"
             ) from error
@@ -151,8 +155,11 @@ def subgroup(group: h5py.Group, name: str) -> h5py.Group:
 
 
 def array(group: h5py.Group, name: str) -> NDArray[np.float64]:
-    """Read one real dataset."""
-    return np.asarray(dataset(group, name)[()], dtype=np.float64)
+    """Read one real dataset; any other type is an error that `reading` explains."""
+    found = dataset(group, name)
+    if found.dtype.kind not in "iufb":
+        raise TypeError(f"'{name}' holds {found.dtype}, expected real numbers")
+    return np.asarray(found[()], dtype=np.float64)
 
 
 def floats(group: h5py.Group | h5py.Dataset, name: str) -> tuple[float, ...]:

@@ -6,13 +6,14 @@ constructor's choice. A tilt angle is positive leading edge up, that is about +y
 
 from __future__ import annotations
 
+from math import inf
 from typing import Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from .channels import EFFECTOR_UNITS
+from .channels import EFFECTOR_UNITS, TAKEN
 from .errors import UsageError, nearest
 
 Vector = tuple[float, float, float]
@@ -66,8 +67,10 @@ class MassProperties(Strict, frozen=True):
     inertia_sigma: Inertia | None = None
 
     def __post_init__(self) -> None:
-        if not self.mass_kg > 0:
+        if not 0 < self.mass_kg < inf:
             raise ValueError(f"mass_kg is {self.mass_kg:g}, expected a positive mass")
+        if not np.isfinite(self.inertia.matrix).all():
+            raise ValueError("inertia holds a number that is not finite")
         moments = np.linalg.eigvalsh(self.inertia.matrix)
         if moments[0] <= 0 or moments[2] > moments[0] + moments[1]:
             raise ValueError(
@@ -100,6 +103,8 @@ class Effector(Strict, frozen=True):
     effectiveness: dict[Literal["X", "Y", "Z", "L", "M", "N"], float] = msgspec.field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if self.name in TAKEN or "/" in self.name or not self.name:
+            raise ValueError(f"effector '{self.name}' has the name of a state, of air data or of nothing")
         if not self.limits[0] < self.limits[1]:
             raise ValueError(f"limits of '{self.name}' are {list(self.limits)}, expected the lower one first")
         if self.rate_limit is not None and not self.rate_limit > 0:
@@ -165,6 +170,10 @@ class Rotor(Strict, frozen=True):
     wing: str | None = None
     diameter_m: float | None = None
 
+    def __post_init__(self) -> None:
+        if not 0 <= self.inertia < inf:
+            raise ValueError(f"inertia of rotor '{self.name}' is {self.inertia:g}, expected zero or more")
+
 
 class Vehicle(Strict, frozen=True):
     """All that is known of an aircraft without flying it.
@@ -197,19 +206,32 @@ class Vehicle(Strict, frozen=True):
             twice = {n for n in names if names.count(n) > 1}
             if twice:
                 raise ValueError(f"{kind} name {sorted(twice)} more than once, expected each name once")
+        for length in ("area_m2", "span_m", "chord_m"):
+            value = getattr(self, length)
+            if value is not None and not 0 < value < inf:
+                raise ValueError(f"{length} is {value:g}, expected a positive number")
         wings = {w.name for w in self.wings}
-        effectors = {e.name for e in self.effectors}
+        effectors = self.effector_kinds
+        for name in self.tilt_rad:
+            if name not in wings:
+                raise ValueError(
+                    f"tilt_rad names wing '{name}', which is not described; {nearest(name, wings)}"
+                )
         for rotor in self.rotors:
+            if effectors.get(rotor.name, "rotor") != "rotor":
+                raise ValueError(
+                    f"rotor '{rotor.name}' is an effector of kind '{effectors[rotor.name]}', expected 'rotor'"
+                )
             if rotor.wing is not None and rotor.wing not in wings:
                 raise ValueError(
                     f"rotor '{rotor.name}' is on wing '{rotor.wing}', which is not described; "
                     + nearest(rotor.wing, wings)
                 )
         for wing in self.wings:
-            if effectors and wing.tilt not in effectors:
+            if effectors and effectors.get(wing.tilt) != "tilt":
                 raise ValueError(
-                    f"wing '{wing.name}' tilts by effector '{wing.tilt}', which is not described; "
-                    + nearest(wing.tilt, effectors)
+                    f"wing '{wing.name}' tilts by '{wing.tilt}', which is no effector of kind 'tilt'; "
+                    + nearest(wing.tilt, (n for n, kind in effectors.items() if kind == "tilt"))
                 )
 
     @property

@@ -8,7 +8,7 @@ the images when it rises. What fits no uniform grid is first put onto one by a c
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -61,7 +61,7 @@ def resample(
     between 359 and 0 degrees. The method and the rate go into the record's provenance.
     """
     if band_hz is not None:
-        check_band(record, record.channels, band_hz[1])
+        record.check_band(record.channels, band_hz[1])
         if band_hz[1] > 0.5 * PASS * rate_hz:
             raise UsageError(
                 f"a rate of {rate_hz:g} Hz passes up to {0.5 * PASS * rate_hz:g} Hz, "
@@ -75,32 +75,6 @@ def resample(
     return replace(
         record, time=time, channels=channels, provenance={**record.provenance, "resampled": history}
     )
-
-
-def check_band(record: FlightRecord, names: Iterable[str], f_max: float) -> None:
-    """Check that every channel can carry a band.
-
-    Parameters
-    ----------
-    record : FlightRecord
-    names : iterable of str
-        Channels of the analysis, ``group/name``.
-    f_max : float
-        Upper end of the band, Hz.
-
-    Raises
-    ------
-    DataError
-        Naming the first channel whose Nyquist frequency, of its native rate or of the record, is lower.
-    """
-    for name in names:
-        rate = min(record.channel(name).native_rate_hz, 1 / record.dt)
-        if f_max > 0.5 * rate * (1 + 1e-9):
-            raise DataError(
-                f"the band reaches {f_max:g} Hz, but channel '{name}' was logged at {rate:.6g} Hz "
-                f"and tells nothing above {0.5 * rate:.6g} Hz",
-                remedy="lower the band or leave the channel out",
-            )
 
 
 def onto_grid(

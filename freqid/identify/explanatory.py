@@ -34,20 +34,10 @@ def explanatory_variables(maneuver: Maneuver, names: Iterable[str]) -> tuple[Arr
     Raises
     ------
     DataError
-        Where a name is neither logged nor computable, with the nearest names; or a regressor is
-        constant over the manoeuvre.
+        Where a name is neither logged nor computable, with the nearest names.
     """
     names = tuple(names)
     values = np.array([history(maneuver, name) for name in names])
-    spread = np.ptp(values, axis=1)
-    still = np.flatnonzero(spread <= 1e-12 * np.abs(values).max(axis=1))
-    if still.size:
-        name, level = names[still[0]], values[still[0], 0]
-        raise DataError(
-            f"regressor '{name}' is constant ({level:.6g} {unit_of(maneuver, name)}) over the manoeuvre, "
-            "so its parameter cannot be estimated",
-            remedy="drop it from the regressors, or excite it",
-        )
     return values, tuple(unit_of(maneuver, name) for name in names)
 
 

@@ -17,6 +17,8 @@ ORDER = 6
 DIRECT_LINES = 50
 # Two frequencies are one where they differ by less than this many cycles over the record.
 SAME_LINE = 1e-11
+# More lines than this are a slip of a unit, not a wish.
+MOST_LINES = 1_000_000
 
 
 class FourierPlan:
@@ -279,6 +281,7 @@ def harmonics(period_s: float, band_hz: tuple[float, float]) -> NDArray[np.float
     low, high = band_hz
     first = max(int(np.ceil(low * period_s - 1e-9)), 1)
     last = int(np.floor(high * period_s + 1e-9))
+    _check_count(last - first + 1)
     if last < first:
         raise UsageError(f"no harmonic of 1/{period_s:g} Hz lies between {low:g} and {high:g} Hz")
     return np.arange(first, last + 1) / float(period_s)
@@ -300,4 +303,13 @@ def frequency_grid(low_hz: float, step_hz: float, high_hz: float) -> NDArray[np.
     if not (0.0 < low_hz <= high_hz and step_hz > 0.0):
         raise UsageError(f"no frequencies lie on {low_hz:g}:{step_hz:g}:{high_hz:g} Hz (low:step:high)")
     count = int(np.floor((high_hz - low_hz) / step_hz + 1e-9)) + 1
-    return low_hz + step_hz * np.arange(count, dtype=float)
+    _check_count(count)
+    return low_hz + step_hz * np.arange(count)
+
+
+def _check_count(lines: int) -> None:
+    if lines > MOST_LINES:
+        raise UsageError(
+            f"{lines} lines are asked for, expected at most {MOST_LINES}",
+            remedy="correct the period or the step",
+        )

@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 
 # The bias is a mean over the record; its error is judged by the residual on the lines nearest to zero.
 BIAS_LINES = 10
+# A regressor that moves by less than this share of its mean is constant but for rounding.
+STILL = 1e-9
 
 
 def identify_point(
@@ -73,9 +75,12 @@ def identify_point(
     dt, trim = maneuver.record.dt, x.mean(axis=1)
     x = x - trim[:, None]
     rms = remove_trend(x, dt, "line").x.std(axis=1)
+    _refuse_still(names, rms, trim)
     problem = _Problem(names, units, x, trim, rms, wrench, dt, settings)
     if settings.method == "frequency":
-        responses = _fit_lines(problem, _lines(settings, excitation))
+        lines = _lines(settings, excitation)
+        maneuver.record.check_band(_used(maneuver, names, settings), float(lines[-1]))
+        responses = _fit_lines(problem, lines)
     else:
         responses = _fit_samples(problem)
     return PointModel(
@@ -144,6 +149,27 @@ class _Problem:
             shared.setdefault(self.settings.regressors_of(response), []).append(r)
         for regressors, rows in shared.items():
             yield rows, [self.names.index(n) for n in regressors]
+
+
+def _refuse_still(names: tuple[str, ...], rms: Array, trim: Array) -> None:
+    """Refuse regressors that, but for a straight line, move by no more than their rounding."""
+    still = np.flatnonzero(rms <= STILL * np.abs(trim))
+    if still.size:
+        name, level = names[still[0]], trim[still[0]]
+        raise DataError(
+            f"regressor '{name}' is constant, or a straight line, over the manoeuvre (mean {level:.6g}, rms "
+            f"about the line {rms[still[0]]:.2g}), so its parameter cannot be estimated",
+            remedy="drop it from the regressors, or excite it",
+        )
+
+
+def _used(maneuver: Maneuver, names: tuple[str, ...], settings: Identification) -> list[str]:
+    """Return the channels that carry the band of the regression: regressors, rates, forces and rotors."""
+    wanted = [f"{group}/{name}" for group in ("state", "air", "effector") for name in names]
+    if settings.response_source == "reconstruct":
+        wanted += [f"state/{n}" for n in ("p", "q", "r", "ax", "ay", "az")]
+        wanted += [f"effector/{r.name}" for r in maneuver.vehicle.rotors if r.inertia]
+    return [name for name in dict.fromkeys(wanted) if name in maneuver.record]
 
 
 def _responses(maneuver: Maneuver, settings: Identification) -> AppliedWrench:

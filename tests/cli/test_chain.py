@@ -149,6 +149,11 @@ BAD_SCENARIOS = {
     "constant regressor": ('X = ["u"', 'X = ["rho"', 3, "'rho' is constant"),
     "collinear pair": ('X = ["u"', 'X = ["twice_w"', 3, "'twice_w'"),
     "unknown key": ("[identification]", "[identification]\nmehtod = 'time'", 2, "did you mean 'method'"),
+    "no regressors": ('X = ["u", "w", "q", "de", "n1"]', "X = []", 2, "'X' has no regressors"),
+    "a million lines": ("period_s = 60.0", "period_s = 1e9", 2, "lines are asked for"),
+    "negative area": ("area_m2 = 1.0", "area_m2 = -1.0", 2, "area_m2 is -1"),
+    "gate of no response": ("r2 = 0.8", "r2 = {Q = 0.5}", 2, "gate r2 names response 'Q'"),
+    "an effector called q": ('name = "da"', 'name = "q"', 2, "effector 'q' has the name of a state"),
     "unknown response": ('"X", "Y"', '"X", "V"', 2, "response 'V' is unknown"),
 }
 
@@ -163,6 +168,7 @@ def test_a_bad_request_says_what_and_where_and_writes_nothing(freqid, record, tm
             twin = file["state/w"]
             file.copy(twin, "effector/twice_w")
             file["effector/twice_w"][...] = 2 * twin[()]
+            file["effector/twice_w"].attrs["units"] = "rad"
             order = json.loads(file.attrs["channel_order"])
             file.attrs["channel_order"] = json.dumps([*order, "effector/twice_w"])
     code, out, err = freqid("identify-point", record, "--scenario", scenario, "-o", tmp_path / "p.h5")
@@ -199,6 +205,73 @@ def test_an_unwritable_folder_is_exit_code_3(freqid, record, tmp_path):
     code, _, err = freqid("identify-point", record, "--scenario", SCENARIO, "-o", tmp_path / "file" / "p.h5")
     assert code == 3
     assert "cannot be written" in err
+
+
+def test_a_result_never_replaces_its_input_or_a_device(freqid, record, tmp_path):
+    before = record.read_bytes()
+    code, _, err = freqid("identify-point", record, "--scenario", SCENARIO, "-o", record)
+    assert (code, record.read_bytes()) == (2, before)
+    assert "would replace its own input" in err
+    code, _, err = freqid("identify-point", record, "--scenario", SCENARIO, "-o", tmp_path)
+    assert code == 3
+    assert "it is a folder" in err
+
+
+def test_a_cut_goes_around_a_fault(freqid, linear_logs, tmp_path):
+    log = spoiled(lambda t: t.assign(q_dps=t.q_dps.where(t.index != 40)))(linear_logs, tmp_path)
+    code, _, err = freqid("import-log", log, "--map", MAP, "--cut", "10:50", "-o", tmp_path / "r.h5")
+    assert (code, err) == (0, "")
+
+
+def test_what_sidpac_has_no_column_for_is_said(freqid, record, tmp_path):
+    _, out, _ = freqid("export-log", record, "-o", tmp_path / "flight.mat", "--json")
+    assert "excitation/de" in json.loads(out)["left_out"]
+
+
+RECORD_FAULTS = {
+    "degrees": (lambda f: f["effector/de"].attrs.__setitem__("units", "deg"), 0, ""),
+    "wrong unit": (lambda f: f["state/q"].attrs.__setitem__("units", "m"), 3, "state/q"),
+    "slow channel": (lambda f: f["effector/n1"].attrs.__setitem__("native_rate_hz", 2.0), 3, "Nyquist"),
+    "ramp": (
+        lambda f: f["effector/da"].write_direct(0.1 + 1e-3 * f["time"][()]),
+        3,
+        "'da' is constant, or a",
+    ),
+    "complex": (lambda f: recast(f, "state/q", complex), 3, "state/q"),
+    "sensor of two numbers": (
+        lambda f: f["state/ax"].attrs.__setitem__("position_m", [0, 1]),
+        3,
+        "expected three",
+    ),
+}
+
+
+def recast(file, name, dtype):
+    values, attrs = file[name][()], dict(file[name].attrs)
+    del file[name]
+    file[name] = values.astype(dtype)
+    for key in ("units", "native_rate_hz", "source"):
+        file[name].attrs[key] = attrs[key]
+
+
+@pytest.mark.parametrize("fault", RECORD_FAULTS)
+def test_a_record_of_another_program_is_checked(freqid, record, tmp_path, fault):
+    change, expected, says = RECORD_FAULTS[fault]
+    with h5py.File(record, "r+") as file:
+        change(file)
+    code, _, err = freqid("identify-point", record, "--scenario", SCENARIO, "-o", tmp_path / "p.h5")
+    assert code in (expected, 4 if expected == 0 else expected), err
+    assert says in err
+
+
+def test_a_channel_in_degrees_is_converted(freqid, record, tmp_path):
+    _, plain, _ = freqid("identify-point", record, "--scenario", SCENARIO, "--responses", "M", "--json")
+    with h5py.File(record, "r+") as file:
+        file["effector/de"][...] = np.rad2deg(file["effector/de"][()])
+        file["effector/de"].attrs["units"] = "deg"
+    _, converted, _ = freqid("identify-point", record, "--scenario", SCENARIO, "--responses", "M", "--json")
+    pick = [json.loads(t)["responses"]["M"]["parameters"]["de"]["estimate"] for t in (plain, converted)]
+    assert pick[1] == pytest.approx(pick[0], rel=1e-9)
 
 
 def test_usage_errors_are_exit_code_2(freqid):

@@ -7,7 +7,7 @@ import pytest
 
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Channel, FlightRecord
-from freqid.flightlog.resample import PASS, check_band, onto_grid, resample
+from freqid.flightlog.resample import PASS, onto_grid, resample
 
 SECONDS = 40.0
 
@@ -168,15 +168,18 @@ def test_a_band_above_a_native_nyquist_frequency_is_refused():
     record = record_of(50, state__q=lambda t: t).with_channels(
         Channel(name="effector/de", unit="rad", values=np.zeros(2001), native_rate_hz=10, source="test")
     )
-    check_band(record, ["state/q"], 25.0)
-    check_band(record, ["state/q", "effector/de"], 5.0)
-    with pytest.raises(DataError, match="'effector/de' was logged at 10 Hz and tells nothing above 5 Hz"):
-        check_band(record, ["state/q", "effector/de"], 5.1)
+    record.check_band(["state/q"], 25.0)
+    record.check_band(["state/q", "effector/de"], 5.0)
+    with pytest.raises(
+        DataError,
+        match="'effector/de' was logged at 10 Hz and tells nothing above its Nyquist frequency, 5 Hz",
+    ):
+        record.check_band(["state/q", "effector/de"], 5.1)
     with pytest.raises(DataError, match="'state/q' was logged at 50 Hz"):
-        check_band(record, ["state/q"], 26.0)
+        record.check_band(["state/q"], 26.0)
     with pytest.raises(DataError, match="'effector/de'"):
         resample(record, 50, band_hz=(0.1, 6.0))
     with pytest.raises(UsageError, match=r"a rate of 8 Hz passes up to 3.2 Hz.*to 10 Hz or more"):
         resample(record, 8, band_hz=(0.1, 4.0))
     with pytest.raises(DataError, match="'state/q' was logged at 8 Hz"):
-        check_band(resample(record, 8), ["state/q"], 4.5)
+        resample(record, 8).check_band(["state/q"], 4.5)

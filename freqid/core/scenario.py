@@ -42,9 +42,9 @@ class Reference(Strict, frozen=True):
     ----------
     id : str
     u : float
-        Forward speed, m/s.
+        Forward speed, m/s; nan in a model whose record does not tell.
     rho : float
-        Air density, kg/m3.
+        Air density, kg/m3; likewise.
     dw1, dw2 : float
         Front and rear wing tilt, rad.
     """
@@ -54,12 +54,6 @@ class Reference(Strict, frozen=True):
     rho: float
     dw1: float = 0.0
     dw2: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not (isfinite(self.u) and 0 <= self.rho < inf):
-            raise ValueError(
-                f"reference '{self.id}' has u = {self.u:g}, rho = {self.rho:g}; expected finite, rho >= 0"
-            )
 
 
 class FrequencyGrid(Strict, frozen=True):
@@ -110,6 +104,10 @@ class Excitation(Strict, frozen=True):
         Random starts of the search for phases, by effector.
     net_load : dict
         Importance of the net peak of each axis, X to N; axes that are not named do not count.
+    fade_s : tuple of 2 floats, optional
+        Times in which the flight software fades the signals in and out, for the test card.
+    abort : dict
+        Largest deviation from the trim by state, SI, at which a run is broken off, for the test card.
     """
 
     band_hz: tuple[float, float]
@@ -126,6 +124,8 @@ class Excitation(Strict, frozen=True):
     dt_s: float = 0.02
     starts: int = 20
     net_load: dict[Literal["X", "Y", "Z", "L", "M", "N"], float] = msgspec.field(default_factory=dict)
+    fade_s: tuple[float, float] | None = None
+    abort: dict[str, float] = msgspec.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         low, high = self.band_hz
@@ -286,6 +286,11 @@ class Scenario(Strict, frozen=True):
     gates: Gates = Gates()
 
     def __post_init__(self) -> None:
+        for at in self.reference:
+            if not (isfinite(at.u) and 0 <= at.rho < inf):
+                raise ValueError(
+                    f"reference '{at.id}' has u = {at.u:g} and rho = {at.rho:g}, expected finite ones, rho >= 0"
+                )
         self.aircraft()  # what does not fit together is said when the file is read
 
     def aircraft(self) -> Vehicle:

@@ -97,8 +97,10 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def short(value: float) -> str:
-    """Return a number as one would write it by hand: up to four digits, no zeros at the end."""
-    return _signed(f"{value:.4g}") if math.isfinite(value) else NONE
+    """Return a number as one would write it by hand: about four digits, no zeros at the end."""
+    if not math.isfinite(value):
+        return NONE
+    return _signed(f"{value:.0f}" if 1e4 <= abs(value) < 1e6 else f"{value:.4g}")
 
 
 def share(value: float) -> str:

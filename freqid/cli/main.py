@@ -12,6 +12,7 @@ from freqid import __version__
 from freqid.core.errors import EXIT_BUG, EXIT_DATA, FreqidError
 
 COMMANDS = {
+    "design-inputs": "design_inputs",
     "import-log": "import_log",
     "export-log": "export_log",
     "identify-point": "identify_point",
@@ -38,9 +39,9 @@ class LazyGroup(click.Group):
 def main() -> None:
     """Frequency-domain system identification of eVTOL aircraft from flight data.
 
-    A flight goes import-log, identify-point, report. Results go to stdout, progress and errors to
-    stderr. Exit codes: 0 good, 2 usage, 3 unreadable or inconsistent data, 4 finished but a gate of
-    the scenario failed, 70 a bug.
+    A campaign goes design-inputs, import-log, identify-point, report. Results go to stdout, progress
+    and errors to stderr. Exit codes: 0 good, 2 usage, 3 unreadable or inconsistent data, 4 finished but
+    a gate of the scenario failed, 70 a bug.
     """
 
 

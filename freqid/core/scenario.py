@@ -289,7 +289,7 @@ class Scenario(Strict, frozen=True):
         for at in self.reference:
             if not (isfinite(at.u) and 0 <= at.rho < inf):
                 raise ValueError(
-                    f"reference '{at.id}' has u = {at.u:g} and rho = {at.rho:g}, expected finite ones, rho >= 0"
+                    f"reference '{at.id}' has u = {at.u:g} and rho = {at.rho:g}, expected finite numbers"
                 )
         self.aircraft()  # what does not fit together is said when the file is read
 

@@ -304,7 +304,7 @@ def frequency_grid(low_hz: float, step_hz: float, high_hz: float) -> NDArray[np.
         raise UsageError(f"no frequencies lie on {low_hz:g}:{step_hz:g}:{high_hz:g} Hz (low:step:high)")
     count = int(np.floor((high_hz - low_hz) / step_hz + 1e-9)) + 1
     _check_count(count)
-    return low_hz + step_hz * np.arange(count)
+    return low_hz + step_hz * np.arange(count, dtype=float)
 
 
 def _check_count(lines: int) -> None:

@@ -24,7 +24,7 @@ STUDIED_PERIODS = (40.0, 60.0, 80.0, 100.0, 120.0)  # s, the range of the LA-8 s
 
 @dataclass(frozen=True)
 class Prediction:
-    """What a point model says about a design: accuracy where noise is stated, motion, its spread, the trim."""
+    """What a point model says about a design: accuracy (where noise is stated), motion, spread, trim."""
 
     forecast: Forecast | None = None
     motion: Excursions | None = None

@@ -65,7 +65,7 @@ def main() -> None:
         for i, axis in enumerate(WRENCH):
             less, than_usual = 1 - after[i] / before[i], 1 - after[i] / usual[i]
             print(
-                f"  {axis}: {before[i]:.3g} -> {after[i]:.3g}, {less:5.0%} less, {than_usual:5.0%} than random"
+                f"  {axis}: {before[i]:.3g} -> {after[i]:.3g}, {less:.0%} less, {than_usual:.0%} than random"
             )
             rows.append(
                 {

@@ -1,8 +1,9 @@
-"""Choose starts and senses of the signals so that what they do together to the aircraft stays small.
+"""Choose how the signals are played so that what they do together to the aircraft stays small.
 
 The relative peak factor of each signal says nothing about their sum. Starting a periodic signal at another
 of its zeros, turning it upside down or playing it backwards leaves its spectrum, its rms and its peak
-factor as they are, but not the sum: a choice that costs nothing.
+factor as they are, but not the sum: a choice that costs nothing. Once it is made, small changes of all
+phases together, which raise each peak factor by no more than a budget, lower the sum again as much.
 """
 
 from __future__ import annotations
@@ -11,29 +12,31 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from freqid.core.design import Multisine
+from freqid.design.joint_phases import JointPhases
 from freqid.design.signals import PEAK_POINTS, sample, samples_per_period, zero_crossings
 
 Array = NDArray[np.float64]
 
-SEARCH_POINTS = 8  # samples per shortest period while searching: the result is judged at 64
-SHARPNESS = 24.0  # of the norm that stands for the largest ratio among axes and times
-SWEEPS = 12
+_CHANCE = 200  # random ways of playing whose median peak is what an axis would see by chance
+_POINTS = 4  # samples per shortest period while searching: the result is judged at 64
+_SQUARINGS = 4  # the search lowers a norm of order 2^4: many peaks of one height are hard to polish away
+_SWEEPS = 12
+_TABLE = 50_000_000  # samples of all ways of all signals, at most: 200 MB
+_ROUNDS = ((6, 6, 0.1), (2, 30, 0.03))  # of the polish: candidates, steps, first trust in rad
 
 
-def ways(signal: Multisine) -> list[Multisine]:
-    """Return every way to play a signal that starts and ends at zero."""
+def ways(signal: Multisine, most: int | None = None) -> list[Multisine]:
+    """Return every way to play a signal that starts and ends at zero, or about `most` of them."""
     angles, _ = zero_crossings(signal.index, signal.amplitude, signal.phase)
-    found = []
-    for angle in angles:
-        forward = signal.phase + signal.index * angle
-        # u(-theta) and -u(theta): sin(-k theta + phi) is sin(k theta + pi - phi)
-        for phase in (forward, forward + np.pi, np.pi - forward, -forward):
-            wrapped = np.mod(phase + np.pi, 2 * np.pi) - np.pi
-            found.append(replace(signal, phase=wrapped))
-    return found
+    if most is not None:
+        angles = angles[:: max(1, -(-4 * angles.size // most))]
+    forward = signal.phase + np.outer(angles, signal.index)
+    # u(-theta) and -u(theta): sin(-k theta + phi) is sin(k theta + pi - phi)
+    phases = np.concatenate([forward, forward + np.pi, np.pi - forward, -forward])
+    return [replace(signal, phase=phase) for phase in np.mod(phases + np.pi, 2.0 * np.pi) - np.pi]
 
 
 def net_loads(signals: Sequence[Multisine], effectiveness: Array, points: int = PEAK_POINTS) -> Array:
@@ -51,18 +54,50 @@ def net_loads(signals: Sequence[Multisine], effectiveness: Array, points: int = 
     return effectiveness @ np.array([sample(s.index, s.amplitude, s.phase, samples) for s in signals])
 
 
-def lowest_net_loads(
-    signals: Sequence[Multisine], effectiveness: Array, weights: Array, *, starts: int = 4, seed: int = 0
-) -> list[Multisine]:
-    """Choose how each signal is played so that the net peaks are low on all axes that count.
+def peaks_by_chance(signals: Sequence[Multisine], effectiveness: Array, seed: int = 0) -> Array:
+    """Return the median over 200 random ways of playing of the net peak of each axis, shape (axis,).
 
     Parameters
     ----------
     signals : sequence of Multisine, length effector
     effectiveness : ndarray, shape (axis, effector)
         Load per unit of each effector.
+    seed : int
+    """
+    rng = np.random.default_rng(seed)
+    choices = [ways(s) for s in signals]
+    drawn = ([c[rng.integers(len(c))] for c in choices] for _ in range(_CHANCE))
+    return np.median([np.abs(net_loads(draw, effectiveness)).max(axis=1) for draw in drawn], axis=0)
+
+
+def lowest_net_loads(
+    signals: Sequence[Multisine],
+    effectiveness: Array,
+    weights: Array,
+    *,
+    rpf_budget: float = 0.03,
+    powers: Sequence[ArrayLike] | None = None,
+    limits: tuple[float, float] | None = None,
+    starts: int = 16,
+    seed: int = 0,
+) -> list[Multisine]:
+    """Choose how each signal is played so that the net peaks are low on all axes that count.
+
+    Parameters
+    ----------
+    signals : sequence of Multisine, length effector
+        Each with phases that give it a low peak factor.
+    effectiveness : ndarray, shape (axis, effector)
+        Load per unit of each effector.
     weights : ndarray, shape (axis,)
         Importance of each axis; 0 leaves it out.
+    rpf_budget : float
+        By how much of itself each relative peak factor may rise; 0 keeps all phases but for start, sense
+        and reversal.
+    powers : sequence of array_like, optional
+        Power fractions that `limits` refer to; flat where absent.
+    limits : tuple of 2 floats, optional
+        Lowest and highest ratio of each power to its reference; absent, amplitudes stay. The rms stays.
     starts : int
         Searches, from random ways of playing.
     seed : int
@@ -70,44 +105,74 @@ def lowest_net_loads(
     Returns
     -------
     list of Multisine, length effector
+        Starting at zero. Signals without effect on the axes that count come back as they are, and so do
+        all where nothing better was found.
 
     Notes
     -----
-    Each net load is measured against its own rms, which does not depend on the choice, so that axes of
-    different size count alike. One signal after another is replaced by its best way while the rest stay,
-    until none changes; the best of several random starts is kept.
+    What is lowered is the largest ratio, among axes, of net peak to reference times weight. The
+    reference is the smaller of the peak of `signals` and that of `peaks_by_chance`: a largest ratio below
+    one lowers every axis that counts. One signal after another is replaced by its best way while the rest
+    stay, until none changes; the best of several random starts are polished by `JointPhases`.
     """
-    samples = samples_per_period(np.concatenate([s.index for s in signals]), SEARCH_POINTS)
-    choices = [ways(s) for s in signals]
-    waves = [np.array([sample(w.index, w.amplitude, w.phase, samples) for w in c]) for c in choices]
-    power = np.array([0.5 * np.sum(s.amplitude**2) for s in signals])
-    rms = np.sqrt(effectiveness**2 @ power)
-    counted = (weights > 0) & (rms > 0)
-    scaled = effectiveness[counted] * (weights[counted] / rms[counted])[:, None]
+    counted = (weights > 0) & effectiveness.any(axis=1)
+    heard = np.flatnonzero(effectiveness[counted].any(axis=0))
+    if not heard.size:
+        return list(signals)
+    given, loads = [signals[i] for i in heard], effectiveness[np.ix_(counted, heard)]
+    reference = np.minimum(np.abs(net_loads(given, loads)).max(axis=1), peaks_by_chance(given, loads, seed))
+    scaled = loads * (weights[counted] / reference)[:, None]
 
-    rng = np.random.default_rng(seed)
-    best, best_cost = [0] * len(signals), np.inf
-    for start in range(starts):
-        chosen = [0 if start == 0 else int(rng.integers(len(c))) for c in choices]
-        net = sum(np.outer(scaled[:, i], waves[i][c]) for i, c in enumerate(chosen))
+    fractions = [
+        np.ones(s.index.size) if powers is None else np.asarray(powers[i]) for i, s in zip(heard, given)
+    ]
+    joint = JointPhases(given, scaled, rpf_budget, fractions, limits)
+    states = [joint.state(found) for found in _search(given, scaled, starts, seed)]
+    seen = [joint.state(given), *states]
+    if rpf_budget > 0.0:
+        for keep, steps, trust in _ROUNDS:
+            paths = [joint.polish(state, steps, trust) for state in states[:keep]]
+            states = sorted((path[-1] for path in paths), key=lambda state: state.merit)
+            seen += [state for path in paths for state in path]
+    best = min((state for state in seen if state.excess == 0.0), key=lambda state: state.peak)
+    result = list(signals)
+    for i, signal in zip(heard, joint.signals(best), strict=True):
+        result[i] = signal
+    return result
+
+
+def _search(signals: Sequence[Multisine], scaled: Array, starts: int, seed: int) -> list[list[Multisine]]:
+    """Return the ways of playing that coordinate descents end in, the lowest norm first."""
+    samples = samples_per_period(np.concatenate([s.index for s in signals]), _POINTS)
+    choices = [ways(s, _TABLE // (samples * len(signals))) for s in signals]
+    waves = [
+        sample(c[0].index, c[0].amplitude, [way.phase for way in c], samples).astype(np.float32)
+        for c in choices
+    ]
+    scaled = scaled.astype(np.float32)  # half the memory traffic, which is what the search waits for
+    rng = np.random.default_rng((seed, 1))
+    found: list[tuple[float, list[int]]] = []
+    for _ in range(starts):
+        chosen = [int(rng.integers(len(c))) for c in choices]
+        net = scaled @ np.array([w[c] for w, c in zip(waves, chosen, strict=True)])
         cost = np.inf
-        for _ in range(SWEEPS):
+        for _ in range(_SWEEPS):
             before = cost
-            for i in rng.permutation(len(signals)):
+            for i in rng.permutation(len(waves)):
                 rest = net - np.outer(scaled[:, i], waves[i][chosen[i]])
-                trial = rest + scaled[:, i, None] * waves[i][:, None, :]  # (way, axis, sample)
-                costs = _largest(trial)
+                costs = sum(_norm(r + e * waves[i]) for r, e in zip(rest, scaled[:, i], strict=True))
                 chosen[i] = int(np.argmin(costs))
-                cost, net = float(costs[chosen[i]]), trial[chosen[i]]
-            if cost > 0.9999 * before:
+                net = rest + np.outer(scaled[:, i], waves[i][chosen[i]])
+                cost = float(costs[chosen[i]])
+            if cost > 0.99 * before:
                 break
-        if cost < best_cost:
-            best, best_cost = list(chosen), cost
-    return [choices[i][c] for i, c in enumerate(best)]
+        found.append((cost, chosen))
+    found.sort()
+    return [[c[w] for c, w in zip(choices, chosen, strict=True)] for _, chosen in found]
 
 
-def _largest(loads: Array) -> Array:
-    """Return a smooth stand-in for the largest peak of any axis, shape (way,)."""
-    peak = np.abs(loads).max(axis=-1)
-    top = peak.max(axis=-1, keepdims=True)
-    return top[:, 0] * np.sum((peak / top) ** SHARPNESS, axis=-1) ** (1 / SHARPNESS)
+def _norm(loads: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the sum of the 2^_SQUARINGS-th powers over time."""
+    for _ in range(_SQUARINGS):
+        loads = loads * loads
+    return loads.sum(axis=-1)

@@ -19,7 +19,7 @@ from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 from freqid.design.excursions import excursions
 from freqid.design.forecast import forecast
 from freqid.design.multisine import merit, truncated
-from freqid.design.net_load import Played, net_loads
+from freqid.design.net_load import net_loads
 from freqid.design.rigid_body import close_loop
 from freqid.report import test_card as cards
 from freqid.report.design_page import build_design_page, write_design_page
@@ -110,7 +110,7 @@ def plan(vehicle, design, loop) -> FlightPlan:
 @pytest.fixture(scope="module")
 def loads(design):
     effectiveness = np.array([[-30.0, -30.0, 0.0, 0.1], [-20.0, -25.0, 0.0, 0.0]])
-    played = [Played(s.index, s.amplitude, s.phase) for s in design.signals]
+    played = list(design.signals)
     turned = [replace(played[0], phase=played[0].phase + np.pi), *played[1:]]
     return ("Z", "M"), net_loads(turned, effectiveness), net_loads(played, effectiveness)
 

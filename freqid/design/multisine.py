@@ -53,10 +53,7 @@ def design_multisines(
     lines = lines[[_allowed(int(k), excitation) for k in lines]]
     limits = limits_from_db(excitation.power_db)
     sets = _allocate(excitation, chosen, lines, limits, seed)
-    powers = None
-    if excitation.spectrum is not None:
-        frequency, density = zip(*excitation.spectrum, strict=True)
-        powers = [fractions(index, excitation.period_s, frequency, density) for index in sets]
+    powers = _reference_powers(excitation, sets)
     waves = lowest_peaks(sets, powers, limits=limits, starts=excitation.starts, seed=seed, progress=progress)
     signals = tuple(
         Multisine(e.name, e.unit, w.index, w.amplitude * _amplitude(excitation, e) / np.sqrt(2), w.phase)
@@ -149,6 +146,14 @@ def _allocate(
     return search(lines, low, ceiling, limits=limits, seed=seed)
 
 
+def _reference_powers(excitation: Excitation, sets: Sequence[NDArray[np.int64]]) -> list[Array] | None:
+    """Return the power fractions of the wanted spectrum; None where it is flat."""
+    if excitation.spectrum is None:
+        return None
+    frequency, density = zip(*excitation.spectrum, strict=True)
+    return [fractions(index, excitation.period_s, frequency, density) for index in sets]
+
+
 def _check_feasible(design: MultisineDesign, excitation: Excitation, chosen: Sequence[Effector]) -> None:
     """Refuse signals that leave their effector's range or outrun its rate."""
     judged = merit(design)
@@ -187,7 +192,7 @@ def with_low_net_loads(
     design : MultisineDesign
         As `design_multisines` gives it.
     excitation : Excitation
-        Says which axes count.
+        Says which axes count, and how far powers may move.
     effectors : sequence of Effector
         Of the vehicle, with their effectiveness.
 
@@ -203,7 +208,15 @@ def with_low_net_loads(
             remedy="add effectiveness = { X = ..., N = ... } to the effectors, or drop net_load",
         )
     weights = np.array([excitation.net_load.get(axis, 0.0) for axis in WRENCH])  # type: ignore[call-overload]
-    return replace(design, signals=tuple(lowest_net_loads(design.signals, loads, weights, seed=design.seed)))
+    signals = lowest_net_loads(
+        design.signals,
+        loads,
+        weights,
+        powers=_reference_powers(excitation, [s.index for s in design.signals]),
+        limits=limits_from_db(excitation.power_db),
+        seed=design.seed,
+    )
+    return replace(design, signals=tuple(signals))
 
 
 def sampled(design: MultisineDesign) -> SampledInputs:

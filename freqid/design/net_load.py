@@ -116,15 +116,16 @@ def lowest_net_loads(
     stay, until none changes; the best of several random starts are polished by `JointPhases`.
     """
     counted = (weights > 0) & effectiveness.any(axis=1)
-    heard = np.flatnonzero(effectiveness[counted].any(axis=0))
-    if not heard.size:
+    heard = [i for i in range(len(signals)) if effectiveness[counted, i].any()]
+    if not heard:
         return list(signals)
-    given, loads = [signals[i] for i in heard], effectiveness[np.ix_(counted, heard)]
+    given, loads = [signals[i] for i in heard], effectiveness[counted][:, heard]
     reference = np.minimum(np.abs(net_loads(given, loads)).max(axis=1), peaks_by_chance(given, loads, seed))
     scaled = loads * (weights[counted] / reference)[:, None]
 
     fractions = [
-        np.ones(s.index.size) if powers is None else np.asarray(powers[i]) for i, s in zip(heard, given)
+        np.ones(signals[i].index.size) if powers is None else np.asarray(powers[i], dtype=float)
+        for i in heard
     ]
     joint = JointPhases(given, scaled, rpf_budget, fractions, limits)
     states = [joint.state(found) for found in _search(given, scaled, starts, seed)]
@@ -133,8 +134,8 @@ def lowest_net_loads(
         for keep, steps, trust in _ROUNDS:
             paths = [joint.polish(state, steps, trust) for state in states[:keep]]
             states = sorted((path[-1] for path in paths), key=lambda state: state.merit)
-            seen += [state for path in paths for state in path]
-    best = min((state for state in seen if state.excess == 0.0), key=lambda state: state.peak)
+            seen += [state for path in paths for state in path[1:] if state.excess == 0.0]
+    best = min(seen, key=lambda state: state.peak)
     result = list(signals)
     for i, signal in zip(heard, joint.signals(best), strict=True):
         result[i] = signal
@@ -149,20 +150,22 @@ def _search(signals: Sequence[Multisine], scaled: Array, starts: int, seed: int)
         sample(c[0].index, c[0].amplitude, [way.phase for way in c], samples).astype(np.float32)
         for c in choices
     ]
-    scaled = scaled.astype(np.float32)  # half the memory traffic, which is what the search waits for
+    loads = scaled.astype(np.float32)  # half the memory traffic, which is what the search waits for
     rng = np.random.default_rng((seed, 1))
     found: list[tuple[float, list[int]]] = []
     for _ in range(starts):
         chosen = [int(rng.integers(len(c))) for c in choices]
-        net = scaled @ np.array([w[c] for w, c in zip(waves, chosen, strict=True)])
+        net = loads @ np.array([w[c] for w, c in zip(waves, chosen, strict=True)])
         cost = np.inf
         for _ in range(_SWEEPS):
             before = cost
             for i in rng.permutation(len(waves)):
-                rest = net - np.outer(scaled[:, i], waves[i][chosen[i]])
-                costs = sum(_norm(r + e * waves[i]) for r, e in zip(rest, scaled[:, i], strict=True))
+                rest = net - np.outer(loads[:, i], waves[i][chosen[i]])
+                costs = np.zeros(len(waves[i]))
+                for r, load in zip(rest, loads[:, i], strict=True):
+                    costs += _norm(r + load * waves[i])
                 chosen[i] = int(np.argmin(costs))
-                net = rest + np.outer(scaled[:, i], waves[i][chosen[i]])
+                net = rest + np.outer(loads[:, i], waves[i][chosen[i]])
                 cost = float(costs[chosen[i]])
             if cost > 0.99 * before:
                 break

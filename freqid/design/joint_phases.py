@@ -1,0 +1,224 @@
+"""Lower the largest net peak of several multisines by small changes of all their phases, and powers.
+
+The problem: least t such that the net load of every axis, over its reference, stays within +-t at all
+times, while each signal keeps its range (max - min) within a budget, starts at zero and keeps its rms. Each
+step of this sequential linear programme makes everything linear in the changes, lets no phase change by
+more than a trust, and asks a linear programme for the best step. At a solution some hundred peaks are
+equally high, about as many as there are phases, so linear models with the true corners converge fast.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft
+from scipy.optimize import linprog
+
+from freqid.core.design import Multisine
+from freqid.design.signals import PEAK_POINTS, relative_peak_factor, samples_per_period
+
+Array = NDArray[np.float64]
+
+_PENALTY = (
+    3.0  # t that one unit of relative excess of a range costs; budgets were seen to be worth 0.5 to 1.5
+)
+_RESERVE = 0.04  # of the budget: what steps overshoot, and peaks between samples
+_REACH = 2.0  # peaks lower than the highest by more than this times the trust cannot matter in one step
+_NEGLIGIBLE = 2e-4  # relative gain foreseen that is not worth a step
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Amplitudes and phases of all signals, and how good they are.
+
+    Attributes
+    ----------
+    amplitude, phase : ndarray, shape (tone,)
+        Of all signals, one after another.
+    peak : float
+        Largest net load over its reference.
+    excess : float
+        Largest relative peak factor over its allowed one, less 1; 0 where all are allowed.
+    """
+
+    amplitude: Array
+    phase: Array
+    peak: float
+    excess: float
+
+    @property
+    def merit(self) -> float:
+        """Peak, with a penalty for ranges that are too large."""
+        return self.peak * (1.0 + _PENALTY * self.excess)
+
+
+class JointPhases:
+    """The problem for one set of signals.
+
+    Parameters
+    ----------
+    signals : sequence of Multisine, length signal
+    scaled : ndarray, shape (axis, signal)
+        Load per unit of each signal, over the reference of the axis.
+    budget : float
+        By how much of itself the range of each signal may grow.
+    fractions : sequence of ndarray, each of shape (tone,)
+        Reference of the powers, in any scale.
+    limits : tuple of 2 floats, optional
+        Lowest and highest ratio of each power to its reference; absent, amplitudes are fixed.
+    """
+
+    def __init__(
+        self,
+        signals: Sequence[Multisine],
+        scaled: Array,
+        budget: float,
+        fractions: Sequence[Array],
+        limits: tuple[float, float] | None,
+    ):
+        self._signals, self._scaled, self._limits = tuple(signals), scaled, limits
+        self._index = np.concatenate([s.index for s in signals])
+        self._owner = np.repeat(np.arange(len(signals)), [s.index.size for s in signals])
+        self._mine = self._owner == np.arange(len(signals))[:, None]  # (signal, tone)
+        self._reference = np.concatenate(
+            [f / np.sum(f) * np.sum(s.amplitude**2) for s, f in zip(signals, fractions, strict=True)]
+        )
+        self._samples = samples_per_period(self._index, PEAK_POINTS)
+        self._allowed = (1.0 + budget) * self._peak_factors(*_joined(signals))
+        self._aim = (1.0 + (1.0 - _RESERVE) * budget) * np.ptp(self._waves(*_joined(signals)), axis=1)
+
+    def state(self, signals: Sequence[Multisine]) -> State:
+        """Judge signals with the harmonics of those of the problem."""
+        return self._judge(*_joined(signals))
+
+    def signals(self, state: State) -> list[Multisine]:
+        """Return the signals of a state."""
+        cuts = np.flatnonzero(np.diff(self._owner)) + 1
+        phases = np.mod(state.phase + np.pi, 2.0 * np.pi) - np.pi
+        parts = zip(self._signals, np.split(state.amplitude, cuts), np.split(phases, cuts), strict=True)
+        return [replace(s, amplitude=a, phase=p) for s, a, p in parts]
+
+    def polish(self, state: State, steps: int, trust: float) -> list[State]:
+        """Improve a state.
+
+        Parameters
+        ----------
+        state : State
+            Its signals start at zero, and its powers are inside the limits.
+        steps : int
+            Linear programmes, at most.
+        trust : float
+            Most that a phase changes in the first step, rad.
+
+        Returns
+        -------
+        states : list of State
+            The given one and those that followed, each of lower merit than the one before.
+        """
+        path = [state]
+        for _ in range(steps):
+            step = self._step(state, trust)
+            if step is None:
+                trust *= 0.4
+                continue
+            (turn, change), foreseen = step
+            if state.merit - foreseen < _NEGLIGIBLE * state.merit:
+                break
+            amplitude = state.amplitude * np.sqrt(1.0 + change)
+            new = self._judge(amplitude, self._start_at_zero(amplitude, state.phase + turn))
+            share = (state.merit - new.merit) / (state.merit - foreseen)
+            trust *= 2.0 if share > 0.7 else 1.0 if share > 0.3 else 0.4
+            if share > 0.0:
+                state = new
+                path.append(state)
+        return path
+
+    def _waves(self, amplitude: Array, phase: Array) -> Array:
+        line = np.zeros((len(self._signals), self._samples // 2 + 1), dtype=complex)
+        line[self._owner, self._index] = -0.5j * self._samples * amplitude * np.exp(1j * phase)
+        return irfft(line, self._samples, axis=-1)
+
+    def _peak_factors(self, amplitude: Array, phase: Array) -> Array:
+        return np.array([relative_peak_factor(self._index[k], amplitude[k], phase[k]) for k in self._mine])
+
+    def _judge(self, amplitude: Array, phase: Array) -> State:
+        peak = float(np.abs(self._scaled @ self._waves(amplitude, phase)).max())
+        excess = float(np.max(self._peak_factors(amplitude, phase) / self._allowed)) - 1.0
+        return State(amplitude, phase, peak, max(excess, 0.0))
+
+    def _start_at_zero(self, amplitude: Array, phase: Array) -> Array:
+        """Undo what a linear step leaves of u(0) = 0, by the smallest change of phases (Newton)."""
+        for _ in range(6):
+            slope = amplitude * np.cos(phase)
+            start = self._mine @ (amplitude * np.sin(phase)) / (self._mine @ slope**2)
+            phase = phase - start[self._owner] * slope
+        return phase
+
+    def _step(self, state: State, trust: float) -> tuple[tuple[Array, Array], float] | None:
+        """Return the best changes of phases (rad) and powers (relative), and the merit foreseen.
+
+        Unknowns are the phases, the powers where free, t and the largest relative excess of a range.
+        """
+        a, p = state.amplitude, state.phase
+        rows, bound = self._peaks(state, 1.0 - min(_REACH * trust, 0.9))
+        sine, cosine = self._mine * (a * np.sin(p)), self._mine * (a * np.cos(p))
+        steady = cosine / np.linalg.norm(cosine, axis=1, keepdims=True)  # u(0) stays zero
+        low, high = np.full(a.size, -trust), np.full(a.size, trust)
+        if self._limits is not None:
+            scale = np.linalg.norm(cosine, axis=1, keepdims=True)
+            power = self._mine * a**2 / (self._mine @ a**2)[:, None]  # its sum stays
+            steady = np.block([[steady, 0.5 * sine / scale], [np.zeros_like(power), power]])
+            room = [limit * self._reference / a**2 - 1.0 for limit in self._limits]
+            low = np.concatenate([low, np.clip(room[0], -2.0 * trust, 0.0)])
+            high = np.concatenate([high, np.clip(room[1], 0.0, 2.0 * trust)])
+        steady = np.hstack([steady, np.zeros((len(steady), 2))])
+        cost = np.concatenate([np.zeros_like(low), [1.0, _PENALTY * state.peak]])
+        bounds = [*zip(low, high, strict=True), (0.0, None), (0.0, None)]
+        found = linprog(cost, rows, bound, steady, np.zeros(len(steady)), bounds, method="highs-ds")
+        if found.x is None or found.fun is None:
+            return None
+        turn, change = found.x[: a.size], found.x[a.size : -2]
+        return (turn, change if change.size else np.zeros_like(turn)), float(found.fun)
+
+    def _peaks(self, state: State, near: float) -> tuple[Array, Array]:
+        """Return one inequality, ``rows @ unknowns <= bound``, for each high peak of nets and signals."""
+        waves = self._waves(state.amplitude, state.phase)
+        net = self._scaled @ waves
+        top, bottom = waves.max(axis=1, keepdims=True), -waves.min(axis=1, keepdims=True)
+        spare = 0.5 * (self._aim[:, None] - top - bottom)  # the same above as below
+        share = waves / np.where(waves > 0.0, top + spare, bottom + spare)
+        axis, when = _high_peaks(net, near * state.peak)
+        own, own_when = _high_peaks(share, near)
+
+        weight = np.sign(net[axis, when])[:, None] * self._scaled[axis][:, self._owner]
+        own_weight = self._mine[own] * np.abs(share[own, own_when] / waves[own, own_when])[:, None]
+        own_weight = own_weight * np.sign(share[own, own_when])[:, None]
+        weight = np.vstack([weight, own_weight]) * state.amplitude
+        when = np.concatenate([when, own_when])
+        angle = np.outer(when * (2.0 * np.pi / self._samples), self._index) + state.phase
+        parts = [weight * np.cos(angle)]  # by phase
+        if self._limits is not None:
+            parts.append(0.5 * weight * np.sin(angle))  # by relative power
+        slack = np.zeros((when.size, 2))
+        slack[: axis.size, 0] = slack[axis.size :, 1] = -1.0
+        bound = np.concatenate([-np.abs(net[axis, when[: axis.size]]), 1.0 - np.abs(share[own, own_when])])
+        return np.hstack([*parts, slack]), bound
+
+
+def _joined(signals: Sequence[Multisine]) -> tuple[Array, Array]:
+    return np.concatenate([s.amplitude for s in signals]), np.concatenate([s.phase for s in signals])
+
+
+def _high_peaks(signal: Array, least: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return rows and samples of the local extremes of at least a magnitude.
+
+    A peak that wanders between samples is lower on them by 0.12 % at most, and moves in proportion to
+    the step, so that its height changes as at a fixed sample to first order.
+    """
+    height = np.abs(signal)
+    peak = (height >= np.roll(height, 1, axis=-1)) & (height > np.roll(height, -1, axis=-1))
+    row, sample = np.nonzero(peak & (height >= least))
+    return row, sample

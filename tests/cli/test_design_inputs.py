@@ -76,7 +76,7 @@ def test_a_scenario_becomes_a_design_with_everything_beside_it(freqid, scenario,
     assert np.abs(correlation - np.eye(4)).max() < 1e-10
     for figures, row in zip(said["effectors"].values(), signals, strict=True):
         assert figures["rms"] == pytest.approx(0.1 / np.sqrt(2))
-        assert np.abs(row).max() <= figures["peak"] * (1 + 1e-9)
+        assert np.abs(row).max() <= figures["peak"] * 1.0012  # what 64 points per period can miss
     back = read_design(tmp_path / "d.h5")
     np.testing.assert_allclose(sampled(back).values, signals, atol=1e-12)
 

@@ -1,0 +1,291 @@
+"""The whole vehicle in motion: one state, one step, whatever commands it.
+
+Everything with memory is in `State`: the rigid body, servos, tilt drives, motors, the battery's charge,
+commands under way and the front wing's wake under way. A closed loop puts its controller's own state
+beside this one and calls `step` with commands that the controller made and the excitation was added to.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..core.errors import UsageError
+from ..core.scenario import Scenario
+from . import airframe, attitude, delay, description, multibody, rigid_body, wake
+from .actuators import Actuators, Commands, actuators, motor_acceleration, servo_acceleration
+from .battery import Power, charge_rate, power
+from .effects import actuator_delay, actuator_lag, battery_sag, gyroscopic
+from .integrate import rk4
+from .multibody import Configuration, MassModel
+from .quantities import Aero, Flow, Positions, Wake
+from .rigid_body import BodyState
+
+LONGEST_DELAY = 0.1  # s, of a command; the wake's is bounded by its own convection time
+_LONGEST_CONVECTION = 0.5  # s
+
+
+class Parameters(NamedTuple):
+    """All numbers of a simulation, leaves that can be differentiated and batched.
+
+    Attributes
+    ----------
+    airframe : airframe.Parameters
+        With the settings of every effect.
+    mass : MassModel
+    actuators : Actuators
+    """
+
+    airframe: airframe.Parameters
+    mass: MassModel
+    actuators: Actuators
+
+
+class Moving(NamedTuple):
+    """What changes continuously; also its rate of change.
+
+    Attributes
+    ----------
+    body : BodyState
+    surface, surface_rate : Array, shape (surface,)
+        Of the servos, rad and rad/s.
+    tilt, tilt_rate : Array, shape (wing,)
+        rad and rad/s.
+    speed : Array, shape (rotor,)
+        rad/s.
+    charge : Array, shape ()
+        Of the battery, 0 to 1.
+    """
+
+    body: BodyState
+    surface: jax.Array
+    surface_rate: jax.Array
+    tilt: jax.Array
+    tilt_rate: jax.Array
+    speed: jax.Array
+    charge: jax.Array
+
+
+class State(NamedTuple):
+    """All memory of the vehicle.
+
+    Attributes
+    ----------
+    moving : Moving
+    commands : Commands of Array, shape (sample, ...)
+        Under way to the actuators, the newest first.
+    wake : Wake of Array, shape (sample, 2)
+        Under way from the front to the rear wing, the newest first.
+    """
+
+    moving: Moving
+    commands: Commands
+    wake: Wake
+
+
+class Surroundings(NamedTuple):
+    """The air that the vehicle moves in.
+
+    Attributes
+    ----------
+    wind : Array, shape (3,)
+        Velocity of the air with its gusts: north, east, down, m/s.
+    spin : Array, shape (3,)
+        Rotation of the air in gusts, the same axes, rad/s.
+    rho : Array, shape ()
+        Density, kg/m3.
+    ground : Array, shape ()
+        Height of the ground on the scale of the state's altitude, m.
+    """
+
+    wind: jax.Array
+    spin: jax.Array
+    rho: jax.Array
+    ground: jax.Array
+
+
+class Details(NamedTuple):
+    """What one evaluation of the motion yields besides the rate of change.
+
+    Attributes
+    ----------
+    flow : Flow
+    positions : Positions
+        Of the effectors as the airframe feels them.
+    aero : Aero
+    power : Power
+    """
+
+    flow: Flow
+    positions: Positions
+    aero: Aero
+    power: Power
+
+
+def parameters(scenario: Scenario) -> Parameters:
+    """Return all numbers of the simulation that a scenario describes.
+
+    Raises
+    ------
+    UsageError
+        Where a section is incomplete, has unknown keys or asks for a delay beyond `LONGEST_DELAY`.
+    """
+    built = Parameters(
+        airframe=description.parameters(scenario),
+        mass=multibody.mass_model(scenario.aircraft()),
+        actuators=actuators(scenario),
+    )
+    delays = actuator_delay.delays(built.airframe.effects["actuator_delay"], built.actuators.delay)
+    if max(delays) > LONGEST_DELAY:
+        raise UsageError(
+            f"a command is delayed by {max(delays):.3g} s, at most {LONGEST_DELAY:g} s can be",
+            remedy="lower delay_s in [simulation.actuators] or the strength of effect actuator_delay",
+        )
+    return built
+
+
+def calm(rho: float, ground: float = 0.0) -> Surroundings:
+    """Return air at rest."""
+    return Surroundings(jnp.zeros(3), jnp.zeros(3), jnp.asarray(rho), jnp.asarray(ground))
+
+
+def start(
+    parameters: Parameters, body: BodyState, positions: Positions, around: Surroundings, dt: float
+) -> State:
+    """Return the state of a vehicle that has been doing for long what it does now.
+
+    Parameters
+    ----------
+    parameters : Parameters
+    body : BodyState
+    positions : Positions
+        Of the effectors; they rest there.
+    around : Surroundings
+    dt : float
+        Of the steps to come, s.
+    """
+    charge = parameters.actuators.battery.charge
+    still = jnp.zeros_like(positions.surface)
+    moving = Moving(
+        body, positions.surface, still, positions.tilt, positions.tilt_rate, positions.speed, charge
+    )
+    flow = relative_flow(body, around)
+    aero = airframe.wrench(parameters.airframe, flow, positions)
+    commands = holding(parameters, positions, aero, charge)
+    return State(
+        moving,
+        delay.start(commands, int(np.ceil(LONGEST_DELAY / dt)) + 2),
+        delay.start(aero.shed, int(np.ceil(_LONGEST_CONVECTION / dt)) + 2),
+    )
+
+
+def holding(parameters: Parameters, positions: Positions, aero: Aero, charge: jax.Array) -> Commands:
+    """Return the commands that keep effectors where they are, the battery's voltage allowed for."""
+    ratio, _ = _voltage(parameters, aero, positions.speed, charge)
+    return Commands(positions.surface, positions.tilt, positions.speed / ratio)
+
+
+def relative_flow(body: BodyState, around: Surroundings) -> Flow:
+    """Return how the vehicle moves through the air around it."""
+    velocity = body.velocity - attitude.to_body(body.attitude, around.wind)
+    rates = body.rates - attitude.to_body(body.attitude, around.spin)
+    return Flow(velocity, rates, around.rho, -body.position[2] - around.ground)
+
+
+def derivative(
+    parameters: Parameters, moving: Moving, commands: Commands, arriving: Wake | None, around: Surroundings
+) -> tuple[Moving, Details]:
+    """Return the rate of change of what moves, and what it came from.
+
+    Parameters
+    ----------
+    parameters : Parameters
+    moving : Moving
+    commands : Commands
+        As they reach the actuators.
+    arriving : Wake, optional
+        What reaches the rear wing; the steady wake where absent.
+    around : Surroundings
+    """
+    effects, act = parameters.airframe.effects, parameters.actuators
+    surface = actuator_lag.position(effects["actuator_lag"], moving.surface, commands.surface)
+    positions = Positions(surface, moving.tilt, moving.tilt_rate, moving.speed)
+    flow = relative_flow(moving.body, around)
+    aero = airframe.wrench(parameters.airframe, flow, positions, arriving)
+    ratio, given = _voltage(parameters, aero, moving.speed, moving.charge)
+    surface_rate = servo_acceleration(act.surface, moving.surface, moving.surface_rate, commands.surface)
+    tilt_rate = servo_acceleration(act.tilt, moving.tilt, moving.tilt_rate, commands.tilt)
+    speed = motor_acceleration(act.motor, moving.speed, commands.speed, ratio)
+    body = rigid_body.derivative(
+        gyroscopic.spinning(effects["gyroscopic"], parameters.mass),
+        Configuration(moving.tilt, moving.tilt_rate, moving.speed),
+        Configuration(moving.tilt_rate, tilt_rate, speed),
+        moving.body,
+        aero.wrench,
+    )
+    charge = charge_rate(act.battery, given.current)
+    rate = Moving(body, moving.surface_rate, surface_rate, moving.tilt_rate, tilt_rate, speed, charge)
+    return rate, Details(flow, positions, aero, given)
+
+
+def step(parameters: Parameters, state: State, commands: Commands, around: Surroundings, dt: float) -> State:
+    """Return the state one step later.
+
+    Parameters
+    ----------
+    parameters : Parameters
+    state : State
+    commands : Commands
+        Sent now, after control and excitation; held over the step.
+    around : Surroundings
+        Held over the step.
+    dt : float
+        Step, s; as `start` was told.
+    """
+    sent = delay.push(state.commands, commands)
+    obeyed = _arrived(parameters, sent, dt)
+    age = _wake_age(parameters, state, around, dt)
+
+    def rate(moving: Moving, elapsed: jax.Array) -> tuple[Moving, Wake]:
+        arriving = delay.read(state.wake, age - elapsed / dt)
+        slope, details = derivative(parameters, moving, obeyed, arriving, around)
+        return slope, details.aero.shed
+
+    moving, shed = rk4(rate, state.moving, dt, has_aux=True)
+    moving = moving._replace(body=rigid_body.normalised(moving.body))
+    return State(moving, sent, delay.push(state.wake, shed))
+
+
+def observe(
+    parameters: Parameters, state: State, commands: Commands, around: Surroundings, dt: float
+) -> tuple[Moving, Details]:
+    """Return the rate of change and the details at the start of a step; parameters as in `step`."""
+    obeyed = _arrived(parameters, delay.push(state.commands, commands), dt)
+    arriving = delay.read(state.wake, _wake_age(parameters, state, around, dt))
+    return derivative(parameters, state.moving, obeyed, arriving, around)
+
+
+def _arrived(parameters: Parameters, sent: Commands, dt: float) -> Commands:
+    """Return the commands that reach the actuators."""
+    settings = parameters.airframe.effects["actuator_delay"]
+    delays = actuator_delay.delays(settings, parameters.actuators.delay)
+    return Commands(*(delay.read(line, late / dt) for line, late in zip(sent, delays, strict=True)))
+
+
+def _wake_age(parameters: Parameters, state: State, around: Surroundings, dt: float) -> jax.Array:
+    """Return where in the line the wake is that arrives now; its newest entry is one step old."""
+    flow = relative_flow(state.moving.body, around)
+    return wake.convection_time(parameters.airframe.wakes, flow) / dt - 1
+
+
+def _voltage(
+    parameters: Parameters, aero: Aero, speed: jax.Array, charge: jax.Array
+) -> tuple[jax.Array, Power]:
+    """Return the voltage that the motors feel over the nominal one, and what the battery gives."""
+    battery = parameters.actuators.battery
+    given = power(battery, charge, aero.torque, speed)
+    settings = parameters.airframe.effects["battery_sag"]
+    return battery_sag.voltage_ratio(settings, given.voltage, battery.nominal), given

@@ -1,9 +1,9 @@
 """Net peak loads before and after the signals are played together: `python benchmarks/net_load.py`.
 
 The 18 effectors of scenarios/la8.toml, T = 60 s, 106 harmonics, all six axes alike. Figures are recomputed
-from the signals on 64 points per shortest period. A reduction is told against two baselines: the same signals
+from the signals on 64 points per shortest period. Reductions are told against two baselines: the same signals
 with the starts that `lowest_peaks` gives them, and the median over 200 random ways of playing them. Times are
-process times of one core. Writes benchmarks/net_load.csv.
+process times. Writes benchmarks/net_load.csv.
 """
 
 from __future__ import annotations
@@ -96,12 +96,8 @@ def main() -> None:
                     )
     with Path(__file__).with_suffix(".csv").open("w", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow(
-            [
-                *("allocation", "power_db", "method", "figure", *WRENCH, "rpf_rise_min_percent"),
-                *("rpf_rise_median_percent", "rpf_rise_max_percent", "process_seconds"),
-            ]
-        )
+        rise = [f"rpf_rise_{what}_percent" for what in ("min", "median", "max")]
+        writer.writerow(["allocation", "power_db", "method", "figure", *WRENCH, *rise, "process_seconds"])
         writer.writerows(rows)
     print("\nLowest crest factor of the two ruddervators' harmonics as one signal, no limit on either's RPF")
     for name, sets in allocations.items():

@@ -13,9 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.fft import irfft
 from scipy.optimize import linprog
+from scipy.sparse import csr_array
 
 from freqid.core.design import Multisine
 from freqid.design.signals import PEAK_POINTS, relative_peak_factor, samples_per_period
@@ -65,7 +66,7 @@ class JointPhases:
         Load per unit of each signal, over the reference of the axis.
     budget : float
         By how much of itself the range of each signal may grow.
-    fractions : sequence of ndarray, each of shape (tone,)
+    fractions : sequence of array_like, each of shape (tone,)
         Reference of the powers, in any scale.
     limits : tuple of 2 floats, optional
         Lowest and highest ratio of each power to its reference; absent, amplitudes are fixed.
@@ -76,7 +77,7 @@ class JointPhases:
         signals: Sequence[Multisine],
         scaled: Array,
         budget: float,
-        fractions: Sequence[Array],
+        fractions: Sequence[ArrayLike],
         limits: tuple[float, float] | None,
     ):
         self._signals, self._scaled, self._limits = tuple(signals), scaled, limits
@@ -84,11 +85,19 @@ class JointPhases:
         self._owner = np.repeat(np.arange(len(signals)), [s.index.size for s in signals])
         self._mine = self._owner == np.arange(len(signals))[:, None]  # (signal, tone)
         self._reference = np.concatenate(
-            [f / np.sum(f) * np.sum(s.amplitude**2) for s, f in zip(signals, fractions, strict=True)]
+            [
+                np.divide(f, np.sum(f)) * np.sum(s.amplitude**2)
+                for s, f in zip(signals, fractions, strict=True)
+            ]
         )
         self._samples = samples_per_period(self._index, PEAK_POINTS)
         self._allowed = (1.0 + budget) * self._peak_factors(*_joined(signals))
         self._aim = (1.0 + (1.0 - _RESERVE) * budget) * np.ptp(self._waves(*_joined(signals)), axis=1)
+
+    @property
+    def tones(self) -> int:
+        """How many harmonics there are."""
+        return self._index.size
 
     def state(self, signals: Sequence[Multisine]) -> State:
         """Judge signals with the harmonics of those of the problem."""
@@ -164,61 +173,71 @@ class JointPhases:
         """
         a, p = state.amplitude, state.phase
         rows, bound = self._peaks(state, 1.0 - min(_REACH * trust, 0.9))
-        sine, cosine = self._mine * (a * np.sin(p)), self._mine * (a * np.cos(p))
-        steady = cosine / np.linalg.norm(cosine, axis=1, keepdims=True)  # u(0) stays zero
+        slope, height = self._mine * (a * np.cos(p)), self._mine * (a * np.sin(p))
+        scale = np.linalg.norm(slope, axis=1, keepdims=True)
+        equal = slope / scale  # keeps u(0) at zero
         low, high = np.full(a.size, -trust), np.full(a.size, trust)
         if self._limits is not None:
-            scale = np.linalg.norm(cosine, axis=1, keepdims=True)
-            power = self._mine * a**2 / (self._mine @ a**2)[:, None]  # its sum stays
-            steady = np.block([[steady, 0.5 * sine / scale], [np.zeros_like(power), power]])
+            share = self._mine * a**2 / (self._mine @ a**2)[:, None]  # keeps the total power
+            equal = np.block([[equal, 0.5 * height / scale], [np.zeros_like(share), share]])
             room = [limit * self._reference / a**2 - 1.0 for limit in self._limits]
             low = np.concatenate([low, np.clip(room[0], -2.0 * trust, 0.0)])
             high = np.concatenate([high, np.clip(room[1], 0.0, 2.0 * trust)])
-        steady = np.hstack([steady, np.zeros((len(steady), 2))])
+        equal, none = csr_array(np.hstack([equal, np.zeros((len(equal), 2))])), np.zeros(len(equal))
         cost = np.concatenate([np.zeros_like(low), [1.0, _PENALTY * state.peak]])
         bounds = [*zip(low, high, strict=True), (0.0, None), (0.0, None)]
-        found = linprog(cost, rows, bound, steady, np.zeros(len(steady)), bounds, method="highs-ds")
+        found = linprog(cost, rows, bound, equal, none, bounds, method="highs-ds")  # type: ignore[arg-type]
         if found.x is None or found.fun is None:
             return None
         turn, change = found.x[: a.size], found.x[a.size : -2]
         return (turn, change if change.size else np.zeros_like(turn)), float(found.fun)
 
-    def _peaks(self, state: State, near: float) -> tuple[Array, Array]:
+    def _peaks(self, state: State, near: float) -> tuple[csr_array, Array]:
         """Return one inequality, ``rows @ unknowns <= bound``, for each high peak of nets and signals."""
         waves = self._waves(state.amplitude, state.phase)
         net = self._scaled @ waves
-        top, bottom = waves.max(axis=1, keepdims=True), -waves.min(axis=1, keepdims=True)
-        spare = 0.5 * (self._aim[:, None] - top - bottom)  # the same above as below
-        share = waves / np.where(waves > 0.0, top + spare, bottom + spare)
-        axis, when = _high_peaks(net, near * state.peak)
-        own, own_when = _high_peaks(share, near)
+        axis, net_when = _high_peaks(net, near * state.peak)
+        top, bottom = waves.max(axis=1), -waves.min(axis=1)
+        spare = 0.5 * (self._aim - top - bottom)  # the same above as below
+        own, own_when = _high_peaks(waves, near * np.minimum(top, bottom))
+        room = np.where(waves[own, own_when] > 0.0, (top + spare)[own], (bottom + spare)[own])
 
-        weight = np.sign(net[axis, when])[:, None] * self._scaled[axis][:, self._owner]
-        own_weight = self._mine[own] * np.abs(share[own, own_when] / waves[own, own_when])[:, None]
-        own_weight = own_weight * np.sign(share[own, own_when])[:, None]
-        weight = np.vstack([weight, own_weight]) * state.amplitude
-        when = np.concatenate([when, own_when])
-        angle = np.outer(when * (2.0 * np.pi / self._samples), self._index) + state.phase
-        parts = [weight * np.cos(angle)]  # by phase
+        when = np.concatenate([net_when, own_when])
+        height = np.concatenate([net[axis, net_when], waves[own, own_when] / room])
+        row, tone = np.nonzero(
+            np.vstack([np.ones((axis.size, self._index.size), dtype=bool), self._mine[own]])
+        )
+        of_net = row < axis.size
+        gain = np.empty(row.size)
+        gain[of_net] = self._scaled[axis[row[of_net]], self._owner[tone[of_net]]]
+        gain[~of_net] = 1.0 / room[row[~of_net] - axis.size]
+        weight = np.sign(height)[row] * gain * state.amplitude[tone]
+        angle = when[row] * (2.0 * np.pi / self._samples) * self._index[tone] + state.phase[tone]
+
+        parts = [(weight * np.cos(angle), row, tone)]
+        unknowns = self._index.size
         if self._limits is not None:
-            parts.append(0.5 * weight * np.sin(angle))  # by relative power
-        slack = np.zeros((when.size, 2))
-        slack[: axis.size, 0] = slack[axis.size :, 1] = -1.0
-        bound = np.concatenate([-np.abs(net[axis, when[: axis.size]]), 1.0 - np.abs(share[own, own_when])])
-        return np.hstack([*parts, slack]), bound
+            parts.append((0.5 * weight * np.sin(angle), row, unknowns + tone))
+            unknowns *= 2
+        every = np.arange(when.size)
+        parts.append((-np.ones(when.size), every, unknowns + (every >= axis.size)))  # t, or the excess
+        values, rows, columns = (np.concatenate(part) for part in zip(*parts, strict=True))
+        bound = np.where(every < axis.size, 0.0, 1.0) - np.abs(height)
+        return csr_array((values, (rows, columns)), shape=(when.size, unknowns + 2)), bound
 
 
 def _joined(signals: Sequence[Multisine]) -> tuple[Array, Array]:
     return np.concatenate([s.amplitude for s in signals]), np.concatenate([s.phase for s in signals])
 
 
-def _high_peaks(signal: Array, least: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return rows and samples of the local extremes of at least a magnitude.
+def _high_peaks(signal: Array, least: float | Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return rows and samples of the local extremes of at least a magnitude, given for all or by row.
 
-    A peak that wanders between samples is lower on them by 0.12 % at most, and moves in proportion to
-    the step, so that its height changes as at a fixed sample to first order.
+    A peak between samples is higher by 0.12 % at most, and one that moves changes its height, to first
+    order, as the signal does at a fixed time.
     """
-    height = np.abs(signal)
-    peak = (height >= np.roll(height, 1, axis=-1)) & (height > np.roll(height, -1, axis=-1))
-    row, sample = np.nonzero(peak & (height >= least))
-    return row, sample
+    found = []
+    for row, bar in zip(np.abs(signal), np.broadcast_to(least, len(signal)), strict=True):
+        peak = (row >= np.roll(row, 1)) & (row > np.roll(row, -1)) & (row >= bar)
+        found.append(np.flatnonzero(peak))
+    return np.repeat(np.arange(len(signal)), [when.size for when in found]), np.concatenate(found)

@@ -21,18 +21,20 @@ from freqid.design.signals import PEAK_POINTS, sample, samples_per_period, zero_
 Array = NDArray[np.float64]
 
 _CHANCE = 200  # random ways of playing whose median peak is what an axis would see by chance
+_CHANCE_POINTS = 16
 _POINTS = 4  # samples per shortest period while searching: the result is judged at 64
 _SQUARINGS = 4  # the search lowers a norm of order 2^4: many peaks of one height are hard to polish away
 _SWEEPS = 12
 _TABLE = 50_000_000  # samples of all ways of all signals, at most: 200 MB
 _ROUNDS = ((6, 6, 0.1), (2, 30, 0.03))  # of the polish: candidates, steps, first trust in rad
+_TONES = 110  # more get fewer starts and candidates, in inverse square, and steps: each costs far more
 
 
 def ways(signal: Multisine, most: int | None = None) -> list[Multisine]:
-    """Return every way to play a signal that starts and ends at zero, or about `most` of them."""
+    """Return every way to play a signal that starts and ends at zero, or some, at most `most`."""
     angles, _ = zero_crossings(signal.index, signal.amplitude, signal.phase)
     if most is not None:
-        angles = angles[:: max(1, -(-4 * angles.size // most))]
+        angles = angles[:: -(-angles.size // max(1, most // 4))]
     forward = signal.phase + np.outer(angles, signal.index)
     # u(-theta) and -u(theta): sin(-k theta + phi) is sin(k theta + pi - phi)
     phases = np.concatenate([forward, forward + np.pi, np.pi - forward, -forward])
@@ -54,7 +56,9 @@ def net_loads(signals: Sequence[Multisine], effectiveness: Array, points: int = 
     return effectiveness @ np.array([sample(s.index, s.amplitude, s.phase, samples) for s in signals])
 
 
-def peaks_by_chance(signals: Sequence[Multisine], effectiveness: Array, seed: int = 0) -> Array:
+def peaks_by_chance(
+    signals: Sequence[Multisine], effectiveness: Array, *, points: int = PEAK_POINTS, seed: int = 0
+) -> Array:
     """Return the median over 200 random ways of playing of the net peak of each axis, shape (axis,).
 
     Parameters
@@ -62,12 +66,14 @@ def peaks_by_chance(signals: Sequence[Multisine], effectiveness: Array, seed: in
     signals : sequence of Multisine, length effector
     effectiveness : ndarray, shape (axis, effector)
         Load per unit of each effector.
+    points : int
+        Samples per shortest period.
     seed : int
     """
     rng = np.random.default_rng(seed)
     choices = [ways(s) for s in signals]
     drawn = ([c[rng.integers(len(c))] for c in choices] for _ in range(_CHANCE))
-    return np.median([np.abs(net_loads(draw, effectiveness)).max(axis=1) for draw in drawn], axis=0)
+    return np.median([np.abs(net_loads(draw, effectiveness, points)).max(axis=1) for draw in drawn], axis=0)
 
 
 def lowest_net_loads(
@@ -99,7 +105,7 @@ def lowest_net_loads(
     limits : tuple of 2 floats, optional
         Lowest and highest ratio of each power to its reference; absent, amplitudes stay. The rms stays.
     starts : int
-        Searches, from random ways of playing.
+        Searches, from random ways of playing; fewer where there are more than 110 harmonics.
     seed : int
 
     Returns
@@ -120,19 +126,20 @@ def lowest_net_loads(
     if not heard:
         return list(signals)
     given, loads = [signals[i] for i in heard], effectiveness[counted][:, heard]
-    reference = np.minimum(np.abs(net_loads(given, loads)).max(axis=1), peaks_by_chance(given, loads, seed))
+    chance = peaks_by_chance(given, loads, points=_CHANCE_POINTS, seed=seed)
+    reference = np.minimum(np.abs(net_loads(given, loads)).max(axis=1), chance)
     scaled = loads * (weights[counted] / reference)[:, None]
+    fractions = [np.ones(s.index.size) for s in signals] if powers is None else powers
+    joint = JointPhases(given, scaled, rpf_budget, [fractions[i] for i in heard], limits)
 
-    fractions = [
-        np.ones(signals[i].index.size) if powers is None else np.asarray(powers[i], dtype=float)
-        for i in heard
-    ]
-    joint = JointPhases(given, scaled, rpf_budget, fractions, limits)
-    states = [joint.state(found) for found in _search(given, scaled, starts, seed)]
+    effort = min(1.0, _TONES / joint.tones)
+    found = _search(given, scaled, int(np.ceil(effort**2 * starts)), seed)
+    states = [joint.state(played) for played in found]
     seen = [joint.state(given), *states]
     if rpf_budget > 0.0:
         for keep, steps, trust in _ROUNDS:
-            paths = [joint.polish(state, steps, trust) for state in states[:keep]]
+            kept = states[: int(np.ceil(effort**2 * keep))]
+            paths = [joint.polish(state, int(np.ceil(effort * steps)), trust) for state in kept]
             states = sorted((path[-1] for path in paths), key=lambda state: state.merit)
             seen += [state for path in paths for state in path[1:] if state.excess == 0.0]
     best = min(seen, key=lambda state: state.peak)

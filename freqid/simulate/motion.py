@@ -15,7 +15,7 @@ import numpy as np
 
 from ..core.errors import UsageError
 from ..core.scenario import Scenario
-from . import airframe, attitude, delay, description, multibody, rigid_body, wake
+from . import airframe, delay, description, multibody, rigid_body, wake
 from .actuators import Actuators, Commands, actuators, motor_acceleration, servo_acceleration
 from .battery import Power, charge_rate, power
 from .effects import actuator_delay, actuator_lag, battery_sag, gyroscopic
@@ -23,6 +23,7 @@ from .integrate import rk4
 from .multibody import Configuration, MassModel
 from .quantities import Aero, Flow, Positions, Wake
 from .rigid_body import BodyState
+from .surroundings import Surroundings, relative_flow
 
 LONGEST_DELAY = 0.1  # s, of a command; the wake's is bounded by its own convection time
 _LONGEST_CONVECTION = 0.5  # s
@@ -86,27 +87,6 @@ class State(NamedTuple):
     wake: Wake
 
 
-class Surroundings(NamedTuple):
-    """The air that the vehicle moves in.
-
-    Attributes
-    ----------
-    wind : Array, shape (3,)
-        Velocity of the air with its gusts: north, east, down, m/s.
-    spin : Array, shape (3,)
-        Rotation of the air in gusts, the same axes, rad/s.
-    rho : Array, shape ()
-        Density, kg/m3.
-    ground : Array, shape ()
-        Height of the ground on the scale of the state's altitude, m.
-    """
-
-    wind: jax.Array
-    spin: jax.Array
-    rho: jax.Array
-    ground: jax.Array
-
-
 class Details(NamedTuple):
     """What one evaluation of the motion yields besides the rate of change.
 
@@ -147,11 +127,6 @@ def parameters(scenario: Scenario) -> Parameters:
     return built
 
 
-def calm(rho: float, ground: float = 0.0) -> Surroundings:
-    """Return air at rest."""
-    return Surroundings(jnp.zeros(3), jnp.zeros(3), jnp.asarray(rho), jnp.asarray(ground))
-
-
 def start(
     parameters: Parameters, body: BodyState, positions: Positions, around: Surroundings, dt: float
 ) -> State:
@@ -186,13 +161,6 @@ def holding(parameters: Parameters, positions: Positions, aero: Aero, charge: ja
     """Return the commands that keep effectors where they are, the battery's voltage allowed for."""
     ratio, _ = _voltage(parameters, aero, positions.speed, charge)
     return Commands(positions.surface, positions.tilt, positions.speed / ratio)
-
-
-def relative_flow(body: BodyState, around: Surroundings) -> Flow:
-    """Return how the vehicle moves through the air around it."""
-    velocity = body.velocity - attitude.to_body(body.attitude, around.wind)
-    rates = body.rates - attitude.to_body(body.attitude, around.spin)
-    return Flow(velocity, rates, around.rho, -body.position[2] - around.ground)
 
 
 def derivative(

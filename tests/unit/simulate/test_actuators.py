@@ -5,8 +5,16 @@ import pytest
 
 from freqid.core.errors import UsageError
 from freqid.core.scenario import convert
+from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 from freqid.simulate import delay
-from freqid.simulate.actuators import ActuatorSection, Motors, Servos, motor_acceleration, servo_acceleration
+from freqid.simulate.actuators import (
+    ActuatorSection,
+    Motors,
+    Servos,
+    by_kind,
+    motor_acceleration,
+    servo_acceleration,
+)
 from freqid.simulate.battery import BatterySection, battery, charge_rate, power
 from freqid.simulate.integrate import integrate, rk4
 
@@ -105,6 +113,17 @@ def test_a_delay_line_returns_what_was_sent_then_and_goes_straight_between():
     assert np.allclose(delay.read(line, 99.0), 0.0)  # the oldest
     slope = jax.grad(lambda late: delay.read(line, late)[0])(2.25)
     assert float(slope) == pytest.approx(-1.0)
+
+
+def test_commands_in_the_order_of_the_scenario_are_split_by_kind():
+    kinds = ["rotor", "surface", "tilt", "surface", "rotor"]
+    effectors = tuple(Effector(name=f"e{k}", kind=kind, limits=(0.0, 1.0)) for k, kind in enumerate(kinds))
+    properties = MassProperties(mass_kg=1.0, inertia=Inertia(xx=1.0, yy=1.0, zz=1.0))
+    vehicle = Vehicle(name="v", mass_properties=properties, effectors=effectors)
+    split = by_kind(vehicle, jnp.arange(10.0).reshape(2, 5))
+    assert np.array_equal(split.surface, [[1, 3], [6, 8]])
+    assert np.array_equal(split.tilt, [[2], [7]])
+    assert np.array_equal(split.speed, [[0, 4], [5, 9]])
 
 
 def test_a_wrong_section_names_the_key():

@@ -13,13 +13,16 @@ from freqid.core.errors import UsageError
 from freqid.core.scenario import read_scenario
 from freqid.simulate import attitude, motion, wake
 from freqid.simulate.actuators import Commands
+from freqid.simulate.airframe import Situation
+from freqid.simulate.effects import ground_effect, turbulence
 from freqid.simulate.integrate import integrate
-from freqid.simulate.quantities import Positions, Wake
+from freqid.simulate.quantities import Aero, Flow, Positions, Wake, Wrench
 from freqid.simulate.rigid_body import BodyState
+from freqid.simulate.surroundings import Surroundings, calm, relative_flow, windy
 
 SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]
 DT, STEPS = 0.005, 160
-AIR = motion.calm(1.2, ground=40.0)
+AIR = calm(1.2, ground=40.0)
 
 
 @pytest.fixture(scope="module")
@@ -173,18 +176,53 @@ def test_wind_and_turning_air_are_felt_in_body_axes():
         jnp.array([10.0, 0, 0]),
         jnp.zeros(3),
     )  # heading east at 10 m/s
-    around = motion.Surroundings(
+    around = Surroundings(
         wind=jnp.array([1.0, 4.0, 0.0]),
         spin=jnp.array([0.0, 0.0, 0.2]),
         rho=jnp.array(1.2),
         ground=jnp.array(50.0),
     )
-    flow = motion.relative_flow(body, around)
+    flow = relative_flow(body, around)
     assert np.allclose(
         flow.velocity, [6.0, 1.0, 0.0]
     )  # the west wind from behind, the south wind from the right
     assert np.allclose(flow.rates, [0.0, 0.0, -0.2])
     assert float(flow.height) == pytest.approx(10.0)
+
+
+def test_gusts_come_along_the_flight_path_on_top_of_the_wind():
+    gusts = np.arange(12.0).reshape(6, 2)
+    around = windy(np.array([3.0, 0.0, 0.0]), gusts, 1.2, heading=np.pi / 2)  # eastward
+    assert np.allclose(around.wind, [[3 - 2, 0, 4], [3 - 3, 1, 5]])
+    assert np.allclose(around.spin, [[-8, 6, 10], [-9, 7, 11]])
+    assert around.rho.shape == around.ground.shape == (2,)
+    off = turbulence.series({"wind_20ft": 0.0}, height=9e9, airspeed=0.0, span=1.8, steps=4, dt=0.1, seed=0)
+    assert np.array_equal(off, np.zeros((6, 4)))
+
+
+def test_the_ground_adds_what_cheeseman_and_bennett_say(parameters):
+    # One radius up in hover: 1 / (1 - 1 / 16); half of it with forward speed v; little above three.
+    rotors = parameters.airframe.propellers
+    hover = Positions(jnp.zeros(10), jnp.full(2, np.pi / 2), jnp.zeros(2), jnp.full(8, 500.0))
+    thrust, radius = jnp.full(8, 35.0), float(rotors.diameter[0]) / 2
+    aero = Aero(Wrench(jnp.zeros(3), jnp.zeros(3)), jnp.zeros(8), thrust, Wake(jnp.zeros(2), jnp.zeros(2)))
+    induced = np.sqrt(35.0 / (2 * 1.2 * np.pi * radius**2))
+
+    @jax.jit
+    def gain(height, speed, tilt):
+        flow = Flow(speed * jnp.array([1.0, 0, 0]), jnp.zeros(3), jnp.array(1.2), height)
+        at = hover._replace(tilt=tilt)
+        added = ground_effect.EFFECT.add({"strength": 1.0}, Situation(parameters.airframe, flow, at, aero))
+        return jnp.append(added.force, added.moment) / (8 * 35.0)
+
+    # Upright, the front hubs are 0.2 m above the origin and the rear ones 0.35 m.
+    up, level = jnp.full(2, np.pi / 2), jnp.zeros(2)
+    near = np.array([(radius / (4 * (1.0 + h))) ** 2 for h in (0.2, 0.35)])
+    assert float(gain(1.0, 0.0, up)[2]) == pytest.approx(-np.mean(near / (1 - near)), rel=1e-4)
+    assert float(gain(1.0, induced, up)[2]) == pytest.approx(-np.mean(near / 2 / (1 - near / 2)), rel=1e-3)
+    assert float(gain(1.0, 0.0, up)[4]) > 0  # the front, nearer the ground, is lifted more
+    assert np.array_equal(gain(1.0, 0.0, level), np.zeros(6))
+    assert -gain(60.0, 0.0, up)[2] < 1e-6
 
 
 def test_derivatives_stay_finite_at_rest_in_still_air_and_beyond_stall(parameters, start):

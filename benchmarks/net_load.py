@@ -1,9 +1,10 @@
-"""Net peak loads before and after the signals are played together: `python benchmarks/net_load.py`.
+"""Net peaks before and after the signals are played together: `python benchmarks/net_load.py`.
 
-The 18 effectors of scenarios/la8.toml, T = 60 s, 106 harmonics, all six axes alike. Figures are recomputed
-from the signals on 64 points per shortest period. Reductions are told against two baselines: the same signals
-with the starts that `lowest_peaks` gives them, and the median over 200 random ways of playing them. Times are
-process times. Writes benchmarks/net_load.csv.
+The 18 effectors of scenarios/la8.toml, T = 60 s, 106 harmonics, all six axes alike; the states are those of
+the scenario's abort limits, predicted by the regulated aircraft of benchmarks/information.py. Figures are
+recomputed from the signals on 64 points per shortest period. Reductions are told against two baselines: the
+same signals with the starts that `lowest_peaks` gives them, and the median over 200 random ways of playing
+them. Times are process times. Writes benchmarks/net_load.csv.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
+from information import SCENARIO, regulated
 
 from freqid.core.channels import WRENCH
 from freqid.core.design import Multisine
@@ -23,19 +25,12 @@ from freqid.core.scenario import read_scenario
 from freqid.design.allocation import interleave, lines_in_band, search
 from freqid.design.mirrored import mirrored
 from freqid.design.multisine import effectiveness, excited
-from freqid.design.net_load import lowest_net_loads, net_loads, peaks_by_chance
+from freqid.design.net_load import load_gains, lowest_nets, net_peaks, peaks_by_chance
 from freqid.design.phases import lowest_peak, lowest_peaks
 from freqid.design.power import limits_from_db
 from freqid.design.signals import relative_peak_factor
 
-SCENARIO = Path(__file__).resolve().parents[1] / "scenarios" / "la8.toml"
 CEILING = 72  # 1.2 Hz, of propulsors
-ALL = np.ones(len(WRENCH))
-SIDE_FORCE = np.array([axis == "Y" for axis in WRENCH], dtype=float)
-
-
-def peaks(signals: list[Multisine], loads: np.ndarray) -> np.ndarray:
-    return np.abs(net_loads(signals, loads)).max(axis=1)
 
 
 def factors(signals: list[Multisine]) -> np.ndarray:
@@ -43,21 +38,22 @@ def factors(signals: list[Multisine]) -> np.ndarray:
 
 
 def main() -> None:
-    excitation = read_scenario(SCENARIO)[0].excitation
-    effectors = excited(excitation, read_scenario(SCENARIO)[0].effector)
+    scenario = read_scenario(SCENARIO)[0]
+    excitation, (loop, _) = scenario.excitation, regulated(scenario)
+    effectors = excited(excitation, scenario.effector)
     loads = effectiveness(effectors)
     amplitude = np.array([excitation.amplitude[e.name] for e in effectors])
     lines = lines_in_band(excitation.period_s, excitation.band_hz)
-    rotors = [e.kind == "rotor" for e in effectors]
     dealt = interleave(lines, len(effectors))
-    low = search(lines, rotors, CEILING, limits=limits_from_db(3.0))
     allocations = {
-        "interleaved": dealt,
+        "interleaved in turn": dealt,
         "interleaved, mirrored": mirrored(dealt, loads * amplitude),
-        "propulsors low": low,
-        "propulsors low, mirrored": mirrored(low, loads * amplitude, [e.kind for e in effectors]),
+        "propulsors low": search(
+            lines, [e.kind == "rotor" for e in effectors], CEILING, limits=limits_from_db(3.0)
+        ),
     }
-    rows = []
+    states, allowed = tuple(excitation.abort), np.array([*excitation.abort.values()])[:, None]
+    axes, rows = len(WRENCH), []
     for name, sets in allocations.items():
         for db in (0.0, 3.0):
             limits = limits_from_db(db)
@@ -66,38 +62,37 @@ def main() -> None:
                 Multisine(e.name, e.unit, w.index, w.amplitude * a / np.sqrt(2), w.phase)
                 for e, w, a in zip(effectors, waves, amplitude, strict=True)
             ]
-            given, chance = peaks(signals, loads), peaks_by_chance(signals, loads, seed=1)
-            rms = np.sqrt(loads**2 @ (amplitude**2 / 2))
+            moved = [loop.response(states, [s.name], s.index / excitation.period_s)[:, 0] for s in signals]
+            gains = np.concatenate([load_gains(signals, loads), np.concatenate(moved, axis=1) / allowed])
+            given, chance = net_peaks(signals, gains), peaks_by_chance(signals, gains, seed=1)
+            rms = np.sqrt(0.5 * np.abs(gains) ** 2 @ np.concatenate([s.amplitude for s in signals]) ** 2)
+            share = given[axes:] / given[axes:].max()  # of the abort limits: as in with_low_net_loads
             print(f"\n{name}, powers within {db:g} dB; RPF {spread(factors(signals))}")
-            print(f"{'net peak / rms: default starts':<44}{row(given / rms, 2)}")
-            print(f"{'net peak / rms: median by chance':<44}{row(chance / rms, 2)}")
             for what, weights, budget in (
-                ("starts and senses only", ALL, 0.0),
-                ("and phases, RPF + 3 %", ALL, 0.03),
-                ("the same, side force alone counts", SIDE_FORCE, 0.03),
+                ("starts and senses only", np.append(np.ones(axes), 0 * share), 0.0),
+                ("and phases, RPF + 3 %", np.append(np.ones(axes), 0 * share), 0.03),
+                ("and phases, states count too", np.append(np.ones(axes), share), 0.03),
+                ("and phases, states alone count", np.append(np.zeros(axes), share), 0.03),
             ):
                 began = time.process_time()
-                played = lowest_net_loads(signals, loads, weights, rpf_budget=budget, limits=limits)
+                played = lowest_nets(signals, gains, weights, rpf_budget=budget, limits=limits)
                 seconds = time.process_time() - began
-                after, rise = peaks(played, loads), 100 * (factors(played) / factors(signals) - 1)
-                cut, cut_chance = 100 * (1 - after / given), 100 * (1 - after / chance)
-                print(f"{what}: RPF {spread(rise)} %, {seconds:.1f} s")
-                for label, value, digits in (
-                    ("  net peak / rms", after / rms, 2),
-                    ("  % below default starts", cut, 1),
-                    ("  % below chance", cut_chance, 1),
+                after, rise = net_peaks(played, gains), 100 * (factors(played) / factors(signals) - 1)
+                print(f"{what}: RPF rises by {spread(rise)} %, {seconds:.1f} s")
+                for label, values, digits in (
+                    ("net peak / rms", after / rms, 2),
+                    ("% below default starts", 100 * (1 - after / given), 1),
+                    ("% below chance", 100 * (1 - after / chance), 1),
+                    ("% of abort limit", np.append(np.full(axes, np.nan), 100 * after[axes:]), 1),
                 ):
-                    counted = np.where(weights > 0, value, np.nan)
-                    print(f"{label:<44}{row(counted, digits)}")
-                    rows.append(
-                        [name, f"{db:g}", what, label.strip(), *(f"{v:.{digits}f}" for v in counted)]
-                        + [f"{v:.2f}" for v in (rise.min(), np.median(rise), rise.max())]
-                        + [f"{seconds:.1f}"]
-                    )
+                    told = [f"{v:.{digits}f}" for v in values]
+                    pairs = zip((*WRENCH, *states), told, strict=True)
+                    print(f"  {label:<24}" + "".join(f"{n:>6}{v:>6}" for n, v in pairs))
+                    rows.append([name, f"{db:g}", what, label, *told, f"{rise.max():.2f}", f"{seconds:.1f}"])
     with Path(__file__).with_suffix(".csv").open("w", newline="") as file:
-        writer = csv.writer(file)
-        rise = [f"rpf_rise_{what}_percent" for what in ("min", "median", "max")]
-        writer.writerow(["allocation", "power_db", "method", "figure", *WRENCH, *rise, "process_seconds"])
+        writer = csv.writer(file, lineterminator="\n")
+        title = ["allocation", "power_db", "method", "figure", *WRENCH, *states]
+        writer.writerow([*title, "rpf_rise_max_percent", "process_seconds"])
         writer.writerows(rows)
     print("\nLowest crest factor of the two ruddervators' harmonics as one signal, no limit on either's RPF")
     for name, sets in allocations.items():
@@ -106,13 +101,6 @@ def main() -> None:
         )
         crest = [lowest_peak(both, limits=limits_from_db(db), measure="peak").factor for db in (0.0, 3.0)]
         print(f"{name:<44}flat {crest[0]:.2f}, within 3 dB {crest[1]:.2f}")
-
-
-def row(values: np.ndarray, digits: int) -> str:
-    return "".join(
-        f"{a:>5}{'-' if np.isnan(v) else format(v, f'.{digits}f'):>6}"
-        for a, v in zip(WRENCH, values, strict=True)
-    )
 
 
 def spread(values: np.ndarray) -> str:

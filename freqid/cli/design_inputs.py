@@ -1,43 +1,88 @@
-"""``freqid design-inputs``: a scenario becomes a set of orthogonal multisines, a page and a test card."""
+"""``freqid design-inputs``: a scenario becomes inputs that are safe to fly, a page and a test card."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
+from freqid.cli.design_texts import effector_pair, wanted_errors
 from freqid.cli.options import as_json, emit, keep_inputs, output
 
 if TYPE_CHECKING:
-    from freqid.core.design import MultisineDesign
+    from freqid.core.design import ClassicDesign, MultisineDesign, SampledInputs
     from freqid.core.scenario import Scenario
-    from freqid.design.closed_loop import ClosedLoop
-    from freqid.design.excursions import Excursions
-    from freqid.design.forecast import Forecast
-    from freqid.design.multisine import Merit
+    from freqid.design.modelled import Criterion, ModelledAircraft
+    from freqid.design.sequence import Waveform
 
-VARIED_MODELS = 12  # drawn from the model's covariance, for the spread of expected excursions
 STUDIED_PERIODS = (40.0, 60.0, 80.0, 100.0, 120.0)  # s, the range of the LA-8 study
 
 
 @dataclass(frozen=True)
-class Prediction:
-    """What a point model says about a design: accuracy (where noise is stated), motion, spread, trim."""
+class Job:
+    """What a run has to work with, and where and what it has to write.
 
-    forecast: Forecast | None = None
-    motion: Excursions | None = None
-    varied: tuple[Excursions, ...] = ()
-    trim: dict[str, float] = field(default_factory=dict)
+    Attributes
+    ----------
+    scenario : Scenario
+        With an excitation.
+    sha256 : str
+        Of the scenario's file.
+    aircraft : ModelledAircraft, optional
+    destination : Path
+        Of the design.
+    suffixes : tuple of str
+        Of the other formats.
+    page : bool
+        Whether page and test card are written.
+    provenance : dict
+    """
+
+    scenario: Scenario
+    sha256: str
+    aircraft: ModelledAircraft | None
+    destination: Path
+    suffixes: tuple[str, ...]
+    page: bool
+    provenance: dict[str, Any]
 
 
 @click.command("design-inputs")
 @click.argument("scenario", type=click.Path(path_type=Path))
 @output("design.h5 in reports/")
+@click.option(
+    "--input",
+    "waveform",
+    type=click.Choice(["multisine", "doublet", "3-2-1-1", "sweep"]),
+    default="multisine",
+    show_default=True,
+    help="Multisines on all effectors at once, or a classic input on one after the other.",
+)
 @click.option("--seed", type=int, default=0, show_default=True, help="The same seed gives the same design.")
 @click.option(
     "--model", type=click.Path(path_type=Path), help="Point model, to forecast accuracy and motion."
+)
+@click.option(
+    "--optimal",
+    type=click.Choice(["A", "D"]),
+    help="Scale amplitudes for the least variance (A) or volume (D) of uncertainty within all limits.",
+)
+@click.option(
+    "--reach",
+    multiple=True,
+    metavar="RESPONSE.REGRESSOR=ERROR",
+    help="Fly as few periods as reach this standard error, SI or with % of the parameter; repeatable.",
+)
+@click.option(
+    "--longest", type=float, default=600.0, show_default=True, help="Longest manoeuvre for --reach, s."
+)
+@click.option(
+    "--swapped",
+    multiple=True,
+    metavar="EFFECTOR:EFFECTOR",
+    help="Also write a second set in which these two exchange their harmonics; repeatable.",
 )
 @click.option("--study/--no-study", default=True, help="Compare periods of 40 to 120 s on the page.")
 @click.option("--page/--no-page", default=True, help="Write the page and the test card beside the design.")
@@ -49,8 +94,13 @@ class Prediction:
 def command(
     scenario: Path,
     destination: Path | None,
+    waveform: Literal["multisine"] | Waveform,
     seed: int,
     model: Path | None,
+    optimal: Criterion | None,
+    reach: tuple[str, ...],
+    longest: float,
+    swapped: tuple[str, ...],
     study: bool,
     page: bool,
     csv_: bool,
@@ -59,202 +109,183 @@ def command(
     lua: bool,
     json_: bool,
 ) -> None:
-    """Design orthogonal, phase-optimised multisines for the effectors of SCENARIO.
+    """Design orthogonal, phase-optimised multisines, or classic inputs, for the effectors of SCENARIO.
 
     Writes DESIGN.h5 and beside it a page with all plots, and a test card as text and HTML.
     """
-    from dataclasses import replace
-
-    from tqdm import tqdm
-
-    from freqid.core.design_file import write_design
-    from freqid.core.errors import FreqidError, UsageError
+    from freqid.core.errors import UsageError
+    from freqid.core.point_file import read_point
     from freqid.core.scenario import read_scenario
-    from freqid.design import export
-    from freqid.design.multisine import design_multisines, merit, sampled, with_low_net_loads
+    from freqid.design.modelled import ModelledAircraft
 
     described, sha256 = read_scenario(scenario)
     if described.excitation is None:
         raise UsageError("section [excitation] is missing", where=str(scenario), remedy="add it")
     destination = destination or Path("reports") / "design.h5"
     keep_inputs(destination, scenario, model)
-
-    def made(period_s: float, what: str) -> MultisineDesign:
-        assert described.excitation is not None
-        import msgspec
-
-        excitation = msgspec.structs.replace(described.excitation, period_s=period_s)
-        with tqdm(desc=what, unit="signal", disable=None, leave=False) as bar:
-
-            def progress(done: int, total: int) -> None:
-                bar.total = total
-                bar.update(done - bar.n)
-
-            return design_multisines(excitation, described.effector, seed=seed, progress=progress)
-
+    for option, given in (
+        ("--optimal", optimal),
+        ("--reach", reach),
+        ("--swapped", swapped),
+        ("--c-header", c_header),
+        ("--lua", lua),
+    ):
+        if given and waveform != "multisine":
+            raise UsageError(f"{option} is for multisines, not for --input {waveform}", remedy="drop one")
+        if given and model is None and option in ("--optimal", "--reach"):
+            raise UsageError(f"{option} needs a model to predict with", remedy="name one with --model")
+    formats = {".csv": csv_, ".mat": mat, ".h": c_header, ".lua": lua}
+    job = Job(
+        scenario=described,
+        sha256=sha256,
+        aircraft=ModelledAircraft.of(read_point(model), described, seed) if model else None,
+        destination=destination,
+        suffixes=tuple(suffix for suffix, asked in formats.items() if asked),
+        page=page,
+        provenance={"scenario": {"file": str(scenario), "sha256": sha256}, "seed": seed},
+    )
     try:
-        searched = design = made(described.excitation.period_s, "signals")
-        if described.excitation.net_load:
-            design = with_low_net_loads(searched, described.excitation, described.effector)
+        if waveform == "multisine":
+            result, text = _multisines(job, seed, optimal, reach, longest, swapped, page and study)
+        else:
+            result, text = _classic(job, waveform)
     except UsageError as error:
         raise error.at(str(scenario)) from None
-    sources = {"scenario": {"file": str(scenario), "sha256": sha256}, "seed": seed}
-    design = replace(design, provenance=sources)
-    judged, inputs = merit(design), sampled(design)
-    predicted = _predict(model, design, described) if model else None
-
-    write_design(destination, design, inputs.time, inputs.values, sha256)
-    written = [destination]
-    for wanted, suffix, write in (
-        (csv_, ".csv", lambda path: export.write_csv(path, inputs)),
-        (mat, ".mat", lambda path: export.write_mat(path, inputs)),
-        (c_header, ".h", lambda path: export.write_c_header(path, design)),
-        (lua, ".lua", lambda path: export.write_lua(path, design)),
-    ):
-        if wanted:
-            written.append(destination.with_suffix(suffix))
-            write(written[-1])
-    if page:
-        others = []
-        for period in STUDIED_PERIODS if study else ():
-            try:
-                others.append(made(period, f"study of T = {period:g} s"))
-            except FreqidError:  # a period too short for so many effectors is no fault of the design
-                continue
-        written += _pages(destination, (searched, design), judged, described, others, predicted)
-    emit(json_, _for_machines(design, judged, written), _table(design, judged, written))
+    emit(json_, result, text)
 
 
-def _predict(path: Path, design: MultisineDesign, described: Scenario) -> Prediction:
-    """Return what a point model says that the design will do and buy."""
-    from freqid.core.errors import UsageError
-    from freqid.core.point_file import read_point
-    from freqid.design.excursions import excursions
-    from freqid.design.forecast import forecast
-    from freqid.design.rigid_body import close_loop, derivatives_of, drawn_derivatives
+def _multisines(
+    job: Job,
+    seed: int,
+    criterion: Criterion | None,
+    reach: tuple[str, ...],
+    longest_s: float,
+    pairs: tuple[str, ...],
+    study: bool,
+) -> tuple[dict[str, Any], str]:
+    """Design multisines, and a second set where pairs are to be swapped."""
+    from freqid.design.finish import finish, swapped
+    from freqid.design.merit import merit
+    from freqid.design.multisine import sampled
+    from freqid.report.design_documents import flight_plan, write_documents
+    from freqid.report.design_summary import multisine_summary, multisine_table
 
-    point, vehicle = read_point(path), described.aircraft()
-    trim = {
-        name: float(value)
-        for response in point.responses.values()
-        for name, value in zip(response.regressors, response.trim, strict=True)
-    }
-
-    def closed(derivatives: dict[str, dict[str, float]]) -> ClosedLoop:
-        return close_loop(
-            derivatives,
-            vehicle,
-            u=point.reference.u,
-            gains=described.control.get("gains"),
-            trim={n: v for n, v in trim.items() if n in vehicle.effector_kinds},
-        )
-
-    loop = closed(derivatives_of(point))
-    watched = ("u", "v", "w", "p", "q", "r", "phi", "theta", *design.names)
-    motion = excursions(design, loop, watched)
-    varied = []
-    for derivatives in drawn_derivatives(point, VARIED_MODELS, design.seed):
-        try:
-            varied.append(excursions(design, closed(derivatives), watched))
-        except UsageError:  # a draw that is unstable says that the spread is at least this wide
-            continue
-    noise = {**described.noise}
-    for effector in vehicle.effectors:
-        if effector.kind in noise:
-            noise.setdefault(effector.name, noise[effector.kind])
-    expected = None
-    if noise and described.identification is not None:
-        expected = forecast(design, loop, described.identification, noise)
-    return Prediction(expected, motion, tuple(varied), trim)
-
-
-def _pages(
-    destination: Path,
-    before_after: tuple[MultisineDesign, MultisineDesign],
-    judged: Merit,
-    described: Scenario,
-    others: list[MultisineDesign],
-    predicted: Prediction | None,
-) -> list[Path]:
-    import hashlib
-
-    import numpy as np
-
-    from freqid.core.channels import WRENCH
-    from freqid.design.multisine import effectiveness, excited, merit, truncated
-    from freqid.design.net_load import net_loads
-    from freqid.report.design_page import write_design_page
-    from freqid.report.flight_plan import FlightPlan
-    from freqid.report.rendering import write_text
-    from freqid.report.test_card import build_card, test_card_text, write_test_card
-
-    searched, design = before_after
-    excitation = described.excitation
+    excitation, aircraft = job.scenario.excitation, job.aircraft
     assert excitation is not None
-    predicted = predicted or Prediction()
-    vehicle = described.aircraft()
-    plan = FlightPlan(
-        vehicle=vehicle,
-        trim={n: v for n, v in predicted.trim.items() if n in vehicle.effector_kinds},
-        source=destination.name,
-        sha256=hashlib.sha256(destination.read_bytes()).hexdigest(),
-        forbidden_hz=excitation.forbidden_hz,
-        fade_s=excitation.fade_s,
-        abort=excitation.abort,
-        control="gains of [control]" if described.control.get("gains") else "",
-        motion=predicted.motion,
-        varied=predicted.varied,
-    )
-    loads = effectiveness(excited(excitation, described.effector))
-    net = None
-    if excitation.net_load:
-        counted = np.array([axis in excitation.net_load for axis in WRENCH])
-        axes = [axis for axis, wanted in zip(WRENCH, counted, strict=True) if wanted]
-        after, before = (net_loads(s, loads[counted]) for s in (design.signals, searched.signals))
-        net = (axes, after, before)
-    page = destination.with_suffix(".html")
-    card = destination.with_name(f"{destination.stem}-card.txt")
-    study = [(merit(other), truncated(other)) for other in others]
-    write_design_page(
-        page, design, judged, truncated(design), plan=plan, net=net, study=study, forecast=predicted.forecast
-    )
-    test_card = build_card(design, judged, plan)
-    write_text(card, test_card_text(test_card))
-    write_test_card(card.with_suffix(".html"), test_card)
-    return [page, card, card.with_suffix(".html")]
-
-
-def _for_machines(design: MultisineDesign, judged: Merit, written: list[Path]) -> dict[str, Any]:
-    return {
-        "effectors": {
-            signal.name: {
-                "rpf": float(judged.rpf[i]),
-                "rms": float(judged.rms[i]),
-                "peak": float(judged.peak[i]),
-                "slew": float(judged.slew[i]),
-                "units": signal.unit,
-                "harmonics": signal.index.tolist(),
-            }
-            for i, signal in enumerate(design.signals)
-        },
-        "max_correlation": judged.max_correlation,
-        "condition_number": judged.condition_number,
-        "files": [str(path) for path in written],
-    }
-
-
-def _table(design: MultisineDesign, judged: Merit, written: list[Path]) -> str:
-    import numpy as np
-
-    lines = [f"{'effector':<10} {'RPF':>6} {'rms':>10} {'peak':>10} {'slew /s':>10}  unit   harmonics of 1/T"]
-    for i, signal in enumerate(design.signals):
-        lines.append(
-            f"{signal.name:<10} {judged.rpf[i]:>6.3f} {judged.rms[i]:>10.4g} {judged.peak[i]:>10.4g} "
-            f"{judged.slew[i]:>10.4g}  {signal.unit:<6} {' '.join(map(str, signal.index))}"
+    wanted = wanted_errors(reach, aircraft.point) if aircraft else {}
+    sets = {job.destination: _searched(job.scenario, seed)}
+    if pairs:
+        exchanged = swapped(
+            sets[job.destination], list(map(effector_pair, pairs)), excitation, job.scenario.effector
         )
-    low, middle, high = np.quantile(judged.rpf, [0, 0.5, 1])
-    lines.append(
-        f"RPF min/median/max {low:.3f}/{middle:.3f}/{high:.3f}, largest correlation "
-        f"{judged.max_correlation:.1e}, condition number {judged.condition_number:.6f}"
+        sets[job.destination.with_stem(f"{job.destination.stem}-swapped")] = exchanged
+    finished = [
+        finish(one, excitation, job.scenario.effector, aircraft=aircraft, criterion=criterion, wanted=wanted)
+        for one in sets.values()
+    ]
+    periods = excitation.periods
+    if aircraft and wanted:
+        periods = aircraft.shortest(finished[0].design, wanted, longest_s).periods
+    others = _study(job.scenario, seed) if study else []
+    results, texts = [], []
+    for path, one in zip(sets, finished, strict=True):
+        provenance = {**job.provenance, **one.design.provenance}
+        one = replace(one, design=replace(one.design, periods=periods, provenance=provenance))
+        judged = merit(one.design)
+        written = _write(job, path, one.design, sampled(one.design))
+        plan = flight_plan(path, one.design, job.scenario, aircraft)
+        expected = aircraft.forecast(one.design) if aircraft else None
+        if job.page:
+            written += write_documents(path, one, judged, job.scenario, plan, study=others, forecast=expected)
+        results.append(multisine_summary(one, judged, plan, expected) | {"files": list(map(str, written))})
+        texts += [multisine_table(one, judged), *map(str, written)]
+    return results[0] | ({"swapped": results[1]} if pairs else {}), "\n".join(texts)
+
+
+def _classic(job: Job, waveform: Waveform) -> tuple[dict[str, Any], str]:
+    """Design doublets, 3-2-1-1 or sweeps."""
+    from freqid.design.modelled import about
+    from freqid.design.sequence import design_classic, extent
+    from freqid.report.classic_page import write_classic_documents
+    from freqid.report.design_documents import flight_plan
+    from freqid.report.design_summary import classic_summary, classic_table
+
+    excitation, vehicle = job.scenario.excitation, job.scenario.aircraft()
+    assert excitation is not None
+    trim = about(vehicle, job.aircraft.trim if job.aircraft else {})
+    design = replace(design_classic(waveform, excitation, vehicle, trim), provenance=job.provenance)
+    judged = extent(design)
+    written = _write(job, job.destination, design, design.inputs)
+    plan = flight_plan(job.destination, design, job.scenario, job.aircraft)
+    if job.page:
+        written += write_classic_documents(job.destination, design, judged, plan)
+    result = classic_summary(design, judged, plan) | {"files": list(map(str, written))}
+    return result, "\n".join([classic_table(design, judged), *map(str, written)])
+
+
+def _searched(scenario: Scenario, seed: int) -> MultisineDesign:
+    """Return multisines of low peaks, with a progress bar."""
+    from tqdm import tqdm
+
+    from freqid.design.multisine import design_multisines
+
+    assert scenario.excitation is not None
+    with tqdm(desc="signals", unit="signal", disable=None, leave=False) as bar:
+
+        def progress(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        return design_multisines(scenario.excitation, scenario.effector, seed=seed, progress=progress)
+
+
+def _study(scenario: Scenario, seed: int) -> list[MultisineDesign]:
+    """Return the designs of other periods, those that have enough harmonics, one on each core."""
+    from joblib import Parallel, delayed
+    from tqdm import tqdm
+
+    assert scenario.excitation is not None
+    periods = sorted({*STUDIED_PERIODS} - {scenario.excitation.period_s}, reverse=True)  # longest first
+    found = Parallel(n_jobs=-1, return_as="generator")(
+        delayed(_with_period)(scenario, period, seed) for period in periods
     )
-    return "\n".join([*lines, *map(str, written)])
+    bar = tqdm(found, desc="study of other periods", total=len(periods), disable=None, leave=False)
+    return [design for design in bar if design is not None]
+
+
+def _with_period(scenario: Scenario, period_s: float, seed: int) -> MultisineDesign | None:
+    """Return the design of another period; None where it is too short for so many effectors."""
+    from freqid.core.errors import FreqidError
+    from freqid.core.toml import overridden
+    from freqid.design.multisine import design_multisines
+
+    assert scenario.excitation is not None
+    try:
+        # a comparison of periods needs no best design of each
+        excitation = overridden(
+            scenario.excitation, period_s=period_s, starts=min(3, scenario.excitation.starts)
+        )
+        return design_multisines(excitation, scenario.effector, seed=seed)
+    except FreqidError:
+        return None
+
+
+def _write(
+    job: Job, path: Path, design: MultisineDesign | ClassicDesign, inputs: SampledInputs
+) -> list[Path]:
+    """Write a design and its other formats; return their paths."""
+    from freqid.core.design import MultisineDesign
+    from freqid.core.design_file import write_design
+    from freqid.design import export
+
+    write_design(path, design, inputs, job.sha256)
+    written = [path]
+    for suffix in job.suffixes:
+        written.append(path.with_suffix(suffix))
+        if suffix == ".csv":
+            export.write_csv(written[-1], inputs)
+        elif suffix == ".mat":
+            export.write_mat(written[-1], inputs)
+        elif isinstance(design, MultisineDesign):
+            (export.write_c_header if suffix == ".h" else export.write_lua)(written[-1], design)
+    return written

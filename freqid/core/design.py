@@ -1,4 +1,4 @@
-"""A set of orthogonal multisine inputs: harmonics, amplitudes and phases by effector."""
+"""Designed inputs: samples by effector, and of multisines the harmonics, amplitudes and phases."""
 
 from __future__ import annotations
 
@@ -10,6 +10,76 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SampledInputs:
+    """Excitations of effectors on a common, uniform time axis.
+
+    Attributes
+    ----------
+    names, units : tuple of str
+        Effectors and their SI units.
+    time : ndarray, shape (sample,)
+        s, from zero.
+    values : ndarray, shape (effector, sample)
+        To be added to the trim, in `units`.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    time: Array
+    values: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ClassicDesign:
+    """Doublets, 3-2-1-1 or frequency sweeps, one effector after the other.
+
+    Attributes
+    ----------
+    waveform : {"doublet", "3-2-1-1", "sweep"}
+    inputs : SampledInputs
+        All of it, as flown.
+    amplitude : mapping of str to float
+        Of the waveform by effector, in its unit, in the order of flight.
+    periods : int
+        How often the sequence of all effectors is flown.
+    band_hz : tuple of 2 floats
+        Of the sweeps; of steps, the one that is identified over.
+    dt_s : float
+        Sampling interval.
+    provenance : dict
+        JSON-compatible.
+    """
+
+    waveform: str
+    inputs: SampledInputs
+    amplitude: Mapping[str, float]
+    periods: int
+    band_hz: tuple[float, float]
+    dt_s: float
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Effectors, in the order of flight."""
+        return self.inputs.names
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Their SI units."""
+        return self.inputs.units
+
+    @property
+    def duration_s(self) -> float:
+        """Of all sequences together, s."""
+        return float(self.inputs.time[-1])
+
+    @property
+    def period_s(self) -> float:
+        """Of one sequence, with its part of the last rest, s."""
+        return self.inputs.time.size // self.periods * self.dt_s
 
 
 @dataclass(frozen=True)
@@ -66,6 +136,11 @@ class MultisineDesign:
     def names(self) -> tuple[str, ...]:
         """Effectors, in order."""
         return tuple(signal.name for signal in self.signals)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Their SI units."""
+        return tuple(signal.unit for signal in self.signals)
 
     @property
     def duration_s(self) -> float:

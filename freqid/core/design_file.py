@@ -1,4 +1,4 @@
-"""A multisine design on disk (``format="freqid-design"``)."""
+"""Designed inputs on disk (``format="freqid-design"``): samples, and the harmonics of multisines."""
 
 from __future__ import annotations
 
@@ -6,31 +6,25 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from . import store
-from .design import Multisine, MultisineDesign
+from .design import ClassicDesign, Multisine, MultisineDesign, SampledInputs
+from .errors import DataError
 
 FORMAT = "freqid-design"
 
 
 def write_design(
-    path: Path,
-    design: MultisineDesign,
-    time: NDArray[np.float64],
-    excitation: NDArray[np.float64],
-    scenario_sha256: str = "",
+    path: Path, design: MultisineDesign | ClassicDesign, inputs: SampledInputs, scenario_sha256: str = ""
 ) -> None:
     """Write a design together with its samples, whole or not at all.
 
     Parameters
     ----------
     path : Path
-    design : MultisineDesign
-    time : ndarray, shape (sample,)
-        s.
-    excitation : ndarray, shape (effector, sample)
-        In effector units.
+    design : MultisineDesign or ClassicDesign
+    inputs : SampledInputs
+        Of that design.
     scenario_sha256 : str
 
     Raises
@@ -40,27 +34,33 @@ def write_design(
     """
 
     def fill(file: h5py.File) -> None:
-        scale = store.put(file, "time", time, "s")
+        scale = store.put(file, "time", inputs.time, "s")
         scale.make_scale("time")
-        for signal, samples in zip(design.signals, excitation, strict=True):
-            store.put(file, f"excitation/{signal.name}", samples, signal.unit).dims[0].attach_scale(scale)
-            group = file.create_group(f"harmonic/{signal.name}")
-            store.put(group, "index", signal.index, "1")
-            store.put(group, "amplitude", signal.amplitude, signal.unit)
-            store.put(group, "phase", signal.phase, "rad")
+        for name, unit, samples in zip(inputs.names, inputs.units, inputs.values, strict=True):
+            store.put(file, f"excitation/{name}", samples, unit).dims[0].attach_scale(scale)
+        if isinstance(design, MultisineDesign):
+            file.attrs["waveform"] = "multisine"
+            file.attrs["seed"] = design.seed
+            for signal in design.signals:
+                group = file.create_group(f"harmonic/{signal.name}")
+                store.put(group, "index", signal.index, "1")
+                store.put(group, "amplitude", signal.amplitude, signal.unit)
+                store.put(group, "phase", signal.phase, "rad")
+        else:
+            file.attrs["waveform"] = design.waveform
+            file.attrs["seed"] = 0  # nothing is drawn
         file.attrs["period_s"] = design.period_s
         file.attrs["periods"] = design.periods
         file.attrs["band_hz"] = design.band_hz
         file.attrs["dt_s"] = design.dt_s
-        file.attrs["seed"] = design.seed
-        store.put_json(file, "effector_order", design.names)
+        store.put_json(file, "effector_order", inputs.names)
         store.put_json(file, "provenance", dict(design.provenance))
 
     store.write(path, FORMAT, fill, scenario_sha256)
 
 
-def read_design(path: Path) -> MultisineDesign:
-    """Read a design.
+def read_inputs(path: Path) -> SampledInputs:
+    """Read the samples of a design, of whatever waveform.
 
     Raises
     ------
@@ -68,6 +68,30 @@ def read_design(path: Path) -> MultisineDesign:
         Where the file is no intact design.
     """
     with store.reading(path, FORMAT) as file:
+        names = tuple(store.get_json(file, "effector_order"))
+        rows = [store.dataset(file, f"excitation/{name}") for name in names]
+        return SampledInputs(
+            names=names,
+            units=tuple(store.get_text(row, "units") for row in rows),
+            time=store.array(file, "time"),
+            values=np.array([store.array(file, f"excitation/{name}") for name in names]),
+        )
+
+
+def read_design(path: Path) -> MultisineDesign:
+    """Read a multisine design; `read_inputs` reads the samples of any.
+
+    Raises
+    ------
+    DataError
+        Where the file is no intact design, or has no harmonics because it is of classic inputs.
+    """
+    with store.reading(path, FORMAT) as file:
+        waveform = store.get_text(file, "waveform")
+        if waveform not in ("", "multisine"):
+            raise DataError(
+                f"holds a {waveform}, expected multisines", remedy="design them with design-inputs"
+            )
         signals = []
         for name in store.get_json(file, "effector_order"):
             group = store.subgroup(file, f"harmonic/{name}")

@@ -1,17 +1,15 @@
-"""Classic inputs: doublets, 3-2-1-1 and other multisteps, frequency sweeps, one effector after the other."""
+"""Classic waveforms of amplitude one: doublets, 3-2-1-1 and other multisteps, frequency sweeps."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.errors import UsageError
-from freqid.core.vehicle import Vehicle
-from freqid.design.inputs import SampledInputs
-from freqid.design.limits import room
+from freqid.design.bounds import at_least
 
 Array = NDArray[np.float64]
 
@@ -44,11 +42,12 @@ def multistep(widths_s: Sequence[float], dt_s: float, *, rise_s: float = 0.0) ->
     """
     edges = np.concatenate([[0], np.cumsum([round(width / dt_s) for width in widths_s])])
     shortest = dt_s * min(np.diff(edges).tolist(), default=0)
-    if shortest < max(dt_s, 2 * rise_s) * (1 - 1e-9):
+    least = max(dt_s, 2 * rise_s)
+    if shortest < least * (1 - 1e-9):
         raise UsageError(
             f"the shortest step lasts {shortest:g} s, expected at least a sample, {dt_s:g} s, and twice the "
             f"rise of {rise_s:g} s",
-            remedy="widen the steps or shorten rise_s or dt_s",
+            remedy=f"take a step_s of at least {at_least(least)} s, or shorten rise_s or dt_s",
         )
     levels = (-1.0) ** np.arange(len(widths_s))
     if rise_s == 0.0:
@@ -126,77 +125,3 @@ def frequency_sweep(
         cycles = low * np.expm1(growth * time) / growth
     inside = np.clip(np.minimum(time, time[-1] - time) / fade_s, 0.0, 1.0)
     return np.sin(2 * np.pi * cycles) * np.sin(0.5 * np.pi * inside) ** 2
-
-
-def in_turn(
-    waveform: Array,
-    amplitude: Mapping[str, float],
-    vehicle: Vehicle,
-    dt_s: float,
-    *,
-    rest_s: float,
-    repeats: int = 1,
-    trim: Mapping[str, float] | None = None,
-) -> SampledInputs:
-    """Give one waveform to one effector after the other, with a rest before each and at the end.
-
-    Parameters
-    ----------
-    waveform : ndarray, shape (sample,)
-        Of amplitude one, as the functions above return it.
-    amplitude : mapping of str to float
-        By effector, in its unit; their order is flown.
-    vehicle : Vehicle
-        Units and limits of the effectors.
-    dt_s : float
-        Sampling interval, s.
-    rest_s : float
-        Time at the trim, s.
-    repeats : int
-        How often the whole sequence is flown.
-    trim : mapping of str to float, optional
-        Positions that the signals are added to; zero where absent.
-
-    Returns
-    -------
-    SampledInputs
-
-    Raises
-    ------
-    UsageError
-        Where an effector would exceed a limit or a rate that it cannot follow, with the nearest feasible
-        value; or where a name is unknown.
-    """
-    if repeats < 1 or not rest_s >= 0:
-        raise UsageError(
-            f"{repeats} repeats with rests of {rest_s:g} s are asked for, expected 1 or more and 0 s or more"
-        )
-    effectors = [vehicle.effector(name) for name in amplitude]
-    distance, rate = room(vehicle, tuple(amplitude), trim or {})
-    peak = float(np.abs(waveform).max())
-    steepest = float(np.abs(np.diff(waveform, prepend=0.0)).max()) / dt_s
-    for name, size in amplitude.items():
-        if peak * abs(size) > distance[name] * (1 + 1e-9):
-            raise UsageError(
-                f"amplitude {size:g} of '{name}' goes beyond its limits",
-                remedy=f"the largest that its trim leaves is {distance[name] / peak:.4g}",
-            )
-        if steepest * abs(size) > rate.get(name, np.inf) * (1 + 1e-9):
-            raise UsageError(
-                f"amplitude {size:g} of '{name}' needs a rate of {steepest * abs(size):.4g}, its limit is "
-                f"{rate[name]:g}",
-                remedy=f"take a rise of {peak * abs(size) / rate[name]:.4g} s, lower frequencies or the "
-                f"amplitude {rate[name] / steepest:.4g}",
-            )
-    rest = round(rest_s / dt_s)
-    turn = rest + len(waveform)
-    once = np.zeros((len(effectors), len(effectors) * turn))
-    for i, size in enumerate(amplitude.values()):
-        once[i, i * turn + rest : (i + 1) * turn] = size * waveform
-    values = np.pad(np.tile(once, repeats), ((0, 0), (0, rest)))
-    return SampledInputs(
-        names=tuple(amplitude),
-        units=tuple(effector.unit for effector in effectors),
-        time=dt_s * np.arange(values.shape[1]),
-        values=values,
-    )

@@ -13,11 +13,11 @@ from scipy.linalg import eig
 from freqid.core.channels import AIR, RESPONSE, STATE, WRENCH
 from freqid.core.errors import UsageError, nearest
 from freqid.core.vehicle import Vehicle
+from freqid.numerics.small_motion import STATES
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta")
 SPECIFIC_FORCES = ("ax", "ay", "az")
 
 # A mode that is faster than this, rad/s, is no motion but an effector without lag.

@@ -8,24 +8,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.design import MultisineDesign
+from freqid.core.design import ClassicDesign, MultisineDesign
 from freqid.design.closed_loop import ClosedLoop
 from freqid.design.lines import band_lines, tones
 from freqid.design.signals import PEAK_POINTS, sample, samples_per_period
 
 Array = NDArray[np.float64]
 
+NEGLIGIBLE = 1e-4  # lines of a classic input below this share of its largest are left out, to save time
+
 
 @dataclass(frozen=True, eq=False)
 class Excursions:
     """One period of the periodic motion about the trim, feedback included.
+
+    Of classic inputs, the period is one sequence of all effectors.
 
     Attributes
     ----------
     names, units : tuple of str
         Channels, and their SI units.
     time : ndarray, shape (sample,)
-        s; at least 64 samples in the shortest period, so that peaks show.
+        s; fine enough that peaks show, of multisines at least 64 samples in the shortest period.
     values : ndarray, shape (channel, sample)
         Deviation from the trim.
     """
@@ -47,13 +51,17 @@ class Excursions:
 
 
 def excursions(
-    design: MultisineDesign, loop: ClosedLoop, channels: Sequence[str], *, rate: bool = False
+    design: MultisineDesign | ClassicDesign,
+    loop: ClosedLoop,
+    channels: Sequence[str],
+    *,
+    rate: bool = False,
 ) -> Excursions:
     """Predict the motion that a design excites.
 
     Parameters
     ----------
-    design : MultisineDesign
+    design : MultisineDesign or ClassicDesign
     loop : ClosedLoop
     channels : sequence of str
         As in `ClosedLoop.rows`: states, effectors, ``X`` to ``N`` for net loads.
@@ -66,14 +74,29 @@ def excursions(
 
     Notes
     -----
-    Steady state of the linear model. What the first seconds add decays with the modes of the loop.
+    Steady state of the linear model. What the first seconds add decays with the modes of the loop. Classic
+    inputs are taken as repeated for ever, which is exact where the motion dies away within a rest.
     """
-    lines = band_lines(design)
-    frequencies = lines / design.period_s
-    c = loop.rows(channels) @ loop.motion(design.names, tones(design, lines), frequencies)
+    if isinstance(design, MultisineDesign):
+        lines, names, duration = band_lines(design), design.names, design.period_s
+        driven, samples = tones(design, lines), samples_per_period(lines, PEAK_POINTS)
+    else:
+        names, duration, lines, driven, samples = _sequence_tones(design)
+    frequencies = lines / duration
+    c = loop.rows(channels) @ loop.motion(names, driven, frequencies)
     units = loop.units(channels)
     if rate:
         c, units = c * (2j * np.pi * frequencies), tuple(f"{unit}/s" for unit in units)
-    samples = samples_per_period(lines, PEAK_POINTS)
-    time = np.linspace(0.0, design.period_s, samples, endpoint=False)
+    time = np.linspace(0.0, duration, samples, endpoint=False)
     return Excursions(tuple(channels), units, time, sample(lines, c, 0.0, samples))
+
+
+def _sequence_tones(
+    design: ClassicDesign,
+) -> tuple[tuple[str, ...], float, NDArray[np.int64], NDArray[np.complex128], int]:
+    """Return effectors, duration, lines, complex amplitudes and samples of one sequence."""
+    samples = design.inputs.time.size // design.periods
+    driven = 2j / samples * np.fft.rfft(design.inputs.values[:, :samples])
+    size = np.abs(driven).max(axis=1, keepdims=True)
+    lines = np.flatnonzero((np.abs(driven) > NEGLIGIBLE * size).any(axis=0))
+    return design.names, design.period_s, lines, driven[:, lines], samples

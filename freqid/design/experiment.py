@@ -12,7 +12,7 @@ from freqid.core.channels import WRENCH
 from freqid.core.design import MultisineDesign
 from freqid.core.errors import UsageError
 from freqid.core.frames import cross
-from freqid.core.scenario import Identification
+from freqid.core.identification import Identification
 from freqid.core.vehicle import Vector
 from freqid.design.closed_loop import SPECIFIC_FORCES, STATES, ClosedLoop
 from freqid.design.lines import band_lines, tones
@@ -182,7 +182,7 @@ class Experiment:
         if missing:
             raise UsageError(
                 f"the noise of {', '.join(missing)} is not stated, and response '{response}' depends on it",
-                remedy="give one sigma of each, zero where it is negligible",
+                remedy="give one sigma of each in [noise], zero where it is negligible",
             )
         sigma = np.array([self.noise[n] if needed else 0.0 for n, needed in zip(sensors, heard, strict=True)])
         if not sigma.any():

@@ -13,10 +13,9 @@ from pathlib import Path
 import numpy as np
 from scipy.io import savemat
 
-from freqid.core.design import MultisineDesign
+from freqid.core.design import MultisineDesign, SampledInputs
 from freqid.core.errors import UsageError
 from freqid.core.store import replacing
-from freqid.design.inputs import SampledInputs
 
 # MATLAB files begin with 116 bytes of text, in which the writer puts the date; ours are the same every day.
 MATLAB_HEADER = b"MATLAB 5.0 MAT-file, written by freqid".ljust(116)

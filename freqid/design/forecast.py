@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from freqid.core.channels import WRENCH
 from freqid.core.design import MultisineDesign
-from freqid.core.scenario import Identification
+from freqid.core.identification import Identification
 from freqid.core.vehicle import Vector
 from freqid.design.closed_loop import ClosedLoop
 from freqid.design.experiment import Equation, Experiment

@@ -1,10 +1,12 @@
 """Lower the largest net peak of several multisines by small changes of all their phases, and powers.
 
-The problem: least t such that the net load of every axis, over its reference, stays within +-t at all
-times, while each signal keeps its range (max - min) within a budget, starts at zero and keeps its rms. Each
-step of this sequential linear programme makes everything linear in the changes, lets no phase change by
-more than a trust, and asks a linear programme for the best step. At a solution some hundred peaks are
-equally high, about as many as there are phases, so linear models with the true corners converge fast.
+A net is a sum over all signals, each tone turned and scaled by a gain of its own: the load on an axis, where
+the gains are an effectiveness, or a state that answers to all effectors, where they are frequency responses.
+The problem: least t such that every net, over its reference, stays within +-t at all times, while each signal
+keeps its range (max - min) within a budget, starts at zero and keeps its rms. Each step of this sequential
+linear programme makes everything linear in the changes, lets no phase change by more than a trust, and asks
+a linear programme for the best step. At a solution some hundred peaks are equally high, about as many as
+there are phases, so linear models with the true corners converge fast.
 """
 
 from __future__ import annotations
@@ -14,14 +16,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.fft import irfft
 from scipy.optimize import linprog
 from scipy.sparse import csr_array
 
 from freqid.core.design import Multisine
-from freqid.design.signals import PEAK_POINTS, relative_peak_factor, samples_per_period
+from freqid.design.signals import PEAK_POINTS, relative_peak_factor, sample, samples_per_period
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 _PENALTY = (
     3.0  # t that one unit of relative excess of a range costs; budgets were seen to be worth 0.5 to 1.5
@@ -40,7 +42,7 @@ class State:
     amplitude, phase : ndarray, shape (tone,)
         Of all signals, one after another.
     peak : float
-        Largest net load over its reference.
+        Largest net over its reference.
     excess : float
         Largest relative peak factor over its allowed one, less 1; 0 where all are allowed.
     """
@@ -62,8 +64,8 @@ class JointPhases:
     Parameters
     ----------
     signals : sequence of Multisine, length signal
-    scaled : ndarray, shape (axis, signal)
-        Load per unit of each signal, over the reference of the axis.
+    gains : ndarray of complex, shape (net, tone)
+        What the tones of all signals, one after another, add to each net, over the reference of the net.
     budget : float
         By how much of itself the range of each signal may grow.
     fractions : sequence of array_like, each of shape (tone,)
@@ -75,12 +77,12 @@ class JointPhases:
     def __init__(
         self,
         signals: Sequence[Multisine],
-        scaled: Array,
+        gains: Complex,
         budget: float,
         fractions: Sequence[ArrayLike],
         limits: tuple[float, float] | None,
     ):
-        self._signals, self._scaled, self._limits = tuple(signals), scaled, limits
+        self._signals, self._gains, self._limits = tuple(signals), gains, limits
         self._index = np.concatenate([s.index for s in signals])
         self._owner = np.repeat(np.arange(len(signals)), [s.index.size for s in signals])
         self._mine = self._owner == np.arange(len(signals))[:, None]  # (signal, tone)
@@ -146,15 +148,16 @@ class JointPhases:
         return path
 
     def _waves(self, amplitude: Array, phase: Array) -> Array:
-        line = np.zeros((len(self._signals), self._samples // 2 + 1), dtype=complex)
-        line[self._owner, self._index] = -0.5j * self._samples * amplitude * np.exp(1j * phase)
-        return irfft(line, self._samples, axis=-1)
+        return sample(self._index, self._mine * amplitude, phase, self._samples)
+
+    def _nets(self, amplitude: Array, phase: Array) -> Array:
+        return sample(self._index, self._gains * amplitude, phase, self._samples)
 
     def _peak_factors(self, amplitude: Array, phase: Array) -> Array:
         return np.array([relative_peak_factor(self._index[k], amplitude[k], phase[k]) for k in self._mine])
 
     def _judge(self, amplitude: Array, phase: Array) -> State:
-        peak = float(np.abs(self._scaled @ self._waves(amplitude, phase)).max())
+        peak = float(np.abs(self._nets(amplitude, phase)).max())
         excess = float(np.max(self._peak_factors(amplitude, phase) / self._allowed)) - 1.0
         return State(amplitude, phase, peak, max(excess, 0.0))
 
@@ -195,34 +198,33 @@ class JointPhases:
     def _peaks(self, state: State, near: float) -> tuple[csr_array, Array]:
         """Return one inequality, ``rows @ unknowns <= bound``, for each high peak of nets and signals."""
         waves = self._waves(state.amplitude, state.phase)
-        net = self._scaled @ waves
-        axis, net_when = _high_peaks(net, near * state.peak)
+        nets = self._nets(state.amplitude, state.phase)
+        net, net_when = _high_peaks(nets, near * state.peak)
         top, bottom = waves.max(axis=1), -waves.min(axis=1)
         spare = 0.5 * (self._aim - top - bottom)  # the same above as below
         own, own_when = _high_peaks(waves, near * np.minimum(top, bottom))
         room = np.where(waves[own, own_when] > 0.0, (top + spare)[own], (bottom + spare)[own])
 
         when = np.concatenate([net_when, own_when])
-        height = np.concatenate([net[axis, net_when], waves[own, own_when] / room])
-        row, tone = np.nonzero(
-            np.vstack([np.ones((axis.size, self._index.size), dtype=bool), self._mine[own]])
-        )
-        of_net = row < axis.size
-        gain = np.empty(row.size)
-        gain[of_net] = self._scaled[axis[row[of_net]], self._owner[tone[of_net]]]
-        gain[~of_net] = 1.0 / room[row[~of_net] - axis.size]
-        weight = np.sign(height)[row] * gain * state.amplitude[tone]
+        height = np.concatenate([nets[net, net_when], waves[own, own_when] / room])
+        row, tone = np.nonzero(np.vstack([self._gains[net] != 0.0, self._mine[own]]))
+        of_net = row < net.size
+        gain = np.empty(row.size, dtype=complex)
+        gain[of_net] = self._gains[net[row[of_net]], tone[of_net]]
+        gain[~of_net] = 1.0 / room[row[~of_net] - net.size]
         angle = when[row] * (2.0 * np.pi / self._samples) * self._index[tone] + state.phase[tone]
+        # The height is the sum of these phasors' imaginary parts; a turn adds their real parts.
+        phasor = np.sign(height)[row] * gain * state.amplitude[tone] * np.exp(1j * angle)
 
-        parts = [(weight * np.cos(angle), row, tone)]
+        parts = [(phasor.real, row, tone)]
         unknowns = self._index.size
         if self._limits is not None:
-            parts.append((0.5 * weight * np.sin(angle), row, unknowns + tone))
+            parts.append((0.5 * phasor.imag, row, unknowns + tone))
             unknowns *= 2
         every = np.arange(when.size)
-        parts.append((-np.ones(when.size), every, unknowns + (every >= axis.size)))  # t, or the excess
+        parts.append((-np.ones(when.size), every, unknowns + (every >= net.size)))  # t, or the excess
         values, rows, columns = (np.concatenate(part) for part in zip(*parts, strict=True))
-        bound = np.where(every < axis.size, 0.0, 1.0) - np.abs(height)
+        bound = np.where(every < net.size, 0.0, 1.0) - np.abs(height)
         return csr_array((values, (rows, columns)), shape=(when.size, unknowns + 2)), bound
 
 

@@ -15,11 +15,12 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Lines = NDArray[np.int64]
+Pair = tuple[int, int]
 
 _ALIKE = 0.9  # cosine of the angle between what two effectors do, signs aside
 
 
-def mirrored(sets: Sequence[Lines], loads: Array, kinds: Sequence[str] | None = None) -> tuple[Lines, ...]:
+def mirrored(sets: Sequence[Lines], loads: Array) -> tuple[Lines, ...]:
     """Hand the same combs to other effectors.
 
     Parameters
@@ -27,9 +28,7 @@ def mirrored(sets: Sequence[Lines], loads: Array, kinds: Sequence[str] | None = 
     sets : sequence of ndarray of int, length effector
         Harmonics of each effector.
     loads : ndarray, shape (axis, effector)
-        Load of each effector at the rms of its signal; an axis that does not count is left out.
-    kinds : sequence of str, length effector, optional
-        Sets are exchanged among effectors of one kind only; all are of one kind where absent.
+        Load of each effector at the rms of its signal, times the importance of the axis.
 
     Returns
     -------
@@ -42,50 +41,43 @@ def mirrored(sets: Sequence[Lines], loads: Array, kinds: Sequence[str] | None = 
     It takes the combs with the largest common divisor of s and r, whose peaks are the lowest. Sets and
     effectors without a partner keep their order.
     """
-    kinds = kinds or [""] * len(sets)
-    dealt = list(sets)
-    for kind in dict.fromkeys(kinds):
-        members = [i for i, k in enumerate(kinds) if k == kind]
-        effectors, combs = _alike(loads, members), _mirror_images(sets, members)
-        pairs = list(zip(effectors, combs, strict=False))
-        free_effectors = [i for i in members if not any(i in pair for pair, _ in pairs)]
-        free_combs = [j for j in members if not any(j in comb for _, comb in pairs)]
-        taken = [*(p for pair, _ in pairs for p in pair), *free_effectors]
-        given = [*(c for _, comb in pairs for c in comb), *free_combs]
-        for i, j in zip(taken, given, strict=True):
-            dealt[i] = sets[j]
-    return tuple(dealt)
+    pairs = list(zip(_alike(loads), _mirror_images(sets), strict=False))
+    effectors = [i for pair, _ in pairs for i in pair]
+    combs = [j for _, images in pairs for j in images]
+    effectors += [i for i in range(len(sets)) if i not in effectors]
+    combs += [j for j in range(len(sets)) if j not in combs]
+    given = dict(zip(effectors, combs, strict=True))
+    return tuple(sets[given[i]] for i in range(len(sets)))
 
 
-def _alike(loads: Array, members: Sequence[int]) -> list[tuple[int, int]]:
+def _alike(loads: Array) -> list[Pair]:
     """Return disjoint pairs of effectors that do the same but for signs, the weightiest pair first."""
     total = np.sqrt(np.sum(loads**2, axis=1, keepdims=True))
     share = np.abs(loads) / np.where(total > 0.0, total, 1.0)
     size = np.linalg.norm(share, axis=0)
     found = [
-        (float(np.max(share[:, i] ** 2 + share[:, j] ** 2)), i, j)
-        for i, j in combinations(members, 2)
+        (float(np.max(share[:, i] ** 2 + share[:, j] ** 2)), (i, j))
+        for i, j in combinations(range(size.size), 2)
         if share[:, i] @ share[:, j] > _ALIKE * size[i] * size[j] > 0.0
     ]
-    return _disjoint(sorted(found, key=lambda pair: -pair[0]))
+    return _disjoint(found)
 
 
-def _mirror_images(sets: Sequence[Lines], members: Sequence[int]) -> list[tuple[int, int]]:
+def _mirror_images(sets: Sequence[Lines]) -> list[Pair]:
     """Return disjoint pairs of combs that mirror each other, those with the lowest peaks first."""
-    strides = [int(np.gcd.reduce(np.diff(s))) if len(s) > 1 else 0 for s in sets]
+    strides = [int(np.gcd.reduce(np.diff(s))) if s.size > 1 else 0 for s in sets]
     found = [
-        (int(np.gcd(strides[i], sets[i][0])), i, j)
-        for i, j in combinations(members, 2)
+        (float(np.gcd(strides[i], sets[i][0])), (i, j))
+        for i, j in combinations(range(len(sets)), 2)
         if strides[i] == strides[j] > 0 and (sets[i][0] + sets[j][0]) % strides[i] == 0
     ]
-    return _disjoint(sorted(found, key=lambda pair: -pair[0]))
+    return _disjoint(found)
 
 
-def _disjoint(pairs: Sequence[tuple[float, int, int]]) -> list[tuple[int, int]]:
-    taken: set[int] = set()
-    kept = []
-    for _, i, j in pairs:
-        if not taken & {i, j}:
-            taken |= {i, j}
-            kept.append((i, j))
-    return kept
+def _disjoint(ranked: Sequence[tuple[float, Pair]]) -> list[Pair]:
+    """Return pairs that share no member, the highest rank first."""
+    chosen: list[Pair] = []
+    for _, pair in sorted(ranked, key=lambda entry: -entry[0]):
+        if not any(set(pair) & set(other) for other in chosen):
+            chosen.append(pair)
+    return chosen

@@ -1,24 +1,27 @@
-"""From a scenario's excitation to a set of orthogonal multisines, its samples and its figures of merit."""
+"""From a scenario's excitation to a set of orthogonal multisines that can be flown, and its samples."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.channels import WRENCH
-from freqid.core.design import Multisine, MultisineDesign
+from freqid.core.design import Multisine, MultisineDesign, SampledInputs
 from freqid.core.errors import UsageError, nearest
-from freqid.core.scenario import Excitation
+from freqid.core.excitation import MOST_HARMONICS, Excitation
 from freqid.core.vehicle import Effector
 from freqid.design.allocation import check_sets, interleave, lines_in_band, search
-from freqid.design.inputs import SampledInputs
-from freqid.design.net_load import lowest_net_loads
+from freqid.design.bounds import at_least, at_most
+from freqid.design.closed_loop import STATES, ClosedLoop
+from freqid.design.merit import merit
+from freqid.design.mirrored import mirrored
+from freqid.design.net_load import load_gains, lowest_nets, net_peaks
 from freqid.design.phases import lowest_peaks
 from freqid.design.power import fractions, limits_from_db
-from freqid.design.signals import PEAK_POINTS, relative_peak_factor, sample, samples_per_period
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -49,14 +52,13 @@ def design_multisines(
         with the key and the nearest feasible value.
     """
     chosen = excited(excitation, effectors)
-    lines = lines_in_band(excitation.period_s, excitation.band_hz)
-    lines = lines[[_allowed(int(k), excitation) for k in lines]]
+    lines = _lines(excitation, excitation.period_s)
     limits = limits_from_db(excitation.power_db)
     sets = _allocate(excitation, chosen, lines, limits, seed)
     powers = _reference_powers(excitation, sets)
     waves = lowest_peaks(sets, powers, limits=limits, starts=excitation.starts, seed=seed, progress=progress)
     signals = tuple(
-        Multisine(e.name, e.unit, w.index, w.amplitude * _amplitude(excitation, e) / np.sqrt(2), w.phase)
+        Multisine(e.name, e.unit, w.index, w.amplitude * amplitude_of(excitation, e) / np.sqrt(2), w.phase)
         for e, w in zip(chosen, waves, strict=True)
     )
     design = MultisineDesign(
@@ -67,7 +69,7 @@ def design_multisines(
         dt_s=excitation.dt_s,
         seed=seed,
     )
-    _check_feasible(design, excitation, chosen)
+    check_feasible(design, excitation, chosen)
     return design
 
 
@@ -99,7 +101,14 @@ def excited(excitation: Excitation, effectors: Sequence[Effector]) -> list[Effec
     return [e for e in effectors if e.name in wanted]
 
 
-def _amplitude(excitation: Excitation, effector: Effector) -> float:
+def amplitude_of(excitation: Excitation, effector: Effector) -> float:
+    """Return the amplitude that is asked of an effector.
+
+    Raises
+    ------
+    UsageError
+        Where it is not positive.
+    """
     given = excitation.amplitude
     value = given[effector.name] if isinstance(given, dict) else given
     if not 0 < value < np.inf:
@@ -110,11 +119,13 @@ def _amplitude(excitation: Excitation, effector: Effector) -> float:
     return value
 
 
-def _allowed(k: int, excitation: Excitation) -> bool:
-    frequency = k / excitation.period_s
-    return k not in excitation.empty and not any(
-        low <= frequency <= high for low, high in excitation.forbidden_hz
-    )
+def _lines(excitation: Excitation, period_s: float) -> NDArray[np.int64]:
+    """Return the harmonics of 1/T that may have power."""
+    lines = lines_in_band(period_s, excitation.band_hz)
+    free = ~np.isin(lines, excitation.empty)
+    for low, high in excitation.forbidden_hz:
+        free &= (lines / period_s < low) | (lines / period_s > high)
+    return lines[free]
 
 
 def _allocate(
@@ -134,13 +145,19 @@ def _allocate(
         return check_sets({e.name: excitation.allocation[e.name] for e in chosen}, lines)
     if lines.size < len(chosen):
         low, high = excitation.band_hz
-        enough = excitation.period_s * len(chosen) / max(lines.size, 1)
+        # The band gains a harmonic where T times its end is a whole number.
+        tops = range(math.ceil(high * excitation.period_s), MOST_HARMONICS)
+        periods = (float(at_least(top / high)) for top in tops)
+        enough = next((T for T in periods if _lines(excitation, T).size >= len(chosen)), None)
+        longer = f"lengthen excitation.period_s to {enough:g} s, or " if enough else ""
         raise UsageError(
-            f"{lines.size} harmonics between {low:g} and {high:g} Hz are too few for {len(chosen)} effectors",
-            remedy=f"lengthen excitation.period_s to {enough:.4g} s, or widen excitation.band_hz",
+            f"harmonics of 1/{excitation.period_s:g} s between {low:g} and {high:g} Hz that may have power: "
+            f"{lines.size}, too few for {len(chosen)} effectors",
+            remedy=f"{longer}widen excitation.band_hz",
         )
     if excitation.allocation == "interleaved":
-        return interleave(lines, len(chosen))
+        loads = effectiveness(chosen) * [amplitude_of(excitation, e) for e in chosen]
+        return mirrored(interleave(lines, len(chosen)), _importance(excitation)[:, None] * loads)
     ceiling = int(lines[round(excitation.propulsor_share * lines.size) - 1])
     low = [e.kind in ("rotor", "thrust", "throttle") for e in chosen]
     return search(lines, low, ceiling, limits=limits, seed=seed)
@@ -154,27 +171,33 @@ def _reference_powers(excitation: Excitation, sets: Sequence[NDArray[np.int64]])
     return [fractions(index, excitation.period_s, frequency, density) for index in sets]
 
 
-def _check_feasible(design: MultisineDesign, excitation: Excitation, chosen: Sequence[Effector]) -> None:
-    """Refuse signals that leave their effector's range or outrun its rate."""
+def check_feasible(design: MultisineDesign, excitation: Excitation, chosen: Sequence[Effector]) -> None:
+    """Refuse signals that leave their effector's range or outrun its rate; the worst of each is named.
+
+    Raises
+    ------
+    UsageError
+    """
     judged = merit(design)
-    for i, effector in enumerate(chosen):
-        asked = _amplitude(excitation, effector)
-        low, high = effector.limits
-        share = 2 * judged.peak[i] / (high - low)
-        if share > 1:
-            raise UsageError(
-                f"excitation.amplitude of '{effector.name}', {asked:g} {effector.unit}, makes peaks of "
-                f"{judged.peak[i]:.4g} {effector.unit} where the limits allow {(high - low) / 2:.4g} about "
-                "the middle of their range",
-                remedy=f"at most {asked / share:.4g} is feasible",
-            )
-        if effector.rate_limit is not None and judged.slew[i] > effector.rate_limit:
-            raise UsageError(
-                f"'{effector.name}' would have to move at {judged.slew[i]:.4g} {effector.unit}/s, its "
-                f"rate_limit is {effector.rate_limit:g}",
-                remedy=f"lower excitation.amplitude to {asked * effector.rate_limit / judged.slew[i]:.4g}, "
-                "or the band",
-            )
+    room = np.array([(e.limits[1] - e.limits[0]) / 2 for e in chosen])
+    rate = np.array([np.inf if e.rate_limit is None else e.rate_limit for e in chosen])
+    i = int(np.argmax(judged.peak / room))
+    effector, asked, share = chosen[i], amplitude_of(excitation, chosen[i]), judged.peak[i] / room[i]
+    if share > 1:
+        raise UsageError(
+            f"excitation.amplitude of '{effector.name}', {asked:g} {effector.unit}, makes peaks of "
+            f"{judged.peak[i]:.4g} {effector.unit} where the limits allow {room[i]:.4g} about the middle of "
+            "their range",
+            remedy=f"at most {at_most(asked / share)} is feasible",
+        )
+    i = int(np.argmax(judged.slew / rate))
+    effector, asked, share = chosen[i], amplitude_of(excitation, chosen[i]), judged.slew[i] / rate[i]
+    if share > 1:
+        raise UsageError(
+            f"excitation.amplitude of '{effector.name}', {asked:g} {effector.unit}, needs "
+            f"{judged.slew[i]:.4g} {effector.unit}/s where its rate_limit is {rate[i]:g}",
+            remedy=f"lower excitation.amplitude to {at_most(asked / share)}, or the band",
+        )
 
 
 def effectiveness(effectors: Sequence[Effector]) -> Array:
@@ -182,41 +205,73 @@ def effectiveness(effectors: Sequence[Effector]) -> Array:
     return np.array([[e.effectiveness.get(axis, 0.0) for e in effectors] for axis in WRENCH])  # type: ignore[call-overload]
 
 
+def _importance(excitation: Excitation) -> Array:
+    """Return the weights of the axes' net loads, shape (6,)."""
+    return np.array([excitation.net_load.get(axis, 0.0) for axis in WRENCH])  # type: ignore[call-overload]
+
+
 def with_low_net_loads(
-    design: MultisineDesign, excitation: Excitation, effectors: Sequence[Effector]
+    design: MultisineDesign,
+    excitation: Excitation,
+    effectors: Sequence[Effector],
+    loop: ClosedLoop | None = None,
 ) -> MultisineDesign:
-    """Play the signals of a design so that their sum loads the aircraft little on the axes that count.
+    """Play the signals of a design so that their sum loads and moves the aircraft little.
 
     Parameters
     ----------
     design : MultisineDesign
         As `design_multisines` gives it.
     excitation : Excitation
-        Says which axes count, and how far powers may move.
+        Says which axes count, how far powers may move, and at which states a run is broken off.
     effectors : sequence of Effector
         Of the vehicle, with their effectiveness.
+    loop : ClosedLoop, optional
+        Predicts the motion; with it the states in ``excitation.abort`` count too.
 
     Raises
     ------
     UsageError
-        Where no effector states its effectiveness.
+        Where axes count but no effector states its effectiveness, or a signal gets beyond what its effector
+        can do.
+
+    Notes
+    -----
+    Each axis is judged by its own peak. States are judged by the share of their abort limits that they
+    use, and together weigh as much as one axis: the state that comes nearest to its limit matters, one
+    that stays far from it does not.
     """
-    loads = effectiveness(excited(excitation, effectors))
-    if not loads.any():
+    chosen = excited(excitation, effectors)
+    loads = effectiveness(chosen)
+    if excitation.net_load and not loads.any():
         raise UsageError(
             "excitation.net_load is asked for, but no [[effector]] states its effectiveness",
             remedy="add effectiveness = { X = ..., N = ... } to the effectors, or drop net_load",
         )
-    weights = np.array([excitation.net_load.get(axis, 0.0) for axis in WRENCH])  # type: ignore[call-overload]
-    signals = lowest_net_loads(
+    gains = load_gains(design.signals, loads).astype(complex)
+    weights = _importance(excitation)
+    allowed = {state: limit for state, limit in excitation.abort.items() if state in STATES}
+    if loop is not None and allowed:
+        moved = [
+            loop.response(tuple(allowed), [s.name], s.index / design.period_s)[:, 0] for s in design.signals
+        ]
+        states = np.concatenate(moved, axis=1) / np.array([*allowed.values()])[:, None]
+        share = net_peaks(design.signals, states)
+        gains, weights = (
+            np.concatenate([gains, states]),
+            np.concatenate([weights, share / (share.max() or 1.0)]),
+        )
+    signals = lowest_nets(
         design.signals,
-        loads,
+        gains,
         weights,
         powers=_reference_powers(excitation, [s.index for s in design.signals]),
         limits=limits_from_db(excitation.power_db),
         seed=design.seed,
     )
-    return replace(design, signals=tuple(signals))
+    quiet = replace(design, signals=tuple(signals))
+    check_feasible(quiet, excitation, chosen)
+    return quiet
 
 
 def sampled(design: MultisineDesign) -> SampledInputs:
@@ -225,96 +280,3 @@ def sampled(design: MultisineDesign) -> SampledInputs:
     angle = 2 * np.pi * time / design.period_s
     rows = [s.amplitude @ np.sin(np.outer(s.index, angle) + s.phase[:, None]) for s in design.signals]
     return SampledInputs(design.names, tuple(s.unit for s in design.signals), time, np.array(rows))
-
-
-@dataclass(frozen=True)
-class Merit:
-    """How good a design is, signal by signal and as a set.
-
-    Attributes
-    ----------
-    names : tuple of str
-    rpf, rms, peak, slew : ndarray, shape (effector,)
-        Relative peak factor; the others in effector units, slew per second, largest magnitudes.
-    correlation : ndarray, shape (effector, effector)
-        Over one period.
-    max_correlation : float
-        Largest magnitude between two signals over one period.
-    condition_number : float
-        Of the matrix of normalised signals over one period, ``U^T U``.
-    """
-
-    names: tuple[str, ...]
-    rpf: Array
-    rms: Array
-    peak: Array
-    slew: Array
-    correlation: Array
-    max_correlation: float
-    condition_number: float
-
-
-def merit(design: MultisineDesign) -> Merit:
-    """Judge a design on at least 64 points per shortest period."""
-    rows = [(s.index, s.amplitude, s.phase) for s in design.signals]
-    samples = samples_per_period(np.concatenate([s.index for s in design.signals]), PEAK_POINTS)
-    signals = np.array([sample(*row, samples) for row in rows])
-    speed = 2 * np.pi / design.period_s
-    slew = [np.abs(sample(k, a * k * speed, p + np.pi / 2, samples)).max() for k, a, p in rows]
-    correlation = _correlation(signals)
-    return Merit(
-        names=design.names,
-        rpf=np.array([float(relative_peak_factor(*row)) for row in rows]),
-        rms=np.sqrt([0.5 * np.sum(a**2) for _, a, _ in rows]),
-        peak=np.abs(signals).max(axis=1),
-        slew=np.array(slew),
-        correlation=correlation,
-        max_correlation=_largest_pair(correlation),
-        condition_number=float(np.linalg.cond(correlation)),
-    )
-
-
-@dataclass(frozen=True)
-class Truncation:
-    """What is left of orthogonality while a manoeuvre is not finished.
-
-    Attributes
-    ----------
-    time : ndarray, shape (time,)
-        Length flown, s.
-    max_correlation, condition_number : ndarray, shape (time,)
-        As in `Merit`, over that length.
-    """
-
-    time: Array
-    max_correlation: Array
-    condition_number: Array
-
-
-def truncated(design: MultisineDesign, steps: int = 40) -> Truncation:
-    """Judge correlation and condition over growing parts of the first period.
-
-    Parameters
-    ----------
-    design : MultisineDesign
-    steps : int
-        Lengths judged, evenly from T / `steps` to T.
-    """
-    samples = samples_per_period(np.concatenate([s.index for s in design.signals]), 16)
-    signals = np.array([sample(s.index, s.amplitude, s.phase, samples) for s in design.signals])
-    ends = np.linspace(samples / steps, samples, steps).round().astype(int)
-    parts = [_correlation(signals[:, :end]) for end in ends]
-    return Truncation(
-        time=design.period_s * ends / samples,
-        max_correlation=np.array([_largest_pair(c) for c in parts]),
-        condition_number=np.array([np.linalg.cond(c) for c in parts]),
-    )
-
-
-def _correlation(signals: Array) -> Array:
-    norm = np.linalg.norm(signals, axis=1)
-    return signals @ signals.T / np.outer(norm, norm)
-
-
-def _largest_pair(correlation: Array) -> float:
-    return float(np.abs(correlation - np.eye(len(correlation))).max()) if len(correlation) > 1 else 0.0

@@ -3,7 +3,8 @@
 The relative peak factor of each signal says nothing about their sum. Starting a periodic signal at another
 of its zeros, turning it upside down or playing it backwards leaves its spectrum, its rms and its peak
 factor as they are, but not the sum: a choice that costs nothing. Once it is made, small changes of all
-phases together, which raise each peak factor by no more than a budget, lower the sum again as much.
+phases together, which raise each peak factor by no more than a budget, lower the sum again. What sums there
+are, loads on axes or states that answer, is for the gains of `nets` to say.
 """
 
 from __future__ import annotations
@@ -19,13 +20,14 @@ from freqid.design.joint_phases import JointPhases
 from freqid.design.signals import PEAK_POINTS, sample, samples_per_period, zero_crossings
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
-_CHANCE = 200  # random ways of playing whose median peak is what an axis would see by chance
+_CHANCE = 200  # random ways of playing whose median peak is what a net would see by chance
 _CHANCE_POINTS = 16
 _POINTS = 4  # samples per shortest period while searching: the result is judged at 64
 _SQUARINGS = 4  # the search lowers a norm of order 2^4: many peaks of one height are hard to polish away
 _SWEEPS = 12
-_TABLE = 50_000_000  # samples of all ways of all signals, at most: 200 MB
+_TABLE = 100_000_000  # samples of all nets of all ways of all signals, at most: 400 MB
 _ROUNDS = ((6, 6, 0.1), (2, 30, 0.03))  # of the polish: candidates, steps, first trust in rad
 _TONES = 110  # more get fewer starts and candidates, in inverse square, and steps: each costs far more
 
@@ -41,31 +43,63 @@ def ways(signal: Multisine, most: int | None = None) -> list[Multisine]:
     return [replace(signal, phase=phase) for phase in np.mod(phases + np.pi, 2.0 * np.pi) - np.pi]
 
 
-def net_loads(signals: Sequence[Multisine], effectiveness: Array, points: int = PEAK_POINTS) -> Array:
+def load_gains(signals: Sequence[Multisine], effectiveness: ArrayLike) -> Array:
+    """Return the gains of loads that follow the effectors at once, shape (axis, tone).
+
+    Parameters
+    ----------
+    signals : sequence of Multisine, length effector
+    effectiveness : array_like, shape (axis, effector)
+        Load per unit of each effector.
+    """
+    return np.repeat(np.asarray(effectiveness), [s.index.size for s in signals], axis=1)
+
+
+def nets(signals: Sequence[Multisine], gains: ArrayLike, points: int = PEAK_POINTS) -> Array:
+    """Return what all signals do together over one period, shape (net, sample).
+
+    Parameters
+    ----------
+    signals : sequence of Multisine, length effector
+    gains : array_like of float or complex, shape (net, tone)
+        What each tone, of all signals one after another, adds: `load_gains`, or frequency responses at
+        its harmonic.
+    points : int
+        Samples per shortest period.
+    """
+    index, amplitude, phase = (
+        np.concatenate([getattr(s, name) for s in signals]) for name in ("index", "amplitude", "phase")
+    )
+    return sample(index, np.asarray(gains) * amplitude, phase, samples_per_period(index, points))
+
+
+def net_loads(signals: Sequence[Multisine], effectiveness: ArrayLike) -> Array:
     """Return the sum of all effectors' loads over one period, shape (axis, sample).
 
     Parameters
     ----------
     signals : sequence of Multisine, length effector
-    effectiveness : ndarray, shape (axis, effector)
+    effectiveness : array_like, shape (axis, effector)
         Load per unit of each effector.
-    points : int
-        Samples per shortest period.
     """
-    samples = samples_per_period(np.concatenate([s.index for s in signals]), points)
-    return effectiveness @ np.array([sample(s.index, s.amplitude, s.phase, samples) for s in signals])
+    return nets(signals, load_gains(signals, effectiveness))
+
+
+def net_peaks(signals: Sequence[Multisine], gains: ArrayLike, points: int = PEAK_POINTS) -> Array:
+    """Return the largest magnitude of each of the `nets`, shape (net,)."""
+    return np.abs(nets(signals, gains, points)).max(axis=1)
 
 
 def peaks_by_chance(
-    signals: Sequence[Multisine], effectiveness: Array, *, points: int = PEAK_POINTS, seed: int = 0
+    signals: Sequence[Multisine], gains: ArrayLike, *, points: int = PEAK_POINTS, seed: int = 0
 ) -> Array:
-    """Return the median over 200 random ways of playing of the net peak of each axis, shape (axis,).
+    """Return the median over 200 random ways of playing of the largest magnitude of each net, shape (net,).
 
     Parameters
     ----------
     signals : sequence of Multisine, length effector
-    effectiveness : ndarray, shape (axis, effector)
-        Load per unit of each effector.
+    gains : array_like of float or complex, shape (net, tone)
+        As for `nets`.
     points : int
         Samples per shortest period.
     seed : int
@@ -73,13 +107,13 @@ def peaks_by_chance(
     rng = np.random.default_rng(seed)
     choices = [ways(s) for s in signals]
     drawn = ([c[rng.integers(len(c))] for c in choices] for _ in range(_CHANCE))
-    return np.median([np.abs(net_loads(draw, effectiveness, points)).max(axis=1) for draw in drawn], axis=0)
+    return np.median([net_peaks(draw, gains, points) for draw in drawn], axis=0)
 
 
-def lowest_net_loads(
+def lowest_nets(
     signals: Sequence[Multisine],
-    effectiveness: Array,
-    weights: Array,
+    gains: ArrayLike,
+    weights: ArrayLike,
     *,
     rpf_budget: float = 0.03,
     powers: Sequence[ArrayLike] | None = None,
@@ -87,16 +121,16 @@ def lowest_net_loads(
     starts: int = 16,
     seed: int = 0,
 ) -> list[Multisine]:
-    """Choose how each signal is played so that the net peaks are low on all axes that count.
+    """Choose how each signal is played so that the peaks of all nets that count are low.
 
     Parameters
     ----------
     signals : sequence of Multisine, length effector
         Each with phases that give it a low peak factor.
-    effectiveness : ndarray, shape (axis, effector)
-        Load per unit of each effector.
-    weights : ndarray, shape (axis,)
-        Importance of each axis; 0 leaves it out.
+    gains : array_like of float or complex, shape (net, tone)
+        As for `nets`.
+    weights : array_like, shape (net,)
+        Importance of each net; 0 leaves it out.
     rpf_budget : float
         By how much of itself each relative peak factor may rise; 0 keeps all phases but for start, sense
         and reversal.
@@ -111,24 +145,26 @@ def lowest_net_loads(
     Returns
     -------
     list of Multisine, length effector
-        Starting at zero. Signals without effect on the axes that count come back as they are, and so do
+        Starting at zero. Signals without effect on the nets that count come back as they are, and so do
         all where nothing better was found.
 
     Notes
     -----
-    What is lowered is the largest ratio, among axes, of net peak to reference times weight. The
-    reference is the smaller of the peak of `signals` and that of `peaks_by_chance`: a largest ratio below
-    one lowers every axis that counts. One signal after another is replaced by its best way while the rest
+    What is lowered is the largest ratio, among nets, of peak to reference times weight. The reference is
+    the smaller of the peak of `signals` and that of `peaks_by_chance`: a largest ratio below one lowers
+    every net that has weight one. One signal after another is replaced by its best way while the rest
     stay, until none changes; the best of several random starts are polished by `JointPhases`.
     """
-    counted = (weights > 0) & effectiveness.any(axis=1)
-    heard = [i for i in range(len(signals)) if effectiveness[counted, i].any()]
-    if not heard:
+    adds, weights = np.asarray(gains, dtype=np.complex128), np.asarray(weights, dtype=float)
+    owner = np.repeat(np.arange(len(signals)), [s.index.size for s in signals])
+    counted = (weights > 0) & adds.any(axis=1)
+    heard = np.unique(owner[adds[counted].any(axis=0)])
+    if not heard.size:
         return list(signals)
-    given, loads = [signals[i] for i in heard], effectiveness[counted][:, heard]
-    chance = peaks_by_chance(given, loads, points=_CHANCE_POINTS, seed=seed)
-    reference = np.minimum(np.abs(net_loads(given, loads)).max(axis=1), chance)
-    scaled = loads * (weights[counted] / reference)[:, None]
+    given, adds = [signals[i] for i in heard], adds[counted][:, np.isin(owner, heard)]
+    chance = peaks_by_chance(given, adds, points=_CHANCE_POINTS, seed=seed)
+    reference = np.minimum(net_peaks(given, adds), chance)
+    scaled = adds * (weights[counted] / reference)[:, None]
     fractions = [np.ones(s.index.size) for s in signals] if powers is None else powers
     joint = JointPhases(given, scaled, rpf_budget, [fractions[i] for i in heard], limits)
 
@@ -149,30 +185,31 @@ def lowest_net_loads(
     return result
 
 
-def _search(signals: Sequence[Multisine], scaled: Array, starts: int, seed: int) -> list[list[Multisine]]:
+def _search(signals: Sequence[Multisine], scaled: Complex, starts: int, seed: int) -> list[list[Multisine]]:
     """Return the ways of playing that coordinate descents end in, the lowest norm first."""
     samples = samples_per_period(np.concatenate([s.index for s in signals]), _POINTS)
-    choices = [ways(s, _TABLE // (samples * len(signals))) for s in signals]
+    choices = [ways(s, _TABLE // (samples * len(signals) * len(scaled))) for s in signals]
+    cuts = np.cumsum([s.index.size for s in signals])[:-1]
+    # By signal (net, way, sample). Single precision: half the memory traffic, which the search waits for.
     waves = [
-        sample(c[0].index, c[0].amplitude, [way.phase for way in c], samples).astype(np.float32)
-        for c in choices
+        np.array(
+            [sample(s.index, g * s.amplitude, [way.phase for way in c], samples) for g in own], np.float32
+        )
+        for s, c, own in zip(signals, choices, np.split(scaled, cuts, axis=1), strict=True)
     ]
-    loads = scaled.astype(np.float32)  # half the memory traffic, which is what the search waits for
     rng = np.random.default_rng((seed, 1))
     found: list[tuple[float, list[int]]] = []
     for _ in range(starts):
         chosen = [int(rng.integers(len(c))) for c in choices]
-        net = loads @ np.array([w[c] for w, c in zip(waves, chosen, strict=True)])
+        net = np.sum([w[:, c] for w, c in zip(waves, chosen, strict=True)], axis=0)
         cost = np.inf
         for _ in range(_SWEEPS):
             before = cost
             for i in rng.permutation(len(waves)):
-                rest = net - np.outer(loads[:, i], waves[i][chosen[i]])
-                costs = np.zeros(len(waves[i]))
-                for r, load in zip(rest, loads[:, i], strict=True):
-                    costs += _norm(r + load * waves[i])
+                rest = net - waves[i][:, chosen[i]]
+                costs = np.sum([_norm(r + wave) for r, wave in zip(rest, waves[i], strict=True)], axis=0)
                 chosen[i] = int(np.argmin(costs))
-                net = rest + np.outer(loads[:, i], waves[i][chosen[i]])
+                net = rest + waves[i][:, chosen[i]]
                 cost = float(costs[chosen[i]])
             if cost > 0.99 * before:
                 break
@@ -181,8 +218,8 @@ def _search(signals: Sequence[Multisine], scaled: Array, starts: int, seed: int)
     return [[c[w] for c, w in zip(choices, chosen, strict=True)] for _, chosen in found]
 
 
-def _norm(loads: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the sum of the 2^_SQUARINGS-th powers over time."""
+def _norm(waves: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the sum of the 2^_SQUARINGS-th powers over time; overwrites the waves."""
     for _ in range(_SQUARINGS):
-        loads = loads * loads
-    return loads.sum(axis=-1)
+        np.square(waves, out=waves)
+    return waves.sum(axis=-1)

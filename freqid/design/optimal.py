@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 
 from freqid.core.design import MultisineDesign
 from freqid.core.errors import UsageError
-from freqid.core.scenario import Identification
+from freqid.core.identification import Identification
 from freqid.core.vehicle import Vector
 from freqid.design.closed_loop import ClosedLoop
 from freqid.design.experiment import Experiment, refuse_unidentified
@@ -34,6 +34,7 @@ class Optimum:
 
     Attributes
     ----------
+    criterion : {"A", "D"}
     design : MultisineDesign
         The one given, each signal multiplied by its scale.
     scale : ndarray, shape (effector,)
@@ -44,6 +45,7 @@ class Optimum:
         units; for A the logarithm of the mean squared ratio of standard error to `wanted`.
     """
 
+    criterion: Literal["A", "D"]
     design: MultisineDesign
     scale: Array
     binding: tuple[str, ...]
@@ -116,11 +118,17 @@ def optimal_amplitudes(
         replace(signal, amplitude=signal.amplitude * factor)
         for signal, factor in zip(design.signals, scale, strict=True)
     )
-    provenance = {**design.provenance, "amplitudes": f"{criterion}-optimal", "scale": scale.tolist()}
+    binding = tuple(name for name, p in zip(limits.names, peak, strict=True) if p > 1 - 10 * EXCESS)
+    provenance = {
+        **design.provenance,
+        "amplitudes": f"{criterion}-optimal, held back by {', '.join(binding)}",
+        "scale": [float(f"{factor:.6g}") for factor in scale],
+    }
     return Optimum(
+        criterion=criterion,
         design=replace(design, signals=signals, provenance=provenance),
         scale=scale,
-        binding=tuple(name for name, p in zip(limits.names, peak, strict=True) if p > 1 - 10 * EXCESS),
+        binding=binding,
         figure=best[0],
     )
 

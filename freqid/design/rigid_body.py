@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError
-from freqid.core.frames import cross, shaft_axis
 from freqid.core.models import PointModel
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.core.vehicle import Vehicle
 from freqid.design.closed_loop import STATES, ClosedLoop, position
+from freqid.numerics.small_motion import equations_of_motion, rotor_spin
 
 Array = NDArray[np.float64]
 
@@ -68,8 +68,7 @@ def close_loop(
 
     Notes
     -----
-    ``m (v' + w x V0) = F + m dg``, ``I w' + S d' + w x h0 = M`` with ``h0 = S d0`` the rotors' momentum;
-    ``phi' = p + r tan(theta)``, ``theta' = q``. Tilting wings keep their mass where the trim has it.
+    The motion is that of `freqid.numerics.small_motion`, with ``h0 = S d0`` the rotors' momentum.
 
     References
     ----------
@@ -88,21 +87,12 @@ def close_loop(
     positions = dict(trim or {})
     for name in positions:
         position(name, names, "trimmed effector")
-    spin = _spin(vehicle, names, positions)
+    spin = rotor_spin(vehicle, names, positions)
     momentum = spin @ np.array([positions.get(name, 0.0) for name in names])
     velocity = np.array([u, 0.0, u * np.tan(theta) if w is None else w])
 
-    mass, inertia = vehicle.mass_properties.mass_kg, vehicle.mass_properties.inertia.matrix
     E, A, B = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, len(names)))
-    A[:6] = wrench
-    E[:3, :3] = mass * np.eye(3)
-    A[:3, 3:6] -= mass * cross(np.eye(3), velocity[:, None] * np.ones(3))
-    A[1, 6] += mass * gravity * np.cos(theta)
-    A[[0, 2], 7] -= mass * gravity * np.array([np.cos(theta), np.sin(theta)])
-    E[3:6, 3:6], E[3:6, 8:] = inertia, spin
-    A[3:6, 3:6] -= cross(np.eye(3), momentum[:, None] * np.ones(3))
-    E[6, 6] = E[7, 7] = 1.0
-    A[6, 3], A[6, 5], A[7, 4] = 1.0, np.tan(theta), 1.0
+    E[:8], A[:8] = equations_of_motion(wrench, vehicle, velocity, theta, spin, momentum, gravity)
     for name, lag in (lag_s or {}).items():
         i = position(name, names, "effector with a lag")
         if not lag >= 0:
@@ -154,19 +144,6 @@ def drawn_derivatives(model: PointModel, count: int, seed: int = 0) -> list[dict
         }
         for _ in range(count)
     ]
-
-
-def _spin(vehicle: Vehicle, names: tuple[str, ...], positions: Mapping[str, float]) -> Array:
-    """Return ``s_k J_k e_k`` of the rotor whose speed an effector is, shape (3, effector)."""
-    spin = np.zeros((3, len(names)))
-    tilts = {
-        wing.name: positions.get(wing.tilt, vehicle.tilt_rad.get(wing.name, 0.0)) for wing in vehicle.wings
-    }
-    for rotor in vehicle.rotors:
-        if rotor.name in names and rotor.inertia:
-            axis = shaft_axis(rotor.axis, tilts.get(rotor.wing or "", 0.0))
-            spin[:, names.index(rotor.name)] = rotor.spin * rotor.inertia * axis
-    return spin
 
 
 def _feedback(gains: Mapping[str, Mapping[str, float]] | ArrayLike | None, names: tuple[str, ...]) -> Array:

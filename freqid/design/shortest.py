@@ -5,10 +5,11 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import replace
+from math import inf
 
 from freqid.core.design import MultisineDesign
 from freqid.core.errors import UsageError
-from freqid.core.scenario import Identification
+from freqid.core.identification import Identification
 from freqid.core.vehicle import Vector
 from freqid.design.closed_loop import ClosedLoop
 from freqid.design.experiment import refuse_unidentified
@@ -47,6 +48,8 @@ def shortest(
         Where the longest manoeuvre does not reach them: which parameter is worst, and what it reaches.
     """
     refuse_unidentified(settings, wanted)
+    if not 0 < longest_s < inf:
+        raise UsageError(f"the longest manoeuvre is {longest_s:g} s, expected a positive time")
     most = int(longest_s / design.period_s + 1e-9)
     if most < 1:
         raise UsageError(
@@ -73,7 +76,7 @@ def shortest(
         raise UsageError(
             f"a standard error of {error:.4g} of '{regressor}' in '{response}' is out of reach: "
             f"{most} periods, {most * design.period_s:g} s, reach {ratio * error:.4g}, the nearest feasible",
-            remedy=f"accept that, allow about {most * design.period_s * ratio**2:.0f} s, or raise amplitudes",
+            remedy=f"accept that, allow about {most * design.period_s * ratio**2:.4g} s, or raise amplitudes",
         )
     # The standard error falls with every period, so the first that suffices is found by halving.
     return flown(1 + bisect_left(range(1, most), True, key=lambda n: worst(flown(n))[0] <= 1))

@@ -27,9 +27,9 @@ def sample(index: ArrayLike, amplitude: ArrayLike, phase: ArrayLike, samples: in
     Parameters
     ----------
     index : array_like of int, shape (tone,)
-        Harmonics of 1/T, all different, >= 1 and < samples / 2.
+        Harmonics of 1/T, >= 1 and < samples / 2; tones on one harmonic add up.
     amplitude : array_like, shape (..., tone)
-        In the unit of the signal.
+        In the unit of the signal; complex where a frequency response has turned the tones.
     phase : array_like, shape (..., tone)
         rad.
     samples : int
@@ -40,7 +40,8 @@ def sample(index: ArrayLike, amplitude: ArrayLike, phase: ArrayLike, samples: in
     """
     tone = np.asarray(amplitude) * np.exp(1j * np.asarray(phase))
     line = np.zeros((*tone.shape[:-1], samples // 2 + 1), dtype=complex)
-    line[..., np.asarray(index)] = -0.5j * samples * tone  # a sine is -j/2 at its positive line
+    # A sine is -j/2 at its positive line.
+    np.add.at(line, (..., np.asarray(index)), -0.5j * samples * tone)  # type: ignore[arg-type]
     return irfft(line, samples, axis=-1)
 
 

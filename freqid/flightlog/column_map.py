@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
 from math import isfinite
 from pathlib import Path
 from typing import Literal
 
 from ..core.channels import split
-from ..core.errors import DataError, UsageError
-from ..core.scenario import convert
+from ..core.errors import DataError
+from ..core.toml import read_toml
 from ..core.vehicle import Strict, Vector
 
 MASS_PROPERTIES = {
@@ -143,34 +142,16 @@ def read_column_map(path: Path) -> ColumnMap:
 
     Raises
     ------
-    UsageError
-        Where the file cannot be read, is no TOML in UTF-8 (with the line), or has an unknown key or a
-        wrong value (with its path).
     DataError
-        For a channel of an unknown name; the nearest names are suggested.
+        Where the file cannot be read or is no TOML, or for a channel of an unknown name; the nearest
+        names are suggested.
+    UsageError
+        For an unknown key or a wrong value, with its path.
     """
-    where = str(path)
-    try:
-        raw = Path(path).read_bytes()
-    except OSError as error:
-        raise UsageError(
-            f"the column map cannot be read ({error.strerror})", where=where, remedy="check the path"
-        ) from None
-    try:
-        table = tomllib.loads(raw.decode("utf-8"))
-    except UnicodeDecodeError as error:
-        line = raw[: error.start].count(b"\n") + 1
-        raise UsageError(
-            f"line {line} of the column map is no UTF-8 text", where=where, remedy="save it as UTF-8"
-        ) from None
-    except (ValueError, RecursionError) as error:
-        raise UsageError(
-            f"the column map is no valid TOML ({error})", where=where, remedy="mend it"
-        ) from None
-    column_map = convert(table, ColumnMap, where)
+    column_map, _ = read_toml(path, ColumnMap)
     try:
         for place in column_map.channel:
             split(place.name)
     except DataError as error:
-        raise error.at(where) from None
+        raise error.at(str(path)) from None
     return column_map

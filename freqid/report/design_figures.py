@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from freqid.core.design import Multisine, MultisineDesign
+from freqid.core.design import MultisineDesign
 from freqid.report.drawing import (
     BLUE,
     GREY,
@@ -92,7 +92,7 @@ def harmonic_map(
 
 @styled
 def signal_rows(
-    signals: Sequence[Multisine],
+    names: Sequence[str],
     time: Array,
     values: Array,
     scale: Sequence[float],
@@ -103,7 +103,8 @@ def signal_rows(
 
     Parameters
     ----------
-    signals : sequence of Multisine, length row
+    names : sequence of str, length row
+        Effectors.
     time : ndarray, shape (sample,)
         s.
     values : ndarray, shape (row, sample)
@@ -113,7 +114,7 @@ def signal_rows(
     notes, colours : sequence of str, length row
         What stands beside each row, and its colour.
     """
-    count = len(signals)
+    count = len(names)
     figure, (axes,) = stacked_panels([0.31 * count], left=0.62, right=0.86)
     axes.set_xlim(time[0], time[-1])
     for i, row in enumerate(values):
@@ -123,7 +124,7 @@ def signal_rows(
         axes.annotate(
             notes[i], (1.0, i), (5, 0), ("axes fraction", "data"), textcoords="offset points", va="center"
         )
-    axes.set_yticks(range(count), [literal(s.name, 10) for s in signals])
+    axes.set_yticks(range(count), [literal(name, 10) for name in names])
     axes.set_ylim(count - 0.45, -0.55)
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="y", visible=False)
@@ -131,6 +132,36 @@ def signal_rows(
     axes.annotate("largest", (1.0, 1.0), (5, 4), "axes fraction", textcoords="offset points", color=INK)
     axes.set_title("Deviation from the trim")
     share_time([axes], time)
+    return figure
+
+
+@styled
+def waveform_spectrum(
+    f: Array, power: Array, band_hz: tuple[float, float], forbidden_hz: Sequence[tuple[float, float]]
+) -> Figure:
+    """Draw where over frequency one classic input has its power.
+
+    Parameters
+    ----------
+    f : ndarray, shape (frequency,)
+        Hz, ascending from zero.
+    power : ndarray, shape (frequency,)
+        Relative to its highest value.
+    band_hz : tuple of (low, high)
+        What is identified, between lines.
+    forbidden_hz : sequence of (low, high)
+        Bands that should stay empty, shaded.
+    """
+    figure, (axes,) = stacked_panels([1.9])
+    for low, high in forbidden_hz:
+        axes.axvspan(low, high, facecolor=PALE, alpha=0.6, linewidth=0, zorder=0.5)
+    for edge in band_hz:
+        axes.axvline(edge, color=GREY, linewidth=0.8, linestyle=(0, (4, 3)))
+    axes.plot(f, 10 * np.log10(np.maximum(power, 1e-9)), color=BLUE)
+    name_panel(axes, "Power of one input, relative to its highest", "dB")
+    axes.set_ylim(-50, 3)
+    share_frequency([axes], f)
+    few_ticks(axes)
     return figure
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,21 +12,21 @@ from numpy.typing import NDArray
 from freqid import __version__
 from freqid.core.design import MultisineDesign
 from freqid.design.forecast import Forecast
-from freqid.design.multisine import Merit, Truncation
+from freqid.design.merit import Merit, Truncation
 from freqid.design.signals import sample, samples_per_period
 from freqid.report import design_figures as figures
 from freqid.report import design_tables as tables
-from freqid.report.effectors import engineering, groups_of
+from freqid.report.effectors import groups_of
 from freqid.report.flight_plan import FlightPlan
-from freqid.report.notation import number, pretty_unit, short
+from freqid.report.notation import short
 from freqid.report.pictures import Picture, picture
 from freqid.report.rendering import render, write_text
+from freqid.report.signal_pictures import signal_pictures
 
 Array = NDArray[np.float64]
 NetLoads = tuple[Sequence[str], Array, Array]
 Study = Sequence[tuple[Merit, Truncation]]
 
-_ROWS = 18  # signals in one figure at most: then it is as tall as the spectra beside it
 _POINTS = 16  # samples per shortest period: drawn, not judged
 
 
@@ -93,6 +92,7 @@ def build_design_page(
     return render(
         "design.html",
         title=plan.vehicle.name,
+        what=f"Orthogonal multisines for {len(design.signals)} effectors.",
         version=__version__,
         findings=tables.findings(design, merit, truncation, plan, net),
         facts=tables.facts(design, plan),
@@ -107,6 +107,7 @@ def build_design_page(
         flown=None if forecast is None else short(forecast.design.duration_s),
         with_motion=any(plan.expected(name) for name in design.names),
         motion=tables.motion_rows(plan),
+        motion_of="in the steady state of the linear model",
         varied=len(plan.varied),
         provenance={"design": plan.source, "SHA-256": plan.sha256, **design.provenance},
     )
@@ -131,47 +132,16 @@ def _spectra(design: MultisineDesign, plan: FlightPlan) -> Picture:
 
 
 def _signals(design: MultisineDesign, merit: Merit, plan: FlightPlan) -> list[Picture]:
-    """Draw all signals over one period, group after group."""
+    """Draw all signals over one period."""
     index = np.concatenate([s.index for s in design.signals])
     samples = samples_per_period(index, _POINTS)
     time = np.linspace(0.0, design.period_s, samples + 1)
     values = np.array([sample(s.index, s.amplitude, s.phase, samples) for s in design.signals])
     values = np.append(values, values[:, :1], axis=1)  # a period ends as it starts
     at_zero = bool(np.all(np.abs(values[:, 0]) < 1e-6 * merit.peak))
-    ends = "; every signal starts and ends at zero." if at_zero else "; not every signal starts at zero."
-    rows, scale, colours, notes = [], {}, {}, {}
-    for colour, places in zip(
-        figures.GROUP_COLOURS, groups_of(design.names, plan.vehicle).values(), strict=False
-    ):
-        rows += places
-        for i in places:
-            unit, factor = engineering(design.signals[i].unit)
-            scale[i], colours[i] = float(merit.peak[places].max()), colour
-            notes[i] = f"{number(factor * merit.peak[i])} {pretty_unit(unit)}"
-    count = -(-len(rows) // _ROWS)
-    count += 1 - count % 2  # with the spectra, an even number of figures
-    bounds = np.linspace(0, len(rows), count + 1).round().astype(int)
-    pictures = []
-    for low, high in pairwise(bounds):
-        part = rows[low:high]
-        first, last = design.names[part[0]], design.names[part[-1]]
-        pictures.append(
-            picture(
-                figures.signal_rows(
-                    [design.signals[i] for i in part],
-                    time,
-                    values[part],
-                    [scale[i] for i in part],
-                    [notes[i] for i in part],
-                    [colours[i] for i in part],
-                ),
-                f"signals{low}",
-                f"Signals over one period: {', '.join(design.names[i] for i in part)}",
-                f"Signals {first} to {last} over one period of {design.periods}. Each group has one "
-                f"scale{ends}",
-            )
-        )
-    return pictures
+    ends = "every signal starts and ends at zero." if at_zero else "not every signal starts at zero."
+    when = f"one period of {design.periods}"
+    return signal_pictures(design, plan.vehicle, time, values, when, f"Each group has one scale; {ends}")
 
 
 def _net(net: NetLoads, period: float) -> Picture:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from freqid.core.design import MultisineDesign
+from freqid.core.design import ClassicDesign, MultisineDesign
 from freqid.design.forecast import Forecast
-from freqid.design.multisine import Merit, Truncation
+from freqid.design.merit import Merit, Truncation
+from freqid.design.sequence import Extent
 from freqid.report.effectors import engineering, groups_of, reach, runs
 from freqid.report.flight_plan import FlightPlan, intrusions
 from freqid.report.notation import NONE, measured_values, number, percent, pretty_unit, short, shown_unit
@@ -25,6 +26,8 @@ ORTHOGONAL = 1e-10
 LOW_CORRELATION = 0.3
 """Below this, signals of a manoeuvre that was broken off still tell effectors apart well."""
 
+MOST_NAMED = 8  # effectors in a headline
+ROUNDING = 1e-9  # by which an amplitude that is as large as a limit allows may miss it
 NO_PARAMETER = 1e-6
 """A parameter smaller than this share of its error is not in the model: what is left is rounding."""
 
@@ -42,38 +45,46 @@ def findings(
         parts = (_change(-gain[best]), net[0][best], _change(-gain[worst]), net[0][worst])
         said.append(finding("good" if gain.mean() > 0 else "note", text, *parts))
     if plan.motion is not None and plan.abort:
-        said.append(_aborts(plan))
+        said.append(aborts(plan))
     said.sort(key=lambda f: ("bad", "note", "good").index(f.kind))
     return [_headline(merit, effectors(design, merit, plan)), *said]
 
 
 def effectors(design: MultisineDesign, merit: Merit, plan: FlightPlan) -> list[dict[str, Any]]:
     """Return the rows of the table of effectors; shares are of what the trim leaves."""
+    return [
+        row | {"rpf": exact(factor, f"{factor:.3f}"), "harmonics": runs(np.sort(signal.index).tolist())}
+        for row, factor, signal in zip(movements(design, merit, plan), merit.rpf, design.signals, strict=True)
+    ]
+
+
+def movements(
+    design: MultisineDesign | ClassicDesign, judged: Merit | Extent, plan: FlightPlan
+) -> list[dict[str, Any]]:
+    """Return how far and how fast each effector is moved, beside its limits."""
     rows, beyond = [], plan.saturated(1.0)
-    for i, signal in enumerate(design.signals):
-        unit, factor = engineering(signal.unit)
-        room = reach(plan.vehicle, signal.name, plan.trim)
+    for i, name in enumerate(design.names):
+        unit, factor = engineering(design.units[i])
+        room = reach(plan.vehicle, name, plan.trim)
         limit = min(-room[0], room[1]) if room else math.nan
-        rate = plan.vehicle.effector(signal.name).rate_limit or math.nan
-        moved, lost = plan.expected(signal.name), beyond.get(signal.name, math.nan)
-        used, used_rate = merit.peak[i] / limit, merit.slew[i] / rate
+        rate = plan.vehicle.effector(name).rate_limit or math.nan
+        moved, lost = plan.expected(name), beyond.get(name, math.nan)
+        used, used_rate = judged.peak[i] / limit, judged.slew[i] / rate
         rows.append(
             {
-                "name": signal.name,
+                "name": name,
                 "unit": pretty_unit(unit),
-                "rpf": exact(merit.rpf[i], f"{merit.rpf[i]:.3f}"),
-                "rms": exact(factor * merit.rms[i], number(factor * merit.rms[i])),
-                "peak": exact(factor * merit.peak[i], number(factor * merit.peak[i])),
+                "rms": exact(factor * judged.rms[i], number(factor * judged.rms[i])),
+                "peak": exact(factor * judged.peak[i], number(factor * judged.peak[i])),
                 "limit": short(factor * limit),
                 "used": percent(used),
-                "slew": exact(factor * merit.slew[i], number(factor * merit.slew[i])),
+                "slew": exact(factor * judged.slew[i], number(factor * judged.slew[i])),
                 "rate": short(factor * rate),
                 "used_rate": percent(used_rate),
                 "shares": (used, used_rate),
                 "moved": exact(factor * moved[1], number(factor * moved[1])) if moved else NONE,
                 "beyond": percent(lost),
                 "lost": lost > 0,
-                "harmonics": runs(np.sort(signal.index).tolist()),
             }
         )
     return rows
@@ -89,6 +100,7 @@ def facts(design: MultisineDesign, plan: FlightPlan) -> list[tuple[str, str]]:
         ("Manoeuvre", f"{design.periods} periods of {short(design.period_s)} s"),
         ("Band", f"{band} Hz"),
         ("Harmonics", f"{lines.size}: {runs(lines.tolist())}"),
+        ("Amplitudes", str(design.provenance.get("amplitudes", ""))),
         ("Sampled at", f"{short(1 / design.dt_s)} Hz"),
         ("Seed", str(design.seed)),
         ("File", plan.source),
@@ -198,20 +210,30 @@ def motion_rows(plan: FlightPlan) -> list[dict[str, Any]]:
     return rows
 
 
+def limits_kept(rows: Sequence[Mapping[str, Any]]) -> tuple[Literal["good", "note", "bad"], Markup]:
+    """Return kind and words of what the rows of `movements` say about limits."""
+    over = [code(row["name"]) for row in rows if max(row["shares"]) > 1 + ROUNDING]
+    unknown = [code(row["name"]) for row in rows if math.isnan(row["shares"][0])]
+    if over:
+        return "bad", Markup("{} beyond a limit or a slew rate").format(listed(_first(over)))
+    if unknown:
+        return "note", Markup("limits of {} are not judged: their trim is not given").format(
+            listed(_first(unknown))
+        )
+    return "good", Markup("no signal exceeds a limit or a slew rate")
+
+
+def _first(names: Sequence[Markup]) -> list[Markup]:
+    """Return a list that a headline can hold: a few names, and how many more there are."""
+    if len(names) <= MOST_NAMED:
+        return list(names)
+    return [*names[: MOST_NAMED - 1], Markup("{} more").format(len(names) - MOST_NAMED + 1)]
+
+
 def _headline(merit: Merit, rows: Sequence[Mapping[str, Any]]) -> Finding:
     low, middle, high = merit.rpf.min(), np.median(merit.rpf), merit.rpf.max()
     spread = f"{low:.3f}, {middle:.3f}, {high:.3f}"
-    over = [code(row["name"]) for row in rows if max(row["shares"]) > 1]
-    unknown = [code(row["name"]) for row in rows if math.isnan(row["shares"][0])]
-    if over:
-        kind, limits = "bad", Markup("{} beyond a limit or a slew rate").format(listed(over))
-    elif unknown:
-        kind, limits = (
-            "note",
-            Markup("limits of {} are not judged: their trim is not given").format(listed(unknown)),
-        )
-    else:
-        kind, limits = "good", Markup("no signal exceeds a limit or a slew rate")
+    kind, limits = limits_kept(rows)
     text = (
         "Relative peak factor {} (lowest, median, highest); largest correlation {}; condition number {}; {}."
     )
@@ -241,7 +263,8 @@ def _empty(design: MultisineDesign, plan: FlightPlan) -> Finding:
     return finding("bad", "Forbidden bands, {}, are not empty: {}.", bands, listed(said))
 
 
-def _aborts(plan: FlightPlan) -> Finding:
+def aborts(plan: FlightPlan) -> Finding:
+    """Return whether expected peaks stay within the limits at which a run is broken off."""
     over = [row["name"] for row in motion_rows(plan) if row["missed"]]
     if over:
         said = listed(map(code, over))

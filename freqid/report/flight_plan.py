@@ -8,12 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.design import MultisineDesign
+from freqid.core.design import ClassicDesign, MultisineDesign
 from freqid.core.vehicle import Vehicle
 from freqid.design.excursions import Excursions
 from freqid.report.effectors import reach
 
 Array = NDArray[np.float64]
+
+EMPTY = 1e-3  # share of a classic input's power below which a band counts as empty
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,3 +117,12 @@ def intrusions(design: MultisineDesign, band: tuple[float, float]) -> list[tuple
         f = signal.index[signal.amplitude != 0] / design.period_s
         found += [(signal.name, float(x)) for x in f[(f >= low - margin) & (f <= high + margin)]]
     return sorted(found, key=lambda pair: pair[1])
+
+
+def power_in_band(design: ClassicDesign, band: tuple[float, float]) -> tuple[float, str]:
+    """Return the largest share of an effector's power that lies in a band, and whose it is."""
+    power = np.abs(np.fft.rfft(design.inputs.values)) ** 2
+    f = np.fft.rfftfreq(design.inputs.time.size, design.dt_s)
+    share = power[:, (f >= band[0]) & (f <= band[1])].sum(axis=1) / power.sum(axis=1)
+    worst = int(share.argmax())
+    return float(share[worst]), design.names[worst]

@@ -12,10 +12,11 @@ import numpy as np
 
 from freqid import __version__
 from freqid.core.channels import AIR, RESPONSE, STATE
-from freqid.core.design import MultisineDesign
-from freqid.design.multisine import Merit
+from freqid.core.design import ClassicDesign, MultisineDesign
+from freqid.design.merit import Merit
+from freqid.design.sequence import Extent
 from freqid.report.effectors import engineering, groups_of, reach
-from freqid.report.flight_plan import FlightPlan, intrusions
+from freqid.report.flight_plan import EMPTY, FlightPlan, intrusions, power_in_band
 from freqid.report.notation import measured_values, number, percent, pretty_unit, short, shown_unit
 from freqid.report.rendering import render, write_text
 
@@ -58,10 +59,14 @@ class Card:
     facts : tuple of (label, text)
     inputs : tuple of Row
         Excitation by group of effectors.
+    input_head : str
+        What a cell of a group holds.
     motion : tuple of Row
         States, and last the time that effectors spend beyond their limits.
     motion_head : str
         What a cell of a state holds.
+    motion_note : str
+        What the expectation leaves out.
     bands : tuple of (good, text)
         One for each forbidden band.
     """
@@ -69,29 +74,36 @@ class Card:
     title: str
     facts: tuple[tuple[str, str], ...]
     inputs: tuple[Row, ...]
+    input_head: str
     motion: tuple[Row, ...]
     motion_head: str
+    motion_note: str
     bands: tuple[tuple[bool, str], ...]
 
 
-def build_card(design: MultisineDesign, merit: Merit, plan: FlightPlan) -> Card:
+def build_card(design: MultisineDesign | ClassicDesign, merit: Merit | Extent, plan: FlightPlan) -> Card:
     """Collect what a crew needs to fly a design step by step.
 
     Parameters
     ----------
-    design : MultisineDesign
-    merit : Merit
+    design : MultisineDesign or ClassicDesign
+    merit : Merit or Extent
         Of that design.
     plan : FlightPlan
         Where a limit or a ramp is missing, the card has a blank to fill in.
     """
+    classic = isinstance(design, ClassicDesign)
     spread = any(not math.isnan(e[2]) for e in map(plan.expected, plan.states) if e)
     return Card(
         title=plan.vehicle.name,
         facts=_facts(design, plan),
         inputs=_inputs(design, merit, plan),
+        input_head="amplitude" if classic else "rms / peak",
         motion=(*(_state(name, plan) for name in plan.states or _WATCHED), _saturation(plan)),
         motion_head=f"peak ± 1σ of {len(plan.varied)} models" if spread else "rms / peak",
+        motion_note="Linear model: gusts come on top."
+        if classic
+        else "Steady state of a linear model: gusts and the first seconds come on top.",
         bands=tuple(_band(design, band) for band in plan.forbidden_hz),
     )
 
@@ -127,16 +139,22 @@ def test_card_text(card: Card) -> str:
 test_card_text.__test__ = False  # type: ignore[attr-defined]  # a card for flight tests, not one of pytest's
 
 
-def _facts(design: MultisineDesign, plan: FlightPlan) -> tuple[tuple[str, str], ...]:
+def _facts(design: MultisineDesign | ClassicDesign, plan: FlightPlan) -> tuple[tuple[str, str], ...]:
     mass = short(plan.vehicle.mass_properties.mass_kg)
-    lines = np.unique(np.concatenate([s.index for s in design.signals]))
-    ramps = tuple(f"{short(s)} s" for s in plan.fade_s) if plan.fade_s else (f"{BLANK} s",) * 2
     return (
         ("Aircraft", f"{plan.vehicle.name}, {mass} kg"),
         ("Condition", plan.condition or BLANK),
         ("Control law", plan.control or BLANK),
         ("Design", plan.source or BLANK),
         ("SHA-256", plan.sha256 or BLANK),
+        *(_classic_run(design, plan) if isinstance(design, ClassicDesign) else _multisine_run(design, plan)),
+    )
+
+
+def _multisine_run(design: MultisineDesign, plan: FlightPlan) -> tuple[tuple[str, str], ...]:
+    lines = np.unique(np.concatenate([s.index for s in design.signals]))
+    ramps = tuple(f"{short(s)} s" for s in plan.fade_s) if plan.fade_s else (f"{BLANK} s",) * 2
+    return (
         (
             "Inputs",
             f"{len(design.signals)} effectors at once, {lines.size} harmonics, "
@@ -150,10 +168,22 @@ def _facts(design: MultisineDesign, plan: FlightPlan) -> tuple[tuple[str, str], 
     )
 
 
-def _inputs(design: MultisineDesign, merit: Merit, plan: FlightPlan) -> tuple[Row, ...]:
+def _classic_run(design: ClassicDesign, plan: FlightPlan) -> tuple[tuple[str, str], ...]:
+    low, high = design.band_hz
+    what = f"sweep, {short(low)} to {short(high)} Hz" if design.waveform == "sweep" else design.waveform
+    order = ", ".join(groups_of(design.names, plan.vehicle))
+    return (
+        ("Inputs", f"{what}: {len(design.names)} effectors, one after the other: {order}"),
+        ("Each run", f"{design.periods} times all effectors, {short(design.duration_s)} s"),
+    )
+
+
+def _inputs(
+    design: MultisineDesign | ClassicDesign, merit: Merit | Extent, plan: FlightPlan
+) -> tuple[Row, ...]:
     rows = []
     for label, places in groups_of(design.names, plan.vehicle).items():
-        unit, factor = engineering(design.signals[places[0]].unit)
+        unit, factor = engineering(design.units[places[0]])
         rms, peak = factor * merit.rms[places].max(), factor * merit.peak[places].max()
         rooms = [reach(plan.vehicle, design.names[i], plan.trim) for i in places]
         known = [factor * min(-room[0], room[1]) for room in rooms if room is not None]
@@ -162,7 +192,12 @@ def _inputs(design: MultisineDesign, merit: Merit, plan: FlightPlan) -> tuple[Ro
             Row(
                 label,
                 pretty_unit(unit),
-                tuple(f"{number(level * rms)} / {number(level * peak)}" for level in LEVELS),
+                tuple(
+                    number(level * peak)
+                    if isinstance(design, ClassicDesign)
+                    else f"{number(level * rms)} / {number(level * peak)}"
+                    for level in LEVELS
+                ),
                 f"±{short(limit)}" if math.isfinite(limit) else "trim not given",
                 tuple(level * peak > limit for level in LEVELS),
             )
@@ -203,9 +238,14 @@ def _saturation(plan: FlightPlan) -> Row:
     return Row(label, unit, cells, limit, tuple(share > 0 for share, _ in worst))
 
 
-def _band(design: MultisineDesign, band: tuple[float, float]) -> tuple[bool, str]:
-    found = intrusions(design, band)
+def _band(design: MultisineDesign | ClassicDesign, band: tuple[float, float]) -> tuple[bool, str]:
     where = f"{short(band[0])} to {short(band[1])} Hz"
+    if isinstance(design, ClassicDesign):
+        share, name = power_in_band(design, band)
+        if share > EMPTY:
+            return False, f"{where}: FAIL, {percent(share)} of the power of {name}"
+        return True, f"{where}: PASS, less than {percent(EMPTY)} of the power of every effector"
+    found = intrusions(design, band)
     if found:
         said = ", ".join(f"{name} at {short(f)} Hz" for name, f in found[:3])
         more = f" and {len(found) - 3} more" if len(found) > 3 else ""

@@ -1,6 +1,7 @@
 """``freqid design-inputs`` as a user runs it."""
 
 import json
+import re
 from pathlib import Path
 
 import h5py
@@ -8,11 +9,22 @@ import numpy as np
 import pytest
 
 from freqid.cli.main import run
-from freqid.core.design_file import read_design
+from freqid.core.design_file import read_design, read_inputs
+from freqid.core.errors import DataError
+from freqid.core.point_file import write_point
+from freqid.core.record import Maneuver
 from freqid.core.scenario import read_scenario
-from freqid.design.multisine import design_multisines, merit, sampled, truncated
+from freqid.design.excursions import excursions
+from freqid.design.forecast import forecast
+from freqid.design.merit import merit, truncated
+from freqid.design.modelled import ModelledAircraft
+from freqid.design.multisine import design_multisines, sampled
+from freqid.flightlog.read import read_log
+from freqid.identify.point import identify_point
 
-LA8 = Path(__file__).resolve().parents[2] / "scenarios" / "la8.toml"
+SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
+LA8 = SCENARIOS / "la8.toml"
+LINEAR = SCENARIOS / "linear.toml"
 SMALL = """
 [vehicle]
 name = "Small"
@@ -119,7 +131,7 @@ def test_the_la8_scenario_keeps_propulsors_low_and_stays_within_limits():
 BAD = {
     "too few harmonics": (("period_s = 20.0", "period_s = 1.0"), "period_s to"),
     "band above Nyquist": (("period_s = 20.0", "period_s = 20.0\ndt_s = 0.5"), "Nyquist"),
-    "amplitude beyond a limit": (("amplitude = 0.1", "amplitude = 0.9"), "at most 0.4"),
+    "amplitude beyond a limit": (("amplitude = 0.1", "amplitude = 0.9"), "the limits allow 0.4 about"),
     "too fast": (("rate_limit = 3.0", "rate_limit = 0.1"), "lower excitation.amplitude to"),
     "duplicate names": (('name = "e2"', 'name = "e1"'), "['e1'] more than once"),
     "unknown effector": (("amplitude = 0.1", "amplitude = {e7 = 0.1}"), "'e7', which is not described"),
@@ -132,6 +144,11 @@ BAD = {
         "effectiveness",
     ),
     "negative amplitude": (("amplitude = 0.1", "amplitude = -0.1"), "expected it positive"),
+    "more harmonics than memory": (("period_s = 20.0", "period_s = 1e9"), "expected at most 10000"),
+    "too many samples": (("period_s = 20.0", "period_s = 20.0\ndt_s = 1e-9"), "expected fewer periods"),
+    "no spectrum": (("amplitude = 0.1", "amplitude = 0.1\nspectrum = []"), "spectrum is empty"),
+    "nothing left": (("amplitude = 0.1", "amplitude = 0.1\nforbidden_hz = [[0, 5]]"), "may have power: 0,"),
+    "unknown abort": (("amplitude = 0.1", "amplitude = 0.1\nabort = {thta = 1}"), "did you mean 'theta'"),
     "band upside down": (("[0.1, 2.0]", "[2.0, 0.1]"), "expected 0 < low < high"),
 }
 
@@ -153,3 +170,192 @@ def test_a_bad_request_is_exit_code_2_with_a_sentence_and_no_file(freqid, scenar
 
 def _bare(text):
     return "\n".join(line for line in text.splitlines() if not line.startswith("effectiveness"))
+
+
+@pytest.fixture(scope="module")
+def point(linear_logs, tmp_path_factory):
+    """A point model of the linear aircraft, and its file."""
+    described, _ = read_scenario(LINEAR)
+    columns = SCENARIOS / "maps" / "linear.toml"
+    record = read_log(linear_logs["noisy"], columns, vehicle=described.aircraft())
+    reference = described.reference_of("u20")
+    model = identify_point(
+        Maneuver.of(record), described.identification, excitation=described.excitation, reference=reference
+    )
+    path = tmp_path_factory.mktemp("point") / "point.h5"
+    write_point(path, model)
+    return model, path
+
+
+@pytest.fixture
+def quick(freqid, tmp_path):
+    """Run the command on the linear aircraft, with shorter periods, and return what it says and its file."""
+    toml = tmp_path / "quick.toml"
+    toml.write_text(LINEAR.read_text().replace("period_s = 60.0", "period_s = 20.0\nstarts = 3"))
+
+    def call(*arguments):
+        code, out, err = freqid(
+            "design-inputs", toml, "-o", tmp_path / "d.h5", "--json", "--no-study", *arguments
+        )
+        return code, json.loads(out) if code == 0 else err, tmp_path / "d.h5"
+
+    return call
+
+
+def test_optimal_amplitudes_use_what_the_limits_leave_and_no_more(quick, point):
+    model, path = point
+    code, said, file = quick("--model", path, "--optimal", "D", "--no-page")
+    assert code == 0, said
+    design, (described, _) = read_design(file), read_scenario(LINEAR)
+    loop = ModelledAircraft.of(model, described).loop
+    limits = {"de": 0.5, "da": 0.5, "dr": 0.5} | {x: 0.5 * a for x, a in described.excitation.abort.items()}
+    trim = {n: model["Y" if n in ("da", "dr") else "X"] for n in ("de", "da", "dr")}
+    for name, response in trim.items():
+        limits[name] -= abs(response.trim[response.regressors.index(name)])
+    share = excursions(design, loop, tuple(limits)).peak / list(limits.values())
+    assert 0.99 < share.max() <= 1 + 1e-9
+    named = [n for n, s in zip(limits, share, strict=True) if s > 0.99]
+    assert set(named) <= set(said["amplitudes"]["binding"])
+    assert said["amplitudes"]["criterion"] == "D"
+    for name, factor in said["amplitudes"]["scale"].items():
+        assert said["effectors"][name]["rms"] == pytest.approx(
+            factor * described.excitation.amplitude[name] / np.sqrt(2)
+        )
+    plain = quick("--model", path, "--no-page")[1]
+    for response, row in plain["forecast"].items():
+        better = [said["forecast"][response][x]["std_error"] / row[x]["std_error"] for x in row]
+        assert max(better) < 0.5  # amplitudes rise by factors of 3 to 5
+
+
+def test_excursions_of_the_scenario_hold_optimal_amplitudes_back(freqid, point, tmp_path):
+    text = LINEAR.read_text().replace(
+        "period_s = 60.0", "period_s = 20.0\nstarts = 3\nexcursions = {theta = 0.02}"
+    )
+    (tmp_path / "s.toml").write_text(text)
+    options = ("--model", point[1], "--optimal", "A", "--no-page", "--json", "-o", tmp_path / "d.h5")
+    code, out, err = freqid("design-inputs", tmp_path / "s.toml", *options)
+    assert code == 0, err
+    said = json.loads(out)
+    assert "theta" in said["amplitudes"]["binding"]
+    assert said["expected"]["theta"]["peak"] == pytest.approx(0.02, rel=2e-3)
+    assert said["expected"]["theta"]["spread"] > 0
+
+
+def test_reach_flies_as_few_periods_as_suffice(quick, point):
+    model, path = point
+    described = read_scenario(LINEAR)[0]
+    _, plain, file = quick("--model", path, "--no-page")
+    aircraft = ModelledAircraft.of(model, described)
+    row = forecast(read_design(file), aircraft.loop, aircraft.settings, aircraft.noise)["M"]
+    of_two = float(row.std_error[row.regressors.index("de")])
+    assert plain["forecast"]["M"]["de"]["std_error"] == pytest.approx(of_two)
+    share = 100 * of_two * np.sqrt(2 / 5) * 1.05 / abs(model["M"]["de"][0])
+    code, said, file = quick("--model", path, "--reach", f"M.de={share}%", "--reach", "Y.v=1e3", "--no-page")
+    assert code == 0, said
+    assert (said["periods"], said["duration_s"]) == (5, 100.0)
+    assert read_design(file).periods == 5
+    assert read_inputs(file).time[-1] == pytest.approx(100.0)
+    assert said["forecast"]["M"]["de"]["std_error"] <= share / 100 * abs(model["M"]["de"][0])
+
+
+def test_swapped_combs_become_a_second_design(quick):
+    code, said, file = quick("--swapped", "de:dr", "--csv")
+    assert code == 0, said
+    first, second = read_design(file), read_design(file.with_stem("d-swapped"))
+    a, b = ({s.name: s for s in d.signals} for d in (first, second))
+    assert a["de"].index.tolist() == b["dr"].index.tolist() == said["swapped"]["effectors"]["dr"]["harmonics"]
+    assert a["dr"].index.tolist() == b["de"].index.tolist()
+    assert a["da"].index.tolist() == b["da"].index.tolist()
+    assert merit(second).max_correlation < 1e-10
+    assert merit(second).rms == pytest.approx(merit(first).rms)
+    assert {Path(f).name for f in said["swapped"]["files"]} == {
+        *("d-swapped.h5", "d-swapped.csv", "d-swapped.html", "d-swapped-card.txt", "d-swapped-card.html")
+    }
+
+
+@pytest.mark.parametrize("waveform", ["doublet", "3-2-1-1", "sweep"])
+def test_classic_inputs_move_one_effector_after_the_other(quick, point, waveform):
+    code, said, file = quick("--input", waveform, "--model", point[1], "--csv", "--mat")
+    assert code == 0, said
+    flown = read_inputs(file)
+    amplitude = {"de": 0.06, "da": 0.05, "dr": 0.06, "n1": 25.0}
+    assert flown.names == tuple(said["effectors"]) == tuple(amplitude)
+    assert np.abs(flown.values).max(axis=1) == pytest.approx(list(amplitude.values()), rel=1e-3)
+    moved = flown.values != 0
+    assert moved.sum(axis=0).max() == 1
+    order = flown.names.index
+    turns = np.argmax(moved, axis=0)[moved.any(axis=0)]
+    assert [flown.names[i] for i in turns[np.flatnonzero(np.diff(turns, prepend=-1))]] == [*amplitude] * 2
+    assert order("da") == 1
+    assert said["duration_s"] == pytest.approx(flown.time[-1])
+    assert {Path(f).suffix for f in said["files"]} == {".h5", ".csv", ".mat", ".html", ".txt"}
+    assert 0 < said["expected"]["theta"]["peak"] < 0.35
+    text = file.with_suffix(".html").read_text()
+    assert "http" not in text
+    assert "no signal exceeds a limit or a slew rate" in text
+    assert waveform in file.with_name("d-card.txt").read_text()
+    with pytest.raises(DataError, match=f"holds a {waveform}, expected multisines"):
+        read_design(file)
+    with h5py.File(file) as stored:
+        assert stored.attrs["waveform"] == waveform
+        assert "harmonic" not in stored
+
+
+def test_steps_ramp_as_fast_as_the_slowest_effector_can(freqid, scenario, tmp_path):
+    toml = scenario(lambda t: t.replace("rate_limit = 3.0", "rate_limit = 0.5", 1))
+    code, _, err = freqid("design-inputs", toml, "--input", "3-2-1-1", "--no-page", "-o", tmp_path / "d.h5")
+    assert code == 0, err
+    flown = read_inputs(tmp_path / "d.h5")
+    assert np.abs(np.diff(flown.values)).max() / 0.02 == pytest.approx(0.5)
+
+
+REFUSED = {
+    "--optimal A": "--optimal needs a model",
+    "--reach M.de=1": "--reach needs a model",
+    "--input doublet --optimal A": "--optimal is for multisines, not for --input doublet",
+    "--input sweep --c-header": "--c-header is for multisines",
+    "--swapped de:dx": "no effector 'dx'",
+    "--swapped de": "found 'de', expected EFFECTOR:EFFECTOR",
+    "--model POINT --reach M.de": "found 'M.de', expected RESPONSE.REGRESSOR=ERROR",
+    "--model POINT --reach M.dr=1": "response 'M' has no parameter 'dr'",
+    "--model POINT --reach M.de=0": "a standard error of 0 is wanted of 'de' in 'M'",
+    "--model POINT --reach M.de=1e-6": "out of reach: 30 periods, 600 s, reach",
+    "--model POINT --reach M.de=1 --longest 10": "longer than the 10 s allowed",
+    "--model POINT --reach M.de=1 --longest nan": "longest manoeuvre is nan s",
+}
+
+
+@pytest.mark.parametrize("options", REFUSED)
+def test_what_an_option_cannot_do_is_said(quick, point, options):
+    words = [str(point[1]) if word == "POINT" else word for word in options.split()]
+    code, said, file = quick(*words)
+    assert code == 2, said
+    assert REFUSED[options] in said
+    assert not file.exists()
+
+
+UNREACHABLE = {
+    # By fault: the rate limit, the key, its value, how the advice is found, and what is worse than it.
+    "too few harmonics": (3.0, "period_s = 20.0", 1.0, r"period_s to ([\d.]+) s", 0.99),
+    "too large": (30.0, "amplitude = 0.1", 0.9, r"at most ([\d.]+) is feasible", 1.01),
+    "too fast": (0.3, "amplitude = 0.1", 0.3, r"lower excitation.amplitude to ([\d.]+)", 1.01),
+}
+
+
+@pytest.mark.parametrize("fault", UNREACHABLE)
+def test_the_nearest_feasible_value_is_feasible(freqid, scenario, tmp_path, fault):
+    rate, key, value, advice, worse = UNREACHABLE[fault]
+
+    def design(value):
+        def spoil(text):
+            return text.replace("rate_limit = 3.0", f"rate_limit = {rate}").replace(
+                key, f"{key.split()[0]} = {value}"
+            )
+
+        return freqid("design-inputs", scenario(spoil), "--no-page", "-o", tmp_path / "d.h5")
+
+    code, _, err = design(value)
+    assert code == 2
+    nearest = float(re.search(advice, err)[1])
+    assert design(nearest)[0] == 0
+    assert design(worse * nearest)[0] == 2

@@ -6,7 +6,8 @@ import pytest
 from linear_design import VEHICLE, design
 
 from freqid.core.errors import UsageError
-from freqid.design.classic import doublet, frequency_sweep, in_turn, multistep, three_two_one_one
+from freqid.design.classic import doublet, frequency_sweep, multistep, three_two_one_one
+from freqid.design.sequence import in_turn
 from freqid.design.signals import relative_peak_factor
 from freqid.design.swapped import swap_combs
 
@@ -96,11 +97,13 @@ def test_what_cannot_be_flown_is_named(make, message):
 
 
 def test_limits_are_kept_and_the_nearest_feasible_is_named():
-    with pytest.raises(UsageError, match=r"amplitude 0\.5 of 'de'.*the largest that its trim leaves is 0\.4"):
+    with pytest.raises(UsageError, match=r"amplitude of 'de' is 0\.5 rad .* at most 0\.4 is feasible"):
         in_turn(doublet(1, DT), {"de": 0.5}, VEHICLE, DT, rest_s=1, trim={"de": 0.1})
     slow = tuple(msgspec.structs.replace(e, rate_limit=2.0) for e in VEHICLE.effectors)
     vehicle = msgspec.structs.replace(VEHICLE, effectors=slow)
-    with pytest.raises(UsageError, match=r"rate of 40, its limit is 2; take a rise of 0\.2 s"):
+    with pytest.raises(
+        UsageError, match=r"needs 40 rad/s where its rate_limit is 2; at most 0\.02 .* a rise_s of 0\.2 s"
+    ):
         in_turn(doublet(1, DT), {"de": 0.4}, vehicle, DT, rest_s=1)
     got = in_turn(doublet(1, DT, rise_s=0.2), {"de": 0.4}, vehicle, DT, rest_s=1)
     assert np.abs(np.diff(got.values)).max() / DT == pytest.approx(2.0)

@@ -10,10 +10,9 @@ import pytest
 from linear_design import design
 from scipy.io import loadmat
 
-from freqid.core.design import Multisine
+from freqid.core.design import Multisine, SampledInputs
 from freqid.core.errors import DataError, UsageError
 from freqid.design.export import write_c_header, write_csv, write_lua, write_mat
-from freqid.design.inputs import SampledInputs
 
 # Inside, on samples, between them, near both ends, outside.
 TIMES = np.concatenate([[-0.01, 0.0, 1e-9, 40.0, 40.01, 39.999], np.linspace(0, 40, 301), [13.37]])

@@ -7,7 +7,7 @@ import pytest
 from linear_design import AMPLITUDE, GAINS, NOISE, SCENARIO, VEHICLE, design
 
 from freqid.core.errors import UsageError
-from freqid.core.scenario import overridden
+from freqid.core.toml import overridden
 from freqid.design.forecast import forecast
 from freqid.design.rigid_body import close_loop
 from freqid.design.shortest import shortest

@@ -7,7 +7,7 @@ import pytest
 from linear_design import AMPLITUDE, GAINS, NOISE, SCENARIO, VEHICLE, design
 
 from freqid.core.errors import UsageError
-from freqid.core.scenario import overridden
+from freqid.core.toml import overridden
 from freqid.design.excursions import excursions
 from freqid.design.forecast import forecast
 from freqid.design.limits import room
@@ -76,7 +76,7 @@ def test_the_two_criteria_differ_and_say_what_binds(loop):
     peaks = excursions(by_d.design, loop, ("theta", "phi", "w", "Z")).peak / [0.08, 0.12, 1.5, 150.0]
     np.testing.assert_allclose(peaks[:2], 1.0, atol=0.01)
     assert peaks[2:].max() < 0.98
-    assert by_d.design.provenance["amplitudes"] == "D-optimal"
+    assert by_d.design.provenance["amplitudes"] == "D-optimal, held back by theta, phi, rate of de"
     again = optimal_amplitudes(design(), loop, SETTINGS, QUIET, *limits(), criterion="D")
     np.testing.assert_array_equal(again.scale, by_d.scale)
 

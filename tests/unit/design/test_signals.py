@@ -32,6 +32,14 @@ def test_a_batch_is_sampled_row_by_row():
     np.testing.assert_allclose(batch[1], sample(INDEX, AMPLITUDE, phases[1], 64), atol=1e-14)
 
 
+def test_tones_on_one_harmonic_add_up_and_complex_amplitudes_turn():
+    twice = sample([4, 4, 9], [1.0, 0.5, 2.0], [0.1, -0.7, 0.4], 64)
+    each = sample([4, 9], [1.0, 2.0], [0.1, 0.4], 64) + sample([4], [0.5], [-0.7], 64)
+    np.testing.assert_allclose(twice, each, atol=1e-13)
+    turned = sample(INDEX, AMPLITUDE * np.exp(0.3j), PHASE, 100)
+    np.testing.assert_allclose(turned, sample(INDEX, AMPLITUDE, PHASE + 0.3, 100), atol=1e-13)
+
+
 @pytest.mark.parametrize("points", [8, 64])
 def test_enough_samples_per_shortest_period(points):
     assert samples_per_period(INDEX, points) >= points * 19

@@ -89,16 +89,16 @@ def test_an_unknown_channel_suggests_the_nearest(tmp_path):
     ("content", "said"),
     [
         (b"[time]\ncolumn = \n", "line 2"),
-        (b"[time]\n# stra\xdfe\ncolumn = 1\n", "line 2 of the column map is no UTF-8"),
+        (b"[time]\n# stra\xdfe\ncolumn = 1\n", "line 2 is no UTF-8"),
         (b"a = " + b"[" * 5000, "no valid TOML"),
         (b"a = " + b"9" * 5000, "no valid TOML"),
     ],
 )
-def test_what_is_no_toml_is_a_usage_error_with_its_line(tmp_path, content, said):
-    with pytest.raises(UsageError, match=said):
+def test_what_is_no_toml_is_a_data_error_with_its_line(tmp_path, content, said):
+    with pytest.raises(DataError, match=said):
         read_column_map(written(tmp_path, content))
 
 
-def test_a_missing_map_is_a_usage_error(tmp_path):
-    with pytest.raises(UsageError, match="cannot be read"):
+def test_a_missing_map_is_a_data_error(tmp_path):
+    with pytest.raises(DataError, match="cannot be read"):
         read_column_map(tmp_path / "none.toml")

@@ -14,11 +14,11 @@ import pytest
 from test_page import HOSTILE, Page
 
 from freqid.core.design import Multisine, MultisineDesign
-from freqid.core.scenario import Identification
+from freqid.core.identification import Identification
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 from freqid.design.excursions import excursions
 from freqid.design.forecast import forecast
-from freqid.design.multisine import merit, truncated
+from freqid.design.merit import merit, truncated
 from freqid.design.net_load import net_loads
 from freqid.design.rigid_body import close_loop
 from freqid.report import test_card as cards

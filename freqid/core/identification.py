@@ -1,0 +1,104 @@
+"""What is identified from a flight: section ``[identification]`` of a scenario."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from .channels import WRENCH
+from .errors import nearest
+from .vehicle import Strict
+
+
+class FrequencyGrid(Strict, frozen=True):
+    """Lines from `start` to `stop`, both included, every `step`, Hz."""
+
+    start: float
+    step: float
+    stop: float
+
+    def __post_init__(self) -> None:
+        if not (self.step > 0 and 0 < self.start <= self.stop):
+            raise ValueError(
+                f"found start {self.start:g}, step {self.step:g}, stop {self.stop:g} Hz, "
+                "expected 0 < start <= stop and step > 0"
+            )
+
+
+class Identification(Strict, frozen=True):
+    """Section ``[identification]``: what is regressed on what, and how.
+
+    Attributes
+    ----------
+    responses : tuple of str
+        Among X Y Z L M N.
+    regressors : tuple of str, or dict
+        Channel names without group (``u``, ``beta``, ``phat``, ``de1``); for all responses, or by response.
+    frequencies_hz : FrequencyGrid or tuple of float, optional
+        Lines of the regression; the harmonics of ``[excitation]`` where absent.
+    method : {"frequency", "time"}
+    form : {"force", "specific", "coefficient"}
+    axes : {"body", "stability"}
+    trend : {"endpoints", "line", "mean", "none"}, optional
+        What is removed before the transform: the line of least squares where absent. In the time
+        domain only a bias is estimated, or a bias and a slope with ``"endpoints"`` or ``"line"``.
+    angular_acceleration : {"transform", "record"}
+        Whether moments take the rates' derivative exactly in the transform or from pdot, qdot, rdot.
+    response_source : {"reconstruct", "record"}
+        Whether responses are reconstructed from motion and mass, or read from ``response/...``.
+    nuisance : {"auto", "constant", "none"}
+        Columns that absorb end samples and trend on the lines; ``"constant"`` is one column of ones.
+    residuals : {"coloured", "white", "noise-lines"}
+        What the standard errors allow the residual to be; or take noise alone from, where two periods of
+        multisines or more were flown. What is not linear then makes no standard error larger: it is told
+        apart, as `distortion`.
+    estimator : {"least-squares", "instruments"}
+        Least squares takes regressors to be free of noise; instruments, made from the injected signals, do
+        not.
+    confidence : float
+        Of the intervals, for example 0.95.
+    """
+
+    regressors: tuple[str, ...] | dict[str, tuple[str, ...]]
+    responses: tuple[str, ...] = WRENCH
+    frequencies_hz: FrequencyGrid | tuple[float, ...] | None = None
+    method: Literal["frequency", "time"] = "frequency"
+    form: Literal["force", "specific", "coefficient"] = "force"
+    axes: Literal["body", "stability"] = "body"
+    trend: Literal["endpoints", "line", "mean", "none"] | None = None
+    angular_acceleration: Literal["transform", "record"] = "transform"
+    response_source: Literal["reconstruct", "record"] = "reconstruct"
+    nuisance: Literal["auto", "constant", "none"] = "auto"
+    residuals: Literal["coloured", "white", "noise-lines"] = "coloured"
+    estimator: Literal["least-squares", "instruments"] = "least-squares"
+    confidence: float = 0.95
+
+    def __post_init__(self) -> None:
+        if not self.responses:
+            raise ValueError(f"responses is empty, expected some of {' '.join(WRENCH)}")
+        for response in self.responses:
+            if response not in WRENCH:
+                raise ValueError(f"response '{response}' is unknown; {nearest(response, WRENCH)}")
+        if isinstance(self.regressors, dict):
+            missing = [r for r in self.responses if r not in self.regressors]
+            if missing:
+                raise ValueError(f"regressors are missing for response {missing}, expected a list for each")
+        for response in self.responses:
+            chosen = self.regressors_of(response)
+            if not chosen:
+                raise ValueError(f"response '{response}' has no regressors, expected at least one")
+            twice = sorted({name for name in chosen if chosen.count(name) > 1})
+            if twice or "bias" in chosen:
+                what = f"names {twice} more than once" if twice else "names 'bias', which is always estimated"
+                raise ValueError(f"regressors of '{response}' {what}")
+        if self.residuals == "noise-lines" and self.method == "time":
+            raise ValueError(
+                "residuals is 'noise-lines' with method 'time', expected method 'frequency' with noise lines"
+            )
+        if not 0.5 <= self.confidence < 1:
+            raise ValueError(f"confidence is {self.confidence:g}, expected at least 0.5 and below 1")
+
+    def regressors_of(self, response: str) -> tuple[str, ...]:
+        """Return the regressor names of one response."""
+        if isinstance(self.regressors, dict):
+            return tuple(self.regressors[response])
+        return self.regressors

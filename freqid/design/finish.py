@@ -1,0 +1,88 @@
+"""From multisines with low peaks to those that are flown: net loads, best amplitudes, exchanged combs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from freqid.core.design import MultisineDesign
+from freqid.core.excitation import Excitation
+from freqid.core.vehicle import Effector
+from freqid.design.modelled import Criterion, ModelledAircraft, Wanted
+from freqid.design.multisine import check_feasible, excited, with_low_net_loads
+from freqid.design.optimal import Optimum
+from freqid.design.swapped import swap_combs
+
+
+@dataclass(frozen=True, eq=False)
+class FinishedSet:
+    """One set of multisines as it is flown.
+
+    Attributes
+    ----------
+    design : MultisineDesign
+    before : MultisineDesign, optional
+        The same before its net loads and motion were lowered; None where they were not asked for.
+    optimum : Optimum, optional
+        How its amplitudes were found, where they were not the scenario's.
+    """
+
+    design: MultisineDesign
+    before: MultisineDesign | None = None
+    optimum: Optimum | None = None
+
+
+def finish(
+    searched: MultisineDesign,
+    excitation: Excitation,
+    effectors: Sequence[Effector],
+    *,
+    aircraft: ModelledAircraft | None = None,
+    criterion: Criterion | None = None,
+    wanted: Wanted | None = None,
+) -> FinishedSet:
+    """Lower what all signals do together, then scale them for the best information inside the limits.
+
+    Parameters
+    ----------
+    searched : MultisineDesign
+        As `design_multisines` or `swapped` gives it.
+    excitation : Excitation
+    effectors : sequence of Effector
+        Of the vehicle.
+    aircraft : ModelledAircraft, optional
+        Needed for a criterion; with it, states that have abort limits count among the net loads.
+    criterion, wanted
+        As for `optimal_amplitudes`; without a criterion the amplitudes stay.
+    """
+    design, before = searched, None
+    if excitation.net_load or (aircraft and excitation.abort):
+        loop = aircraft.loop if aircraft else None
+        design, before = with_low_net_loads(searched, excitation, effectors, loop), searched
+    if aircraft is None or criterion is None:
+        return FinishedSet(design, before)
+    optimum = aircraft.optimal(design, excitation, criterion, wanted)
+    if before is not None:  # scaled likewise, so that the two differ by how they are played alone
+        signals = tuple(
+            replace(s, amplitude=s.amplitude * k) for s, k in zip(before.signals, optimum.scale, strict=True)
+        )
+        before = replace(before, signals=signals)
+    return FinishedSet(optimum.design, before, optimum)
+
+
+def swapped(
+    searched: MultisineDesign,
+    pairs: Sequence[tuple[str, str]],
+    excitation: Excitation,
+    effectors: Sequence[Effector],
+) -> MultisineDesign:
+    """Return the set in which effectors exchange their combs, which each of them has to be able to follow.
+
+    Raises
+    ------
+    UsageError
+        As `swap_combs`, and where an effector cannot follow its partner's harmonics.
+    """
+    exchanged = swap_combs(searched, pairs)
+    check_feasible(exchanged, excitation, excited(excitation, effectors))
+    return exchanged

@@ -1,0 +1,99 @@
+"""Linearised equations of motion of a rigid aircraft with spinning rotors, about straight flight."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.frames import cross, shaft_axis
+from freqid.core.units import STANDARD_GRAVITY
+from freqid.core.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta")
+
+
+def equations_of_motion(
+    wrench: Array,
+    vehicle: Vehicle,
+    velocity: Array,
+    theta: float,
+    spin: Array,
+    momentum: Array,
+    gravity: float = STANDARD_GRAVITY,
+) -> tuple[Array, Array]:
+    """Return E and A of ``E x' = A x``, with x the states and then the effectors' positions.
+
+    Parameters
+    ----------
+    wrench : ndarray, shape (6, 8 + n)
+        Applied X Y Z L M N per unit of x, N and N m.
+    vehicle : Vehicle
+        Its mass and inertia are used.
+    velocity : ndarray, shape (3,)
+        u v w of the reference, m/s.
+    theta : float
+        Pitch angle of the reference, rad.
+    spin : ndarray, shape (3, n)
+        Angular momentum of the rotors per unit of effector position, kg m2.
+    momentum : ndarray, shape (3,)
+        That of all rotors at the reference, N m s.
+    gravity : float
+        m/s2.
+
+    Returns
+    -------
+    E, A : ndarray, shape (8, 8 + n)
+        Rows are forces, moments and the two attitude angles.
+
+    Notes
+    -----
+    ``m (v' + w x V0) = F + m dg``, ``I w' + S d' + w x h0 = M``; ``phi' = p + r tan(theta)``,
+    ``theta' = q``. Tilting wings keep their mass where the reference has it.
+
+    References
+    ----------
+    Klein & Morelli, *Aircraft System Identification*, 2nd ed., ch. 3, linearised equations of motion.
+    """
+    mass, inertia = vehicle.mass_properties.mass_kg, vehicle.mass_properties.inertia.matrix
+    E, A = np.zeros((8, wrench.shape[1])), np.zeros((8, wrench.shape[1]))
+    A[:6] = wrench
+    E[:3, :3] = mass * np.eye(3)
+    A[:3, 3:6] -= mass * cross(np.eye(3), velocity[:, None] * np.ones(3))
+    A[1, 6] += mass * gravity * np.cos(theta)
+    A[[0, 2], 7] -= mass * gravity * np.array([np.cos(theta), np.sin(theta)])
+    E[3:6, 3:6], E[3:6, 8:] = inertia, spin
+    A[3:6, 3:6] -= cross(np.eye(3), momentum[:, None] * np.ones(3))
+    E[6, 6] = E[7, 7] = 1.0
+    A[6, 3], A[6, 5], A[7, 4] = 1.0, np.tan(theta), 1.0
+    return E, A
+
+
+def rotor_spin(vehicle: Vehicle, effectors: Sequence[str], positions: Mapping[str, float]) -> Array:
+    """Return the rotors' angular momentum per unit of each effector's position, ``s_k J_k e_k``.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    effectors : sequence of str, length n
+        A rotor's speed is the position of the effector of its name; others have no momentum.
+    positions : mapping of str to float
+        Of tilt effectors, rad; the angle at which the vehicle's mass is stated where absent.
+
+    Returns
+    -------
+    ndarray, shape (3, n)
+        Body axes, kg m2.
+    """
+    spin = np.zeros((3, len(effectors)))
+    tilts = {
+        wing.name: positions.get(wing.tilt, vehicle.tilt_rad.get(wing.name, 0.0)) for wing in vehicle.wings
+    }
+    for rotor in vehicle.rotors:
+        if rotor.name in effectors and rotor.inertia:
+            axis = shaft_axis(rotor.axis, tilts.get(rotor.wing or "", 0.0))
+            spin[:, list(effectors).index(rotor.name)] = rotor.spin * rotor.inertia * axis
+    return spin

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 import traceback
 
@@ -11,12 +12,18 @@ import click
 from freqid import __version__
 from freqid.core.errors import EXIT_BUG, EXIT_DATA, FreqidError
 
+# Products here are small, and threads cost them more than they gain; a user's own setting stands.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 COMMANDS = {
     "design-inputs": "design_inputs",
+    "simulate": "simulate",
     "import-log": "import_log",
     "export-log": "export_log",
     "identify-point": "identify_point",
+    "global-blend": "global_blend",
     "report": "report",
+    "study": "study",
 }
 
 
@@ -39,9 +46,9 @@ class LazyGroup(click.Group):
 def main() -> None:
     """Frequency-domain system identification of eVTOL aircraft from flight data.
 
-    A campaign goes design-inputs, import-log, identify-point, report. Results go to stdout, progress
-    and errors to stderr. Exit codes: 0 good, 2 usage, 3 unreadable or inconsistent data, 4 finished but
-    a gate of the scenario failed, 70 a bug.
+    A campaign goes design-inputs, simulate or import-log, identify-point, global-blend, report. Results go
+    to stdout, progress and errors to stderr. Exit codes: 0 good, 2 usage, 3 unreadable or inconsistent
+    data, 4 finished but a gate of the scenario failed, 70 a bug.
     """
 
 

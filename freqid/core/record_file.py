@@ -18,7 +18,7 @@ from .vehicle import MassProperties, Vehicle
 FORMAT = "freqid-record"
 
 
-def write_record(path: Path, record: FlightRecord, scenario_sha256: str = "") -> None:
+def write_record(path: Path, record: FlightRecord, scenario_sha256: str = "", *, kind: str = FORMAT) -> None:
     """Write a record, whole or not at all.
 
     Parameters
@@ -27,6 +27,8 @@ def write_record(path: Path, record: FlightRecord, scenario_sha256: str = "") ->
     record : FlightRecord
     scenario_sha256 : str
         Of the scenario that described the vehicle.
+    kind : str
+        Format that the file says it has.
 
     Raises
     ------
@@ -55,18 +57,18 @@ def write_record(path: Path, record: FlightRecord, scenario_sha256: str = "") ->
         if record.mass_properties is not None:
             store.put_json(file, "mass_properties", msgspec.to_builtins(record.mass_properties))
 
-    store.write(path, FORMAT, fill, scenario_sha256)
+    store.write(path, kind, fill, scenario_sha256)
 
 
-def read_record(path: Path) -> FlightRecord:
-    """Read a record.
+def read_record(path: Path, *, kind: str = FORMAT) -> FlightRecord:
+    """Read a record, or another `kind` of file of the same layout.
 
     Raises
     ------
     DataError
         Where the file is no intact record.
     """
-    with store.reading(path, FORMAT) as file:
+    with store.reading(path, kind) as file:
         channels = {}
         for name in store.get_json(file, "channel_order") or _listed(file):
             dataset = store.dataset(file, name)

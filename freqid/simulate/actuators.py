@@ -11,8 +11,10 @@ from typing import Literal, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
-from ..core.scenario import Scenario, convert
+from ..core.scenario import Scenario
+from ..core.toml import convert
 from ..core.vehicle import Effector, Strict, Vehicle
 from . import precision as precision
 from .battery import Battery, BatterySection, battery
@@ -176,8 +178,9 @@ def actuators(scenario: Scenario) -> Actuators:
     )
 
 
-def by_kind(vehicle: Vehicle, values: jax.Array) -> Commands:
+def by_kind(vehicle: Vehicle, values: ArrayLike) -> Commands:
     """Split commands, shape (..., effector) in the order of the vehicle's effectors, by kind."""
+    values = jnp.asarray(values)
     kinds = [e.kind for e in vehicle.effectors]
     places = ([i for i, k in enumerate(kinds) if k == kind] for kind in ("surface", "tilt", "rotor"))
     return Commands(*(values[..., np.array(p, dtype=int)] for p in places))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 
 from . import precision as precision
 
@@ -40,7 +41,7 @@ def rate(attitude: jax.Array, rates: jax.Array) -> jax.Array:
     return 0.5 * jnp.concatenate([-(vector * rates).sum(keepdims=True), turning])
 
 
-def from_euler(phi: float, theta: float, psi: float) -> jax.Array:
+def from_euler(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> jax.Array:
     """Return the quaternion of roll, pitch and heading angle (rad; turned in the order psi, theta, phi)."""
     (cr, cp, cy), (sr, sp, sy) = (
         f(jnp.asarray([phi, theta, psi], dtype=float) / 2) for f in (jnp.cos, jnp.sin)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from ..core.errors import UsageError, nearest
 from ..core.frames import shaft_axis
-from ..core.scenario import Scenario, convert
+from ..core.scenario import Scenario
+from ..core.toml import convert
 from ..core.vehicle import Strict, Vector, Vehicle
 
 PANELS = ("tail-left", "tail-right")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
@@ -12,7 +13,8 @@ from ..core.channels import si_unit, split
 from ..core.errors import DataError, UsageError, nearest
 from ..core.frames import cross, flow_angles, specific_force_at
 from ..core.record import Channel, FlightRecord
-from ..core.scenario import Scenario, convert
+from ..core.scenario import Scenario
+from ..core.toml import convert
 from ..core.vehicle import Strict, Vector, Vehicle
 
 Array = NDArray[np.float64]
@@ -108,6 +110,20 @@ def suite(scenario: Scenario, name: str) -> Suite:
                 )
             taken[channel] = label
     return sensors
+
+
+def scaled(sensors: Suite, noise: float) -> Suite:
+    """Return sensors with their noise multiplied; at zero, without any error and as fast as the log."""
+    if noise == 0:
+        kept = ("channels", "position_m", "senses")
+        return {
+            label: Sensor(rate_hz=np.inf, **{name: getattr(sensor, name) for name in kept})
+            for label, sensor in sensors.items()
+        }
+    return {
+        label: msgspec.structs.replace(sensor, noise=noise * sensor.noise)
+        for label, sensor in sensors.items()
+    }
 
 
 def measure(truth: FlightRecord, wind: Array, sensors: Suite, rate_hz: float, seed: int) -> FlightRecord:

@@ -37,7 +37,9 @@ class Surroundings(NamedTuple):
 
 def calm(rho: float, ground: float = 0.0) -> Surroundings:
     """Return air at rest."""
-    return Surroundings(jnp.zeros(3), jnp.zeros(3), jnp.asarray(rho), jnp.asarray(ground))
+    return Surroundings(
+        jnp.asarray(np.zeros(3)), jnp.asarray(np.zeros(3)), jnp.asarray(rho), jnp.asarray(ground)
+    )
 
 
 def windy(
@@ -73,8 +75,8 @@ def windy(
     return Surroundings(
         jnp.asarray(wind + (turn @ gusts[:3]).T),
         jnp.asarray((turn @ gusts[3:]).T),
-        jnp.full(steps, float(rho)),
-        jnp.full(steps, float(ground)),
+        jnp.asarray(np.full(steps, float(rho))),
+        jnp.asarray(np.full(steps, float(ground))),
     )
 
 

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh, expm, solve_continuous_lyapunov
 
 from ..core.errors import UsageError, nearest
-from ..core.scenario import Scenario, convert
+from ..core.scenario import Scenario
+from ..core.toml import convert
 from ..core.units import FOOT
 from ..core.vehicle import Strict
 

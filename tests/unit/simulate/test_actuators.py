@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import UsageError
-from freqid.core.scenario import convert
+from freqid.core.toml import convert
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 from freqid.simulate import delay
 from freqid.simulate.actuators import (

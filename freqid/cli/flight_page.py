@@ -1,0 +1,109 @@
+"""The page beside a simulated record: what the simulation knows, as the plain numbers of a page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from freqid.core.scenario import Reference, Scenario
+    from freqid.report.simulation_trims import TrimCurve
+    from freqid.simulate.lq import ClosedLoop
+    from freqid.simulate.maneuver import Flown
+    from freqid.simulate.trim import Trim
+
+
+def write_page(
+    path: Path,
+    scenario: Scenario,
+    loop: ClosedLoop,
+    flown: Flown,
+    excursions: Mapping[str, Any],
+    **named: str,
+) -> None:
+    """Write the page of a simulated flight.
+
+    Parameters
+    ----------
+    path : Path
+        Of the HTML file.
+    scenario : Scenario
+        That was flown.
+    loop : ClosedLoop
+        Its trims are drawn, and those of the scenario's other densities.
+    flown : Flown
+    excursions : mapping
+        As in `SimulatedFlight`.
+    **named : str
+        Its remaining fields.
+    """
+    import numpy as np
+
+    from freqid.report.simulation_page import write_simulation_page
+    from freqid.report.simulation_tables import SimulatedFlight
+
+    flight = SimulatedFlight(
+        scenario=scenario,
+        truth=flown.truth,
+        thrust=np.asarray(flown.flight.samples.details.aero.thrust).T,
+        excursions=excursions,
+        trims=tuple(
+            _curve(scenario, loop, trims) for trims in (list(loop.trims.values()), *_others(scenario, loop))
+        ),
+        diverged=str(flown.divergence or ""),
+        **named,
+    )
+    write_simulation_page(path, flight)
+
+
+def _others(scenario: Scenario, loop: ClosedLoop) -> list[list[Trim]]:
+    """Return trims along the corridors of other densities, without conditions that have none."""
+    from freqid.core.errors import UsageError
+    from freqid.simulate.trim import trim
+
+    flown = next(iter(loop.trims.values())).reference.rho
+    others: dict[float, list[Reference]] = {}
+    for reference in sorted(scenario.reference, key=lambda r: r.u):
+        if reference.rho != flown:
+            others.setdefault(reference.rho, []).append(reference)
+    found = []
+    for along in others.values():
+        trims = []
+        for reference in along:
+            try:
+                trims.append(trim(scenario, loop.parameters, reference))
+            except UsageError:
+                continue
+        if trims:
+            found.append(trims)
+    return found
+
+
+def _curve(scenario: Scenario, loop: ClosedLoop, trims: Sequence[Trim]) -> TrimCurve:
+    import jax
+    import numpy as np
+
+    from freqid.report.simulation_trims import TrimCurve
+    from freqid.simulate.battery import power
+
+    positions = {}
+    for kind, values in (
+        ("surface", [at.positions.surface for at in trims]),
+        ("tilt", [at.positions.tilt for at in trims]),
+        ("rotor", [at.positions.speed for at in trims]),
+    ):
+        names = [effector.name for effector in scenario.effector if effector.kind == kind]
+        positions |= dict(zip(names, np.array(values, dtype=float).T, strict=True))
+    battery = loop.parameters.actuators.battery
+    torque, speed = (
+        np.array(rows) for rows in zip(*((at.aero.torque, at.positions.speed) for at in trims), strict=True)
+    )
+    given = jax.jit(jax.vmap(power, (None, None, 0, 0)))(battery, battery.charge, torque, speed)
+    return TrimCurve(
+        rho=trims[0].reference.rho,
+        u=np.array([at.reference.u for at in trims]),
+        pitch=np.array([at.angles[1] for at in trims]),
+        positions=positions,
+        power=np.asarray(given.voltage) * np.asarray(given.current),
+    )

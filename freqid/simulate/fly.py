@@ -1,0 +1,311 @@
+"""One manoeuvre or a batch of them: the closed loop from trim on, and what it truly did.
+
+A flight is cut into legs of one length, so that flights of any duration run through one compiled loop,
+stop soon after they diverge and can be stacked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..core.design import SampledInputs
+from ..core.errors import UsageError, nearest
+from ..core.scenario import Reference, Scenario
+from . import attitude, motion
+from .actuators import Commands, by_kind
+from .control import Aim, Law, command
+from .effects import turbulence
+from .integrate import Divergence, divergence, integrate
+from .lq import ClosedLoop
+from .motion import Details, Moving, State
+from .quantities import Positions
+from .rigid_body import BodyState
+from .surroundings import Surroundings, windy
+from .trim import HEIGHT
+
+Array = NDArray[np.float64]
+
+DT = 0.005  # s, of a step
+EVERY = 2  # steps for each sample that is kept
+_LEG = 1000  # steps that are compiled into one loop
+
+# Beyond these a flight is no manoeuvre any more; velocities, m/s, are of the air relative to the vehicle.
+LIMITS = {
+    **dict.fromkeys(("phi", "theta"), (-1.4, 1.4)),
+    **dict.fromkeys(("p", "q", "r"), (-8.0, 8.0)),
+    **dict.fromkeys(("u", "v", "w"), (-60.0, 60.0)),
+}
+
+
+class Sortie(NamedTuple):
+    """All that a flight depends on; arrays only, so sorties of equal length can be stacked.
+
+    Attributes
+    ----------
+    parameters : motion.Parameters
+    law : Law
+        With gains of zero, without feedback.
+    state : State
+        At the start.
+    aim : Aim of Array, shape (step, ...)
+    excitation : Commands of Array, shape (step, ...)
+        Added to what the law commands.
+    around : Surroundings of Array, shape (step, ...)
+    """
+
+    parameters: motion.Parameters
+    law: Law
+    state: State
+    aim: Aim
+    excitation: Commands
+    around: Surroundings
+
+
+class Sample(NamedTuple):
+    """What is known at one instant; in `Flight` every field has a sample axis in front.
+
+    Attributes
+    ----------
+    moving, rate : Moving
+        The rate of change too.
+    details : Details
+    commands : Commands
+        After excitation.
+    """
+
+    moving: Moving
+    rate: Moving
+    details: Details
+    commands: Commands
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """What a vehicle truly did.
+
+    Attributes
+    ----------
+    time : ndarray, shape (sample,)
+        s, every `EVERY` steps.
+    samples : Sample of ndarray, shape (sample, ...)
+        Up to the divergence.
+    excitation : Commands of ndarray, shape (sample, ...)
+        That was added to the law's commands.
+    divergence : Divergence or None
+    """
+
+    time: Array
+    samples: Sample
+    excitation: Commands
+    divergence: Divergence | None
+
+
+def sortie(
+    scenario: Scenario,
+    loop: ClosedLoop,
+    reference: Reference,
+    inputs: SampledInputs | None = None,
+    *,
+    duration: float | None = None,
+    to: Reference | None = None,
+    wind: ArrayLike = (0.0, 0.0, 0.0),
+    feedback: bool = True,
+    seed: int = 0,
+) -> Sortie:
+    """Make a flight ready: trimmed at a reference condition, excited after its control law.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    loop : ClosedLoop
+        Of the same scenario, with the reference among its trims.
+    reference : Reference
+        Where it starts.
+    inputs : SampledInputs, optional
+        Excitation, straight between its samples; of rotors at the battery's nominal voltage.
+    duration : float, optional
+        s; of the inputs where absent.
+    to : Reference, optional
+        Condition to be reached at the end, at a steady rate of speed along the corridor; the start
+        where absent.
+    wind : array_like, shape (3,)
+        Mean wind: velocity of the air north, east, down, m/s. Turbulence is an effect of the scenario.
+    feedback : bool
+        Without it, the trim's commands are held.
+    seed : int
+        Of the turbulence.
+
+    Raises
+    ------
+    UsageError
+        Where neither inputs nor a positive duration are given, an input is of no effector of the vehicle,
+        or the turbulence is outside its model.
+    """
+    vehicle, trimmed, mean = scenario.aircraft(), loop.trims[reference.id], np.array(wind, dtype=float)
+    if duration is None:
+        if inputs is None:
+            raise UsageError("there is nothing to fly", remedy="give inputs or a duration")
+        duration = float(inputs.time[-1])
+    if not 0 < duration < np.inf:
+        raise UsageError(f"a flight of {duration:g} s cannot be flown", remedy="give a positive duration")
+    # the last sample is the state at the end, and whole legs are flown
+    steps = round(duration / DT) + EVERY
+    time = DT * np.arange(steps, dtype=float)
+    signals = np.zeros((steps, len(vehicle.effectors)))
+    if inputs is not None:
+        names = [effector.name for effector in vehicle.effectors]
+        for name, values in zip(inputs.names, inputs.values, strict=True):
+            if name not in names:
+                raise UsageError(
+                    f"the inputs excite '{name}', which vehicle '{vehicle.name}' does not have",
+                    remedy=nearest(name, names),
+                )
+            signals[:, names.index(name)] = np.interp(time, inputs.time, values, right=0.0)
+    air = loop.parameters.airframe.effects["turbulence"]
+    speed = max(float(np.linalg.norm(trimmed.body.velocity)), float(np.linalg.norm(mean)))
+    gusts = turbulence.series(
+        {name: float(value) for name, value in air.items()},
+        height=HEIGHT,
+        airspeed=speed,
+        span=vehicle.span_m or 1.0,
+        steps=steps,
+        dt=DT,
+        seed=seed,
+    )
+    share = np.clip(time / duration, 0.0, 1.0)
+    law = loop.law
+    if not feedback:
+        law = law._replace(settings=law.settings._replace(gain=np.zeros_like(law.settings.gain)))
+    return Sortie(
+        parameters=loop.parameters,
+        law=law,
+        state=_started(loop.parameters, trimmed.body, trimmed.positions, trimmed.around._replace(wind=mean)),
+        aim=Aim(
+            u=jnp.asarray(reference.u + share * ((to or reference).u - reference.u)),
+            altitude=jnp.asarray(np.full(steps, -trimmed.body.position[2])),
+            wind=jnp.asarray(np.tile(mean, (steps, 1))),
+        ),
+        excitation=by_kind(vehicle, signals),
+        around=windy(mean, gusts, reference.rho, ground=float(trimmed.around.ground)),
+    )
+
+
+def fly(sortie: Sortie) -> Flight:
+    """Fly one sortie to its end, or until it leaves `LIMITS`."""
+    return _flown(sortie, _leg)[0]
+
+
+def fly_batch(sorties: Sequence[Sortie]) -> list[Flight]:
+    """Fly sorties of equal duration side by side, in one compiled loop.
+
+    Raises
+    ------
+    UsageError
+        Where their durations differ.
+    """
+    lengths = sorted({s.aim.u.size for s in sorties})
+    if len(lengths) > 1:
+        raise UsageError(
+            f"sorties of {lengths[0]} and {lengths[-1]} steps cannot fly side by side",
+            remedy="give all of a batch one duration",
+        )
+    return _flown(jax.tree.map(lambda *x: np.stack(x), *sorties), _legs)
+
+
+def _flown(flown: Sortie, leg) -> list[Flight]:
+    """Fly leg by leg; stacked sorties by a `leg` that is mapped over them."""
+    axis = flown.aim.u.ndim - 1  # of the steps
+    count = flown.aim.u.shape[axis]
+    schedule = (flown.aim, flown.excitation, flown.around)
+    carry = flown.state, np.zeros((*flown.aim.u.shape[:axis], 3))
+    legs = []
+    for first in range(0, count, _LEG):
+        now = jax.tree.map(lambda x: _cut(x, axis, first), schedule)  # noqa: B023  used at once
+        samples, carry = leg(flown.parameters, flown.law, carry, now)
+        legs.append(jax.tree.map(np.asarray, samples))
+        if all(_divergence(one) for one in _each(legs[-1], axis)):
+            break
+    samples = jax.tree.map(lambda *x: np.concatenate(x, axis), *legs)
+    most = count // EVERY
+    excitations = _each(jax.tree.map(lambda x: np.asarray(x)[..., ::EVERY, :], flown.excitation), axis)
+    return [
+        _flight(jax.tree.map(lambda x: x[:most], one), excitation)
+        for one, excitation in zip(_each(samples, axis), excitations, strict=True)
+    ]
+
+
+def _each(tree, axis: int) -> list:
+    """Return the members of a stacked tree, or the tree itself."""
+    if axis == 0:
+        return [tree]
+    return [jax.tree.map(lambda x: x[i], tree) for i in range(jax.tree.leaves(tree)[0].shape[0])]  # noqa: B023
+
+
+def _cut(values: ArrayLike, axis: int, first: int) -> Array:
+    """Return one leg of inputs; the last value is held to the end of the last leg."""
+    piece = np.asarray(values)[(slice(None),) * axis + (slice(first, first + _LEG),)]
+    short = _LEG - piece.shape[axis]
+    if not short:
+        return piece
+    width = [(0, 0)] * piece.ndim
+    width[axis] = (0, short)
+    return np.pad(piece, width, mode="edge")
+
+
+def _flight(samples: Sample, excitation: Commands) -> Flight:
+    """Return a flight up to where it diverged."""
+    found = _divergence(samples)
+    last = found.sample if found else samples.moving.charge.size
+    time = DT * EVERY * np.arange(last, dtype=float)
+    samples, excitation = jax.tree.map(lambda x: x[:last], (samples, excitation))
+    return Flight(time, samples, excitation, found)
+
+
+def _divergence(samples: Sample) -> Divergence | None:
+    """Return where samples leave the limits, in seconds of their own start."""
+    body = samples.moving.body
+    angles = np.asarray(attitude.euler(body.attitude))
+    values = np.hstack([angles[:, :2], body.rates, samples.details.flow.velocity])
+    channels = dict(zip(LIMITS, values.T, strict=True))
+    return divergence(DT * EVERY * np.arange(len(values), dtype=float), channels, LIMITS)
+
+
+def _advance(parameters: motion.Parameters, law: Law, carry, schedule):
+    """Fly one leg; the state is the vehicle's and the integrals of the law's deviations."""
+
+    def step(carry, now):
+        (state, drift), (aim, excitation, around) = carry, now
+        commands, rate = command(law, state.moving.body, drift, aim)
+        return motion.step(parameters, state, _added(commands, excitation), around, DT), drift + DT * rate
+
+    def look(carry, now) -> Sample:
+        (state, drift), (aim, excitation, around) = carry, now
+        commands = _added(command(law, state.moving.body, drift, aim)[0], excitation)
+        rate, details = motion.observe(parameters, state, commands, around, DT)
+        return Sample(state.moving, rate, details, commands)
+
+    return integrate(step, carry, schedule, observe=look, every=EVERY)
+
+
+def _added(commands: Commands, excitation: Commands) -> Commands:
+    return jax.tree.map(jnp.add, commands, excitation)
+
+
+_leg = jax.jit(_advance)
+_legs = jax.jit(jax.vmap(_advance))
+
+
+@jax.jit
+def _started(
+    parameters: motion.Parameters, body: BodyState, positions: Positions, around: Surroundings
+) -> State:
+    """Return the state of a trimmed vehicle that the wind carries along."""
+    carried = body.velocity + attitude.to_body(body.attitude, around.wind)
+    return motion.start(parameters, body._replace(velocity=carried), positions, around, DT)

@@ -1,0 +1,166 @@
+"""One manoeuvre from its plan to what the aircraft logs of it, and to the truth that it never sees."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from ..core.design import SampledInputs
+from ..core.errors import DataError
+from ..core.record import FlightRecord
+from ..core.scenario import Reference, Scenario
+from . import effects, sensors, turbulence
+from .fly import Flight, fly, sortie
+from .integrate import Divergence
+from .lq import ClosedLoop, close_loop
+from .truth import truth_of
+
+LOG_RATE = 50.0  # Hz
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """How a manoeuvre is flown and measured.
+
+    Attributes
+    ----------
+    sensors : str
+        Suite of ``[simulation.sensors]``; the day is that of the same name in ``[simulation.wind]``.
+    noise : float
+        Multiple of the suite's noise; at zero the sensors have no error at all.
+    turbulence : float
+        Mean wind 20 ft above ground that the gusts go with, m/s; zero for none.
+    feedback : bool
+    seed : int
+        Of wind, gusts and sensors.
+    log_rate : float
+        Hz.
+    """
+
+    sensors: str = "research"
+    noise: float = 0.0
+    turbulence: float = 0.0
+    feedback: bool = True
+    seed: int = 0
+    log_rate: float = LOG_RATE
+
+
+@dataclass(frozen=True, eq=False)
+class Flown:
+    """A manoeuvre that was flown.
+
+    Attributes
+    ----------
+    record : FlightRecord
+        What the aircraft logged.
+    truth : FlightRecord
+    flight : Flight
+    """
+
+    record: FlightRecord
+    truth: FlightRecord
+    flight: Flight
+
+    @property
+    def divergence(self) -> Divergence | None:
+        """Where the flight left its limits; record and truth end there."""
+        return self.flight.divergence
+
+
+def with_effects(scenario: Scenario, settings: Mapping[str, Any]) -> Scenario:
+    """Return a scenario with effects set anew: by id, a size or parameters by name.
+
+    Raises
+    ------
+    UsageError
+        For an unknown effect or parameter.
+    """
+    effects.settings(dict(settings))  # says what is wrong before anything is flown
+    simulation = scenario.simulation
+    table = dict(simulation.effects)
+    for identifier, value in settings.items():
+        old = table.get(identifier, {})
+        size = effects.find(identifier).size
+        old = old if isinstance(old, dict) else {size: old}
+        table[identifier] = {**old, **(value if isinstance(value, dict) else {size: value})}
+    return msgspec.structs.replace(scenario, simulation=msgspec.structs.replace(simulation, effects=table))
+
+
+def fly_maneuver(
+    scenario: Scenario,
+    reference: Reference,
+    inputs: SampledInputs | None = None,
+    conditions: Conditions = Conditions(),
+    *,
+    loop: ClosedLoop | None = None,
+    duration: float | None = None,
+    to: Reference | None = None,
+) -> Flown:
+    """Fly one manoeuvre and log it.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    reference : Reference
+        Where it starts, trimmed.
+    inputs : SampledInputs, optional
+        Excitation, added after the control law.
+    conditions : Conditions
+    loop : ClosedLoop, optional
+        Of the same scenario and density, where it is at hand.
+    duration, to
+        As in `fly.sortie`.
+
+    Returns
+    -------
+    Flown
+
+    Raises
+    ------
+    UsageError
+        Where the scenario lacks the suite, the condition cannot be trimmed, or as in `fly.sortie`.
+    DataError
+        Where the flight diverges before there is anything to log.
+    """
+    c = conditions
+    suite = sensors.scaled(sensors.suite(scenario, c.sensors), c.noise)
+    if c.turbulence:
+        scenario = with_effects(scenario, {"turbulence": c.turbulence})
+        loop = None
+    loop = loop or close_loop(scenario, reference)
+    wind = np.zeros(3)
+    if c.sensors in scenario.simulation.wind:
+        wind = turbulence.steady_wind(scenario, c.sensors, c.seed)
+    flight = fly(
+        sortie(
+            scenario,
+            loop,
+            reference,
+            inputs,
+            duration=duration,
+            to=to,
+            wind=wind,
+            feedback=c.feedback,
+            seed=c.seed,
+        )
+    )
+    if flight.divergence and flight.time.size < 50:
+        raise DataError(f"{flight.divergence}; nothing was recorded", remedy="start from another condition")
+    excited = inputs.names if inputs else ()
+    truth, moving_air = truth_of(scenario, loop.parameters, flight, excited=excited, reference=reference.id)
+    how = {
+        "effects": effects.settings(scenario.simulation.effects),
+        "wind_m_s": list(wind),
+        "seed": c.seed,
+        "noise": c.noise,
+        "sensors": c.sensors,
+        "feedback": c.feedback,
+    }
+    if flight.divergence:
+        how["diverged"] = str(flight.divergence)
+    record = sensors.measure(truth, moving_air, suite, c.log_rate, c.seed)
+    return Flown(record, replace(truth, provenance={"simulation": how}), flight)

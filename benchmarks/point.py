@@ -16,8 +16,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
+from freqid.core.identification import Identification
 from freqid.core.record import Channel, FlightRecord, Maneuver
-from freqid.core.scenario import Identification
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
 from freqid.identify.point import identify_point
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,40 +13,55 @@ from freqid.cli.options import as_json, emit, keep_inputs, output
 
 if TYPE_CHECKING:
     from freqid.core.models import Fit, PointModel, ResponseModel
+    from freqid.core.record import FlightRecord
+    from freqid.identify.point import Estimator
 
 
 @click.command("identify-point")
-@click.argument("record", type=click.Path(path_type=Path))
-@output("the record's name with -point.h5")
+@click.argument("records", metavar="RECORD...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@output("the first record's name with -point.h5")
 @click.option("--scenario", type=click.Path(path_type=Path), required=True, help="What to identify, and how.")
 @click.option("--at", "reference", help="Id of the reference condition; the record's own where absent.")
-@click.option("--cut", help="Use START:STOP only, seconds on the record's clock.")
+@click.option(
+    "--cut",
+    "cuts",
+    multiple=True,
+    help="Use START:STOP only, seconds on the record's clock; several make several manoeuvres of one record.",
+)
 @click.option("--responses", help="Some of X,Y,Z,L,M,N, in place of the scenario's.")
 @click.option("--regressors", help="Regressors of all responses, as u,w,q,de1, in place of the scenario's.")
 @click.option("--method", type=click.Choice(["frequency", "time"]), help="In place of the scenario's.")
 @click.option("--form", type=click.Choice(["force", "specific", "coefficient"]), help="Likewise.")
 @click.option("--axes", type=click.Choice(["body", "stability"]), help="Likewise.")
 @click.option(
+    "--estimator",
+    type=click.Choice(["least-squares", "instruments"]),
+    help="In place of the scenario's. Instruments are not biased by noise in the regressors; they need the "
+    "injected signals.",
+)
+@click.option(
     "--predict", "held_out", type=click.Path(path_type=Path), help="Another record, to predict and score."
 )
 @as_json
 def command(
-    record: Path,
+    records: tuple[Path, ...],
     destination: Path | None,
     scenario: Path,
     reference: str | None,
-    cut: str | None,
+    cuts: tuple[str, ...],
     responses: str | None,
     regressors: str | None,
     method: str | None,
     form: str | None,
     axes: str | None,
+    estimator: Estimator | None,
     held_out: Path | None,
     json_: bool,
 ) -> None:
-    """Identify the applied forces and moments of RECORD as linear functions about a reference.
+    """Identify the applied forces and moments of RECORDs as linear functions about a reference.
 
-    Exit code 4 says that the model is written but misses a gate of the scenario.
+    Several records, flown at one condition, make one model. Exit code 4 says that the model is written but
+    misses a gate of the scenario.
     """
     from dataclasses import replace
 
@@ -54,7 +70,8 @@ def command(
     from freqid.core.point_file import write_point
     from freqid.core.record import Maneuver, parse_span
     from freqid.core.record_file import read_record
-    from freqid.core.scenario import overridden, read_scenario
+    from freqid.core.scenario import read_scenario
+    from freqid.core.toml import overridden
     from freqid.identify.point import identify_point, predict
 
     described, sha256 = read_scenario(scenario)
@@ -70,22 +87,26 @@ def command(
         form=form,
         axes=axes,
     )
-    flight = read_record(record)
-    at = reference or flight.reference
+    stretches = _stretches(records, cuts)
+    flights = [read_record(record) for record, _ in stretches]
+    at = reference or _flown_at(flights)
+    spans = [None if cut is None else parse_span(cut) for _, cut in stretches]
     try:
-        maneuver = Maneuver.of(flight, described.aircraft(), None if cut is None else parse_span(cut))
         model = identify_point(
-            maneuver,
+            [Maneuver.of(f, described.aircraft(), span) for f, span in zip(flights, spans, strict=True)],
             settings,
             excitation=described.excitation,
             reference=described.reference_of(at) if at else None,
+            estimator=estimator,
         )
     except DataError as error:
-        raise error.at(str(record)) from None
+        raise error.at(" and ".join(map(str, records))) from None
+    used = [
+        {"record": str(record), "cut": cut, "log": flight.provenance}
+        for (record, cut), flight in zip(stretches, flights, strict=True)
+    ]
     sources = {
-        "record": str(record),
-        "cut": cut,
-        "log": flight.provenance,
+        **(used[0] if len(used) == 1 else {"manoeuvres": used}),
         "scenario": {"file": str(scenario), "sha256": sha256},
         "freqid_version": __version__,
     }
@@ -98,9 +119,11 @@ def command(
         sources["predicted"] = str(held_out)
     model = replace(model, provenance=sources, prediction=predicted)
 
-    destination = destination or record.with_name(f"{record.stem}-point.h5")
-    keep_inputs(destination, record, scenario, held_out)
+    destination = destination or records[0].with_name(f"{records[0].stem}-point.h5")
+    keep_inputs(destination, *records, scenario, held_out)
     write_point(destination, model, sha256)
+    for remark in model.remarks:
+        click.echo(f"warning: {remark}", err=True)
     emit(json_, _for_machines(model), f"{_table(model)}\n{destination}")
     missed = [
         f"{m.figure} of {m.response} is {m.found:.5g}, the gate is {m.gate:g}"
@@ -110,6 +133,32 @@ def command(
         raise GateFailed(
             "; ".join(missed), where=str(destination), remedy="the model is written all the same"
         )
+
+
+def _flown_at(flights: list[FlightRecord]) -> str:
+    """Return the reference that all records name."""
+    from freqid.core.errors import UsageError
+
+    named = sorted({flight.reference for flight in flights if flight.reference})
+    if len(named) > 1:
+        raise UsageError(
+            f"the records were flown at different references, {' and '.join(named)}",
+            remedy="identify each condition by itself, or name one with --at",
+        )
+    return named[0] if named else ""
+
+
+def _stretches(records: tuple[Path, ...], cuts: tuple[str, ...]) -> list[tuple[Path, str | None]]:
+    """Return the manoeuvres asked for: whole records, one cut of each, or several cuts of one."""
+    from freqid.core.errors import UsageError
+
+    if not cuts:
+        return [(record, None) for record in records]
+    if len(records) > 1 and len(cuts) != len(records):
+        raise UsageError(
+            f"{len(cuts)} --cut came with {len(records)} records, expected one for each record or none"
+        )
+    return list(zip(records if len(records) > 1 else records * len(cuts), cuts, strict=True))
 
 
 def _names(text: str | None) -> tuple[str, ...] | None:
@@ -122,10 +171,21 @@ def _for_machines(model: PointModel) -> dict[str, Any]:
     import msgspec
 
     def figures(response: ResponseModel) -> dict[str, Any]:
-        parameters = {
+        parameters: dict[str, dict[str, Any]] = {
             name: {"estimate": response[name][0], "std_error": response[name][1]}
             for name in (*response.regressors, "bias")
         }
+        beside = response.errors_in_variables
+        if beside is not None:
+            for j, name in enumerate(response.regressors):
+                difference = float(response.normalised_difference[j])
+                parameters[name] |= {
+                    "least_squares": {
+                        "estimate": float(beside.estimate[j]),
+                        "std_error": float(beside.std_error[j]),
+                    },
+                    "normalised_difference": difference if isfinite(difference) else None,
+                }
         return {
             "parameters": parameters,
             "r2": response.r2,
@@ -133,7 +193,9 @@ def _for_machines(model: PointModel) -> dict[str, Any]:
             "rmse": response.rmse,
             "units": response.unit,
             "condition_number": response.condition_number,
+            "distortion": response.distortion,
             "inseparable": response.inseparable,
+            "differing": response.differing,
         }
 
     def score(fit: Fit) -> dict[str, float]:
@@ -144,6 +206,8 @@ def _for_machines(model: PointModel) -> dict[str, Any]:
         "reference": reference,
         "method": model.method,
         "form": model.form,
+        "estimator": model.estimator,
+        "remarks": model.remarks,
         "responses": {name: figures(response) for name, response in model.responses.items()},
         "prediction": {name: score(fit) for name, fit in model.prediction.items()},
     }
@@ -163,6 +227,12 @@ def _table(model: PointModel) -> str:
         for parameter, unit in zip((*response.regressors, "bias"), units, strict=True):
             estimate, error = response[parameter]
             lines.append(f"  {parameter:<10} {estimate:>13.6g} +- {2 * error:<11.3g} {unit}")
+        beside = response.errors_in_variables
+        if beside is not None and response.differing:
+            said = ", ".join(
+                f"{n} {beside.estimate[response.regressors.index(n)]:.6g}" for n in response.differing
+            )
+            lines.append(f"  least squares differs beyond noise: {said}")
         lines += [f"  the data cannot separate {' and '.join(group)}" for group in response.inseparable]
     lines.append("(+- is two standard errors)")
     return "\n".join(lines)

@@ -50,6 +50,30 @@ class Fit:
 
 
 @dataclass(frozen=True)
+class ErrorsInVariables:
+    """Least squares beside an estimate by instruments, and where noise in the regressors tells them apart.
+
+    Attributes
+    ----------
+    estimate, std_error : ndarray, shape (p,)
+        By least squares, unit of the response per unit of the regressor.
+    difference_std_error : ndarray, shape (p,)
+        Standard deviation of instruments less least squares, were the regressors free of noise.
+    critical : ndarray, shape (p,)
+        What the difference over its standard deviation would then exceed in any of the p parameters
+        with the probability that the confidence level leaves.
+    strength : ndarray, shape (p,)
+        First-stage F statistic of each regressor; below ten its instrument is too weak.
+    """
+
+    estimate: Array
+    std_error: Array
+    difference_std_error: Array
+    critical: Array
+    strength: Array
+
+
+@dataclass(frozen=True)
 class ResponseModel:
     """One response as a linear function of p regressors about the reference, with its uncertainty.
 
@@ -84,7 +108,13 @@ class ResponseModel:
     inseparable : tuple of tuple of str
         Groups of parameters that the data cannot tell apart.
     fit : mapping of str to Fit
-        ``"frequency"`` where lines were regressed, and ``"time"``, then up to the highest line.
+        ``"frequency"`` where lines were regressed, and ``"time"``, then up to the highest line. Further
+        manoeuvres of the same fit follow as ``"frequency 2"``, ``"time 2"`` and so on.
+    errors_in_variables : ErrorsInVariables, optional
+        Where the estimate is by instruments: what least squares says beside it.
+    distortion : float, optional
+        Power of the residual on the harmonics over that of noise, where noise lines tell it: one for a
+        response that is linear as far as noise shows.
     """
 
     response: str
@@ -111,6 +141,25 @@ class ResponseModel:
     variance_proportion: Array
     inseparable: tuple[tuple[str, ...], ...]
     fit: Mapping[str, Fit]
+    errors_in_variables: ErrorsInVariables | None = None
+    distortion: float | None = None
+
+    @property
+    def normalised_difference(self) -> Array:
+        """Instruments less least squares over its standard deviation, shape (p,); nan without both."""
+        beside = self.errors_in_variables
+        if beside is None:
+            return np.full(len(self.regressors), np.nan)
+        with np.errstate(invalid="ignore", divide="ignore"):  # no noise, no difference: nan
+            return (self.estimate - beside.estimate) / beside.difference_std_error
+
+    @property
+    def differing(self) -> tuple[str, ...]:
+        """Parameters whose two estimates differ beyond noise; empty without both."""
+        if self.errors_in_variables is None:
+            return ()
+        beyond = np.abs(self.normalised_difference) > self.errors_in_variables.critical
+        return tuple(name for name, b in zip(self.regressors, beyond, strict=True) if b)
 
     @property
     def condition_number(self) -> float:
@@ -144,12 +193,15 @@ class PointModel:
     confidence : float
         Level of the intervals.
     duration : float
-        Length of the manoeuvre, s.
+        Length of the manoeuvre, or of all together, s.
     vehicle : str
     provenance : dict
         Records, scenario and settings; JSON-compatible.
     prediction : mapping of str to Fit
         By response: history of a manoeuvre that was not used, measured and as the model predicts it.
+    estimator : {"least-squares", "instruments"}
+    remarks : tuple of str
+        What a reader should know before using the model, one sentence each.
     """
 
     reference: Reference
@@ -162,6 +214,8 @@ class PointModel:
     vehicle: str
     provenance: dict[str, Any] = field(default_factory=dict)
     prediction: Mapping[str, Fit] = field(default_factory=dict)
+    estimator: str = "least-squares"
+    remarks: tuple[str, ...] = ()
 
     def __getitem__(self, response: str) -> ResponseModel:
         try:

@@ -10,13 +10,22 @@ import msgspec
 import numpy as np
 
 from . import store
-from .models import Fit, PointModel, ResponseModel
+from .models import ErrorsInVariables, Fit, PointModel, ResponseModel
 from .scenario import Reference
 
 FORMAT = "freqid-point"
 _SCALARS = ("r2", "pse", "rmse", "fit_error")
 _VECTORS = ("trim", "regressor_rms", "lower", "upper", "t_statistic", "variance_inflation", "condition_index")
 _MATRICES = ("correlation", "variance_proportion")
+# Beside each parameter where it was estimated by instruments: file name to field.
+_BESIDE = {
+    "least_squares": "estimate",
+    "least_squares_std_error": "std_error",
+    "difference_std_error": "difference_std_error",
+    "difference_critical": "critical",
+    "instrument_strength": "strength",
+}
+_WITHOUT_UNIT = ("difference_critical", "instrument_strength")
 
 
 def write_point(path: Path, model: PointModel, scenario_sha256: str = "") -> None:
@@ -39,8 +48,9 @@ def write_point(path: Path, model: PointModel, scenario_sha256: str = "") -> Non
         reference = file.create_group("reference")
         for name, value in msgspec.to_builtins(model.reference).items():
             reference.attrs[name] = value
-        for name in ("method", "form", "axes", "confidence", "duration", "vehicle"):
+        for name in ("method", "form", "axes", "confidence", "duration", "vehicle", "estimator"):
             file.attrs[name] = getattr(model, name)
+        store.put_json(file, "remarks", list(model.remarks))
         store.put_json(file, "responses", list(model.responses))
         store.put_json(file.create_group("provenance"), "json", model.provenance)
         for response in model.responses.values():
@@ -59,6 +69,10 @@ def _fill_response(file: h5py.File, model: ResponseModel) -> None:
         group = parameters.create_group(name)
         store.put(group, "estimate", model.estimate[j], units[j])
         store.put(group, "std_error", model.std_error[j], units[j])
+        if model.errors_in_variables is not None:
+            for key, field in _BESIDE.items():
+                value = getattr(model.errors_in_variables, field)[j]
+                store.put(group, key, value, "1" if key in _WITHOUT_UNIT else units[j])
     bias = parameters.create_group("bias")
     store.put(bias, "estimate", model.bias, model.unit)
     store.put(bias, "std_error", model.bias_std_error, model.unit)
@@ -73,11 +87,13 @@ def _fill_response(file: h5py.File, model: ResponseModel) -> None:
     store.put_json(diagnostics, "inseparable", model.inseparable)
     for name in _SCALARS:
         diagnostics.attrs[name] = getattr(model, name)
+    if model.distortion is not None:
+        diagnostics.attrs["distortion"] = model.distortion
     for name in _VECTORS + _MATRICES:
         store.put(diagnostics, name, getattr(model, name), "mixed" if name in _VECTORS[:4] else "1")
     for domain, fit in model.fit.items():
         group = file.create_group(f"fit/{model.response}/{domain}")
-        if domain == "frequency":
+        if domain.startswith("frequency"):
             _fill_fit(group, fit, "Hz", f"{model.unit} s")
         else:
             _fill_fit(group, fit, "s", model.unit)
@@ -127,6 +143,8 @@ def read_point(path: Path) -> PointModel:
             vehicle=store.get_text(file, "vehicle"),
             provenance=provenance,
             prediction=_read_fits(file, "prediction"),
+            estimator=store.get_text(file, "estimator") or "least-squares",
+            remarks=tuple(map(str, store.get_json(file, "remarks") or ())),
         )
 
 
@@ -139,6 +157,9 @@ def _read_response(file: h5py.File, response: str) -> ResponseModel:
     def column(field: str) -> np.ndarray:
         return np.array([float(store.array(parameters, f"{name}/{field}")) for name in names])
 
+    beside = None
+    if "least_squares" in store.subgroup(parameters, names[0]):
+        beside = ErrorsInVariables(**{field: column(key) for key, field in _BESIDE.items()})
     p = len(names)
     expected = dict.fromkeys(_VECTORS, (p,)) | {"correlation": (p, p)}
     figures: dict[str, Any] = {name: store.floats(diagnostics, name)[0] for name in _SCALARS}
@@ -161,6 +182,8 @@ def _read_response(file: h5py.File, response: str) -> ResponseModel:
         bias_std_error=float(store.array(parameters, "bias/std_error")),
         inseparable=tuple(tuple(group) for group in store.get_json(diagnostics, "inseparable")),
         fit=_read_fits(file, f"fit/{response}"),
+        errors_in_variables=beside,
+        distortion=next(iter(store.floats(diagnostics, "distortion")), None),
         **figures,
     )
 

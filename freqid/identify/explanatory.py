@@ -9,10 +9,17 @@ from numpy.typing import NDArray
 
 from freqid.core.channels import AIR, STATE
 from freqid.core.errors import DataError, nearest
-from freqid.core.frames import body_velocity, flow_angles
+from freqid.core.frames import body_velocity, cross, flow_angles, turn_about_y
 from freqid.core.record import Maneuver
 
 Array = NDArray[np.float64]
+
+_VELOCITY = ("state/u", "state/v", "state/w")
+_FLOW = ("air/V", "air/alpha", "air/beta")
+_RATES = ("state/p", "state/q", "state/r")
+# Rounds in which a velocity is found from V, alpha and beta of different places: each gains the ratio of a
+# sensor's own velocity to the airspeed, some two digits.
+FLOW_ROUNDS = 4
 
 
 def explanatory_variables(maneuver: Maneuver, names: Iterable[str]) -> tuple[Array, tuple[str, ...]]:
@@ -23,7 +30,8 @@ def explanatory_variables(maneuver: Maneuver, names: Iterable[str]) -> tuple[Arr
     maneuver : Maneuver
     names : iterable of str
         Channels without their group: states, air data or effectors. Air data and nondimensional rates
-        that were not logged are computed from those that were.
+        that were not logged are computed from those that were. Velocities and flow angles of a sensor
+        that states its position are those that the centre of gravity has.
 
     Returns
     -------
@@ -42,11 +50,11 @@ def explanatory_variables(maneuver: Maneuver, names: Iterable[str]) -> tuple[Arr
 
 
 def history(maneuver: Maneuver, name: str) -> Array:
-    """Return one explanatory variable, shape (sample,), logged or else computed."""
+    """Return one explanatory variable, shape (sample,), logged or else computed, at the centre of gravity."""
     record = maneuver.record
     for group in ("state", "air", "effector"):
         if f"{group}/{name}" in record:
-            return record[f"{group}/{name}"]
+            return _at_centre_of_gravity(maneuver, f"{group}/{name}")
     if name in _COMPUTED:
         return _COMPUTED[name](maneuver)
     available = {n for g in ("state", "air", "effector") for n in record.group(g)}
@@ -65,16 +73,74 @@ def unit_of(maneuver: Maneuver, name: str) -> str:
 
 
 def _velocity(maneuver: Maneuver) -> Array:
-    """Return u v w, shape (3, sample), logged or from V, alpha and beta."""
+    """Return u v w of the centre of gravity, shape (3, sample), logged or from V, alpha and beta."""
     record = maneuver.record
-    if all(f"state/{n}" in record for n in "uvw"):
-        return record.matrix(("state/u", "state/v", "state/w"))
-    return body_velocity(*record.matrix(("air/V", "air/alpha", "air/beta")))
+    if all(name in record for name in _VELOCITY):
+        return np.array([_at_centre_of_gravity(maneuver, name) for name in _VELOCITY])
+    logged, lever = record.matrix(_FLOW), [_lever(maneuver, name) for name in _FLOW]
+    velocity = body_velocity(*logged)
+    for _ in range(FLOW_ROUNDS if any(part.any() for part in lever) else 0):
+        shift = [_flow_shift(k, velocity, part) for k, part in enumerate(lever)]
+        velocity = body_velocity(*(logged - np.array(shift)))
+    return velocity
 
 
 def _flow(maneuver: Maneuver) -> tuple[Array, Array, Array]:
     """Return V, alpha and beta, shape (sample,) each, computed."""
     return flow_angles(np.array([history(maneuver, n) for n in "uvw"]))
+
+
+def _at_centre_of_gravity(maneuver: Maneuver, name: str) -> Array:
+    """Return a logged channel, shape (sample,), as a sensor at the centre of gravity would have it."""
+    values = maneuver.record[name]
+    if name not in (*_VELOCITY, *_FLOW):
+        return values
+    lever = _lever(maneuver, name)
+    if not lever.any():
+        return values
+    if name in _VELOCITY:
+        return values - lever[_VELOCITY.index(name)]
+    return values - _flow_shift(_FLOW.index(name), _velocity(maneuver), lever)
+
+
+def _flow_shift(k: int, velocity: Array, lever: Array) -> Array:
+    """Return what a sensor's own velocity adds to the k-th of V, alpha and beta, shape (sample,)."""
+    return flow_angles(velocity + lever)[k] - flow_angles(velocity)[k]
+
+
+def _lever(maneuver: Maneuver, name: str) -> Array:
+    """Return the velocity of a sensor relative to the centre of gravity, ``w x d``, m/s.
+
+    Shape (3, sample), or (3, 1) of zeros for a sensor that is there or states no place.
+    """
+    record = maneuver.record
+    position = record.channel(name).position_m
+    if position is None:
+        return np.zeros((3, 1))
+    arm = np.asarray(position)[:, None] - _centre_of_gravity(maneuver)
+    if not arm.any():
+        return np.zeros((3, 1))
+    missing = [rate for rate in _RATES if rate not in record]
+    if missing:
+        raise DataError(
+            f"channel '{name}' was measured {np.linalg.norm(arm, axis=0).max():.2g} m from the centre of "
+            f"gravity and cannot be brought there, because '{missing[0]}' is missing",
+            remedy="log the angular rates, or state that the channel holds for the centre of gravity",
+        )
+    return cross(record.matrix(_RATES), arm)
+
+
+def _centre_of_gravity(maneuver: Maneuver) -> Array:
+    """Return the centre of gravity as the wings tilt, vehicle axes, m, shape (3, sample) or (3, 1)."""
+    vehicle = maneuver.vehicle
+    place = np.array(vehicle.mass_properties.cg_m)[:, None]
+    for wing in vehicle.wings:
+        if wing.mass_kg > 0 and wing.cg_m is not None:
+            arm = np.subtract(wing.cg_m, wing.pivot_m)
+            home = turn_about_y(arm, vehicle.tilt_rad.get(wing.name, 0.0))[:, None]
+            moved = turn_about_y(arm, maneuver.record[f"effector/{wing.tilt}"]) - home
+            place = place + wing.mass_kg / vehicle.mass_properties.mass_kg * moved
+    return place
 
 
 def _per_span(rate: str, length: str) -> Callable[[Maneuver], Array]:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from freqid.core.record import Maneuver
-from freqid.core.scenario import overridden, read_scenario
+from freqid.core.scenario import read_scenario
+from freqid.core.toml import overridden
 from freqid.flightlog.read import read_log
 from freqid.identify.point import identify_point, predict
 

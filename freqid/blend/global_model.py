@@ -1,0 +1,231 @@
+"""The global model: the wrench and its gradient anywhere along the corridor, at any density."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from freqid.blend.between import Mixed
+from freqid.blend.line import Line
+from freqid.blend.locate import TILTS, Located, Outside, Tolerance, between, locate
+from freqid.blend.similarity import equivalent, goes_with_velocity
+from freqid.blend.state_space import StateSpace, to_statespace
+from freqid.core.corridor import Corridor
+from freqid.core.errors import DataError
+from freqid.core.scenario import Reference
+from freqid.core.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BlendedWrench:
+    """Responses of a global model.
+
+    Attributes
+    ----------
+    names, units : tuple of str
+        Of the responses.
+    values : ndarray, shape (response, n)
+    outside : ndarray of bool, shape (n,)
+        Where the corridor is too far away: parameters are then held at its nearest point.
+    mixed : tuple of Mixed
+        What the values are made of, by response.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    outside: NDArray[np.bool_]
+    mixed: tuple[Mixed, ...] = field(repr=False)
+
+    @cached_property
+    def std_error(self) -> Array:
+        """Standard errors from those of the point models, shape (response, n)."""
+        return np.sqrt([one.variance for one in self.mixed])
+
+
+@dataclass(frozen=True)
+class BlendedParameters:
+    """Bias and derivatives of one response along the corridor.
+
+    Attributes
+    ----------
+    names : tuple of str, length 1 + p
+        ``"bias"`` and the regressors.
+    estimate, std_error : ndarray, shape (1 + p, n)
+        Unit of the response, and that per unit of the regressor, at the density asked for.
+    """
+
+    names: tuple[str, ...]
+    estimate: Array
+    std_error: Array
+
+
+class GlobalModel:
+    """One model of the applied wrench over the transition corridor, from point models along it.
+
+    Parameters
+    ----------
+    corridor : Corridor
+        The point models, lined up.
+    tolerance : Tolerance, optional
+        How far from the corridor it may be used.
+
+    Notes
+    -----
+    On each line of the corridor every parameter is a shape-preserving cubic of equivalent speed, and the
+    wrench is the blended trim wrench plus blended derivatives times the distance from the blended trim.
+    Between lines of different density it is linear in density; beyond the outermost lines density acts
+    through similarity alone (docs/theory/global-model.md).
+
+    Inputs are a mapping of names to arrays of shape (n,), SI: all regressors of the model, ``u`` and
+    ``rho``, and ``dw1 dw2`` where they differ along the corridor. A number stands for all n.
+    """
+
+    def __init__(self, corridor: Corridor, tolerance: Tolerance | None = None):
+        self.corridor, self.tolerance = corridor, tolerance or Tolerance()
+        self.lines = [
+            Line(corridor, np.flatnonzero(corridor.line == i)) for i in range(corridor.line.max() + 1)
+        ]
+        self._velocity = goes_with_velocity(corridor.units)[:, None]
+        moves = np.ptp(corridor.tilt, axis=1) > 0
+        self._tilted = tuple(name for name, moved in zip(TILTS, moves, strict=True) if moved)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Responses, in the order of all results."""
+        return tuple(self.corridor.responses)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """What the model must be given, in the order of the gradient."""
+        return tuple(dict.fromkeys([*self.corridor.units, "u", *self._tilted, "rho"]))
+
+    def wrench(self, inputs: Mapping[str, ArrayLike], outside: Outside = "refuse") -> BlendedWrench:
+        """Return the responses for vectors of states, effectors, tilts and densities.
+
+        Parameters
+        ----------
+        inputs : mapping of str to array_like, shape (n,)
+        outside : {"refuse", "hold"}
+            What to do too far from the corridor: raise, or hold the nearest parameters and say so.
+
+        Raises
+        ------
+        DataError
+            Outside, where that is refused; for values that are not finite.
+        UsageError
+            Where an input is missing.
+        """
+        at = self._locate(inputs, outside)
+        mixed = self._mixed(at)
+        units = tuple(r.unit for r in self.corridor.responses.values())
+        return BlendedWrench(self.names, units, np.array([one.value for one in mixed]), at.outside, mixed)
+
+    def gradient(self, inputs: Mapping[str, ArrayLike], outside: Outside = "refuse") -> Array:
+        """Return the derivatives of the responses with respect to `inputs`.
+
+        Parameters
+        ----------
+        inputs, outside
+            As for `wrench`.
+
+        Returns
+        -------
+        ndarray, shape (response, input, n)
+            In the order of ``GlobalModel.inputs``: exact derivatives of what `wrench` returns.
+        """
+        at = self._locate(inputs, outside)
+        place = {name: i for i, name in enumerate(self.inputs)}  # regressors first
+        result = np.zeros((len(self.names), len(place), at.rho.size))
+        by_speed = np.array([p.by_speed for p in at.positions])
+        by_tilt = np.array([p.by_tilt for p in at.positions])
+        velocity = self._velocity * at.x
+        for row, mixed in zip(result, self._mixed(at), strict=True):
+            by_x, by_place, own = mixed.by_regressor, mixed.by_place, mixed.columns
+            speed = (by_place * by_speed).sum(axis=0)
+            row[own] = by_x * at.scale[own]
+            row[place["u"]] += speed * at.k
+            for i, name in enumerate(TILTS):
+                if name in place:
+                    row[place[name]] += (by_place * by_tilt[:, i]).sum(axis=0)
+            moved = (by_x * velocity[own]).sum(axis=0) + speed * at.u * at.k
+            row[place["rho"]] += moved / (2 * at.rho) + mixed.by_weight
+        return result
+
+    def reference(self, u: ArrayLike, rho: ArrayLike) -> dict[str, Array]:
+        """Return the inputs at the corridor's own trim, for plots and linear models.
+
+        Parameters
+        ----------
+        u, rho : array_like, shape (n,)
+            True speed, m/s, and density, kg/m3.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (n,)
+            Tilts and regressors that the point models are expanded about, blended. Between two lines the
+            same true speed is taken on both; beyond them the same equivalent speed.
+
+        Raises
+        ------
+        DataError
+            Where the speed is outside the corridor.
+        """
+        u, rho = np.broadcast_arrays(np.atleast_1d(np.asarray(u, float)), np.asarray(rho, float))
+        k, weights = equivalent(rho), between(self.lines, rho)[0]
+        nearest = np.clip(rho, self.lines[0].rho, self.lines[-1].rho)
+        x, tilt = np.zeros((len(self.corridor.units), u.size)), np.zeros((2, u.size))
+        for line, w in zip(self.lines, weights, strict=True):
+            s = u * k * np.sqrt(line.rho / nearest)
+            edge = 1e-9 * line.speed[-1]
+            outside = (w > 0) & ((s < line.speed[0] - edge) | (s > line.speed[-1] + edge))
+            if outside.any():
+                ends = line.speed / equivalent(line.rho)
+                raise DataError(
+                    f"u = {u[outside][0]:.4g} m/s is outside the corridor, which runs from {ends[0]:.4g} to "
+                    f"{ends[-1]:.4g} m/s at {line.rho:.4g} kg/m3"
+                )
+            s = np.clip(s, line.speed[0], line.speed[-1])
+            x, tilt = x + w * line.trim(s, len(x)), tilt + w * line.tilt(s)
+        found = dict(zip(self.corridor.units, x / k**self._velocity, strict=True))
+        return {**dict(zip(TILTS, tilt, strict=True)), "u": u, "rho": rho, **found}
+
+    def parameters(
+        self, response: str, inputs: Mapping[str, ArrayLike], outside: Outside = "refuse"
+    ) -> BlendedParameters:
+        """Return bias and derivatives of one response, with standard errors.
+
+        Parameters
+        ----------
+        response : str
+        inputs, outside
+            As for `wrench`; of the inputs only ``u``, ``rho`` and the tilts matter, so those that
+            `reference` returns will do.
+        """
+        knots = self.corridor[response]
+        at = self._locate({**dict.fromkeys(self.corridor.units, 0.0), **inputs}, outside)
+        index = self.names.index(response)
+        units = dict(zip(knots.regressors, knots.regressor_units, strict=True))
+        scale = np.vstack([np.ones_like(at.k), at.k ** goes_with_velocity(units)[:, None]])
+        estimate, variance = np.zeros_like(scale), np.zeros_like(scale)
+        for line, p, w in zip(self.lines, at.positions, at.weights, strict=True):
+            one = line.local[index]
+            estimate += w * one.parameters(p.s)
+            variance += w**2 * one.own_variance(p.s)
+        return BlendedParameters(("bias", *knots.regressors), estimate * scale, np.sqrt(variance) * scale)
+
+    def to_statespace(self, reference: Reference, vehicle: Vehicle) -> StateSpace:
+        """Return the aircraft's small motions about a condition: `state_space.to_statespace`."""
+        return to_statespace(self, reference, vehicle)
+
+    def _mixed(self, at: Located) -> tuple[Mixed, ...]:
+        return tuple(Mixed([line.local[r] for line in self.lines], at) for r in range(len(self.names)))
+
+    def _locate(self, inputs: Mapping[str, ArrayLike], outside: Outside) -> Located:
+        return locate(self.corridor, self.lines, inputs, self.inputs, self.tolerance, outside)

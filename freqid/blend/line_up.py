@@ -1,0 +1,222 @@
+"""Point models to a corridor: what must agree between them, and which line each belongs to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.blend.similarity import ALIKE, equivalent, not_similar
+from freqid.core.corridor import Corridor, KnotResponse
+from freqid.core.errors import DataError, UsageError
+from freqid.core.models import PointModel
+
+Array = NDArray[np.float64]
+Densities = Literal["apart", "together"]
+
+SAME_SPEED = 0.05  # m/s: two points closer than this are one condition
+SAME_TILT = np.deg2rad(1.0)  # what a tilt may go back by along a corridor: how well a wing is set
+
+
+def line_up(points: Sequence[PointModel], files: Sequence[str], densities: Densities = "apart") -> Corridor:
+    """Line point models up along the transition corridor.
+
+    Parameters
+    ----------
+    points : sequence of PointModel
+        Two or more, in any order.
+    files : sequence of str
+        Where each comes from, for errors and provenance.
+    densities : {"apart", "together"}
+        Whether points of each density make a line of their own, or all make one line in equivalent
+        speed ``u sqrt(rho / RHO0)``. Together is right where tilt is scheduled by equivalent speed.
+
+    Returns
+    -------
+    Corridor
+
+    Raises
+    ------
+    UsageError
+        For fewer than two points.
+    DataError
+        Where points differ in aircraft, form or regressors, repeat a condition, or lie on no one line.
+    """
+    if len(points) < 2:
+        raise UsageError(
+            f"a global model needs two point models or more, found {len(points)}",
+            remedy="name the files of several conditions",
+        )
+    for point, file in zip(points, files, strict=True):
+        _check_alone(point, file)
+        _check_alike(points[0], files[0], point, file)
+    rho = np.array([p.reference.rho for p in points])
+    level = density_levels(rho)
+    _check_carried(points[0], rho, files)
+    line = level if densities == "apart" else np.zeros_like(level)
+    speed = np.array([p.reference.u for p in points]) * equivalent(rho)
+    order = np.lexsort((speed, line))
+    points, files = [points[int(i)] for i in order], [files[int(i)] for i in order]
+    line, speed = line[order], speed[order]
+    tilt = np.array([[p.reference.dw1, p.reference.dw2] for p in points]).T
+    for i in range(line.max() + 1):
+        members = np.flatnonzero(line == i)
+        _check_line(
+            speed[members], tilt[:, members], [points[k] for k in members], [files[k] for k in members]
+        )
+    return Corridor(
+        ids=tuple(p.reference.id for p in points),
+        u=np.array([p.reference.u for p in points]),
+        rho=np.array([p.reference.rho for p in points]),
+        tilt=tilt,
+        line=line,
+        responses={name: _knots(name, points) for name in points[0].responses},
+        form=points[0].form,
+        vehicle=points[0].vehicle,
+        highest_hz=_highest(points),
+        provenance={"points": dict(zip(files, (p.provenance for p in points), strict=True))},
+    )
+
+
+def _check_alone(point: PointModel, file: str) -> None:
+    at = point.reference
+    for name in ("u", "rho", "dw1", "dw2"):
+        if not np.isfinite(getattr(at, name)) or (name == "rho" and not at.rho > 0):
+            raise DataError(
+                f"reference '{at.id}' has {name} = {getattr(at, name):g}, so it has no place on the corridor",
+                where=file,
+                remedy="identify the point again with --at and a reference that states it",
+            )
+    if point.axes != "body":
+        raise DataError(
+            f"is a model in {point.axes} axes, which turn from point to point; expected body axes",
+            where=file,
+            remedy="identify it again with --axes body",
+        )
+    for response in point.responses.values():
+        if not (np.isfinite(response.covariance).all() and np.isfinite(response.estimate).all()):
+            raise DataError(f"response '{response.response}' holds numbers that are not finite", where=file)
+
+
+def _check_alike(first: PointModel, first_file: str, point: PointModel, file: str) -> None:
+    """Refuse points that are not the same function of the same variables of the same aircraft."""
+
+    def differ(what: str, found: Any, expected: Any) -> DataError:
+        return DataError(
+            f"{what} {found}, expected {expected} as in {first_file}",
+            where=file,
+            remedy="identify all points of a corridor alike",
+        )
+
+    for what in ("vehicle", "form"):
+        found, expected = getattr(point, what), getattr(first, what)
+        if found != expected:
+            raise differ(f"has the {what}", f"'{found}'", f"'{expected}'")
+    if set(point.responses) != set(first.responses):
+        raise differ("has responses", " ".join(point.responses), " ".join(first.responses))
+    for name, response in point.responses.items():
+        if response.unit != first[name].unit:
+            raise differ(f"has '{name}' in", response.unit, first[name].unit)
+        found, expected = (
+            sorted(f"{x} [{unit}]" for x, unit in zip(r.regressors, r.regressor_units, strict=True))
+            for r in (response, first[name])
+        )
+        if found != expected:
+            extra, lacking = (sorted(set(a) - set(b)) for a, b in ((found, expected), (expected, found)))
+            raise differ(
+                f"has regressors of '{name}'",
+                f"with {', '.join(extra) or 'nothing more'} and without {', '.join(lacking) or 'nothing'}",
+                "the same",
+            )
+
+
+def density_levels(rho: Array) -> NDArray[np.int64]:
+    """Return the level of each density, from 0: a level ends where the next density is 2 % higher."""
+    order = np.argsort(rho)
+    rises = rho[order][1:] > (1 + ALIKE) * rho[order][:-1]
+    level = np.empty(rho.size, dtype=np.int64)
+    level[order] = np.concatenate([[0], np.cumsum(rises)])
+    return level
+
+
+def _check_carried(point: PointModel, rho: Array, files: Sequence[str]) -> None:
+    """Refuse several densities where a regressor has no law that carries it from one to another."""
+    if np.ptp(rho) <= ALIKE * rho.max():
+        return
+    for response in point.responses.values():
+        names = not_similar(dict(zip(response.regressors, response.regressor_units, strict=True)))
+        if names:
+            raise DataError(
+                f"is at {rho.min():.4g} kg/m3 and {files[int(rho.argmax())]} at {rho.max():.4g}, but no law "
+                f"carries regressor '{names[0]}' from one density to another",
+                where=files[int(rho.argmin())],
+                remedy="blend points of one density, or regress on rotor speed or thrust",
+            )
+
+
+def _check_line(speed: Array, tilt: Array, points: Sequence[PointModel], files: Sequence[str]) -> None:
+    """Refuse a line of one point, a condition that comes twice, and points that lie on no one line."""
+    if speed.size < 2:
+        raise DataError(
+            f"is the only point at {points[0].reference.rho:.4g} kg/m3, and one point makes no line",
+            where=files[0],
+            remedy="add points there, leave it out, or blend with --densities together",
+        )
+    close = int(np.diff(speed).argmin())
+    if speed[close + 1] - speed[close] < SAME_SPEED:
+        one, two = points[close].reference, points[close + 1].reference
+        turned = np.rad2deg(np.abs(tilt[:, close + 1] - tilt[:, close]).max())
+        apart = f" with tilts {turned:.3g} deg apart" if turned > np.rad2deg(SAME_TILT) else ""
+        raise DataError(
+            f"reference '{two.id}' (u = {two.u:.4g} m/s, rho = {two.rho:.4g} kg/m3) repeats the equivalent "
+            f"speed of '{one.id}' in {files[close]}{apart}",
+            where=files[close + 1],
+            remedy="keep one of the two",
+        )
+    for name, row in zip(("dw1", "dw2"), tilt, strict=True):
+        if _goes_back(row) > SAME_TILT:
+            without = [_goes_back(np.delete(row, i)) for i in range(row.size)]
+            i = int(np.argmin(without))
+            at = points[i].reference
+            raise DataError(
+                f"reference '{at.id}' is off the corridor of the other points: at u = {at.u:.4g} m/s its "
+                f"{name} of {np.rad2deg(row[i]):.4g} deg makes the tilt go back and forth by "
+                f"{np.rad2deg(_goes_back(row)):.3g} deg",
+                where=files[i],
+                remedy="blend points of one tilt schedule; where densities differ, blend them apart",
+            )
+
+
+def _goes_back(tilt: Array) -> float:
+    """Return by how much a tilt goes against its overall sense at worst, rad."""
+    rising = tilt if tilt[-1] >= tilt[0] else -tilt
+    return float((np.maximum.accumulate(rising) - rising).max())
+
+
+def _knots(name: str, points: Sequence[PointModel]) -> KnotResponse:
+    first = points[0][name]
+    models = [p[name] for p in points]
+    rows = [[m.regressors.index(n) for n in first.regressors] for m in models]
+    columns = [
+        np.array([getattr(m, field)[row] for m, row in zip(models, rows, strict=True)]).T
+        for field in ("trim", "regressor_rms", "estimate")
+    ]
+    return KnotResponse(
+        response=name,
+        unit=first.unit,
+        regressors=first.regressors,
+        regressor_units=first.regressor_units,
+        trim=columns[0],
+        regressor_rms=columns[1],
+        estimate=columns[2],
+        covariance=np.array([m.covariance[np.ix_(row, row)] for m, row in zip(models, rows, strict=True)]),
+        bias=np.array([m.bias for m in models]),
+        bias_std_error=np.array([m.bias_std_error for m in models]),
+    )
+
+
+def _highest(points: Sequence[PointModel]) -> float:
+    fits = [r.fit.get("frequency") for p in points for r in p.responses.values()]
+    return float("nan") if None in fits else min(float(f.axis[-1]) for f in fits if f is not None)

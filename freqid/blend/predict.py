@@ -1,0 +1,67 @@
+"""A global model against a manoeuvre that it has not seen."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+
+from freqid.blend.global_model import GlobalModel
+from freqid.blend.locate import TILTS, Outside
+from freqid.core.models import Fit
+from freqid.core.record import Maneuver
+from freqid.identify.explanatory import history
+from freqid.identify.trend import up_to
+from freqid.identify.wrench import AppliedWrench, Form, applied_wrench
+
+
+def replay(
+    model: GlobalModel,
+    maneuver: Maneuver,
+    *,
+    measured: AppliedWrench | None = None,
+    outside: Outside = "refuse",
+) -> dict[str, Fit]:
+    """Predict the responses of a manoeuvre from what was flown, trim included.
+
+    Parameters
+    ----------
+    model : GlobalModel
+    maneuver : Maneuver
+        Held out; in flight anywhere along the corridor, tilting or not.
+    measured : AppliedWrench, optional
+        Responses to compare with; reconstructed from motion and mass where absent.
+    outside : {"refuse", "hold"}
+        As for `GlobalModel.wrench`.
+
+    Returns
+    -------
+    dict of str to Fit
+        Measured and modelled history by response, in the band that the points were identified in.
+        Unlike the prediction of a point model both keep their means: a global model says what the trim
+        wrench is.
+
+    Raises
+    ------
+    DataError
+        Where the record lacks a channel, or leaves the corridor and that is refused.
+    """
+    dt = maneuver.record.dt
+    if measured is None:
+        measured = applied_wrench(maneuver, model.names, form=cast(Form, model.corridor.form))
+    modelled = model.wrench(flown(model, maneuver), outside).values
+    histories = measured.history(dt)
+    if np.isfinite(model.corridor.highest_hz):
+        histories, modelled = (up_to(x, dt, model.corridor.highest_hz) for x in (histories, modelled))
+    time = maneuver.record.time - maneuver.record.time[0]
+    return {
+        name: Fit(time, histories[measured.names.index(name)], row)
+        for name, row in zip(model.names, modelled, strict=True)
+    }
+
+
+def flown(model: GlobalModel, maneuver: Maneuver) -> dict[str, np.ndarray]:
+    """Return the model's inputs from a manoeuvre, shape (sample,) each."""
+    channels = {name: name for name in model.inputs}
+    channels |= {tilt: wing.tilt for tilt, wing in zip(TILTS, maneuver.vehicle.wings, strict=False)}
+    return {name: history(maneuver, channels[name]) for name in model.inputs}

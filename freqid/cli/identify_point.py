@@ -40,6 +40,15 @@ if TYPE_CHECKING:
     "injected signals.",
 )
 @click.option(
+    "--select", is_flag=True, help="Keep, for each response, only the regressors that explain something."
+)
+@click.option(
+    "--nonlinear",
+    type=click.Choice(["none", "products"]),
+    help="In place of the scenario's. Products of regressors are added where noise lines say that a response "
+    "is not linear.",
+)
+@click.option(
     "--predict", "held_out", type=click.Path(path_type=Path), help="Another record, to predict and score."
 )
 @as_json
@@ -55,6 +64,8 @@ def command(
     form: str | None,
     axes: str | None,
     estimator: Estimator | None,
+    select: bool,
+    nonlinear: str | None,
     held_out: Path | None,
     json_: bool,
 ) -> None:
@@ -86,6 +97,8 @@ def command(
         method=method,
         form=form,
         axes=axes,
+        structure="stepwise" if select else None,
+        nonlinear=nonlinear,
     )
     stretches = _stretches(records, cuts)
     flights = [read_record(record) for record, _ in stretches]
@@ -110,6 +123,7 @@ def command(
         "scenario": {"file": str(scenario), "sha256": sha256},
         "freqid_version": __version__,
     }
+    sources |= {key: model.provenance[key] for key in ("structure",) if key in model.provenance}
     predicted = {}
     if held_out:
         try:
@@ -209,6 +223,7 @@ def _for_machines(model: PointModel) -> dict[str, Any]:
         "estimator": model.estimator,
         "remarks": model.remarks,
         "responses": {name: figures(response) for name, response in model.responses.items()},
+        "structure": model.provenance.get("structure", {}),
         "prediction": {name: score(fit) for name, fit in model.prediction.items()},
     }
 
@@ -233,6 +248,25 @@ def _table(model: PointModel) -> str:
                 f"{n} {beside.estimate[response.regressors.index(n)]:.6g}" for n in response.differing
             )
             lines.append(f"  least squares differs beyond noise: {said}")
+        lines += _chosen(model.provenance.get("structure", {}).get(name, {}))
         lines += [f"  the data cannot separate {' and '.join(group)}" for group in response.inseparable]
     lines.append("(+- is two standard errors)")
     return "\n".join(lines)
+
+
+def _chosen(account: dict[str, Any]) -> list[str]:
+    """Return what was left out of a response and what was added to it, one line each."""
+    from freqid.identify.selection import DISTORTED, F_KEPT
+
+    lines = []
+    if account.get("left_out"):
+        said = ", ".join(f"{name} {f:.2g}" for name, f in account["left_out"].items())
+        lines.append(f"  left out, F below {F_KEPT:g}: {said}")
+    if "products" in account:
+        level = f"residual power over noise {account['distortion']:.3g}"
+        if account["products"]:
+            said = ", ".join(f"{name} (F {f:.3g})" for name, f in account["products"].items())
+            lines.append(f"  not linear, {level}: added {said}")
+        elif account["distortion"] > DISTORTED:
+            lines.append(f"  not linear, {level}, but no product explains it")
+    return lines

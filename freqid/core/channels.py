@@ -22,6 +22,9 @@ STATE = {
     "qdot": ("rad/s2", "pitch acceleration"),
     "rdot": ("rad/s2", "yaw acceleration"),
     "alt": ("m", "altitude"),
+    "vn": ("m/s", "velocity over the ground, north"),
+    "ve": ("m/s", "velocity over the ground, east"),
+    "vd": ("m/s", "velocity over the ground, down"),
 }
 AIR = {
     "rho": ("kg/m3", "air density"),

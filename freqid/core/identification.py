@@ -32,7 +32,8 @@ class Identification(Strict, frozen=True):
     responses : tuple of str
         Among X Y Z L M N.
     regressors : tuple of str, or dict
-        Channel names without group (``u``, ``beta``, ``phat``, ``de1``); for all responses, or by response.
+        Channel names without group (``u``, ``beta``, ``phat``, ``de1``), and products of two of them
+        (``w*de1``: of their departures from the trim); for all responses, or by response.
     frequencies_hz : FrequencyGrid or tuple of float, optional
         Lines of the regression; the harmonics of ``[excitation]`` where absent.
     method : {"frequency", "time"}
@@ -54,6 +55,11 @@ class Identification(Strict, frozen=True):
     estimator : {"least-squares", "instruments"}
         Least squares takes regressors to be free of noise; instruments, made from the injected signals, do
         not.
+    structure : {"given", "stepwise"}
+        Whether all regressors are in the model, or those that a stepwise choice keeps for each response.
+    nonlinear : {"none", "products"}
+        Whether products of regressors are added, stepwise, to responses that are not linear: those whose
+        `distortion` the noise lines put beyond chance.
     confidence : float
         Of the intervals, for example 0.95.
     """
@@ -70,6 +76,8 @@ class Identification(Strict, frozen=True):
     nuisance: Literal["auto", "constant", "none"] = "auto"
     residuals: Literal["coloured", "white", "noise-lines"] = "coloured"
     estimator: Literal["least-squares", "instruments"] = "least-squares"
+    structure: Literal["given", "stepwise"] = "given"
+    nonlinear: Literal["none", "products"] = "none"
     confidence: float = 0.95
 
     def __post_init__(self) -> None:
@@ -90,9 +98,20 @@ class Identification(Strict, frozen=True):
             if twice or "bias" in chosen:
                 what = f"names {twice} more than once" if twice else "names 'bias', which is always estimated"
                 raise ValueError(f"regressors of '{response}' {what}")
+            for name in chosen:
+                _check_product(response, name, chosen)
         if self.residuals == "noise-lines" and self.method == "time":
             raise ValueError(
                 "residuals is 'noise-lines' with method 'time', expected method 'frequency' with noise lines"
+            )
+        if self.structure == "stepwise" and self.method == "time":
+            raise ValueError(
+                "structure is 'stepwise' with method 'time', expected method 'frequency' with it"
+            )
+        if self.nonlinear == "products" and self.residuals != "noise-lines":
+            raise ValueError(
+                f"nonlinear is 'products' with residuals '{self.residuals}', expected 'noise-lines', "
+                "which tell what is not linear from noise"
             )
         if not 0.5 <= self.confidence < 1:
             raise ValueError(f"confidence is {self.confidence:g}, expected at least 0.5 and below 1")
@@ -102,3 +121,21 @@ class Identification(Strict, frozen=True):
         if isinstance(self.regressors, dict):
             return tuple(self.regressors[response])
         return self.regressors
+
+
+def factors_of(regressor: str) -> tuple[str, ...]:
+    """Return the factors of a regressor: ``w`` and ``de1`` of ``w*de1``, itself where it is no product."""
+    return tuple(regressor.split("*"))
+
+
+def _check_product(response: str, name: str, chosen: tuple[str, ...]) -> None:
+    """Refuse a product whose factors are not regressors too: its trim is theirs."""
+    factors = factors_of(name)
+    if len(factors) > 2:
+        raise ValueError(f"regressor '{name}' of '{response}' has {len(factors)} factors, expected two")
+    lacking = [factor for factor in factors if factor not in chosen]
+    if lacking:
+        raise ValueError(
+            f"regressors of '{response}' hold the product '{name}' without '{lacking[0]}', "
+            "expected both factors"
+        )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from freqid.core.channels import AIR, STATE
 from freqid.core.errors import DataError, nearest
 from freqid.core.frames import body_velocity, cross, flow_angles, turn_about_y
+from freqid.core.identification import factors_of
 from freqid.core.record import Maneuver
 
 Array = NDArray[np.float64]
@@ -22,7 +23,9 @@ _RATES = ("state/p", "state/q", "state/r")
 FLOW_ROUNDS = 4
 
 
-def explanatory_variables(maneuver: Maneuver, names: Iterable[str]) -> tuple[Array, tuple[str, ...]]:
+def explanatory_variables(
+    maneuver: Maneuver, names: Iterable[str], trim: Mapping[str, float] | None = None
+) -> tuple[Array, tuple[str, ...]]:
     """Return regressors over a manoeuvre.
 
     Parameters
@@ -31,7 +34,10 @@ def explanatory_variables(maneuver: Maneuver, names: Iterable[str]) -> tuple[Arr
     names : iterable of str
         Channels without their group: states, air data or effectors. Air data and nondimensional rates
         that were not logged are computed from those that were. Velocities and flow angles of a sensor
-        that states its position are those that the centre of gravity has.
+        that states its position are those that the centre of gravity has. A product, as ``w*de1``, is
+        that of the departures from the trim.
+    trim : mapping of str to float, optional
+        By factor of a product; the mean of the manoeuvre where absent.
 
     Returns
     -------
@@ -45,12 +51,16 @@ def explanatory_variables(maneuver: Maneuver, names: Iterable[str]) -> tuple[Arr
         Where a name is neither logged nor computable, with the nearest names.
     """
     names = tuple(names)
-    values = np.array([history(maneuver, name) for name in names])
+    values = np.array([history(maneuver, name, trim) for name in names])
     return values, tuple(unit_of(maneuver, name) for name in names)
 
 
-def history(maneuver: Maneuver, name: str) -> Array:
+def history(maneuver: Maneuver, name: str, trim: Mapping[str, float] | None = None) -> Array:
     """Return one explanatory variable, shape (sample,), logged or else computed, at the centre of gravity."""
+    factors = factors_of(name)
+    if len(factors) > 1:
+        values = [(factor, history(maneuver, factor)) for factor in factors]
+        return np.prod([x - (trim or {}).get(factor, x.mean()) for factor, x in values], axis=0)
     record = maneuver.record
     for group in ("state", "air", "effector"):
         if f"{group}/{name}" in record:
@@ -65,6 +75,10 @@ def history(maneuver: Maneuver, name: str) -> Array:
 
 def unit_of(maneuver: Maneuver, name: str) -> str:
     """Return the SI unit of an explanatory variable."""
+    factors = factors_of(name)
+    if len(factors) > 1:
+        units = [unit for unit in (unit_of(maneuver, factor) for factor in factors) if unit != "1"]
+        return " ".join(units) or "1"
     if name in STATE:
         return STATE[name][0]
     if name in AIR:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +14,13 @@ from freqid.core.identification import Identification
 from freqid.core.models import Fit, PointModel
 from freqid.core.record import Maneuver
 from freqid.core.scenario import Reference
-from freqid.identify.explanatory import explanatory_variables, history
-from freqid.identify.fit_lines import fit_lines
+from freqid.identify.explanatory import explanatory_variables
 from freqid.identify.fit_samples import fit_samples
 from freqid.identify.flown import departures, flown_reference
 from freqid.identify.fourier import frequency_grid, harmonics
 from freqid.identify.instruments import driven_maneuvers
 from freqid.identify.problem import Problem, measured_responses
+from freqid.identify.selection import Flights, choose_terms
 from freqid.identify.trend import up_to
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ def identify_point(
         raise UsageError(f"estimator '{estimator}' is unknown", remedy=nearest(estimator, ESTIMATORS))
     problem = Problem.of(maneuvers, settings)
     by_instruments = estimator == "instruments"
-    driven: list[Array] | None = None
+    alone: Sequence[Maneuver] | None = None
     lines = np.empty(0)
     if settings.method == "frequency" or by_instruments:
         lines = _lines(settings, excitation)
@@ -87,11 +87,14 @@ def identify_point(
             each.record.check_band(_used(each, problem.names, settings), float(lines[-1]))
     if by_instruments:
         alone = driven_maneuvers(maneuvers, lines, settings)
-        driven = [explanatory_variables(m, problem.names)[0] for m in alone]
-        driven = [x - x.mean(axis=1, keepdims=True) for x in driven]
-    frequency = settings.method == "frequency"
-    period_s = excitation.period_s if excitation else None
-    responses = fit_lines(problem, lines, driven, period_s) if frequency else fit_samples(problem, driven)
+    flights = Flights(maneuvers, lines, excitation.period_s if excitation else None, alone)
+    structure: dict[str, Any] = {}
+    if settings.structure == "stepwise" or settings.nonlinear == "products":
+        problem, structure = choose_terms(problem, flights)
+    if settings.method == "frequency":
+        responses = flights.fit(problem)
+    else:
+        responses = fit_samples(problem, flights.instruments(problem.names))
     flown = flown_reference(maneuvers)
     records = [m.record.provenance for m in maneuvers]
     return PointModel(
@@ -103,7 +106,8 @@ def identify_point(
         confidence=settings.confidence,
         duration=sum(m.record.duration for m in maneuvers),
         vehicle=maneuvers[0].vehicle.name,
-        provenance={"record": records[0]} if len(records) == 1 else {"records": records},
+        provenance=({"record": records[0]} if len(records) == 1 else {"records": records})
+        | ({"structure": structure} if structure else {}),
         estimator=estimator,
         remarks=() if reference is None else departures(reference, flown),
     )
@@ -133,7 +137,8 @@ def predict(model: PointModel, maneuver: Maneuver, settings: Identification) -> 
     fits = {}
     for r, name in enumerate(settings.responses):
         response = model[name]
-        x = np.array([history(maneuver, n) for n in response.regressors])
+        trim = dict(zip(response.regressors, response.trim.tolist(), strict=True))
+        x = explanatory_variables(maneuver, response.regressors, trim)[0]
         both = np.array([measured[r], response.estimate @ x])
         if "frequency" in response.fit:
             both = up_to(both, maneuver.record.dt, float(response.fit["frequency"].axis[-1]))

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from freqid.core.channels import RESPONSE
 from freqid.core.errors import DataError, UsageError
-from freqid.core.identification import Identification
+from freqid.core.identification import Identification, factors_of
 from freqid.core.models import Fit, ResponseModel
 from freqid.core.record import Maneuver
 from freqid.identify.estimators import Estimate
-from freqid.identify.explanatory import explanatory_variables
+from freqid.identify.explanatory import explanatory_variables, history
 from freqid.identify.trend import remove_trend
 from freqid.identify.wrench import AppliedWrench, applied_wrench, response_name
 
@@ -69,12 +69,13 @@ class Problem:
             Where a channel is missing, or a regressor is constant.
         """
         names = tuple(dict.fromkeys(n for r in settings.responses for n in settings.regressors_of(r)))
-        both = [explanatory_variables(m, names) for m in maneuvers]
+        share = np.array([m.record.duration for m in maneuvers])
+        share = share / share.sum()
+        trim_of = _trim_of_factors(maneuvers, names, share)
+        both = [explanatory_variables(m, names, trim_of) for m in maneuvers]
         mean = np.array([x.mean(axis=1) for x, _ in both])
         x = tuple(x - level[:, None] for (x, _), level in zip(both, mean, strict=True))
         dt = tuple(m.record.dt for m in maneuvers)
-        share = np.array([m.record.duration for m in maneuvers])
-        share = share / share.sum()
         square = [remove_trend(x_s, step, "line").x.var(axis=1) for x_s, step in zip(x, dt, strict=True)]
         trim, rms = share @ mean, np.sqrt(share @ np.array(square))
         _refuse_still(names, rms, trim)
@@ -186,6 +187,13 @@ def measured_responses(maneuver: Maneuver, settings: Identification) -> AppliedW
 def numbered(kind: str, maneuver: int) -> str:
     """Return the name of one manoeuvre's fit: ``time``, then ``time 2`` and so on."""
     return kind if maneuver == 0 else f"{kind} {maneuver + 1}"
+
+
+def _trim_of_factors(maneuvers: Sequence[Maneuver], names: Sequence[str], share: Array) -> dict[str, float]:
+    """Return the trim of each factor of a product: products are of departures from it, in all manoeuvres."""
+    products = [factors for factors in map(factors_of, names) if len(factors) > 1]
+    factors = dict.fromkeys(factor for each in products for factor in each)
+    return {name: float(share @ [history(m, name).mean() for m in maneuvers]) for name in factors}
 
 
 def _refuse_still(names: tuple[str, ...], rms: Array, trim: Array) -> None:

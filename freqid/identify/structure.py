@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -55,11 +56,15 @@ class Structure:
         What was done, in order.
     fit : LeastSquares or None
         The response on the chosen terms; None where no candidate was worth choosing.
+    partial_f : mapping of str to float
+        F of every candidate in the end: of a chosen term, what the others cannot explain; of another, what
+        it would add, zero where the chosen terms already contain it.
     """
 
     terms: tuple[str, ...]
     steps: tuple[Step, ...]
     fit: LeastSquares | None
+    partial_f: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -190,6 +195,7 @@ def stepwise(
     nuisance: ArrayLike | None = None,
     f_enter: float = 20.0,
     f_leave: float | None = None,
+    start: Literal["nothing", "everything"] = "nothing",
     independent_share: float = 1.0,
 ) -> Structure:
     """Choose the terms of one response's model by stepwise regression, forward and backward.
@@ -207,6 +213,9 @@ def stepwise(
     f_enter, f_leave : float
         A term enters where its partial F is at least `f_enter` and leaves where it falls below
         `f_leave` (default: the same).
+    start : {"nothing", "everything"}
+        Model to start from. Where each candidate alone explains little, as one of many effectors, all are
+        insignificant beside what the others would explain: start from everything.
     independent_share : float
         Independent equations per equation: min(1, T df) for lines df apart.
 
@@ -240,6 +249,9 @@ def stepwise(
     problem = prepare_candidates(candidates, response, names, nuisance, independent_share)
     chosen: list[int] = []
     steps: list[Step] = []
+    if start == "everything":
+        chosen = _independent(problem)
+        steps = _drop_needless(problem, chosen, f_leave)
     while problem.freedom(len(chosen) + 1) >= 1:
         _, residual, gain = problem.remaining(chosen)
         before = float(residual @ residual)
@@ -252,13 +264,40 @@ def stepwise(
         chosen.append(best)
         steps.append(problem.step("add", problem.names[best], f, after, len(chosen)))
         steps += _drop_needless(problem, chosen, f_leave)
+    final = dict(zip(problem.names, _partial_f_of_all(problem, chosen).tolist(), strict=True))
     if not chosen:
-        return Structure((), tuple(steps), None)
+        return Structure((), tuple(steps), None, final)
     terms = tuple(problem.names[i] for i in chosen)
     fit = least_squares(
         np.asarray(candidates)[chosen], np.atleast_2d(np.asarray(response)), names=terms, nuisance=nuisance
     )
-    return Structure(terms, tuple(steps), fit)
+    return Structure(terms, tuple(steps), fit, final)
+
+
+def _partial_f_of_all(problem: Candidates, chosen: Sequence[int]) -> Array:
+    """Return the F of every candidate beside the chosen terms, shape (p,)."""
+    _, residual, gain = problem.remaining(chosen)
+    square = float(residual @ residual)
+    f = np.array([problem.partial_f(g, max(square - g, 0.0), len(chosen) + 1) for g in gain])
+    for j in chosen:
+        without = problem.remaining([i for i in chosen if i != j])[1]
+        f[j] = problem.partial_f(float(without @ without) - square, square, len(chosen))
+    return f
+
+
+def _independent(problem: Candidates) -> list[int]:
+    """Return the candidates that those before them do not contain already."""
+    chosen: list[int] = []
+    for j, length in enumerate(problem.length):
+        left = problem.remaining(chosen)[0][j]
+        if left @ left > DEPENDENT * length**2:
+            chosen.append(j)
+    if problem.freedom(len(chosen)) < 1:
+        raise DataError(
+            f"{problem.independent:.3g} independent equations are too few to start from {len(chosen)} terms",
+            remedy="use more lines, a longer record or fewer candidates",
+        )
+    return chosen
 
 
 def _drop_needless(problem: Candidates, chosen: list[int], f_leave: float) -> list[Step]:

@@ -136,14 +136,13 @@ def test_identification_refuses_a_truth_in_one_sentence(freqid, tmp_path):
 
 
 def test_the_same_command_gives_the_same_flight(freqid, tmp_path):
-    paths = [tmp_path / f"{name}.h5" for name in "abc"]
-    for path, seed in zip(paths, (1, 1, 2), strict=True):
-        options = ("--sensors", "owner", "--noise", "2", "--turbulence", "--seed", seed)
+    paths = [tmp_path / f"{name}.h5" for name in "ab"]
+    for path in paths:
+        options = ("--sensors", "owner", "--noise", "2", "--turbulence", "--seed", 1)
         assert freqid("simulate", LA8, *SHORT, *options, "-o", path)[0] == 0
-    with h5py.File(paths[0]) as a, h5py.File(paths[1]) as b, h5py.File(paths[2]) as c:
+    with h5py.File(paths[0]) as a, h5py.File(paths[1]) as b:
         for name in ("state/u", "state/q", "effector/de1", "air/V"):
             assert np.array_equal(a[name][()], b[name][()])
-        assert not np.array_equal(a["state/q"][()], c["state/q"][()])
 
 
 def test_a_transition_is_flown_and_told_in_words(freqid, tmp_path):
@@ -259,14 +258,12 @@ def test_an_unknown_weight_of_the_control_law_is_refused(refused, changed):
 
 
 def test_a_condition_that_cannot_be_flown_says_why_and_what_can(refused, changed):
-    fast = changed(
-        "u = 25.91\ndw1 = 0.0960 # 5.5 deg\ndw2 = 0.0960\nrho = 1.225",
-        "u = 60\ndw1 = 0\ndw2 = 0\nrho = 1.225",
-    )
+    cruise = "u = 25.91\ndw1 = 0.0960 # 5.5 deg\ndw2 = 0.0960\nrho = 1.225"
+    fast = changed(cruise, "u = 60\ndw1 = 0\ndw2 = 0\nrho = 1.225")
     said = refused(fast, "--at", "u85", "--duration", "4.5")
     assert re.search(
-        r"reference 'u85': level flight is not possible: the forward force cannot be balanced, -350 N is left "
-        r"\(125 % of the weight\); the nearest that was found to fly is u = \S+ m/s with tilts",
+        r"reference 'u85': level flight is not possible: the forward force cannot be balanced, -350 N is "
+        r"left \(125 % of the weight\); the nearest that was found to fly is u = \S+ m/s with tilts",
         said,
     )
     weak = changed("resistance_ohm = 0.015", "resistance_ohm = 0.15")

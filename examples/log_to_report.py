@@ -1,4 +1,4 @@
-"""What ``make demo`` runs: a flight is imported, identified, used to predict another, and reported.
+"""From a log to a report: a flight is imported, identified, used to predict another, and reported.
 
 With the Twin Otter records beside the project these are real flights; otherwise the linear aircraft flies.
 """
@@ -22,7 +22,7 @@ def run(*arguments: object) -> None:
 
 def main() -> None:
     """Run the chain on real flights where they are at hand, else on a simulated one."""
-    out = Path("reports/demo")
+    out = Path("reports/log")
     if FLIGHTS.is_dir():
         scenario = "scenarios/twin_otter.toml"
         logs = [FLIGHTS / f"totter_{name}_data.mat" for name in ("f1_017", "f1_014")]

@@ -1,0 +1,104 @@
+"""Flights of the LA-8 class simulation that the study's benchmarks share: designs, truths, noisy records."""
+
+from __future__ import annotations
+
+import csv
+import os
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import msgspec
+import numpy as np
+
+from freqid.core.channels import WRENCH
+from freqid.core.design import SampledInputs
+from freqid.core.models import PointModel
+from freqid.core.record import FlightRecord, Maneuver
+from freqid.core.scenario import Reference, Scenario, read_scenario
+from freqid.design.finish import finish
+from freqid.design.multisine import design_multisines, sampled
+from freqid.identify.fourier import harmonics
+from freqid.identify.line_equations import LineEquations, on_lines
+from freqid.identify.point import Estimator, identify_point
+from freqid.identify.problem import Problem
+from freqid.simulate import sensors
+from freqid.simulate.fly import fly, sortie
+from freqid.simulate.lq import ClosedLoop, close_loop
+from freqid.simulate.truth import truth_of
+
+RATE_HZ = 50.0  # of the log
+Truth = tuple[FlightRecord, np.ndarray]
+
+
+@lru_cache
+def scenario() -> Scenario:
+    return read_scenario(Path(__file__).parents[1] / "scenarios" / "la8.toml")[0]
+
+
+@lru_cache
+def inputs(seed: int) -> SampledInputs:
+    """Return multisines of the scenario; another seed gives other phases to the same harmonics."""
+    described = scenario()
+    searched = design_multisines(described.excitation, described.effector, seed=seed)
+    return sampled(finish(searched, described.excitation, described.effector).design)
+
+
+@lru_cache
+def closed_loop(rho: float, velocity: float | None = None) -> ClosedLoop:
+    """Return trims and law of one altitude; `velocity` is another ``control.lq.velocity``."""
+    described = scenario()
+    if velocity is not None:
+        lq = {**described.control.get("lq", {}), "velocity": velocity}
+        described = msgspec.structs.replace(described, control={**described.control, "lq": lq})
+    return close_loop(described, next(at for at in described.reference if at.rho == rho))
+
+
+def flown(at: Reference, signals: SampledInputs, scale: float = 1.0, velocity: float | None = None) -> Truth:
+    """Fly one manoeuvre, with a multiple of its signals, and return its truth and wind."""
+    loop = closed_loop(at.rho, velocity)
+    flight = fly(sortie(scenario(), loop, at, replace(signals, values=scale * signals.values)))
+    if flight.divergence:
+        raise SystemExit(f"{at.id}: {flight.divergence}")
+    return truth_of(scenario(), loop.parameters, flight, excited=signals.names, reference=at.id)
+
+
+def logged(truth: Truth, noise: float, seed: int = 0, suite: str = "research") -> Maneuver:
+    """Return what is logged of a flight with a multiple of a suite's noise; none of its errors at zero."""
+    carried = sensors.scaled(sensors.suite(scenario(), suite), noise)
+    return Maneuver.of(sensors.measure(*truth, carried, RATE_HZ, seed))
+
+
+def on_harmonics(maneuver: Maneuver) -> LineEquations:
+    """Return what is regressed: all regressors and responses on the harmonics of the multisines."""
+    described = scenario()
+    problem = Problem.of([maneuver], described.identification)
+    lines = harmonics(described.excitation.period_s, described.excitation.band_hz)
+    return on_lines(problem.x, problem.wrench, problem.dt, lines)
+
+
+def identified(maneuver: Maneuver, at: Reference, estimator: Estimator | None = None) -> PointModel:
+    described = scenario()
+    return identify_point(
+        maneuver,
+        described.identification,
+        excitation=described.excitation,
+        reference=at,
+        estimator=estimator,
+    )
+
+
+def table(model: PointModel) -> tuple[np.ndarray, np.ndarray]:
+    """Return estimates and standard errors, shape (6, regressor)."""
+    rows = [model[r] for r in WRENCH]
+    return np.array([r.estimate for r in rows]), np.array([r.std_error for r in rows])
+
+
+def written(path: Path, rows: list[dict[str, str]]) -> None:
+    """Print rows as they are written beside a script."""
+    with path.with_suffix(".csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0].keys())
+        writer.writeheader()
+        writer.writerows(rows)

@@ -1,0 +1,111 @@
+"""Units of work of a study, each a function that the runner may call in a process of its own.
+
+A unit reads files and writes one; its inputs are text and numbers, so that its result can be found again.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+from ..core.design_file import read_inputs, write_design
+from ..core.errors import DataError, UsageError
+from ..core.point_file import write_point
+from ..core.record import Maneuver
+from ..core.record_file import read_record, write_record
+from ..core.scenario import read_scenario
+from ..design.finish import finish
+from ..design.multisine import design_multisines, sampled
+from ..identify.point import Estimator, identify_point, predict
+
+
+def design(path: Path, *, scenario: str, seed: int) -> None:
+    """Write the multisines of a scenario."""
+    described, sha256 = read_scenario(Path(scenario))
+    if described.excitation is None:
+        raise UsageError("section [excitation] is missing", where=scenario, remedy="add it")
+    searched = design_multisines(described.excitation, described.effector, seed=seed)
+    found = finish(searched, described.excitation, described.effector).design
+    write_design(path, found, sampled(found), sha256)
+
+
+def fly(
+    path: Path,
+    *,
+    scenario: str,
+    reference: str,
+    design: str,
+    sensors: str,
+    noise: float,
+    seed: int,
+) -> None:
+    """Write what the aircraft logs of a manoeuvre.
+
+    Raises
+    ------
+    DataError
+        Where the flight diverges: an incomplete manoeuvre is no result.
+    """
+    from ..simulate.maneuver import Conditions, fly_maneuver
+
+    described, sha256 = read_scenario(Path(scenario))
+    at = described.reference_of(reference)
+    flown = fly_maneuver(
+        described,
+        at,
+        read_inputs(Path(design)),
+        Conditions(sensors=sensors, noise=noise, seed=seed),
+        loop=_closed_loop(scenario, sha256, at.rho),
+    )
+    if flown.divergence:
+        raise DataError(str(flown.divergence), where=reference, remedy="lower the inputs")
+    write_record(path, flown.record, sha256)
+
+
+@lru_cache(maxsize=2)
+def _closed_loop(scenario: str, sha256: str, rho: float):
+    """Return trims and control law of one corridor; the hash keeps a changed file from being mistaken."""
+    from ..simulate.lq import close_loop
+
+    described, _ = read_scenario(Path(scenario))
+    return close_loop(described, next(at for at in described.reference if at.rho == rho))
+
+
+def identify(
+    path: Path, *, scenario: str, reference: str, record: str, validation: str, estimator: Estimator | None
+) -> None:
+    """Write the point model of a manoeuvre, with its prediction of another."""
+    described, sha256 = read_scenario(Path(scenario))
+    if described.identification is None:
+        raise UsageError("section [identification] is missing", where=scenario, remedy="add it")
+    settings = described.identification
+    flown, held_out = (Maneuver.of(read_record(Path(file))) for file in (record, validation))
+    model = identify_point(
+        flown,
+        settings,
+        excitation=described.excitation,
+        reference=described.reference_of(reference),
+        estimator=estimator,
+    )
+    sources = {"record": record, "predicted": validation, "scenario": {"file": scenario, "sha256": sha256}}
+    write_point(
+        path, replace(model, prediction=predict(model, held_out, settings), provenance=sources), sha256
+    )
+
+
+def linearise(path: Path, *, scenario: str, reference: str) -> None:
+    """Write the derivatives of the simulation at a trim, by response and regressor, as JSON."""
+    from ..core.channels import WRENCH
+    from ..simulate.linearize import STATES, linearize
+
+    described, sha256 = read_scenario(Path(scenario))
+    at = described.reference_of(reference)
+    loop = _closed_loop(scenario, sha256, at.rho)
+    found = linearize(described, loop.parameters, loop.trims[reference])
+    names = [*STATES[:6], *found.effectors]
+    rows = {
+        r: dict(zip(names, row.tolist(), strict=True)) for r, row in zip(WRENCH, found.wrench, strict=True)
+    }
+    path.write_text(json.dumps(rows, indent=1) + "\n")

@@ -1,0 +1,119 @@
+"""What a study's page says first follows from its numbers and turns with them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_study_page import HELD, both_ways, results
+from test_study_results import history
+
+from freqid.core.design import MultisineDesign
+from freqid.report.study_page import HeldOut, StudiedPoint, StudyResults
+from freqid.report.study_verdict import settled_by, study_verdict
+
+
+def said(of: StudyResults) -> list[tuple[str, str]]:
+    return [(f.kind, re.sub(r"<[^>]+>", "", str(f.text))) for f in study_verdict(of)]
+
+
+def about(of: StudyResults, words: str) -> tuple[str, str]:
+    (found,) = [(kind, text) for kind, text in said(of) if words in text]
+    return found
+
+
+def changed(point: StudiedPoint, **fields: object) -> StudyResults:
+    made = results()
+    points = [replace(p, **fields) if p is point else p for p in made.points]  # type: ignore[arg-type]
+    return replace(made, points=tuple(points))
+
+
+def test_the_headline_counts_good_fits_and_names_the_worst():
+    made = results()
+    scores = {f"{r} at {p.id}": p.model[r].r2 for p in made.points for r in ("Z", "N")}
+    worst = min(scores, key=lambda at: scores[at])
+    good = sum(score >= 0.95 for score in scores.values())
+    kind, text = said(made)[0]
+    assert text.startswith(
+        f"6 conditions: {good} of 12 responses are modelled with R² of 0.95 or more (lowest: "
+    )
+    assert f", {worst}). Manoeuvres" in text
+    assert kind == ("good" if good == 12 else "note")
+
+
+def test_a_prediction_that_is_far_worse_than_the_fit_is_a_problem():
+    point = results().points[0]
+    worse = {n: replace(f, modelled=0.5 * f.modelled) for n, f in point.model.prediction.items()}
+    kind, text = said(changed(point, model=replace(point.model, prediction=worse)))[0]
+    assert kind == "bad"
+    assert f"at {point.id}; 2 of 12 above 1.15)" in text
+
+
+def test_held_out_conditions_are_good_until_one_is_too_far():
+    made = results()
+    kind, text = about(made, "not made from")
+    assert (kind, "1.10 to 1.30 times" in text) == ("bad", True)
+    assert f"N at {HELD}, 1.30" in text
+    assert "1 of 2 are beyond 1.25" in text
+    at = made.held_out[0].reference
+    good = HeldOut(at, {"Z": 1.0, "N": 1.2}, {"Z": 1.0, "N": 1.0})
+    assert about(replace(made, held_out=(good,)), "not made from")[0] == "good"
+    assert not any("not made from" in text for _, text in said(replace(made, held_out=())))
+
+
+def test_parameters_that_settle_late_are_a_problem():
+    made = results()
+    falling = np.linspace(100, 0, 66)[:, None] * np.ones(2)
+    late = history(falling, np.ones_like(falling))
+    assert settled_by(made) == 65.0  # 40 s into the second of three periods of 25 s
+    point = made.points[0]
+    kind, text = about(changed(point, history={"Z": late}), "stay within 2σ")
+    assert kind == "bad"
+    assert "from 74 s on" in text  # 2σ is 2, a slope of 100 in 65 s gives that for 1.3 s
+    assert point.id in text
+    assert "later than 65 s" in text
+    one: MultisineDesign = replace(made.design, periods=1)
+    short = replace(changed(point, history={"Z": late}), design=one)
+    assert settled_by(short) is None
+    assert about(short, "stay within 2σ")[0] == "good"  # nothing is asked of a single period
+
+
+def test_estimators_that_differ_are_counted():
+    made = results()
+    kind, text = about(made, "biases least squares")
+    assert (kind, "6 of 54 parameters" in text) == ("note", True)  # u of Z at six conditions
+    agreeing = [
+        replace(
+            p, model=replace(p.model, responses={n: both_ways(r, 1.0) for n, r in p.model.responses.items()})
+        )
+        for p in made.points
+    ]
+    assert about(replace(made, points=tuple(agreeing)), "agree within noise")[0] == "good"
+
+
+@pytest.mark.parametrize(("off", "within"), [(1.5, "100 %"), (3.0, "0 %")])
+def test_the_linearised_simulation_is_held_against_the_errors(off, within):
+    points = []
+    for p in results().points:
+        linear = {
+            n: dict(zip(r.regressors, (r.estimate - off * r.std_error).tolist(), strict=True))
+            for n, r in p.model.responses.items()
+        }
+        points.append(replace(p, linear=linear))
+    kind, text = about(replace(results(), points=tuple(points)), "linearised simulation")
+    assert kind == "note"
+    assert text.startswith(f"{within} of 54 parameters lie within 2σ")
+    assert f"the distance is {off:.1f}σ" in text
+
+
+def test_what_the_data_confuse_is_named():
+    point = results().points[0]
+    model = point.model
+    confused = replace(
+        model, responses={**model.responses, "Z": replace(model["Z"], inseparable=(("u", "w"),))}
+    )
+    assert about(results(), "separate every")[0] == "good"
+    kind, text = about(changed(point, model=confused), "cannot separate")
+    assert (kind, text) == ("bad", f"The data cannot separate u, w at {point.id}.")

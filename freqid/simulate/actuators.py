@@ -180,10 +180,10 @@ def actuators(scenario: Scenario) -> Actuators:
 
 def by_kind(vehicle: Vehicle, values: ArrayLike) -> Commands:
     """Split commands, shape (..., effector) in the order of the vehicle's effectors, by kind."""
-    values = jnp.asarray(values)
+    values = np.asarray(values)
     kinds = [e.kind for e in vehicle.effectors]
     places = ([i for i, k in enumerate(kinds) if k == kind] for kind in ("surface", "tilt", "rotor"))
-    return Commands(*(values[..., np.array(p, dtype=int)] for p in places))
+    return Commands(*(jnp.asarray(values[..., np.array(p, dtype=int)]) for p in places))
 
 
 def servo_acceleration(servos: Servos, position: jax.Array, rate: jax.Array, command: jax.Array) -> jax.Array:

@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..core.design import SampledInputs
 from ..core.errors import UsageError, nearest
 from ..core.scenario import Reference, Scenario
-from . import attitude, motion
+from ..core.units import STANDARD_GRAVITY
+from . import attitude, motion, multibody
 from .actuators import Commands, by_kind
 from .control import Aim, Law, command
 from .effects import turbulence
@@ -27,8 +28,8 @@ from .lq import ClosedLoop
 from .motion import Details, Moving, State
 from .quantities import Positions
 from .rigid_body import BodyState
+from .small_motion import HEIGHT
 from .surroundings import Surroundings, windy
-from .trim import HEIGHT
 
 Array = NDArray[np.float64]
 
@@ -41,6 +42,7 @@ LIMITS = {
     **dict.fromkeys(("phi", "theta"), (-1.4, 1.4)),
     **dict.fromkeys(("p", "q", "r"), (-8.0, 8.0)),
     **dict.fromkeys(("u", "v", "w"), (-60.0, 60.0)),
+    "height above ground": (0.0, np.inf),
 }
 
 
@@ -78,12 +80,21 @@ class Sample(NamedTuple):
     details : Details
     commands : Commands
         After excitation.
+    angles : Array, shape (3,)
+        Roll, pitch and heading, rad.
+    felt : Array, shape (3,)
+        Specific force of the vehicle's origin, body axes, m/s2.
+    wrench : Array, shape (6,)
+        Applied force, N, and moment about the centre of gravity, N m.
     """
 
     moving: Moving
     rate: Moving
     details: Details
     commands: Commands
+    angles: jax.Array
+    felt: jax.Array
+    wrench: jax.Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,9 +281,10 @@ def _flight(samples: Sample, excitation: Commands) -> Flight:
 
 def _divergence(samples: Sample) -> Divergence | None:
     """Return where samples leave the limits, in seconds of their own start."""
-    body = samples.moving.body
-    angles = np.asarray(attitude.euler(body.attitude))
-    values = np.hstack([angles[:, :2], body.rates, samples.details.flow.velocity])
+    flow = samples.details.flow
+    values = np.hstack(
+        [samples.angles[:, :2], samples.moving.body.rates, flow.velocity, np.asarray(flow.height)[:, None]]
+    )
     channels = dict(zip(LIMITS, values.T, strict=True))
     return divergence(DT * EVERY * np.arange(len(values), dtype=float), channels, LIMITS)
 
@@ -289,7 +301,19 @@ def _advance(parameters: motion.Parameters, law: Law, carry, schedule):
         (state, drift), (aim, excitation, around) = carry, now
         commands = _added(command(law, state.moving.body, drift, aim)[0], excitation)
         rate, details = motion.observe(parameters, state, commands, around, DT)
-        return Sample(state.moving, rate, details, commands)
+        body, (force, moment) = state.moving.body, details.aero.wrench
+        centre = multibody.centre_of_gravity(parameters.mass, state.moving.tilt)
+        return Sample(
+            state.moving,
+            rate,
+            details,
+            commands,
+            attitude.euler(body.attitude),
+            rate.body.velocity
+            + attitude.cross(body.rates, body.velocity)
+            - STANDARD_GRAVITY * attitude.down(body.attitude),
+            jnp.concatenate([force, moment - attitude.cross(centre, force)]),
+        )
 
     return integrate(step, carry, schedule, observe=look, every=EVERY)
 

@@ -37,9 +37,8 @@ class Surroundings(NamedTuple):
 
 def calm(rho: float, ground: float = 0.0) -> Surroundings:
     """Return air at rest."""
-    return Surroundings(
-        jnp.asarray(np.zeros(3)), jnp.asarray(np.zeros(3)), jnp.asarray(rho), jnp.asarray(ground)
-    )
+    still = jnp.asarray(np.zeros(3))
+    return Surroundings(still, still, *(jnp.asarray(x, dtype=float) for x in (rho, ground)))
 
 
 def windy(

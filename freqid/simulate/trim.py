@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +17,16 @@ from scipy.optimize import least_squares, minimize
 from ..core.errors import UsageError
 from ..core.scenario import Reference, Scenario
 from ..core.units import STANDARD_GRAVITY
-from . import airframe, attitude, motion, multibody
+from . import motion
 from .actuators import Commands
 from .atmosphere import altitude_of
-from .quantities import Aero, Flow, Positions
+from .quantities import Aero, Positions
 from .rigid_body import BodyState
-from .surroundings import Surroundings, calm, relative_flow
+from .small_motion import HEIGHT, Derivatives, derivatives, split
+from .surroundings import Surroundings, calm
 
 Array = NDArray[np.float64]
 
-HEIGHT = 100.0  # m above ground, where manoeuvres are flown
 LARGEST_ANGLE = 0.6  # rad, of roll and pitch in a level flight that is worth the name
 EQUATIONS = ("forward force", "side force", "vertical force", "roll moment", "pitch moment", "yaw moment")
 
@@ -104,23 +103,12 @@ def trim(scenario: Scenario, parameters: motion.Parameters, reference: Reference
             where=f"reference '{reference.id}'",
             remedy=problem.nearest(condition),
         )
-    altitude = altitude_of(reference.rho)
-    around = calm(reference.rho, ground=altitude - HEIGHT)
-    body, positions, aero, commands, residual = _held(parameters, condition, x, around)
-    body = body._replace(position=np.array([0.0, 0.0, -altitude]))
-    _check_battery(scenario, reference, commands)
-    return Trim(reference, x[:2], body, positions, commands, aero, around, np.asarray(residual))
-
-
-@jax.jit
-def _held(
-    parameters: motion.Parameters, condition: jax.Array, x: jax.Array, around: Surroundings
-) -> tuple[BodyState, Positions, Aero, Commands, jax.Array]:
-    """Return motion, effectors, loads, the commands that keep effectors there and what is unbalanced."""
-    body, positions = _placed(parameters, condition, x)
-    aero = airframe.wrench(parameters.airframe, relative_flow(body, around), positions)
-    commands = motion.holding(parameters, positions, aero, parameters.actuators.battery.charge)
-    return body, positions, aero, commands, _unbalanced(parameters, body, positions, aero)
+    found, residual, _, _ = _balance(parameters, condition, x)
+    around = _around(reference.rho)
+    body = found.body._replace(position=jnp.asarray(np.array([0.0, 0.0, -HEIGHT - float(around.ground)])))
+    _check_battery(scenario, reference, found.commands)
+    positions = split(parameters, jnp.asarray(_effectors(parameters, condition, x)))
+    return Trim(reference, x[:2], body, positions, found.commands, found.aero, around, residual)
 
 
 def _check_battery(scenario: Scenario, reference: Reference, commands: Commands) -> None:
@@ -136,46 +124,60 @@ def _check_battery(scenario: Scenario, reference: Reference, commands: Commands)
             )
 
 
-@jax.jit
-def _balance(parameters: motion.Parameters, condition: jax.Array, x: jax.Array) -> tuple[jax.Array, ...]:
-    """Return what is unbalanced and its exact derivatives by `condition` and by `x`.
+def _around(rho: float) -> Surroundings:
+    """Return calm air of a density, at the standard altitude that has it."""
+    return calm(rho, ground=altitude_of(rho) - HEIGHT)
+
+
+def _effectors(parameters: motion.Parameters, condition: Array, x: Array) -> Array:
+    """Return all positions by kind: surfaces, tilts, rotor speeds."""
+    surfaces = 2 + parameters.actuators.surface.low.size
+    return np.concatenate([x[2:surfaces], condition[2:], x[surfaces:]])
+
+
+def _balance(
+    parameters: motion.Parameters, condition: Array, x: Array
+) -> tuple[Derivatives, Array, Array, Array]:
+    """Return what is unbalanced and its exact derivatives.
 
     Parameters
     ----------
     parameters : motion.Parameters
-    condition : Array, shape (2 + wing,)
+    condition : ndarray, shape (2 + wing,)
         Density, u, tilts.
-    x : Array, shape (2 + surface + rotor,)
+    x : ndarray, shape (2 + surface + rotor,)
         Roll and pitch angle, surfaces, rotor speeds.
+
+    Returns
+    -------
+    found : Derivatives
+    unbalanced : ndarray, shape (6,)
+        Force with the weight, N, and moment about the centre of gravity, N m.
+    by_condition : ndarray, shape (6, 1 + wing)
+        By u and the tilts.
+    by_x : ndarray, shape (6, 2 + surface + rotor)
     """
-
-    def unbalanced(condition: jax.Array, x: jax.Array) -> jax.Array:
-        body, positions = _placed(parameters, condition, x)
-        flow = Flow(body.velocity, body.rates, condition[0], jnp.asarray(HEIGHT))
-        return _unbalanced(parameters, body, positions, airframe.wrench(parameters.airframe, flow, positions))
-
-    return unbalanced(condition, x), *jax.jacfwd(unbalanced, argnums=(0, 1))(condition, x)
-
-
-def _unbalanced(
-    parameters: motion.Parameters, body: BodyState, positions: Positions, aero: Aero
-) -> jax.Array:
-    """Return force with the weight, N, and moment about the centre of gravity, N m, shape (6,)."""
-    force, moment = aero.wrench
-    centre = multibody.centre_of_gravity(parameters.mass, positions.tilt)
-    weight = parameters.mass.mass * STANDARD_GRAVITY * attitude.down(body.attitude)
-    return jnp.concatenate([force + weight, moment - attitude.cross(centre, force)])
-
-
-def _placed(parameters: motion.Parameters, condition: jax.Array, x: jax.Array) -> tuple[BodyState, Positions]:
-    """Return body and effectors; the velocity is level, without sideslip, and u along x."""
-    surfaces = parameters.actuators.surface.low.size
-    turned = attitude.from_euler(x[0], x[1], 0.0)
-    down = attitude.down(turned)
-    velocity = condition[1] * jnp.stack([jnp.ones(()), jnp.zeros(()), -down[0] / down[2]])
-    tilt = condition[2:]
-    positions = Positions(x[2 : 2 + surfaces], tilt, jnp.zeros_like(tilt), x[2 + surfaces :])
-    return BodyState(jnp.zeros(3), turned, velocity, jnp.zeros(3)), positions
+    (rho, u), (phi, theta) = condition[:2], x[:2]
+    wings, surfaces = condition.size - 2, parameters.actuators.surface.low.size
+    (sr, sp), (cr, cp) = np.sin([phi, theta]), np.cos([phi, theta])
+    # level flight without sideslip: the velocity has no component along what is down
+    w = u * sp / (cp * cr)
+    state = np.array([u, 0.0, w, 0.0, 0.0, 0.0, phi, theta, 0.0])
+    found = derivatives(parameters, _around(rho), state, _effectors(parameters, condition, x))
+    weight = float(parameters.mass.mass) * STANDARD_GRAVITY
+    unbalanced = np.array(found.value.wrench)
+    unbalanced[:3] += weight * np.array([-sp, sr * cp, cr * cp])
+    by_state, by_position = np.asarray(found.by_state.wrench), np.asarray(found.by_position.wrench)
+    by_angles = by_state[:, 6:8] + np.outer(by_state[:, 2], [w * sr / cr, u / (cp**2 * cr)])
+    by_angles[:3] += weight * np.array([[0.0, -cp], [cr * cp, -sr * sp], [-sr * cp, -cr * sp]])
+    by_u = by_state[:, 0] + by_state[:, 2] * sp / (cp * cr)
+    by_surface, by_tilt, by_speed = np.split(by_position, (surfaces, surfaces + wings), axis=1)
+    return (
+        found,
+        unbalanced,
+        np.column_stack([by_u, by_tilt]),
+        np.hstack([by_angles, by_surface, by_speed]),
+    )
 
 
 class _Problem:
@@ -255,7 +257,7 @@ class _Problem:
 
         def slope(x: Array) -> Array:
             _, by_condition, by_x = self._balance(self._moved(condition, x[start.size :]), x[: start.size])
-            by_move = np.stack([by_condition[:, 1], by_condition[:, 2:].sum(1)], axis=1) * _STEPS
+            by_move = np.stack([by_condition[:, 0], by_condition[:, 1:].sum(1)], axis=1) * _STEPS
             return np.hstack([by_x, by_move[:, :more]])
 
         found = minimize(
@@ -284,13 +286,8 @@ class _Problem:
 
     def _balance(self, condition: Array, x: Array) -> tuple[Array, Array, Array]:
         """Return the unbalance over the weight (times 1 m), and its two Jacobians."""
-        found, by_condition, by_x = _balance(self._parameters, condition, x * self._scale)
-        over = 1 / self._weight
-        return (
-            over * np.asarray(found),
-            over * np.asarray(by_condition),
-            over * np.asarray(by_x) * self._scale,
-        )
+        _, unbalanced, by_condition, by_x = _balance(self._parameters, condition, x * self._scale)
+        return unbalanced / self._weight, by_condition / self._weight, by_x * self._scale / self._weight
 
     def _moved(self, condition: Array, steps: Array) -> Array:
         """Return the condition with its speed and all its tilts changed."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -14,8 +12,6 @@ from ..core.frames import flow_angles
 from ..core.record import Channel, FlightRecord
 from ..core.record_file import read_record, write_record
 from ..core.scenario import Scenario
-from ..core.units import STANDARD_GRAVITY
-from . import attitude, multibody
 from .actuators import Commands, by_kind
 from .fly import DT, EVERY, Flight
 from .motion import Parameters
@@ -52,11 +48,6 @@ def truth_of(
     samples, vehicle = flight.samples, scenario.aircraft()
     moving, details = samples.moving, samples.details
     body, flow = moving.body, details.flow
-    down = np.asarray(jax.vmap(attitude.down)(jnp.asarray(body.attitude)))
-    felt = samples.rate.body.velocity + np.cross(body.rates, body.velocity) - STANDARD_GRAVITY * down
-    centres = jax.vmap(multibody.centre_of_gravity, (None, 0))(parameters.mass, jnp.asarray(moving.tilt))
-    force, moment = details.aero.wrench
-    moment = moment - np.cross(centres, force)
     velocity = np.asarray(flow.velocity).T
     speed, alpha, beta = flow_angles(velocity)
     values: dict[str, Array] = {}
@@ -66,13 +57,13 @@ def truth_of(
 
     add("state", "u v w", velocity)
     add("state", "p q r", body.rates.T)
-    add("state", "phi theta psi", np.asarray(attitude.euler(jnp.asarray(body.attitude))).T)
-    add("state", "ax ay az", felt.T)
+    add("state", "phi theta psi", samples.angles.T)
+    add("state", "ax ay az", samples.felt.T)
     add("state", "pdot qdot rdot", samples.rate.body.rates.T)
     add("state", "alt", -body.position[:, 2:].T)
     add("air", "rho V alpha beta qbar", np.stack([flow.rho, speed, alpha, beta, flow.rho * speed**2 / 2]))
     add("power", "voltage current", np.stack(details.power))
-    add("response", " ".join(WRENCH), np.hstack([force, moment]).T)
+    add("response", " ".join(WRENCH), samples.wrench.T)
     positions = Commands(details.positions.surface, details.positions.tilt, details.positions.speed)
     for group, found in (
         ("effector", positions),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from functools import cache
+from math import isfinite
 from typing import Any
 
 from ...core.errors import UsageError, nearest
@@ -60,7 +61,9 @@ def settings(table: dict[str, Any]) -> Settings:
                     f"effect '{identifier}' has no parameter '{name}'",
                     remedy=nearest(name, effect.parameters),
                 )
-            if isinstance(number, bool) or not isinstance(number, int | float):
-                raise UsageError(f"effect '{identifier}': {name} is {number!r}", remedy="give a number")
+            if isinstance(number, bool) or not isinstance(number, int | float) or not isfinite(number):
+                raise UsageError(
+                    f"effect '{identifier}': {name} is {number!r}", remedy="give a finite number"
+                )
             found[identifier][name] = float(number)
     return found

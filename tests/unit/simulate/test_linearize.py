@@ -10,7 +10,8 @@ import pytest
 from freqid.core.scenario import read_scenario
 from freqid.simulate import motion
 from freqid.simulate.actuators import by_kind
-from freqid.simulate.linearize import STATES, linearize, small_motion
+from freqid.simulate.linearize import STATES, linearize
+from freqid.simulate.small_motion import small_motion
 from freqid.simulate.trim import trim
 
 SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]
@@ -41,21 +42,22 @@ def at(request, parameters):
 @pytest.fixture(scope="module")
 def batch():
     """The function that is differentiated, at many states and positions at once."""
-    return jax.jit(jax.vmap(small_motion, in_axes=(None, None, None, None, 0, 0)))
+    return jax.jit(jax.vmap(lambda *x: small_motion(*x)[0], in_axes=(None, None, 0, 0)))
 
 
 def test_derivatives_are_those_of_central_differences(at, batch):
     trimmed, linear, parameters = at
     state = np.concatenate([trimmed.body.velocity, np.zeros(3), trimmed.angles, [0.0]])
-    places = jax.tree.map(np.asarray, by_kind(SCENARIO.aircraft(), np.arange(len(EFFECTORS))))
-    point = np.concatenate([state, np.zeros(len(EFFECTORS))])
+    order = np.concatenate(by_kind(SCENARIO.aircraft(), np.arange(len(EFFECTORS))))
+    held = np.concatenate([trimmed.positions.surface, trimmed.positions.tilt, trimmed.positions.speed])
+    point = np.concatenate([state, held[np.argsort(order)]])
     # the loads are smoothed over 0.02 m/s where the airspeed is zero: well below that
     size = np.concatenate([np.full(3, 2e-3), np.full(3, 2e-3), np.full(3, 2e-3)])
     size = np.concatenate([size, [0.5 if name.startswith("n") else 1e-3 for name in EFFECTORS]])
 
     def values(shift):
         x = np.concatenate([point + shift, point - shift])
-        wrench, rate = batch(parameters, trimmed.positions, trimmed.around, places, x[:, :9], x[:, 9:])
+        wrench, rate = batch(parameters, trimmed.around, x[:, :9], x[:, 9:][:, order])
         ahead, behind = np.split(np.hstack([wrench, rate]), 2)
         return (ahead - behind) / (2 * np.diag(shift)[:, None])
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from freqid.blend.similarity import ALIKE, equivalent, not_similar
 from freqid.core.corridor import Corridor, KnotResponse
 from freqid.core.errors import DataError, UsageError
+from freqid.core.identification import factors_of
 from freqid.core.models import PointModel
 
 Array = NDArray[np.float64]
@@ -94,6 +95,13 @@ def _check_alone(point: PointModel, file: str) -> None:
             f"is a model in {point.axes} axes, which turn from point to point; expected body axes",
             where=file,
             remedy="identify it again with --axes body",
+        )
+    products = [n for r in point.responses.values() for n in r.regressors if len(factors_of(n)) > 1]
+    if products:
+        raise DataError(
+            f"has the product '{products[0]}' among its regressors, which a global model does not blend",
+            where=file,
+            remedy="identify it again with --nonlinear none",
         )
     for response in point.responses.values():
         if not (np.isfinite(response.covariance).all() and np.isfinite(response.estimate).all()):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from freqid import __version__
+from freqid.cli.data_compatibility import checked
 from freqid.cli.options import as_json, emit, keep_inputs, output
 
 if TYPE_CHECKING:
@@ -49,6 +50,13 @@ if TYPE_CHECKING:
     "is not linear.",
 )
 @click.option(
+    "--kinematics",
+    type=click.Choice(["off", "report", "correct"]),
+    default="off",
+    show_default=True,
+    help="Check first whether the sensors agree with each other: biases, scales, delays, wind.",
+)
+@click.option(
     "--predict", "held_out", type=click.Path(path_type=Path), help="Another record, to predict and score."
 )
 @as_json
@@ -66,6 +74,7 @@ def command(
     estimator: Estimator | None,
     select: bool,
     nonlinear: str | None,
+    kinematics: str,
     held_out: Path | None,
     json_: bool,
 ) -> None:
@@ -104,9 +113,14 @@ def command(
     flights = [read_record(record) for record, _ in stretches]
     at = reference or _flown_at(flights)
     spans = [None if cut is None else parse_span(cut) for _, cut in stretches]
+    maneuvers = [Maneuver.of(f, described.aircraft(), span) for f, span in zip(flights, spans, strict=True)]
+    compatibility: dict[str, Any] = {}
+    if kinematics != "off":
+        files = [record for record, _ in stretches]
+        maneuvers, compatibility = checked(maneuvers, files, correct=kinematics == "correct")
     try:
         model = identify_point(
-            [Maneuver.of(f, described.aircraft(), span) for f, span in zip(flights, spans, strict=True)],
+            maneuvers,
             settings,
             excitation=described.excitation,
             reference=described.reference_of(at) if at else None,
@@ -123,6 +137,8 @@ def command(
         "scenario": {"file": str(scenario), "sha256": sha256},
         "freqid_version": __version__,
     }
+    if compatibility:
+        sources["kinematics"] = compatibility
     sources |= {key: model.provenance[key] for key in ("structure",) if key in model.provenance}
     predicted = {}
     if held_out:

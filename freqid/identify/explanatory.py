@@ -59,8 +59,9 @@ def history(maneuver: Maneuver, name: str, trim: Mapping[str, float] | None = No
     """Return one explanatory variable, shape (sample,), logged or else computed, at the centre of gravity."""
     factors = factors_of(name)
     if len(factors) > 1:
-        values = [(factor, history(maneuver, factor)) for factor in factors]
-        return np.prod([x - (trim or {}).get(factor, x.mean()) for factor, x in values], axis=0)
+        values = {factor: history(maneuver, factor) for factor in factors}
+        about = {factor: float(x.mean()) for factor, x in values.items()} | dict(trim or {})
+        return np.prod([values[factor] - about[factor] for factor in factors], axis=0)
     record = maneuver.record
     for group in ("state", "air", "effector"):
         if f"{group}/{name}" in record:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError, nearest
-from freqid.core.identification import Identification
+from freqid.core.identification import Identification, factors_of
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.vehicle import Vector, Vehicle
 from freqid.identify.recursive import RecursiveRegression, RunningEstimate
@@ -77,6 +77,14 @@ class InFlight:
                     f"{key} is '{getattr(settings, key)}', expected '{possible}' in flight",
                     remedy="identify the whole record for the other",
                 )
+        products = [
+            n for r in settings.responses for n in settings.regressors_of(r) if len(factors_of(n)) > 1
+        ]
+        if products:
+            raise UsageError(
+                f"regressor '{products[0]}' is a product, which is not estimated in flight",
+                remedy="identify the whole record for it",
+            )
         self._regression = RecursiveRegression(settings, dt, frequencies_hz)
         rotors = tuple(r.name for r in vehicle.rotors if r.inertia)
         self.channels = tuple(dict.fromkeys((*MOTION, *self._regression.names, *rotors)))

@@ -56,6 +56,8 @@ def identify_point(
     Returns
     -------
     PointModel
+        Where terms were chosen, its provenance says under ``structure`` which and why
+        (`freqid.identify.selection.choose_terms`).
 
     Raises
     ------

@@ -19,23 +19,25 @@ from freqid.core.identification import factors_of
 from freqid.core.models import ResponseModel
 from freqid.core.record import Maneuver
 from freqid.identify.explanatory import explanatory_variables
+from freqid.identify.families import enter_families
 from freqid.identify.fit_lines import fit_lines
 from freqid.identify.line_equations import LineEquations, on_lines
 from freqid.identify.noise_lines import HALF_WIDTH, noise_lines
 from freqid.identify.problem import Problem, numbered
 from freqid.identify.products import candidate_products
-from freqid.identify.structure import Structure, stepwise
+from freqid.identify.structure import Structure, partial_f_of_all, prepare_candidates, stepwise
+from freqid.identify.two_stage import two_stage_least_squares
 from freqid.identify.uncertainty import independent_share
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 F_KEPT = 10.0
-"""F that a regressor must have: one of 24 that do nothing reaches it by chance in 4 % of responses."""
-F_PRODUCT = 20.0
-"""F that a product must have: one of 200 that do nothing reaches it in 0.3 % of responses."""
+"""F that a term must keep to stay: one of 24 that do nothing has it by chance in 4 % of responses."""
 DISTORTED = 1.5
-"""Distortion from which a response is taken to be bent: of a linear one it is 1.1 +- 0.13 on 106 lines."""
+"""Distortion from which a response is taken to be bent: of a linear one it is 1.1 +- 0.17 on 106 lines."""
+RESOLVED = 1e-6
+"""Share of a response's power below which what a model leaves is arithmetic, not flight."""
 SUPPORTED = 10.0
 """Power of a product on the harmonics over that between them: of less, noise makes more than a tenth."""
 
@@ -96,32 +98,36 @@ def choose_terms(problem: Problem, flights: Flights) -> tuple[Problem, dict[str,
     Notes
     -----
     Lines are weighted by the residual's own smoothed power, so that F means what it says under coloured
-    noise; what is not linear counts as noise there, the same in every period though it is. With instruments
-    the columns are the instruments, for noise in the measured regressors would choose along.
+    noise; what is not linear counts as noise there, the same in every period though it is. Products come
+    first: what is bent may resemble a regressor that does nothing. With instruments regressors are what the
+    instruments explain of them, and products those of the instruments.
     """
-    settings = problem.settings
+    settings, offered = problem.settings, problem.names
     account: dict[str, Any] = {r: {} for r in settings.responses}
-    if settings.structure == "stepwise":
-        models = flights.fit(problem)
-        chosen = {}
-        for response in settings.responses:
-            found = _keep(problem, flights, models[response])
-            chosen[response] = _with_factors(settings.regressors_of(response), found)
-            f = {name: round(value, 3) for name, value in found.partial_f.items()}
-            account[response]["kept"] = {n: f[n] for n in chosen[response]}
-            account[response]["left_out"] = {n: v for n, v in f.items() if n not in chosen[response]}
-        problem = _changed(problem, flights, chosen)
     if settings.nonlinear == "products":
         models = flights.fit(problem)
-        chosen = {r: problem.settings.regressors_of(r) for r in settings.responses}
-        offered = _Products.of(problem, flights)
+        chosen = {r: settings.regressors_of(r) for r in settings.responses}
+        possible = _Products.of(problem, flights, offered)
         for response, model in models.items():
             products: dict[str, float] = {}
             if model.distortion is not None and model.distortion > DISTORTED:
-                products = _bend(problem, flights, model, offered)
-            account[response] |= {"distortion": model.distortion, "products": products}
+                products = _bend(problem, flights, model, possible)
+            account[response] = {"distortion": model.distortion, "products": products}
             factors = [factor for name in products for factor in factors_of(name)]
             chosen[response] = tuple(dict.fromkeys((*chosen[response], *factors, *products)))
+        problem = _changed(problem, flights, chosen)
+    if settings.structure == "stepwise":
+        chosen = {}
+        for response, model in flights.fit(problem).items():
+            found = _keep(problem, flights, model)
+            terms = _with_factors(model.regressors, found)
+            f = {name: _figure(value) for name, value in found.partial_f.items()}
+            account[response]["kept"] = {n: f[n] for n in terms}
+            account[response]["left_out"] = {n: v for n, v in f.items() if n not in terms}
+            if "products" in account[response]:
+                left = [n for n in account[response]["products"] if n in terms]
+                account[response]["products"] = {n: f[n] for n in left}
+            chosen[response] = terms
         problem = _changed(problem, flights, chosen)
     return problem, account
 
@@ -141,18 +147,42 @@ def _with_factors(offered: Sequence[str], found: Structure) -> tuple[str, ...]:
 def _keep(problem: Problem, flights: Flights, model: ResponseModel) -> Structure:
     """Choose among the regressors of one response."""
     equations = _equations(problem, flights, problem.x)
-    columns = _columns(problem, flights, equations, model.regressors)
     row = problem.settings.responses.index(model.response)
     weight = _whitening(problem, equations, model)
+    x = equations.x[[problem.names.index(n) for n in model.regressors]] * weight
+    z, nuisance = equations.z[[row]] * weight, equations.nuisance * weight
+    driven = flights.instruments(model.regressors)
+    if driven is not None:
+        x, z = _explained(x, z, _equations(problem, flights, driven).x * weight, nuisance)
     return stepwise(
-        columns * weight,
-        equations.z[row] * weight,
+        x,
+        z,
         names=model.regressors,
-        nuisance=equations.nuisance * weight,
+        nuisance=nuisance,
         f_enter=F_KEPT,
         start="everything",
         independent_share=_share(flights),
     )
+
+
+def _explained(x: Complex, z: Complex, driven: Complex, nuisance: Complex) -> tuple[Complex, Complex]:
+    """Return regressors and a response whose least squares is the estimate by instruments.
+
+    The columns are what instruments explain of the regressors; the response is the sum of these times the
+    estimate, plus the residual of the measured regressors. That residual is orthogonal to the instruments, so
+    the estimate stays, and its variance is the one that the estimate scatters by; least squares of the
+    response itself would leave the noise in the regressors out of it.
+    """
+    fit = two_stage_least_squares(x, z, driven, nuisance=nuisance)[0]
+    basis = np.linalg.qr(_stacked(np.concatenate([nuisance, driven])).T)[0]
+    explained = _stacked(x) @ basis @ basis.T
+    lines = x.shape[1]
+    columns = np.asarray(explained[:, :lines] + 1j * explained[:, lines:], dtype=complex)
+    return columns, np.asarray(fit.estimate @ columns + fit.residual, dtype=complex)
+
+
+def _stacked(columns: Complex) -> Array:
+    return np.concatenate([columns.real, columns.imag], axis=1)
 
 
 def _bend(problem: Problem, flights: Flights, model: ResponseModel, offered: _Products) -> dict[str, float]:
@@ -160,18 +190,24 @@ def _bend(problem: Problem, flights: Flights, model: ResponseModel, offered: _Pr
     equations = _equations(problem, flights, problem.x)
     linear = _columns(problem, flights, equations, model.regressors)
     weight = _whitening(problem, equations, model)
-    new = [j for j, name in enumerate(offered.names) if name not in model.regressors]
+    present = {frozenset(factors_of(name)) for name in model.regressors if len(factors_of(name)) > 1}
+    new = [j for j, name in enumerate(offered.names) if frozenset(factors_of(name)) not in present]
     if not new:
         return {}
-    found = stepwise(
+    names = [offered.names[j] for j in new]
+    candidates = prepare_candidates(
         offered.columns[new] * weight,
         _residual(equations, model) * weight,
-        names=[offered.names[j] for j in new],
-        nuisance=np.concatenate([equations.nuisance, linear]) * weight,
-        f_enter=F_PRODUCT,
-        independent_share=_share(flights),
+        names,
+        np.concatenate([equations.nuisance, linear]) * weight,
+        _share(flights),
     )
-    return {name: round(found.partial_f[name], 3) for name in found.terms}
+    families = [[j for j, n in enumerate(names) if factor in factors_of(n)] for factor in problem.names]
+    response = equations.z[problem.settings.responses.index(model.response)] * weight
+    arithmetic = RESOLVED * float(np.sum(np.abs(response) ** 2))
+    chosen = enter_families(candidates, families, F_KEPT, arithmetic)
+    f = partial_f_of_all(candidates, chosen)
+    return {names[j]: _figure(f[j]) for j in sorted(chosen)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,8 +218,9 @@ class _Products:
     columns: Complex
 
     @classmethod
-    def of(cls, problem: Problem, flights: Flights) -> _Products:
-        units = {n: u for n, u in zip(problem.names, problem.units, strict=True) if len(factors_of(n)) == 1}
+    def of(cls, problem: Problem, flights: Flights, order: Sequence[str]) -> _Products:
+        unit_of = dict(zip(problem.names, problem.units, strict=True))
+        units = {n: unit_of[n] for n in order if n in unit_of and len(factors_of(n)) == 1}
         names = candidate_products(units)
         trim = dict(zip(problem.names, problem.trim.tolist(), strict=True))
         measured = [explanatory_variables(m, names, trim)[0] for m in flights.maneuvers]
@@ -223,9 +260,8 @@ def _columns(
 
 def _residual(equations: LineEquations, model: ResponseModel) -> Complex:
     """Return what a fit leaves of its response on lines, weighted as its equations, shape (S M,)."""
-    count = len(equations.durations)
-    left = [model.fit[numbered("frequency", m)].residual for m in range(count)]
-    return np.concatenate(left) * equations.weight
+    left = [model.fit[numbered("frequency", m)].residual for m in range(len(equations.durations))]
+    return np.asarray(equations.weight * np.concatenate(left), dtype=complex)
 
 
 def _whitening(problem: Problem, equations: LineEquations, model: ResponseModel) -> Array:
@@ -236,6 +272,11 @@ def _whitening(problem: Problem, equations: LineEquations, model: ResponseModel)
     each = np.split(power, len(equations.durations))
     smooth = np.concatenate([uniform_filter1d(p, 2 * HALF_WIDTH + 1, mode="nearest") for p in each])
     return np.sqrt(smooth.mean() / smooth)
+
+
+def _figure(f: float) -> float:
+    """Return an F as a number that JSON has: of an exact fit it is infinite."""
+    return round(min(float(f), 1e12), 3)
 
 
 def _power(columns: Complex) -> Array:

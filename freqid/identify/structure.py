@@ -114,6 +114,12 @@ class Candidates:
         gain[new] = (columns[new] @ response) ** 2 / square[new]
         return columns, response, gain
 
+    def residual_square(self, chosen: Sequence[int]) -> float:
+        """Square of the response that chosen terms leave."""
+        basis = np.linalg.qr(self.columns[list(chosen)].T)[0]
+        residual = self.response - basis @ (basis.T @ self.response)
+        return float(residual @ residual)
+
     def freedom(self, n_terms: int) -> float:
         """Degrees of freedom that a model leaves."""
         return self.independent - self.n_nuisance - n_terms
@@ -251,7 +257,7 @@ def stepwise(
     steps: list[Step] = []
     if start == "everything":
         chosen = _independent(problem)
-        steps = _drop_needless(problem, chosen, f_leave)
+        steps = drop_needless(problem, chosen, f_leave)
     while problem.freedom(len(chosen) + 1) >= 1:
         _, residual, gain = problem.remaining(chosen)
         before = float(residual @ residual)
@@ -263,8 +269,8 @@ def stepwise(
             break
         chosen.append(best)
         steps.append(problem.step("add", problem.names[best], f, after, len(chosen)))
-        steps += _drop_needless(problem, chosen, f_leave)
-    final = dict(zip(problem.names, _partial_f_of_all(problem, chosen).tolist(), strict=True))
+        steps += drop_needless(problem, chosen, f_leave)
+    final = dict(zip(problem.names, partial_f_of_all(problem, chosen).tolist(), strict=True))
     if not chosen:
         return Structure((), tuple(steps), None, final)
     terms = tuple(problem.names[i] for i in chosen)
@@ -274,14 +280,14 @@ def stepwise(
     return Structure(terms, tuple(steps), fit, final)
 
 
-def _partial_f_of_all(problem: Candidates, chosen: Sequence[int]) -> Array:
+def partial_f_of_all(problem: Candidates, chosen: Sequence[int]) -> Array:
     """Return the F of every candidate beside the chosen terms, shape (p,)."""
     _, residual, gain = problem.remaining(chosen)
     square = float(residual @ residual)
     f = np.array([problem.partial_f(g, max(square - g, 0.0), len(chosen) + 1) for g in gain])
     for j in chosen:
-        without = problem.remaining([i for i in chosen if i != j])[1]
-        f[j] = problem.partial_f(float(without @ without) - square, square, len(chosen))
+        without = problem.residual_square([i for i in chosen if i != j])
+        f[j] = problem.partial_f(without - square, square, len(chosen))
     return f
 
 
@@ -300,14 +306,13 @@ def _independent(problem: Candidates) -> list[int]:
     return chosen
 
 
-def _drop_needless(problem: Candidates, chosen: list[int], f_leave: float) -> list[Step]:
+def drop_needless(problem: Candidates, chosen: list[int], f_leave: float) -> list[Step]:
     """Drop terms one by one from `chosen` until every partial F reaches `f_leave`."""
     steps = []
     while len(chosen) > 1:
-        with_all = problem.remaining(chosen)[1]
-        square = float(with_all @ with_all)
-        without = [problem.remaining([i for i in chosen if i != j])[1] for j in chosen]
-        gains = np.array([row @ row for row in without]) - square
+        square = problem.residual_square(chosen)
+        without = [problem.residual_square([i for i in chosen if i != j]) for j in chosen]
+        gains = np.array(without) - square
         weakest = int(np.argmin(gains))
         f = problem.partial_f(gains[weakest], square, len(chosen))
         if f >= f_leave:

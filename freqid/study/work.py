@@ -90,9 +90,10 @@ def identify(
         estimator=estimator,
     )
     sources = {"record": record, "predicted": validation, "scenario": {"file": scenario, "sha256": sha256}}
-    write_point(
-        path, replace(model, prediction=predict(model, held_out, settings), provenance=sources), sha256
+    model = replace(
+        model, prediction=predict(model, held_out, settings), provenance={**model.provenance, **sources}
     )
+    write_point(path, model, sha256)
 
 
 def linearise(path: Path, *, scenario: str, reference: str) -> None:

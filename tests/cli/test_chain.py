@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from freqid.cli.main import run
+from freqid.core.point_file import read_point
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 SCENARIO, MAP = SCENARIOS / "linear.toml", SCENARIOS / "maps" / "linear.toml"
@@ -359,3 +360,25 @@ def test_what_only_reads_data_loads_neither_jax_nor_matplotlib(linear_logs, tmp_
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def test_kinematics_are_checked_and_corrected_before_modelling(freqid, record, tmp_path):
+    point = tmp_path / "checked.h5"
+    code, out, err = freqid(
+        "identify-point",
+        record,
+        "--scenario",
+        SCENARIO,
+        "--kinematics",
+        "correct",
+        "--json",
+        "-o",
+        point,
+    )
+    assert code == 0
+    assert "sensor errors by kinematics, corrected" in err
+    found = read_point(point).provenance["kinematics"][str(record)]
+    assert found["corrected"] is True
+    # the sensors of this record are noisy but true: no error is beyond its own uncertainty by much
+    far = [n for n, e in found["errors"].items() if abs(e["estimate"]) > 5 * e["std_error"]]
+    assert far == []

@@ -188,6 +188,7 @@ def test_a_flight_that_diverges_leaves_its_record_up_to_there(freqid, tmp_path):
         (["--effect", "slipstream"], r"--effect is NAME=VALUE with a number, .* not 'slipstream'"),
         (["--effect", "slipstream=much"], r"not 'slipstream=much'"),
         (["--sensors", "reserch"], r"no sensor suite 'reserch'; .*research"),
+        (["--effect", "slipstream=nan"], r"slipstream.*give a finite number"),
         (["--noise=-1"], r"-1"),
         (["--turbulence=-1"], r"-1"),
         (["--duration", "-3"], r"a flight of -3 s cannot be flown"),

@@ -7,6 +7,7 @@ import os
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import cast
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -15,9 +16,11 @@ import numpy as np
 
 from freqid.core.channels import WRENCH
 from freqid.core.design import SampledInputs
+from freqid.core.excitation import Excitation
+from freqid.core.identification import Identification
 from freqid.core.models import PointModel
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.core.scenario import Reference, Scenario, read_scenario
+from freqid.core.scenario import Reference, read_scenario
 from freqid.design.finish import finish
 from freqid.design.multisine import design_multisines, sampled
 from freqid.identify.fourier import harmonics
@@ -33,61 +36,50 @@ RATE_HZ = 50.0  # of the log
 Truth = tuple[FlightRecord, np.ndarray]
 
 
-@lru_cache
-def scenario() -> Scenario:
-    return read_scenario(Path(__file__).parents[1] / "scenarios" / "la8.toml")[0]
+SCENARIO, _ = read_scenario(Path(__file__).parents[1] / "scenarios" / "la8.toml")
+SETTINGS = cast(Identification, SCENARIO.identification)
+EXCITATION = cast(Excitation, SCENARIO.excitation)
 
 
 @lru_cache
 def inputs(seed: int) -> SampledInputs:
     """Return multisines of the scenario; another seed gives other phases to the same harmonics."""
-    described = scenario()
-    searched = design_multisines(described.excitation, described.effector, seed=seed)
-    return sampled(finish(searched, described.excitation, described.effector).design)
+    searched = design_multisines(EXCITATION, SCENARIO.effector, seed=seed)
+    return sampled(finish(searched, EXCITATION, SCENARIO.effector).design)
 
 
 @lru_cache
-def closed_loop(rho: float, velocity: float | None = None) -> ClosedLoop:
-    """Return trims and law of one altitude; `velocity` is another ``control.lq.velocity``."""
-    described = scenario()
-    if velocity is not None:
-        lq = {**described.control.get("lq", {}), "velocity": velocity}
-        described = msgspec.structs.replace(described, control={**described.control, "lq": lq})
+def closed_loop(rho: float, wake: float = 1.0) -> ClosedLoop:
+    """Return trims and law of one altitude, of an aircraft with a share of its wakes."""
+    simulation = msgspec.structs.replace(SCENARIO.simulation, effects={"wing_wake": wake})
+    described = msgspec.structs.replace(SCENARIO, simulation=simulation)
     return close_loop(described, next(at for at in described.reference if at.rho == rho))
 
 
-def flown(at: Reference, signals: SampledInputs, scale: float = 1.0, velocity: float | None = None) -> Truth:
+def flown(at: Reference, signals: SampledInputs, scale: float = 1.0, wake: float = 1.0) -> Truth:
     """Fly one manoeuvre, with a multiple of its signals, and return its truth and wind."""
-    loop = closed_loop(at.rho, velocity)
-    flight = fly(sortie(scenario(), loop, at, replace(signals, values=scale * signals.values)))
+    loop = closed_loop(at.rho, wake)
+    flight = fly(sortie(SCENARIO, loop, at, replace(signals, values=scale * signals.values)))
     if flight.divergence:
         raise SystemExit(f"{at.id}: {flight.divergence}")
-    return truth_of(scenario(), loop.parameters, flight, excited=signals.names, reference=at.id)
+    return truth_of(SCENARIO, flight, excited=signals.names, reference=at.id)
 
 
 def logged(truth: Truth, noise: float, seed: int = 0, suite: str = "research") -> Maneuver:
     """Return what is logged of a flight with a multiple of a suite's noise; none of its errors at zero."""
-    carried = sensors.scaled(sensors.suite(scenario(), suite), noise)
+    carried = sensors.scaled(sensors.suite(SCENARIO, suite), noise)
     return Maneuver.of(sensors.measure(*truth, carried, RATE_HZ, seed))
 
 
 def on_harmonics(maneuver: Maneuver) -> LineEquations:
     """Return what is regressed: all regressors and responses on the harmonics of the multisines."""
-    described = scenario()
-    problem = Problem.of([maneuver], described.identification)
-    lines = harmonics(described.excitation.period_s, described.excitation.band_hz)
+    problem = Problem.of([maneuver], SETTINGS)
+    lines = harmonics(EXCITATION.period_s, EXCITATION.band_hz)
     return on_lines(problem.x, problem.wrench, problem.dt, lines)
 
 
 def identified(maneuver: Maneuver, at: Reference, estimator: Estimator | None = None) -> PointModel:
-    described = scenario()
-    return identify_point(
-        maneuver,
-        described.identification,
-        excitation=described.excitation,
-        reference=at,
-        estimator=estimator,
-    )
+    return identify_point(maneuver, SETTINGS, excitation=EXCITATION, reference=at, estimator=estimator)
 
 
 def table(model: PointModel) -> tuple[np.ndarray, np.ndarray]:
@@ -96,8 +88,8 @@ def table(model: PointModel) -> tuple[np.ndarray, np.ndarray]:
     return np.array([r.estimate for r in rows]), np.array([r.std_error for r in rows])
 
 
-def written(path: Path, rows: list[dict[str, str]]) -> None:
-    """Print rows as they are written beside a script."""
+def write(path: Path, rows: list[dict[str, str]]) -> None:
+    """Write rows beside a script."""
     with path.with_suffix(".csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, rows[0].keys())
         writer.writeheader()

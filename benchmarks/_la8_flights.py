@@ -12,6 +12,7 @@ import tempfile
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
+from typing import cast
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -20,8 +21,10 @@ import numpy as np
 
 from freqid.core.design_file import read_inputs
 from freqid.core.errors import DataError
+from freqid.core.excitation import Excitation
+from freqid.core.identification import Identification
 from freqid.core.record import FlightRecord
-from freqid.core.scenario import Reference, Scenario, read_scenario
+from freqid.core.scenario import Reference, read_scenario
 from freqid.simulate import runner, sensors
 from freqid.simulate.maneuver import LOG_RATE, Conditions, fly_maneuver
 from freqid.simulate.truth import read_truth, write_truth
@@ -30,22 +33,27 @@ from freqid.study import work
 
 PATH = Path(__file__).resolve().parents[1] / "scenarios" / "la8.toml"
 SCENARIO, SHA256 = read_scenario(PATH)
+SETTINGS = cast(Identification, SCENARIO.identification)
+EXCITATION = cast(Excitation, SCENARIO.excitation)
 FOLDER = Path(tempfile.gettempdir()) / "freqid-la8-flights"
 SEA, MIDDLE, HIGH = 1.225, 1.1392, 1.0581  # kg/m3: 0, 750 and 1500 m of the standard atmosphere
 REFERENCES = tuple(at for at in SCENARIO.reference if at.rho == SEA)
-# Conditions that the scenario does not have: between its speeds, at tilts that fly level with a level body to
-# the nearest half degree.
-EXTRA = (
+# Between the scenario's speeds, m/s, at tilts that fly level with a level body to the nearest half degree.
+BETWEEN = (
     ("u02", 0.762, 80.0),
     ("u05", 1.524, 75.0),
     ("u07", 2.286, 70.5),
+    ("u12", 3.810, 62.0),
     ("u15", 4.572, 57.5),
+    ("u17", 5.334, 54.0),
+    ("u22", 6.858, 47.0),
     ("u25", 7.620, 44.0),
+    ("u27", 8.382, 40.5),
     ("u33", 10.06, 34.0),
     ("u38", 11.58, 28.5),
     ("u42", 12.95, 24.5),
     ("u47", 14.48, 20.5),
-    ("u52", 16.0, 17.0),
+    ("u52", 16.00, 17.0),
     ("u58", 17.83, 13.5),
     ("u66", 20.12, 10.5),
     ("u73", 22.40, 8.0),
@@ -54,49 +62,72 @@ EXTRA = (
 )
 
 
-def added() -> tuple[Reference, ...]:
-    """Return the conditions that the scenario lacks: those of `EXTRA`, and its own speeds at 750 m."""
-    between = tuple(
-        Reference(id=name, u=u, rho=SEA, dw1=np.radians(tilt), dw2=np.radians(tilt))
-        for name, u, tilt in EXTRA
-    )
-    middle = tuple(msgspec.structs.replace(at, id=f"{at.id}-750m", rho=MIDDLE) for at in REFERENCES)
-    return between + middle
-
-
 @lru_cache(maxsize=1)
-def finer() -> Scenario:
-    """Return the scenario with `added` conditions."""
-    return msgspec.structs.replace(SCENARIO, reference=(*SCENARIO.reference, *added()))
+def corridors() -> dict[str, tuple[Reference, ...]]:
+    """Return all conditions, by corridor of one density and one schedule of tilt.
+
+    ``"sea level"`` has those of `BETWEEN` too; ``"1500 m"`` is the scenario's and ``"750 m"`` like it, both
+    tilted by true speed; ``"1500 m, equivalent"`` is tilted by equivalent speed.
+    """
+    between = tuple(
+        Reference(id=name, u=u, rho=SEA, dw1=float(np.radians(tilt)), dw2=float(np.radians(tilt)))
+        for name, u, tilt in BETWEEN
+    )
+    faster = np.sqrt(SEA / HIGH)
+
+    def moved(suffix: str, rho: float, factor: float = 1.0) -> tuple[Reference, ...]:
+        change = msgspec.structs.replace
+        return tuple(change(at, id=at.id + suffix, u=factor * at.u, rho=rho) for at in REFERENCES)
+
+    return {
+        "sea level": tuple(sorted(REFERENCES + between, key=lambda at: at.u)),
+        "750 m": moved("-750m", MIDDLE),
+        "1500 m": tuple(at for at in SCENARIO.reference if at.rho == HIGH),
+        "1500 m, equivalent": moved("-1500m-eas", HIGH, faster),
+    }
 
 
-def fly(path: Path, *, reference: str, at: tuple[float, float, float], design: str) -> None:
-    """Write the truth of one manoeuvre; `at` makes a changed condition another unit of work."""
-    scenario = finer()
-    here = scenario.reference_of(reference)
-    flown = fly_maneuver(scenario, here, read_inputs(Path(design)), Conditions(), loop=_loop(here.rho))
+def reference_of(identifier: str) -> Reference:
+    """Return one condition."""
+    return {at.id: at for along in corridors().values() for at in along}[identifier]
+
+
+def fly(path: Path, *, reference: str, corridor: str, among: list[list[float]], design: str) -> None:
+    """Write the truth of one manoeuvre; `among` makes a changed corridor another unit of work."""
+    scenario = msgspec.structs.replace(SCENARIO, reference=corridors()[corridor])
+    at = reference_of(reference)
+    flown = fly_maneuver(scenario, at, read_inputs(Path(design)), Conditions(), loop=_loop(corridor))
     if flown.divergence:
         raise DataError(str(flown.divergence), where=reference, remedy="lower the inputs")
     write_truth(path, flown.truth, SHA256)
 
 
-@lru_cache(maxsize=3)
-def _loop(rho: float):
+@lru_cache(maxsize=4)
+def _loop(corridor: str):
     from freqid.simulate.lq import close_loop
 
-    return close_loop(finer(), next(at for at in finer().reference if at.rho == rho))
+    along = corridors()[corridor]
+    return close_loop(msgspec.structs.replace(SCENARIO, reference=along), along[0])
 
 
 def flights(ids: Sequence[str], seed: int = 0, jobs: int = 2) -> dict[str, FlightRecord]:
     """Return truths by condition; `seed` is that of the multisines."""
     shared = [{"scenario": str(PATH), "seed": seed}]
     design = runner.run(work.design, shared, FOLDER, scenario_sha256=SHA256, suffix=".h5")[0]
-    found = [finer().reference_of(i) for i in ids]
     inputs = [
-        {"reference": at.id, "at": (at.u, at.rho, round(at.dw1, 6)), "design": str(design)} for at in found
+        {
+            "reference": at.id,
+            "corridor": corridor,
+            "among": [[at.u, at.rho, at.dw1] for at in along],
+            "design": str(design),
+        }
+        for corridor, along in corridors().items()
+        for at in along
+        if at.id in ids
     ]
     paths = runner.run(fly, inputs, FOLDER, scenario_sha256=SHA256, suffix=".truth.h5", jobs=jobs)
-    return {i: read_truth(path) for i, path in zip(ids, paths, strict=True)}
+    found = {str(i["reference"]): path for i, path in zip(inputs, paths, strict=True)}
+    return {i: read_truth(found[i]) for i in ids}
 
 
 def measured(

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from _la8_flights import SCENARIO, flights, measured
+from _la8_flights import EXCITATION, flights, measured
+from _la8_flights import SETTINGS as STATED
 
 from freqid.core.record import Maneuver
 from freqid.identify.explanatory import history
@@ -27,9 +28,7 @@ CONDITIONS = ("u00", "u10", "u20", "u36", "u45", "u62", "u85")
 SEEDS = 3
 SHARE, SIGMAS, LIMIT = 0.95, 2.0, 100.0  # of the parameters; of a final standard error; s
 TIMES = (60.0, 80.0, 90.0, 100.0, 110.0)
-SETTINGS = msgspec.structs.replace(SCENARIO.identification, estimator="least-squares", residuals="coloured")
-EXCITATION = SCENARIO.excitation
-assert EXCITATION is not None
+SETTINGS = msgspec.structs.replace(STATED, estimator="least-squares", residuals="coloured")
 
 
 def in_flight(maneuver: Maneuver) -> dict[str, np.ndarray]:
@@ -67,16 +66,21 @@ def main() -> None:
             beyond = away > SIGMAS  # (time, parameter)
             # after the last instant at which it is beyond, a parameter has settled
             settled = np.array(
-                [time[min(np.flatnonzero(b)[-1] + 1, time.size - 1)] if b.any() else time[0] for b in beyond.T]
+                [
+                    time[min(np.flatnonzero(b)[-1] + 1, time.size - 1)] if b.any() else time[0]
+                    for b in beyond.T
+                ]
             )
             names = list(found)
-            offline = max(np.abs((found[n].estimate[-1] - batch[n].estimate) / batch[n].estimate).max() for n in names)
+            offline = max(
+                np.abs((found[n].estimate[-1] - batch[n].estimate) / batch[n].estimate).max() for n in names
+            )
             sigmas = max(np.abs((beside[n] - batch[n].estimate) / batch[n].std_error).max() for n in names)
             rows.append(
                 {
                     "condition": at,
                     "seed": seed,
-                    "parameters": settled.size,
+                    "parameters": str(settled.size),
                     "settled_95_percent_s": f"{np.quantile(settled, SHARE, method='higher'):.0f}",
                     "settled_all_s": f"{settled.max():.0f}",
                     **{
@@ -88,7 +92,10 @@ def main() -> None:
                     "in_flight_minus_batch_sigmas": f"{sigmas:.1e}",
                 }
             )
-            print("  ".join(f"{k} {v}" if k in ("condition", "seed") else v for k, v in rows[-1].items()), flush=True)
+            print(
+                "  ".join(f"{k} {v}" if k in ("condition", "seed") else v for k, v in rows[-1].items()),
+                flush=True,
+            )
     with Path(__file__).with_suffix(".csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, rows[0], lineterminator="\n")
         writer.writeheader()

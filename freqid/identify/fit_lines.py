@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from freqid.core.errors import UsageError
 from freqid.core.models import Fit, ResponseModel
+from freqid.identify.equations import real_equations
 from freqid.identify.estimators import estimate
 from freqid.identify.line_equations import LineEquations, on_lines
 from freqid.identify.noise_lines import Noise, correct_by_noise_lines, distortion, noise_lines
@@ -142,11 +143,14 @@ class _NoiseEquations:
 
     def left(self, fit: LeastSquares, rows: list[int], columns: list[int]) -> list[Noise]:
         """Return what a fit leaves there."""
-        extra = np.split(fit.nuisance_estimate, len(self.equations), axis=1)
         noise = []
-        for f, e, own, weight in zip(self.lines_hz, self.equations, extra, self.weight, strict=True):
-            residual = e.z[rows] - fit.estimate @ e.x[columns] - own @ e.nuisance / weight
-            noise.append(Noise(f, np.abs(weight * residual) ** 2))
+        for f, e, weight in zip(self.lines_hz, self.equations, self.weight, strict=True):
+            residual = e.z[rows] - fit.estimate @ e.x[columns]
+            # End terms anew: those of the fit hold what is not linear on the harmonics.
+            stacked, target = real_equations(e.nuisance, residual)
+            own = np.linalg.lstsq(stacked.T, target.T)[0].T
+            freed = 1 - len(stacked) / stacked.shape[1]
+            noise.append(Noise(f, np.abs(weight * (residual - own @ e.nuisance)) ** 2 / freed))
         return noise
 
     def distortion(self, fit: LeastSquares, rows: list[int], columns: list[int]) -> Array:

@@ -151,7 +151,7 @@ def fly_maneuver(
     if flight.divergence and flight.time.size < 50:
         raise DataError(f"{flight.divergence}; nothing was recorded", remedy="start from another condition")
     excited = inputs.names if inputs else ()
-    truth, moving_air = truth_of(scenario, loop.parameters, flight, excited=excited, reference=reference.id)
+    truth, moving_air = truth_of(scenario, flight, excited=excited, reference=reference.id)
     how = {
         "effects": effects.settings(scenario.simulation.effects),
         "wind_m_s": list(wind),

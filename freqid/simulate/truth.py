@@ -14,7 +14,6 @@ from ..core.record_file import read_record, write_record
 from ..core.scenario import Scenario
 from .actuators import Commands, by_kind
 from .fly import DT, EVERY, Flight
-from .motion import Parameters
 
 Array = NDArray[np.float64]
 
@@ -22,15 +21,13 @@ FORMAT = "freqid-truth"
 
 
 def truth_of(
-    scenario: Scenario, parameters: Parameters, flight: Flight, *, excited: tuple[str, ...], reference: str
+    scenario: Scenario, flight: Flight, *, excited: tuple[str, ...], reference: str
 ) -> tuple[FlightRecord, Array]:
     """Return the truth of a flight.
 
     Parameters
     ----------
     scenario : Scenario
-    parameters : Parameters
-        That it was flown with.
     flight : Flight
     excited : tuple of str
         Effectors whose excitation is recorded.

@@ -25,11 +25,13 @@ from ..core.store import replacing
 from ..identify.parameter_history import parameter_history
 from ..identify.point import Estimator, predict
 from ..report.study_results import HeldOut, StudiedPoint, StudyResults, rmse_inside
-from ..simulate import runner
+from ..simulate import runner, sensors
 from . import work
 from .convergence import validation_rmse
 
 Progress = Callable[[str], None]
+
+_FLIGHT_SEEDS = 1000  # apart for each design, so that no two flights share their sensors' errors
 
 
 @dataclass(frozen=True)
@@ -107,6 +109,7 @@ def study(campaign: Campaign, say: Progress = lambda text: None) -> StudyResults
         raise UsageError(
             f"a global model needs two conditions or more, {len(used)} is left", remedy="study more of them"
         )
+    sensors.suite(scenario, campaign.sensors)  # a wrong name is said before anything is flown
     say(f"flights at {len(ids)} conditions")
     design, flights = _fly(campaign, sha256, ids)
     say("point models")
@@ -144,10 +147,10 @@ def _fly(campaign: Campaign, sha256: str, ids: Sequence[str]) -> tuple[Path, _Fl
             "design": str(design),
             "sensors": campaign.sensors,
             "noise": campaign.noise,
-            "seed": seed,
+            "seed": _FLIGHT_SEEDS * seed + place,
         }
         for seed, design in zip(seeds, designs, strict=True)
-        for identifier in ids
+        for place, identifier in enumerate(ids)
     ]
     records = _run(campaign, sha256, work.fly, inputs, ".h5")
     shutil.copyfile(designs[0], campaign.folder / "design.h5")

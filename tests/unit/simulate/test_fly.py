@@ -115,7 +115,7 @@ def test_the_linearisation_predicts_a_small_motion(name):
 
     def flown(scale):
         flight = fly(sortie(scenario, mine, reference, multisine(4.5, scale)))
-        truth, _ = truth_of(scenario, mine.parameters, flight, excited=(), reference=name)
+        truth, _ = truth_of(scenario, flight, excited=(), reference=name)
         states = truth.matrix([f"state/{s}" for s in STATES])
         states[:3] += np.cross(states[3:6], linear.centre, axis=0)
         turning = truth.matrix(["state/pdot", "state/qdot", "state/rdot"])

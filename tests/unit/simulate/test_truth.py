@@ -33,7 +33,7 @@ def flown(loop):
         wind=(2.0, -1.0, 0.0),
     )
     flight = fly(plan)
-    return flight, *truth_of(SCENARIO, loop.parameters, flight, excited=("de1",), reference="u20")
+    return flight, *truth_of(SCENARIO, flight, excited=("de1",), reference="u20")
 
 
 def test_specific_force_times_mass_is_the_wrench(flown, loop):

@@ -1,0 +1,77 @@
+"""``freqid study``: the whole chain at two conditions, its files, and going on where it stopped."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from freqid.blend.global_model import GlobalModel
+from freqid.cli.main import run
+from freqid.core.global_file import read_global
+from freqid.core.point_file import read_point
+
+LA8 = Path(__file__).resolve().parents[2] / "scenarios" / "la8.toml"
+
+
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory):
+    """The LA-8 class aircraft with a quick design: what is studied here is the chain."""
+    path = tmp_path_factory.mktemp("scenario") / "quick.toml"
+    text = LA8.read_text().replace('allocation = "propulsors-low"', 'allocation = "interleaved"\nstarts = 1')
+    text = text.replace("net_load = { X = 1, Y = 1, Z = 1, L = 1, M = 1, N = 1 }", "")
+    path.write_text(text)
+    return path
+
+
+@pytest.fixture
+def freqid(capsys):
+    def call(*arguments):
+        with pytest.raises(SystemExit) as left:
+            run([str(a) for a in arguments])
+        captured = capsys.readouterr()
+        return left.value.code, captured.out, captured.err
+
+    return call
+
+
+def test_a_study_leaves_models_and_a_page_and_is_not_done_twice(freqid, scenario, tmp_path):
+    folder = tmp_path / "study"
+    options = ["--at", "u40,u45,u50", "--hold-out", "u45", "--jobs", "1", "--json", "-o", folder]
+    code, out, _ = freqid("study", scenario, *options)
+    assert code == 0
+    said = json.loads(out)
+    assert set(said["points"]) == {"u40", "u45", "u50"}
+    for figures in said["points"].values():
+        assert figures["L"]["r2"] > 0.99
+        assert figures["M"]["r2"] > 0.98
+    held_out = said["held_out"]["u45"]
+    assert all(held_out["global_rmse"][r] < 1.5 * held_out["point_rmse"][r] for r in "XYZLMN")
+    point = read_point(folder / "points" / "u40.h5")
+    assert (point.estimator, point.reference.id) == ("instruments", "u40")
+    assert GlobalModel(read_global(folder / "model.h5")).names == ("X", "Y", "Z", "L", "M", "N")
+    page = (folder / "index.html").read_text()
+    assert "<svg" in page
+    assert "u45" in page
+
+    made = {path: path.stat().st_mtime_ns for path in (folder / "units").rglob("*.h5")}
+    assert len(made) == 2 + 6 + 3
+    code, out, _ = freqid("study", scenario, *options)
+    assert code == 0
+    assert json.loads(out) == said
+    assert {path: path.stat().st_mtime_ns for path in (folder / "units").rglob("*.h5")} == made
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--at", "u40"], "two conditions or more, 1 is left"),
+        (["--at", "u40,u50", "--hold-out", "u50"], "two conditions or more, 1 is left"),
+        (["--at", "u40,u41"], "no reference 'u41'"),
+        (["--at", "u40,u50", "--sensors", "reserch"], "no sensor suite 'reserch'"),
+    ],
+)
+def test_what_cannot_be_studied_is_said_before_anything_is_flown(freqid, scenario, tmp_path, options, said):
+    code, _, err = freqid("study", scenario, *options, "-o", tmp_path / "study")
+    assert code == 2
+    assert said in err
+    assert not (tmp_path / "study" / "units").exists()

@@ -253,8 +253,8 @@ def test_a_scenario_without_an_airframe_says_what_is_missing(refused, tmp_path):
 
 
 def test_an_unknown_weight_of_the_control_law_is_refused(refused, changed):
-    said = refused(changed("velocity = 1.0 # m/s", "velocty = 1.0"), *SHORT)
-    assert "velocty" in said
+    said = refused(changed("settling_s = 3.0", "setling_s = 3.0"), *SHORT)
+    assert "setling_s" in said
     assert "[control.lq]" in said
 
 

@@ -23,7 +23,7 @@ from . import attitude, motion, multibody
 from .actuators import Commands, by_kind
 from .control import Aim, Law, command
 from .effects import turbulence
-from .integrate import Divergence, divergence, integrate
+from .integrate import Divergence, divergence
 from .lq import ClosedLoop
 from .motion import Details, Moving, State
 from .quantities import Positions
@@ -295,27 +295,31 @@ def _advance(parameters: motion.Parameters, law: Law, carry, schedule):
     def step(carry, now):
         (state, drift), (aim, excitation, around) = carry, now
         commands, rate = command(law, state.moving.body, drift, aim)
-        return motion.step(parameters, state, _added(commands, excitation), around, DT), drift + DT * rate
+        commands = _added(commands, excitation)
+        after, seen = motion.seen_step(parameters, state, commands, around, DT)
+        return (after, drift + DT * rate), _sample(parameters, state.moving, commands, *seen)
 
-    def look(carry, now) -> Sample:
-        (state, drift), (aim, excitation, around) = carry, now
-        commands = _added(command(law, state.moving.body, drift, aim)[0], excitation)
-        rate, details = motion.observe(parameters, state, commands, around, DT)
-        body, (force, moment) = state.moving.body, details.aero.wrench
-        centre = multibody.centre_of_gravity(parameters.mass, state.moving.tilt)
-        return Sample(
-            state.moving,
-            rate,
-            details,
-            commands,
-            attitude.euler(body.attitude),
-            rate.body.velocity
-            + attitude.cross(body.rates, body.velocity)
-            - STANDARD_GRAVITY * attitude.down(body.attitude),
-            jnp.concatenate([force, moment - attitude.cross(centre, force)]),
-        )
+    # Every step knows what happens at its start, so nothing is computed again for the samples.
+    carry, samples = jax.lax.scan(step, carry, schedule)
+    return jax.tree.map(lambda x: x[::EVERY], samples), carry
 
-    return integrate(step, carry, schedule, observe=look, every=EVERY)
+
+def _sample(
+    parameters: motion.Parameters, moving: Moving, commands: Commands, rate: Moving, details: Details
+) -> Sample:
+    """Return what is kept of one instant."""
+    body, (force, moment) = moving.body, details.aero.wrench
+    centre = multibody.centre_of_gravity(parameters.mass, moving.tilt)
+    turning = attitude.cross(body.rates, body.velocity)
+    return Sample(
+        moving,
+        rate,
+        details,
+        commands,
+        attitude.euler(body.attitude),
+        rate.body.velocity + turning - STANDARD_GRAVITY * attitude.down(body.attitude),
+        jnp.concatenate([force, moment - attitude.cross(centre, force)]),
+    )
 
 
 def _added(commands: Commands, excitation: Commands) -> Commands:

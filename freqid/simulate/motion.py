@@ -200,7 +200,14 @@ def derivative(
 
 
 def step(parameters: Parameters, state: State, commands: Commands, around: Surroundings, dt: float) -> State:
-    """Return the state one step later.
+    """Return the state one step later; parameters as in `seen_step`."""
+    return seen_step(parameters, state, commands, around, dt)[0]
+
+
+def seen_step(
+    parameters: Parameters, state: State, commands: Commands, around: Surroundings, dt: float
+) -> tuple[State, tuple[Moving, Details]]:
+    """Return the state one step later, and what `observe` sees at the start of the step.
 
     Parameters
     ----------
@@ -217,14 +224,14 @@ def step(parameters: Parameters, state: State, commands: Commands, around: Surro
     obeyed = _arrived(parameters, sent, dt)
     age = _wake_age(parameters, state, around, dt)
 
-    def rate(moving: Moving, elapsed: jax.Array) -> tuple[Moving, Wake]:
+    def rate(moving: Moving, elapsed: jax.Array) -> tuple[Moving, tuple[Moving, Details]]:
         arriving = delay.read(state.wake, age - elapsed / dt)
         slope, details = derivative(parameters, moving, obeyed, arriving, around)
-        return slope, details.aero.shed
+        return slope, (slope, details)
 
-    moving, shed = rk4(rate, state.moving, dt, has_aux=True)
+    moving, seen = rk4(rate, state.moving, dt, has_aux=True)
     moving = moving._replace(body=rigid_body.normalised(moving.body))
-    return State(moving, sent, delay.push(state.wake, shed))
+    return State(moving, sent, delay.push(state.wake, seen[1].aero.shed)), seen
 
 
 def observe(

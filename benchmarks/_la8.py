@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -36,7 +37,8 @@ RATE_HZ = 50.0  # of the log
 Truth = tuple[FlightRecord, np.ndarray]
 
 
-SCENARIO, _ = read_scenario(Path(__file__).parents[1] / "scenarios" / "la8.toml")
+PATH = Path(__file__).resolve().parents[1] / "scenarios" / "la8.toml"
+SCENARIO, SHA256 = read_scenario(PATH)
 SETTINGS = cast(Identification, SCENARIO.identification)
 EXCITATION = cast(Excitation, SCENARIO.excitation)
 
@@ -88,9 +90,20 @@ def table(model: PointModel) -> tuple[np.ndarray, np.ndarray]:
     return np.array([r.estimate for r in rows]), np.array([r.std_error for r in rows])
 
 
-def write(path: Path, rows: list[dict[str, str]]) -> None:
+def told(found: Iterable[object]) -> list[dict[str, str]]:
+    """Print rows as lists of them come in, and return them all."""
+    rows: list[dict[str, str]] = []
+    for rows_of in found:
+        each = cast(list[dict[str, str]], rows_of)
+        rows += each
+        for row in each:
+            print("  ".join(f"{value:<9}" for value in row.values()), flush=True)
+    return rows
+
+
+def write(path: Path, rows: Sequence[Mapping[str, object]]) -> None:
     """Write rows beside a script."""
     with path.with_suffix(".csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, rows[0].keys())
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)

@@ -7,34 +7,25 @@ law holds speed in it. Truths are kept in the system's folder for temporary file
 
 from __future__ import annotations
 
-import os
 import tempfile
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import cast
-
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import msgspec
 import numpy as np
+from _la8 import PATH, SCENARIO, SHA256
 
 from freqid.core.design_file import read_inputs
 from freqid.core.errors import DataError
-from freqid.core.excitation import Excitation
-from freqid.core.identification import Identification
 from freqid.core.record import FlightRecord
-from freqid.core.scenario import Reference, read_scenario
+from freqid.core.scenario import Reference
 from freqid.simulate import runner, sensors
 from freqid.simulate.maneuver import LOG_RATE, Conditions, fly_maneuver
 from freqid.simulate.truth import read_truth, write_truth
 from freqid.simulate.turbulence import steady_wind
 from freqid.study import work
 
-PATH = Path(__file__).resolve().parents[1] / "scenarios" / "la8.toml"
-SCENARIO, SHA256 = read_scenario(PATH)
-SETTINGS = cast(Identification, SCENARIO.identification)
-EXCITATION = cast(Excitation, SCENARIO.excitation)
 FOLDER = Path(tempfile.gettempdir()) / "freqid-la8-flights"
 SEA, MIDDLE, HIGH = 1.225, 1.1392, 1.0581  # kg/m3: 0, 750 and 1500 m of the standard atmosphere
 REFERENCES = tuple(at for at in SCENARIO.reference if at.rho == SEA)

@@ -24,10 +24,21 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import cast
 
 import numpy as np
-from _la8 import RATE_HZ, SCENARIO, SETTINGS, flown, identified, inputs, logged, on_harmonics, table, write
+from _la8 import (
+    RATE_HZ,
+    SCENARIO,
+    SETTINGS,
+    flown,
+    identified,
+    inputs,
+    logged,
+    on_harmonics,
+    table,
+    told,
+    write,
+)
 from joblib import Parallel, delayed
 
 from freqid.core.channels import WRENCH
@@ -123,12 +134,7 @@ def main() -> None:
     each = Parallel(n_jobs=2, return_as="generator")(
         delayed(condition)(number, signals) for number in range(len(CONDITIONS))
     )
-    rows = []
-    for rows_of in each:
-        found = cast(list[dict[str, str]], rows_of)
-        rows += found
-        for row in found:
-            print("  ".join(f"{v:<9}" for v in row.values()), flush=True)
+    rows = told(each)
     write(Path(__file__), rows)
     print(f"{len(rows)} rows of {2 * SEEDS} flights, {sum(not row['missed'] for row in rows)} meet every bar")
     for bar in BARS:

@@ -18,10 +18,9 @@ benchmarks/study_amplitude.csv.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import cast
 
 import numpy as np
-from _la8 import SCENARIO, closed_loop, flown, identified, inputs, logged, table, write
+from _la8 import SCENARIO, closed_loop, flown, identified, inputs, logged, table, told, write
 from joblib import Parallel, delayed
 
 from freqid.core.channels import WRENCH
@@ -67,12 +66,7 @@ def main() -> None:
     found = Parallel(n_jobs=2, return_as="generator")(
         delayed(condition)(identifier, wake, signals) for wake in (1.0, 0.0) for identifier in CONDITIONS
     )
-    rows = []
-    for rows_of in found:
-        each = cast(list[dict[str, str]], rows_of)
-        rows += each
-        for row in each:
-            print("  ".join(f"{v:<7}" for v in row.values()), flush=True)
+    rows = told(found)
     write(Path(__file__), rows)
 
 

@@ -9,13 +9,13 @@ at the mean tilt). Writes benchmarks/study_convergence.csv; times of one update:
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import msgspec
 import numpy as np
-from _la8_flights import EXCITATION, flights, measured
-from _la8_flights import SETTINGS as STATED
+from _la8 import EXCITATION, write
+from _la8 import SETTINGS as STATED
+from _la8_flights import flights, measured
 
 from freqid.core.record import Maneuver
 from freqid.identify.explanatory import history
@@ -96,10 +96,7 @@ def main() -> None:
                 "  ".join(f"{k} {v}" if k in ("condition", "seed") else v for k, v in rows[-1].items()),
                 flush=True,
             )
-    with Path(__file__).with_suffix(".csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, rows[0], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write(Path(__file__), rows)
 
 
 if __name__ == "__main__":

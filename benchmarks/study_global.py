@@ -24,7 +24,8 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-from _la8_flights import EXCITATION, REFERENCES, SEA, SETTINGS, corridors, flights, measured, reference_of
+from _la8 import EXCITATION, SETTINGS
+from _la8_flights import REFERENCES, SEA, corridors, flights, measured, reference_of
 from joblib import Parallel, delayed
 
 from freqid.blend.global_model import GlobalModel

@@ -13,12 +13,12 @@ Writes benchmarks/study_momentum.csv.
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import msgspec
 import numpy as np
-from _la8_flights import EXCITATION, REFERENCES, SCENARIO, SETTINGS, flights, measured
+from _la8 import EXCITATION, SCENARIO, SETTINGS, write
+from _la8_flights import REFERENCES, flights, measured
 
 from freqid.core.frames import turn_about_y
 from freqid.core.models import PointModel
@@ -95,10 +95,7 @@ def main() -> None:
                 }
                 rows.append(row)
                 print("      " + "  ".join(str(v) for v in list(row.values())[2:]), flush=True)
-    with Path(__file__).with_suffix(".csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, rows[0], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write(Path(__file__), rows)
 
 
 if __name__ == "__main__":

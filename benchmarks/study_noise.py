@@ -16,10 +16,9 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import cast
 
 import numpy as np
-from _la8 import SCENARIO, flown, identified, inputs, logged, on_harmonics, table, write
+from _la8 import SCENARIO, flown, identified, inputs, logged, on_harmonics, table, told, write
 from joblib import Parallel, delayed
 
 from freqid.core.channels import WRENCH
@@ -86,12 +85,7 @@ def condition(identifier: str, signals: SampledInputs) -> list[dict[str, str]]:
 def main() -> None:
     signals = inputs(0)
     found = Parallel(n_jobs=2, return_as="generator")(delayed(condition)(at, signals) for at in CONDITIONS)
-    rows = []
-    for rows_of in found:
-        each = cast(list[dict[str, str]], rows_of)
-        rows += each
-        for row in each:
-            print("  ".join(f"{v:<13}" for v in row.values()), flush=True)
+    rows = told(found)
     write(Path(__file__), rows)
 
 

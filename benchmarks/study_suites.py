@@ -16,7 +16,8 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from _la8_flights import EXCITATION, SCENARIO, SETTINGS, blowing, flights, measured, reference_of
+from _la8 import EXCITATION, SCENARIO, SETTINGS
+from _la8_flights import blowing, flights, measured, reference_of
 from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 

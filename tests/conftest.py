@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from hypothesis import settings
@@ -12,7 +14,8 @@ from hypothesis import settings
 settings.register_profile("project", derandomize=True, deadline=None)
 settings.load_profile("project")
 
-SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+PROJECT = Path(__file__).resolve().parents[1]
+SHARED_DATA = PROJECT.parent / "shared" / "data"
 
 
 @pytest.fixture(scope="session")
@@ -24,15 +27,24 @@ def shared_data() -> Path:
 
 
 @pytest.fixture(scope="session")
-def linear_aircraft():
-    """The module that flies an aircraft of known derivatives, ``examples/linear_record.py``."""
-    path = Path(__file__).resolve().parents[1] / "examples" / "linear_record.py"
-    spec = importlib.util.spec_from_file_location("linear_record", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def script() -> Callable[[str], ModuleType]:
+    """Load a script that no package holds, by its path inside the project."""
+
+    def load(path: str) -> ModuleType:
+        spec = importlib.util.spec_from_file_location(f"script_{Path(path).stem}", PROJECT / path)
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+
+    return load
+
+
+@pytest.fixture(scope="session")
+def linear_aircraft(script):
+    """The module that flies an aircraft of known derivatives."""
+    return script("examples/linear_record.py")
 
 
 @pytest.fixture(scope="session")

@@ -22,6 +22,7 @@ from freqid.report.drawing import (
     draw_legend,
     envelope,
     few_ticks,
+    frame_rows,
     literal,
     name_panel,
     plain,
@@ -114,22 +115,11 @@ def signal_rows(
     notes, colours : sequence of str, length row
         What stands beside each row, and its colour.
     """
-    count = len(names)
-    figure, (axes,) = stacked_panels([0.31 * count], left=0.62, right=0.86)
-    axes.set_xlim(time[0], time[-1])
+    figure, (axes,) = stacked_panels([0.31 * len(names)], right=0.86)
     for i, row in enumerate(values):
-        axes.axhline(i, color=PALE, linewidth=0.5)
         drawn, shown = envelope(time, row)
         axes.plot(drawn, i - 0.47 * shown / scale[i], color=colours[i], linewidth=0.8)
-        axes.annotate(
-            notes[i], (1.0, i), (5, 0), ("axes fraction", "data"), textcoords="offset points", va="center"
-        )
-    axes.set_yticks(range(count), [literal(name, 10) for name in names])
-    axes.set_ylim(count - 0.45, -0.55)
-    axes.tick_params(axis="y", length=0)
-    axes.grid(axis="y", visible=False)
-    axes.spines["left"].set_visible(False)
-    axes.annotate("largest", (1.0, 1.0), (5, 4), "axes fraction", textcoords="offset points", color=INK)
+    frame_rows(axes, names, notes, "largest")
     axes.set_title("Deviation from the trim")
     share_time([axes], time)
     return figure

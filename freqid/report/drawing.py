@@ -150,6 +150,26 @@ def literal(text: str, longest: int) -> str:
     return text.replace("$", r"\$")
 
 
+def name_rows(axes: Axes, names: Sequence[str]) -> None:
+    """Make a panel of rows, from the top down at 0, 1, 2, with their names at its left."""
+    axes.set_yticks(range(len(names)), [literal(name, 10) for name in names])
+    axes.set_ylim(len(names) - 0.45, -0.55)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(axis="y", visible=False)
+    axes.spines["left"].set_visible(False)
+
+
+def frame_rows(axes: Axes, names: Sequence[str], notes: Sequence[str], heading: str) -> None:
+    """Make a panel of rows about zero lines, with a note at the right of each, below a heading."""
+    name_rows(axes, names)
+    for i, note in enumerate(notes):
+        axes.axhline(i, color=PALE, linewidth=0.5, zorder=1.9)
+        axes.annotate(
+            note, (1.0, i), (5, 0), ("axes fraction", "data"), textcoords="offset points", va="center"
+        )
+    axes.annotate(heading, (1.0, 1.0), (5, 4), "axes fraction", textcoords="offset points", color=INK)
+
+
 def draw_legend(figure: Figure, lines: Sequence[Artist], columns: int | None = None) -> None:
     """Name the lines above the panels, in one row unless `columns` says how many stand side by side."""
     place = (1 - _RIGHT / WIDTH, 1 - 0.02 / figure.get_figheight())

@@ -20,8 +20,10 @@ from freqid.report.drawing import (
     draw_history,
     envelope,
     few_ticks,
+    frame_rows,
     literal,
     name_panel,
+    name_rows,
     plain,
     share_time,
     shown_values,
@@ -102,25 +104,15 @@ def effector_rows(
     notes, colours : sequence of str, length row
         What stands beside each row, and its colour.
     """
-    count = len(effectors)
-    figure, (axes,) = stacked_panels([0.36 * count], right=0.92)
+    figure, (axes,) = stacked_panels([0.36 * len(effectors)], right=0.92)
     for i, (row, wanted) in enumerate(zip(moved, commanded, strict=True)):
-        axes.axhline(i, color=PALE, linewidth=0.5)
         for values, look in (
             (wanted, {"color": GREY, "linewidth": 1.6, "alpha": 0.5}),
             (row, {"color": colours[i], "linewidth": 0.8}),
         ):
             drawn, shown = envelope(time, values)
             axes.plot(drawn, i - 0.46 * np.clip(shown / scale[i], -1.05, 1.05), **look)
-        axes.annotate(
-            notes[i], (1.0, i), (5, 0), ("axes fraction", "data"), textcoords="offset points", va="center"
-        )
-    axes.set_yticks(range(count), [literal(e.name, 10) for e in effectors])
-    axes.set_ylim(count - 0.45, -0.55)
-    axes.tick_params(axis="y", length=0)
-    axes.grid(axis="y", visible=False)
-    axes.spines["left"].set_visible(False)
-    axes.annotate("largest", (1.0, 1.0), (5, 4), "axes fraction", textcoords="offset points", color=INK)
+    frame_rows(axes, [e.name for e in effectors], notes, "largest")
     axes.set_title("Deviation from the start")
     share_time([axes], time)
     return figure
@@ -149,11 +141,7 @@ def range_bars(effectors: Sequence[Effector], flown: Array, start: Array) -> Fig
     axes.plot(100 * (start - low) / (high - low), row, "|", color=INK, markersize=9, markeredgewidth=1.4)
     for side in (0, 100):
         axes.axvline(side, **_LIMIT)
-    axes.set_yticks(row, [literal(e.name, 10) for e in effectors])
-    axes.set_ylim(count - 0.45, -0.55)
-    axes.tick_params(axis="y", length=0)
-    axes.grid(axis="y", visible=False)
-    axes.spines["left"].set_visible(False)
+    name_rows(axes, [e.name for e in effectors])
     axes.set_xlim(-4, 104)
     axes.xaxis.set_major_formatter(plain)
     axes.set_xlabel("Position between the lower and the upper limit (%)")

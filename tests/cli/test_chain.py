@@ -10,24 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from freqid.cli.main import run
 from freqid.core.point_file import read_point
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 SCENARIO, MAP = SCENARIOS / "linear.toml", SCENARIOS / "maps" / "linear.toml"
-
-
-@pytest.fixture
-def freqid(capsys):
-    """Run one command in this process; return exit code, stdout and stderr."""
-
-    def call(*arguments):
-        with pytest.raises(SystemExit) as left:
-            run([str(a) for a in arguments])
-        captured = capsys.readouterr()
-        return left.value.code, captured.out, captured.err
-
-    return call
 
 
 @pytest.fixture

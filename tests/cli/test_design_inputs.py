@@ -8,7 +8,6 @@ import h5py
 import numpy as np
 import pytest
 
-from freqid.cli.main import run
 from freqid.core.design_file import read_design, read_inputs
 from freqid.core.errors import DataError
 from freqid.core.point_file import write_point
@@ -43,17 +42,6 @@ limits = [-0.4, 0.4]
 rate_limit = 3.0
 effectiveness = { L = %g, M = 2.0 }
 """
-
-
-@pytest.fixture
-def freqid(capsys):
-    def call(*arguments):
-        with pytest.raises(SystemExit) as left:
-            run([str(a) for a in arguments])
-        captured = capsys.readouterr()
-        return left.value.code, captured.out, captured.err
-
-    return call
 
 
 @pytest.fixture

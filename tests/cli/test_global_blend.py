@@ -12,23 +12,11 @@ import pytest
 import tilt_wing
 
 from freqid.blend.global_model import GlobalModel
-from freqid.cli.main import run
 from freqid.core.global_file import read_global
 from freqid.core.point_file import read_point, write_point
 from freqid.core.record_file import write_record
 
 SEA, HIGH = 1.225, 1.06
-
-
-@pytest.fixture
-def freqid(capsys):
-    def call(*arguments):
-        with pytest.raises(SystemExit) as left:
-            run([str(a) for a in arguments])
-        captured = capsys.readouterr()
-        return left.value.code, captured.out, captured.err
-
-    return call
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from freqid.blend.global_model import GlobalModel
-from freqid.cli.main import run
 from freqid.core.global_file import read_global
 from freqid.core.point_file import read_point
 
@@ -21,17 +20,6 @@ def scenario(tmp_path_factory):
     text = text.replace("net_load = { X = 1, Y = 1, Z = 1, L = 1, M = 1, N = 1 }", "")
     path.write_text(text)
     return path
-
-
-@pytest.fixture
-def freqid(capsys):
-    def call(*arguments):
-        with pytest.raises(SystemExit) as left:
-            run([str(a) for a in arguments])
-        captured = capsys.readouterr()
-        return left.value.code, captured.out, captured.err
-
-    return call
 
 
 def test_a_study_leaves_models_and_a_page_and_is_not_done_twice(freqid, scenario, tmp_path):

@@ -7,9 +7,6 @@ holds the equations and prints every figure.
 
 from __future__ import annotations
 
-import importlib.util
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -17,18 +14,12 @@ from freqid.identify.fourier import FourierPlan, frequency_grid
 from freqid.identify.regression import least_squares
 from freqid.identify.smoothing import local_derivative
 
-SCRIPT = Path(__file__).resolve().parents[2] / "benchmarks" / "equation_error.py"
 CHANNELS = ("air/alpha", "state/q", "effector/de")
 
 
 @pytest.fixture(scope="module")
-def bench():
-    spec = importlib.util.spec_from_file_location("equation_error", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def bench(script):
+    return script("benchmarks/equation_error.py")
 
 
 @pytest.fixture(scope="module")

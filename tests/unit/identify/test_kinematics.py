@@ -1,8 +1,6 @@
 """Injected sensor errors are found within their intervals, and what the data do not tell is named."""
 
-import importlib.util
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,14 +27,8 @@ ARM = (0.7, 0.1, -0.3)
 
 
 @pytest.fixture(scope="module")
-def bench():
-    path = Path(__file__).resolve().parents[3] / "benchmarks" / "kinematics.py"
-    spec = importlib.util.spec_from_file_location("kinematics_bench", path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+def bench(script):
+    return script("benchmarks/kinematics.py")
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,7 @@ from freqid.core.errors import UsageError
 from freqid.core.scenario import Scenario, read_scenario
 from freqid.simulate import effects
 from freqid.simulate.description import parameters
+from freqid.simulate.effects import library
 
 SCENARIO = read_scenario(Path(__file__).resolve().parents[3] / "scenarios" / "la8.toml")[0]
 
@@ -70,7 +71,7 @@ def test_effects_are_set_by_size_or_by_name():
 
 
 def test_every_effect_declares_itself_in_the_file_of_its_name():
-    for identifier, effect in effects.library().items():
+    for identifier, effect in library().items():
         assert effect.id == identifier
         assert effect.meaning.endswith(".")
         assert effect.parameters

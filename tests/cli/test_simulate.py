@@ -190,7 +190,7 @@ def test_what_is_asked_wrongly_is_answered_in_one_sentence(refused, options, sai
 
 def test_a_condition_must_be_chosen_where_there_are_several(refused):
     said = refused(LA8, "--duration", "4.5")
-    assert "the scenario has 24 reference conditions; choose one with --at, such as --at u00" in said
+    assert "the scenario has 32 reference conditions; choose one with --at, such as --at u00" in said
 
 
 def test_without_inputs_a_duration_is_needed(refused):

@@ -25,11 +25,15 @@ class Fit:
         Frequencies in Hz, or times in s.
     measured, modelled : ndarray, shape (n,)
         Complex transforms on frequencies, real values in time.
+    noise : ndarray, shape (n,), optional
+        On frequencies, where noise lines tell it: rms magnitude of a residual that is noise alone, allowing
+        for what the fit takes of it.
     """
 
     axis: Array
     measured: NDArray[Any]
     modelled: NDArray[Any]
+    noise: Array | None = None
 
     @property
     def residual(self) -> NDArray[Any]:
@@ -115,6 +119,9 @@ class ResponseModel:
     distortion : float, optional
         Power of the residual on the harmonics over that of noise, where noise lines tell it: one for a
         response that is linear as far as noise shows.
+    r2_ceiling : float, optional
+        What `r2` would be were the residual on the harmonics noise alone, likewise; a fit may chance to
+        exceed it.
     """
 
     response: str
@@ -143,6 +150,7 @@ class ResponseModel:
     fit: Mapping[str, Fit]
     errors_in_variables: ErrorsInVariables | None = None
     distortion: float | None = None
+    r2_ceiling: float | None = None
 
     @property
     def normalised_difference(self) -> Array:

@@ -15,6 +15,7 @@ from .scenario import Reference
 
 FORMAT = "freqid-point"
 _SCALARS = ("r2", "pse", "rmse", "fit_error")
+_FROM_NOISE_LINES = ("distortion", "r2_ceiling")
 _VECTORS = ("trim", "regressor_rms", "lower", "upper", "t_statistic", "variance_inflation", "condition_index")
 _MATRICES = ("correlation", "variance_proportion")
 # Beside each parameter where it was estimated by instruments: file name to field.
@@ -87,8 +88,9 @@ def _fill_response(file: h5py.File, model: ResponseModel) -> None:
     store.put_json(diagnostics, "inseparable", model.inseparable)
     for name in _SCALARS:
         diagnostics.attrs[name] = getattr(model, name)
-    if model.distortion is not None:
-        diagnostics.attrs["distortion"] = model.distortion
+    for name in _FROM_NOISE_LINES:
+        if getattr(model, name) is not None:
+            diagnostics.attrs[name] = getattr(model, name)
     for name in _VECTORS + _MATRICES:
         store.put(diagnostics, name, getattr(model, name), "mixed" if name in _VECTORS[:4] else "1")
     for domain, fit in model.fit.items():
@@ -103,6 +105,8 @@ def _fill_fit(group: h5py.Group, fit: Fit, axis_unit: str, unit: str) -> None:
     store.put(group, "axis", fit.axis, axis_unit)
     store.put(group, "measured", fit.measured, unit)
     store.put(group, "modelled", fit.modelled, unit)
+    if fit.noise is not None:
+        store.put(group, "noise", fit.noise, unit)
 
 
 def _read_fits(file: h5py.File, name: str) -> dict[str, Fit]:
@@ -112,9 +116,11 @@ def _read_fits(file: h5py.File, name: str) -> dict[str, Fit]:
         group = store.subgroup(file, f"{name}/{key}")
         axis = store.array(group, "axis")
         measured, modelled = (store.dataset(group, n)[()] for n in ("measured", "modelled"))
-        if not axis.shape == np.shape(measured) == np.shape(modelled) or axis.ndim != 1:
+        noise = store.array(group, "noise") if "noise" in group else None
+        shapes = {np.shape(v) for v in (axis, measured, modelled, axis if noise is None else noise)}
+        if len(shapes) > 1 or axis.ndim != 1:
             raise ValueError(f"fit '{name}/{key}' has histories of different lengths")
-        fits[key] = Fit(axis, measured, modelled)
+        fits[key] = Fit(axis, measured, modelled, noise)
     return fits
 
 
@@ -163,6 +169,7 @@ def _read_response(file: h5py.File, response: str) -> ResponseModel:
     p = len(names)
     expected = dict.fromkeys(_VECTORS, (p,)) | {"correlation": (p, p)}
     figures: dict[str, Any] = {name: store.floats(diagnostics, name)[0] for name in _SCALARS}
+    figures |= {name: next(iter(store.floats(diagnostics, name)), None) for name in _FROM_NOISE_LINES}
     figures |= {name: store.array(diagnostics, name) for name in _VECTORS + _MATRICES}
     for name, shape in expected.items():
         if name != "condition_index" and figures[name].shape != shape:
@@ -183,7 +190,6 @@ def _read_response(file: h5py.File, response: str) -> ResponseModel:
         inseparable=tuple(tuple(group) for group in store.get_json(diagnostics, "inseparable")),
         fit=_read_fits(file, f"fit/{response}"),
         errors_in_variables=beside,
-        distortion=next(iter(store.floats(diagnostics, "distortion")), None),
         **figures,
     )
 

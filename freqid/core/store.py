@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from .. import __version__
 from .errors import DataError
 
-VERSION = "1.0"  # of the file layout; the major number changes when an old release could misread a file
+VERSION = "1.1"  # of the file layout; the major number changes when an old release could misread a file
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from freqid.core.models import Fit, ResponseModel
 from freqid.identify.equations import real_equations
 from freqid.identify.estimators import estimate
 from freqid.identify.line_equations import LineEquations, on_lines
-from freqid.identify.noise_lines import Noise, correct_by_noise_lines, distortion, noise_lines
+from freqid.identify.noise_lines import Noise, correct_by_noise_lines, noise_lines, noise_power
 from freqid.identify.problem import Problem, numbered
 from freqid.identify.regression import LeastSquares
 from freqid.identify.trend import up_to
@@ -102,14 +102,15 @@ def fit_lines(
             for e, t in zip(residuals, durations, strict=True)
         ]
         mean = np.array([w.mean(dt)[rows] for w, dt in zip(problem.wrench, problem.dt, strict=True)])
+        noise = None if between is None else between.power(found.fit, rows, columns)
         models |= problem.models(
             rows,
             columns,
             found,
             bias=(problem.share @ mean, np.sqrt(problem.share**2 @ np.array(error))),
             rmse=np.sqrt(problem.share @ np.array(square)),
-            fits=_fits(problem, rows, columns, found.fit, equations, mean),
-            distortion=None if between is None else between.distortion(found.fit, rows, columns),
+            fits=_fits(problem, rows, columns, found.fit, equations, mean, noise),
+            noise=None if noise is None else _beside_noise(found.fit, noise),
         )
     return models
 
@@ -153,15 +154,20 @@ class _NoiseEquations:
             noise.append(Noise(f, np.abs(weight * (residual - own @ e.nuisance)) ** 2 / freed))
         return noise
 
-    def distortion(self, fit: LeastSquares, rows: list[int], columns: list[int]) -> Array:
-        """Return the mean ratio of the residual's power on the harmonics to that of noise, shape (R,)."""
-        power = np.abs(fit.residual) ** 2 / np.maximum(1 - fit.leverage / 2, 0.1)
-        each = np.split(power, len(self.equations), axis=1)
-        ratios = [
-            distortion(p, self.harmonics_hz, n)
-            for p, n in zip(each, self.left(fit, rows, columns), strict=True)
-        ]
-        return np.mean(ratios, axis=0)
+    def power(self, fit: LeastSquares, rows: list[int], columns: list[int]) -> Array:
+        """Return the power of a residual on the harmonics that is noise alone, shape (R, S M).
+
+        Of the two equations of a line the fit takes the leverage away.
+        """
+        noise = [noise_power(self.harmonics_hz, n) for n in self.left(fit, rows, columns)]
+        return np.concatenate(noise, axis=1) * np.maximum(1 - fit.leverage / 2, 0.1)
+
+
+def _beside_noise(fit: LeastSquares, noise: Array) -> tuple[Array, Array]:
+    """Return how much more the residual is than noise, and the R2 that noise allows, shape (R,)."""
+    with np.errstate(divide="ignore", invalid="ignore"):  # a response that is zero throughout
+        ratio = np.mean(np.abs(fit.residual) ** 2 / noise, axis=1)
+        return ratio, 1.0 - noise.sum(axis=1) / fit.total_square
 
 
 def _fits(
@@ -171,17 +177,21 @@ def _fits(
     fit: LeastSquares,
     equations: LineEquations,
     mean: Array,
+    noise: Array | None,
 ) -> list[dict[str, Fit]]:
     """Return measured and modelled, on lines and in time up to the highest line, by response."""
     fits: list[dict[str, Fit]] = [{} for _ in rows]
     lines, highest = equations.lines_hz, float(equations.lines_hz[-1])
     spectra, residuals = equations.each(equations.z[rows]), equations.each(fit.residual)
+    alone = None if noise is None else equations.each(np.sqrt(noise))
     for m, (x, wrench, dt) in enumerate(zip(problem.x, problem.wrench, problem.dt, strict=True)):
         measured = up_to(wrench.history(dt)[rows], dt, highest)
         modelled = up_to(fit.estimate @ x[columns] + mean[m][:, None], dt, highest)
         time = dt * np.arange(x.shape[1])
         for i in range(len(rows)):
             z = spectra[m][i]
-            fits[i][numbered("frequency", m)] = Fit(lines, z, z - residuals[m][i])
+            fits[i][numbered("frequency", m)] = Fit(
+                lines, z, z - residuals[m][i], None if alone is None else alone[m][i]
+            )
             fits[i][numbered("time", m)] = Fit(time, measured[i], modelled[i])
     return fits

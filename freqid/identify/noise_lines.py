@@ -126,17 +126,15 @@ def correct_by_noise_lines(
     )
 
 
-def distortion(residual_power: Array, lines_hz: Array, noise: Noise) -> Array:
-    """Return by how much a residual on the harmonics exceeds noise: mean ratio of powers, shape (R,).
+def noise_power(lines_hz: Array, noise: Noise) -> Array:
+    """Return the power of noise on harmonics: a weighted mean of the noise lines near by, shape (R, M).
 
     Parameters
     ----------
-    residual_power : ndarray, shape (R, M)
-        Per harmonic, allowing for what the fit has taken.
     lines_hz : ndarray, shape (M,)
     noise : Noise
     """
-    return np.mean(residual_power / (_weights(lines_hz, noise.lines_hz) @ noise.power.T).T, axis=1)
+    return (_weights(lines_hz, noise.lines_hz) @ noise.power.T).T
 
 
 def _weights(at: Array, lines: Array) -> Array:

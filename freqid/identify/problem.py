@@ -108,7 +108,7 @@ class Problem:
         bias: tuple[Array, Array],
         rmse: Array,
         fits: Sequence[dict[str, Fit]],
-        distortion: Array | None = None,
+        noise: tuple[Array, Array] | None = None,
     ) -> dict[str, ResponseModel]:
         """Collect what an estimate says about its responses.
 
@@ -121,7 +121,8 @@ class Problem:
             Responses at the trim and their standard errors.
         rmse : ndarray, shape (R,)
         fits : sequence of dict of str to Fit, length R
-        distortion : ndarray, shape (R,), optional
+        noise : tuple of 2 ndarray, shape (R,), optional
+            Distortion, and the R2 that noise allows.
         """
         fit, nuisance = found.fit, len(found.fit.nuisance_names)
         lower, upper = fit.interval(self.settings.confidence)
@@ -154,7 +155,8 @@ class Problem:
                 inseparable=fit.collinearity.inseparable(),
                 fit=fits[i],
                 errors_in_variables=found.errors_in_variables[i],
-                distortion=None if distortion is None else float(distortion[i]),
+                distortion=None if noise is None else float(noise[0][i]),
+                r2_ceiling=None if noise is None else float(noise[1][i]),
             )
         return models
 

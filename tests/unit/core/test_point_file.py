@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from freqid.core.point_file import read_point, write_point
 from freqid.core.scenario import Reference
 
 
-def response(beside):
+def response(beside, noise=None):
     vector, square = np.array([1.0, -2.0]), np.array([[0.04, 0.01], [0.01, 0.09]])
     axis = np.array([0.1, 0.2, 0.3])
     return ResponseModel(
@@ -37,7 +39,7 @@ def response(beside):
         condition_index=np.array([1.0, 2.0]),
         variance_proportion=np.eye(2),
         inseparable=(),
-        fit={n: Fit(axis, axis + 1j, axis) for n in ("frequency", "frequency 2")}
+        fit={n: Fit(axis, axis + 1j, axis, noise) for n in ("frequency", "frequency 2")}
         | {n: Fit(axis, axis, axis) for n in ("time", "time 2")},
         errors_in_variables=beside,
     )
@@ -80,3 +82,23 @@ def test_both_estimates_and_all_remarks_are_kept(tmp_path, beside):
             np.testing.assert_array_equal(getattr(back["Z"].errors_in_variables, name), getattr(beside, name))
         np.testing.assert_allclose(back["Z"].normalised_difference, [2.0, -5.0])
         assert back["Z"].differing == ("de",)
+
+
+def test_what_noise_lines_tell_is_kept_and_absent_where_there_are_none(tmp_path):
+    model = PointModel(
+        reference=Reference(id="u45", u=13.7, rho=1.2),
+        responses={"Z": response(None), "X": replace(response(None, 0.1 * np.arange(3)), response="X")},
+        method="frequency",
+        form="force",
+        axes="body",
+        confidence=0.95,
+        duration=120.0,
+        vehicle="test",
+    )
+    model.responses["X"] = replace(model["X"], distortion=1.3, r2_ceiling=0.98)
+    write_point(tmp_path / "p.h5", model)
+    back = read_point(tmp_path / "p.h5")
+    assert (back["X"].distortion, back["X"].r2_ceiling) == (1.3, 0.98)
+    np.testing.assert_array_equal(back["X"].fit["frequency 2"].noise, [0.0, 0.1, 0.2])
+    assert back["X"].fit["time"].noise is None
+    assert (back["Z"].distortion, back["Z"].r2_ceiling, back["Z"].fit["frequency"].noise) == (None,) * 3

@@ -111,7 +111,7 @@ def spoil(path, change):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda f: f.attrs.__setitem__("version", "2.0"), "newer than 1.0"),
+        (lambda f: f.attrs.__setitem__("version", "2.0"), "newer than 1.1"),
         (lambda f: f.attrs.__setitem__("format", "freqid-point"), "expected 'freqid-record'"),
         (lambda f: f.attrs.__delitem__("format"), "found format 'none'"),
         (lambda f: f.__delitem__("state/q"), "damaged or incomplete"),

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from math import inf
 from typing import Any, Literal
+
+Stage = Literal["command", "airframe", "mass", "sensor", "environment"]
 
 
 @dataclass(frozen=True)
@@ -19,43 +22,72 @@ class Parameter:
         SI, ``"1"`` for a pure number.
     meaning : str
         A phrase.
+    scale : float
+        A change that would be plausible and would matter: one sigma of what is expected before any data,
+        and the step by which differences are taken.
+    low, high : float
+        What the parameter may be.
     """
 
     default: float
     unit: str
     meaning: str
+    scale: float = 1.0
+    low: float = -inf
+    high: float = inf
 
 
 @dataclass(frozen=True)
 class Effect:
-    """One physical effect; its file in this folder holds one of these as ``EFFECT``.
+    """One physical effect; its file in this folder, or a user's own, holds one of these as ``EFFECT``.
+
+    Whatever it does it does through the hooks below, and the same hooks serve flight, replay and fitting.
+    An effect without any acts inside the simulation's physics, where its settings are read, and can be
+    tested in simulations that have it.
 
     Attributes
     ----------
     id : str
         Also the file's name.
-    stage : {"command", "airframe", "sensor", "environment"}
+    stage : {"command", "airframe", "mass", "sensor", "environment"}
         Where in the flight it acts.
     meaning : str
         A sentence.
     parameters : dict of Parameter
         By name. The first one is the effect's size: at zero the effect is absent.
     needs : tuple of str
-        Fields of the vehicle or sections of ``[simulation]`` without which it cannot be computed.
+        Fields of the vehicle, channels of the record or sections of ``[simulation]`` without which it
+        cannot be computed.
     states : dict of str
         Unit by name of the memory that the flight's scan keeps for it.
     add : callable, optional
         ``add(settings, situation) -> Wrench`` of an airframe effect that comes on top of the airframe's
-        loads; `situation` is an `airframe.Situation`. Effects that act inside the physics have none.
+        loads at one instant; `situation` is an `airframe.Situation`.
+    replay : callable, optional
+        ``replay(settings, replay) -> ndarray (6, sample)``: what the effect adds to X Y Z L M N (moments
+        about the centre of gravity) over a whole record, numpy; `replay` is a `freqid.gap.replay.Replay`.
+        For simulations that know nothing of the effect.
+    act : callable, optional
+        ``act(settings, signals, dt, kinds) -> signals`` of a command effect: positions of effectors by name,
+        shape (sample,), as the effect makes them of positions without it; `kinds` by effector name.
+    distort : callable, optional
+        ``distort(settings, record) -> record`` of a sensor or environment effect: the log that the effect
+        makes of a log without it.
+    load : callable, optional
+        ``load(settings, vehicle) -> Vehicle`` of a mass effect: the vehicle with it.
     """
 
     id: str
-    stage: Literal["command", "airframe", "sensor", "environment"]
+    stage: Stage
     meaning: str
     parameters: dict[str, Parameter]
     needs: tuple[str, ...] = ()
     states: dict[str, str] = field(default_factory=dict)
     add: Callable[[dict[str, Any], Any], Any] | None = None
+    replay: Callable[[dict[str, float], Any], Any] | None = None
+    act: Callable[[dict[str, float], dict[str, Any], float, dict[str, str]], dict[str, Any]] | None = None
+    distort: Callable[[dict[str, float], Any], Any] | None = None
+    load: Callable[[dict[str, float], Any], Any] | None = None
 
     @property
     def size(self) -> str:

@@ -1,0 +1,92 @@
+"""What a diagnosis asks of a simulation, whoever wrote it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.record import FlightRecord
+from freqid.core.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+Settings = Mapping[str, Mapping[str, float]]
+
+
+class Simulation(Protocol):
+    """A simulation that is replayed on what an aircraft flew; ``connect/`` holds one adapter a file.
+
+    Attributes
+    ----------
+    name : str
+        For messages and reports.
+    kind : {"scenario", "callable", "predictions", "fmu", "jsbsim"}
+    responses : tuple of str
+        What it predicts: among X Y Z L M N, N and N m about the instantaneous centre of gravity, their
+        coefficients CX ... Cn, or state channels such as q.
+    vehicle : Vehicle or None
+        As the simulation has it; None where it does not say.
+    effects : dict of dict of float
+        Effects that it models itself, with the settings in force: these are tested as errors in them.
+    parts : tuple of str
+        Fields that effects may need and the vehicle does not have, ``simulation.airframe.wake`` for one.
+    """
+
+    name: str
+    kind: str
+    responses: tuple[str, ...]
+    vehicle: Vehicle | None
+    effects: Settings
+    parts: tuple[str, ...]
+
+    def predict(self, record: FlightRecord, effects: Settings | None = None) -> Array:
+        """Return the responses on the record's own states and effector positions, shape (response, sample).
+
+        Parameters
+        ----------
+        record : FlightRecord
+        effects : dict of dict of float, optional
+            In place of the settings in force.
+
+        Raises
+        ------
+        DataError
+            Where the record lacks a channel, or the prediction is not finite or has a wrong shape.
+        """
+        ...
+
+    def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
+        """Return the derivatives of the responses by inputs along the record.
+
+        Parameters
+        ----------
+        record : FlightRecord
+        inputs : sequence of str
+            Channels by ``group/name``: ``state/u``, ``effector/de1``.
+
+        Returns
+        -------
+        ndarray, shape (response, input, sample)
+        """
+        ...
+
+    def positions(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array]:
+        """Return the positions that its actuators make of the record's commands, by effector name.
+
+        Empty where the simulation has no actuators; then no effect of theirs can be tested.
+        """
+        ...
+
+    def fly(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array] | None:
+        """Return the state channels of its own flight under the record's injected signals, by name.
+
+        None where it cannot fly. In closed loop where the simulation has a control law.
+
+        Raises
+        ------
+        DataError
+            Where it diverges, with the time.
+        """
+        ...

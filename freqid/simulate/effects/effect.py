@@ -70,6 +70,10 @@ class Effect:
     act : callable, optional
         ``act(settings, signals, dt, kinds) -> signals`` of a command effect: positions of effectors by name,
         shape (sample,), as the effect makes them of positions without it; `kinds` by effector name.
+    feel : callable, optional
+        ``feel(settings, signals, dt, kinds) -> signals``: like `act`, but of what lies between the measured
+        position and the airframe: positions that the airframe feels, of positions as they are measured. A
+        surface that has lost effectiveness, backlash behind the servo, a weak propeller.
     distort : callable, optional
         ``distort(settings, record) -> record`` of a sensor or environment effect: the log that the effect
         makes of a log without it.
@@ -86,6 +90,7 @@ class Effect:
     add: Callable[[dict[str, Any], Any], Any] | None = None
     replay: Callable[[dict[str, float], Any], Any] | None = None
     act: Callable[[dict[str, float], dict[str, Any], float, dict[str, str]], dict[str, Any]] | None = None
+    feel: Callable[[dict[str, float], dict[str, Any], float, dict[str, str]], dict[str, Any]] | None = None
     distort: Callable[[dict[str, float], Any], Any] | None = None
     load: Callable[[dict[str, float], Any], Any] | None = None
 

@@ -90,6 +90,28 @@ def stability_from_body(alpha: float) -> Array:
     return turn_about_y(np.eye(3), alpha)
 
 
+def level_from_body(attitude: Array) -> Array:
+    """Return the matrices, shape (3, 3, ...), that take body components to north, east and down.
+
+    Parameters
+    ----------
+    attitude : ndarray, shape (3, ...)
+        phi theta psi, rad.
+
+    References
+    ----------
+    Klein & Morelli, Aircraft System Identification, 2nd ed., chapter 3, Euler angles.
+    """
+    (cf, ct, cp), (sf, st, sp) = np.cos(attitude), np.sin(attitude)
+    return np.array(
+        [
+            [ct * cp, sf * st * cp - cf * sp, cf * st * cp + sf * sp],
+            [ct * sp, sf * st * sp + cf * cp, cf * st * sp - sf * cp],
+            [-st, sf * ct, cf * ct],
+        ]
+    )
+
+
 def flow_angles(velocity: Array) -> tuple[Array, Array, Array]:
     """Return airspeed, angle of attack and angle of sideslip.
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from freqid.core.frames import cross
+from freqid.core.frames import cross, level_from_body
 
 Array = NDArray[np.float64]
 
@@ -156,14 +156,7 @@ def running_integral(x: Array, dt: float) -> Array:
 
 def attitude_matrix(phi: float, theta: float, psi: float) -> Array:
     """Return the turn from body to north, east, down, shape (3, 3), of Euler angles, rad."""
-    (cf, ct, cp), (sf, st, sp) = np.cos([phi, theta, psi]), np.sin([phi, theta, psi])
-    return np.array(
-        [
-            [ct * cp, sf * st * cp - cf * sp, cf * st * cp + sf * sp],
-            [ct * sp, sf * st * sp + cf * cp, cf * st * sp - sf * cp],
-            [-st, sf * ct, cf * ct],
-        ]
-    )
+    return level_from_body(np.array([phi, theta, psi]))
 
 
 def euler_angles(turn: Array) -> Array:

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from ..core.channels import si_unit, split
 from ..core.errors import DataError, UsageError, nearest
-from ..core.frames import cross, flow_angles, specific_force_at
+from ..core.frames import cross, flow_angles, level_from_body, specific_force_at
 from ..core.record import Channel, FlightRecord
 from ..core.scenario import Scenario
 from ..core.toml import convert
@@ -20,11 +20,13 @@ from ..core.vehicle import Strict, Vector, Vehicle
 Array = NDArray[np.float64]
 
 _VELOCITY = ("state/u", "state/v", "state/w")
+_GROUND = ("state/vn", "state/ve", "state/vd")
+_ATTITUDE = ("state/phi", "state/theta", "state/psi")
 _RATES = ("state/p", "state/q", "state/r")
 _ANGULAR_ACCELERATIONS = ("state/pdot", "state/qdot", "state/rdot")
 _SPECIFIC_FORCES = ("state/ax", "state/ay", "state/az")
 _FLOW = ("air/V", "air/alpha", "air/beta")
-_PLACED = {*_VELOCITY, *_SPECIFIC_FORCES, *_FLOW}  # depend on where the sensor is
+_PLACED = {*_VELOCITY, *_GROUND, *_SPECIFIC_FORCES, *_FLOW}  # depend on where the sensor is
 _TURNING = ("state/phi", "state/psi", "air/alpha")  # may jump by a full turn, which no spline survives
 _ORIGIN = (0.0, 0.0, 0.0)
 _EXACT = ("command", "excitation")  # groups that the flight computer knows without measuring
@@ -50,8 +52,8 @@ class Sensor(Strict, frozen=True):
     position_m : tuple of 3 floats, optional
         Of accelerometers and flow sensors in vehicle axes; the vehicle's origin where absent.
     senses : {"air", "ground", "tube"}
-        Which velocity u, v, w and the airspeed are: relative to the air, over the ground, or only what a
-        tube along x meets.
+        Whether it meets the air (u v w, airspeed, flow angles), sees the ground (vn ve vd, which is all
+        that such a sensor can log of velocity), or is a tube along x (airspeed).
     blind_below : float
         Airspeed below which a tube reads zero, m/s.
     upwash : float
@@ -81,6 +83,12 @@ class Sensor(Strict, frozen=True):
                 split(channel)
             except DataError as error:
                 raise ValueError(str(error)) from None
+        for channel in {*_VELOCITY, *_FLOW} & set(self.channels) if self.senses == "ground" else ():
+            raise ValueError(
+                f"'{channel}' is relative to the air, but senses is 'ground', expected {' '.join(_GROUND)}"
+            )
+        for channel in set(_GROUND) & set(self.channels) if self.senses != "ground" else ():
+            raise ValueError(f"'{channel}' is over the ground, but senses is '{self.senses}'")
 
 
 Suite = dict[str, Sensor]
@@ -209,7 +217,8 @@ def _sensed(truth: FlightRecord, wind: Array, sensor: Sensor) -> dict[str, Array
         sensed |= dict(zip(_SPECIFIC_FORCES, moved, strict=True))
     velocity = truth.matrix(_VELOCITY) + cross(rates, np.broadcast_to(offset[:, None], rates.shape))
     if sensor.senses == "ground":
-        velocity = velocity + wind
+        over_ground = np.einsum("ijn,jn->in", level_from_body(truth.matrix(_ATTITUDE)), velocity + wind)
+        return sensed | dict(zip(_GROUND, over_ground, strict=True))
     speed, alpha, beta = flow_angles(velocity)
     if sensor.senses == "tube":
         speed = velocity[0]

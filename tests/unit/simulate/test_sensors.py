@@ -98,11 +98,26 @@ def test_vanes_feel_upwash_and_the_turning_at_their_place():
     assert np.allclose(logged(sensor, flight)["air/alpha"], expected)
 
 
-def test_a_ground_velocity_has_the_wind_in_it():
-    wind = np.array([[-5.0], [1.0], [0.0]]) + CALM
-    sensor = Sensor(channels=("state/u", "state/v", "state/w"), rate_hz=100.0, senses="ground")
-    record = logged(sensor, wind=wind)
-    assert np.allclose(record.matrix(("state/u", "state/v", "state/w")).T, [15.0, 1.0, 0.0])
+def test_a_ground_velocity_is_north_east_down_and_has_the_wind_in_it():
+    # Nose east, 30 deg up, banked: rotations one after another, written out.
+    turns = (0.4, np.pi / 6, np.pi / 2)
+    cf, sf, ct, st = np.cos(turns[0]), np.sin(turns[0]), np.cos(turns[1]), np.sin(turns[1])
+    roll = np.array([[1, 0, 0], [0, cf, -sf], [0, sf, cf]])
+    pitch = np.array([[ct, 0, st], [0, 1, 0], [-st, 0, ct]])
+    yaw = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    flight = truth(state_phi=turns[0], state_theta=turns[1], state_psi=turns[2], state_q=0.5)
+    wind = np.array([[3.0], [-2.0], [1.0]]) + CALM
+    place = (0.0, 0.0, 2.0)
+    names = ("state/vn", "state/ve", "state/vd")
+    record = logged(Sensor(channels=names, rate_hz=100.0, senses="ground", position_m=place), flight, wind)
+    expected = yaw @ pitch @ roll @ (np.array([20.0 + 0.5 * 2.0, 0, 0]) + wind[:, 0])
+    assert np.allclose(record.matrix(names), expected[:, None])
+    assert "state/u" not in record
+    for channel in ("state/u", "air/V"):
+        with pytest.raises(ValueError, match=f"'{channel}' is relative to the air, but senses is 'ground'"):
+            Sensor(channels=(channel,), rate_hz=100.0, senses="ground")
+    with pytest.raises(ValueError, match="'state/vn' is over the ground, but senses is 'air'"):
+        Sensor(channels=("state/vn",), rate_hz=100.0)
 
 
 def test_a_pitot_tube_meets_only_what_comes_from_ahead_and_is_blind_below_its_speed():
@@ -140,9 +155,9 @@ def test_heading_through_south_stays_smooth():
 def test_the_suites_of_the_scenario_log_what_identification_needs(name):
     record = measure(truth(), CALM, suite(SCENARIO, name), 100.0, 0)
     effectors = {f"effector/{e.name}" for e in VEHICLE.effectors}
-    wanted = {
-        f"state/{n}" for n in ("u", "v", "w", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az", "alt")
-    }
+    velocity = ("u", "v", "w") if name == "research" else ("vn", "ve", "vd")  # GPS sees the ground only
+    states = (*velocity, "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az", "alt")
+    wanted = {f"state/{n}" for n in states}
     assert wanted | effectors | {"air/rho", "air/V"} <= set(record.channels)
     assert ("air/alpha" in record) == (name == "research")  # nobody owns vanes
     assert 10 <= record.channel("effector/n1").native_rate_hz <= 100

@@ -20,6 +20,7 @@ import numpy as np
 
 from freqid.core.design import SampledInputs
 from freqid.core.scenario import Reference, Scenario, read_scenario
+from freqid.design.finish import finish
 from freqid.design.multisine import design_multisines, sampled
 from freqid.simulate import attitude, turbulence
 from freqid.simulate.fly import Flight, fly_batch, sortie
@@ -73,7 +74,8 @@ def main() -> None:
     excitation = scenario.excitation
     assert excitation is not None
     once = msgspec.structs.replace(excitation, periods=1)
-    inputs = sampled(design_multisines(once, scenario.effector, seed=1))
+    searched = design_multisines(once, scenario.effector, seed=1)
+    inputs = sampled(finish(searched, once, scenario.effector).design)
     rows = []
     for case, options in CASES.items():
         for at, flight in flights(scenario, inputs, **options):

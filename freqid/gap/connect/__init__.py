@@ -1,0 +1,1 @@
+"""How simulations of every kind are connected: one adapter a file."""

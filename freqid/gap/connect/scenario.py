@@ -1,0 +1,318 @@
+"""The tilt-wing simulation of a scenario, as a simulation to be diagnosed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal
+
+import jax
+import jax.numpy as jnp
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from freqid.core.channels import KNOWN, WRENCH, split
+from freqid.core.design import SampledInputs
+from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.frames import cross, specific_force_at
+from freqid.core.record import FlightRecord
+from freqid.core.scenario import Reference, Scenario
+from freqid.core.vehicle import Vehicle
+from freqid.gap.connect import loads, servos
+from freqid.gap.connect.flow import RATES, density, velocity
+from freqid.gap.simulation import Settings
+from freqid.identify.smoothing import local_derivative
+from freqid.simulate import effects as library
+from freqid.simulate import motion, multibody
+from freqid.simulate.actuators import Commands, by_kind
+from freqid.simulate.atmosphere import altitude_of
+from freqid.simulate.battery import charge_rate, power
+from freqid.simulate.effects import actuator_delay, battery_sag
+from freqid.simulate.fly import Flight, fly, sortie
+from freqid.simulate.lq import ClosedLoop, close_loop
+from freqid.simulate.maneuver import with_effects
+from freqid.simulate.quantities import Flow, Positions
+from freqid.simulate.small_motion import HEIGHT
+from freqid.simulate.truth import truth_of
+
+Array = NDArray[np.float64]
+
+MOTION = ("state/u", "state/v", "state/w", *RATES, "air/rho", "state/alt")
+_FORCES = ("state/ax", "state/ay", "state/az")
+_ACCELERATIONS = ("state/pdot", "state/qdot", "state/rdot")
+_GRID_HZ = 10.0  # of the states at which derivatives are taken: beyond what is excited
+
+
+@dataclass(frozen=True, eq=False)
+class ScenarioSimulation:
+    """The simulation that a scenario describes; methods as in `freqid.gap.simulation.Simulation`.
+
+    Moments are about the centre of gravity that the record's mass properties give, else the scenario's.
+
+    Attributes
+    ----------
+    scenario : Scenario
+    name : str
+    """
+
+    scenario: Scenario
+    name: str = "scenario"
+    kind: Literal["scenario"] = "scenario"
+    responses: tuple[str, ...] = WRENCH
+    _loops: dict[str, ClosedLoop] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def vehicle(self) -> Vehicle:
+        """As the scenario describes it."""
+        return self.scenario.aircraft()
+
+    @cached_property
+    def effects(self) -> dict[str, dict[str, float]]:
+        """Settings in force."""
+        return library.settings(self.scenario.simulation.effects)
+
+    @cached_property
+    def parts(self) -> tuple[str, ...]:
+        """Tables of ``[simulation]`` and what they hold, by dotted path."""
+        return tuple(_paths("simulation", msgspec.structs.asdict(self.scenario.simulation)))
+
+    def predict(self, record: FlightRecord, effects: Settings | None = None) -> Array:
+        """Return the wrench on the record's states and positions, shape (6, sample)."""
+        found = loads.wrench(
+            self._airframe(effects), self._mass(record), self._along(record), record.time - record.time[0]
+        )
+        bad = np.flatnonzero(~np.isfinite(found).all(axis=0))
+        if bad.size:
+            raise DataError(
+                f"the prediction is not finite at t = {record.time[bad[0]]:.4g} s",
+                where=self.name,
+                remedy="check the record's states and positions there",
+            )
+        return found
+
+    def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
+        """Return derivatives by channels along the record, shape (6, input, sample).
+
+        Exact at smoothed states a tenth of a second apart, straight between them; the wake is steady. A
+        channel that the airframe does not feel has zeros.
+        """
+        place = record.channels[MOTION[0]].position_m if MOTION[0] in record else None
+        sensor = np.array(place or (0.0, 0.0, 0.0))
+        at, grid = self._smoothed(record)
+        found = loads.derivatives(self._airframe(None), self._mass(record), at, sensor)
+        kinds = by_kind(self.vehicle, np.arange(len(self.vehicle.effectors)))
+        columns = np.concatenate([np.asarray(k) for k in kinds])
+        by_effector = np.empty((len(WRENCH), columns.size, grid.size))
+        by_effector[:, columns] = np.concatenate(found[1:], axis=1)
+        names = [e.name for e in self.vehicle.effectors]
+        out = np.zeros((len(WRENCH), len(inputs), record.time.size))
+        for i, channel in enumerate(inputs):
+            group, name = split(channel)
+            if channel in MOTION:
+                coarse = found[0][:, MOTION.index(channel)]
+            elif group == "effector" and name in names:
+                coarse = by_effector[:, names.index(name)]
+            elif group in KNOWN:
+                continue
+            else:
+                raise UsageError(
+                    f"the simulation has no input '{channel}'",
+                    where=self.name,
+                    remedy=nearest(name, names),
+                )
+            out[:, i] = [np.interp(record.time, grid, row) for row in coarse]
+        return out
+
+    def positions(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array]:
+        """Return positions by effector: servos, tilt drives and motors at the record's commands.
+
+        The injected signal is straight between samples, the control law's part a cubic spline. The voltage
+        is the record's, else the scenario's battery under the rotors' load. Effectors without a command
+        are left out.
+        """
+        names = [e.name for e in self.vehicle.effectors]
+        commanded = [n for n in names if f"command/{n}" in record]
+        if not commanded:
+            return {}
+        settings = self._settings(effects)
+        time = record.time - record.time[0]
+        steps = int(np.ceil(time[-1] / servos.STEP - 1e-9)) + 1
+        fine = servos.STEP * np.arange(steps + 1, dtype=float)
+        act = motion.parameters(self._scenario(effects)).actuators
+        sent, rest = np.zeros((len(names), steps)), np.zeros(len(names))
+        ratio = self._voltage_ratio(record, settings, act, fine)
+        late = actuator_delay.delays(_leaves(settings["actuator_delay"]), act.delay)
+        kinds = self.vehicle.effector_kinds
+        delays = {"surface": late.surface, "tilt": late.tilt, "rotor": late.speed}
+        for row, name in enumerate(names):
+            if name not in commanded:
+                continue
+            injected = record[f"excitation/{name}"] if f"excitation/{name}" in record else np.zeros_like(time)
+            law = record[f"command/{name}"] - injected
+            step_values = CubicSpline(time, law)(np.minimum(fine, time[-1]))
+            step_values = step_values + np.interp(fine, time, injected)
+            at = np.arange(steps) - float(delays[kinds[name]]) / servos.STEP
+            sent[row] = np.interp(at, np.arange(-1, steps + 1), np.concatenate([law[:1], step_values]))
+            held = law[0] * (ratio[0] if kinds[name] == "rotor" else 1.0)
+            rest[row] = record[f"effector/{name}"][0] if f"effector/{name}" in record else held
+        found = servos.follow(
+            act,
+            _leaves(settings["actuator_lag"]),
+            _by_kind(self.vehicle, sent.T),
+            ratio,
+            _by_kind(self.vehicle, rest),
+        )
+        rows = np.empty((steps, len(names)))
+        for columns, values in zip(by_kind(self.vehicle, np.arange(len(names))), found, strict=True):
+            rows[:, np.asarray(columns)] = values
+        spline = CubicSpline(fine[:steps], rows)(time)
+        return {n: spline[:, names.index(n)] for n in commanded}
+
+    def fly(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array]:
+        """Return the states of its own closed-loop flight from the record's reference, by name.
+
+        Calm air; velocities and specific forces where the record's sensors are.
+        """
+        scenario, reference = self._scenario(effects), self._reference(record)
+        excited = record.group("excitation")
+        inputs = SampledInputs(
+            excited,
+            tuple(record.channel(f"excitation/{n}").unit for n in excited),
+            record.time - record.time[0],
+            record.matrix(f"excitation/{n}" for n in excited).reshape(len(excited), -1),
+        )
+        key = msgspec.json.encode([self._settings(effects), reference]).decode()
+        if key not in self._loops:
+            self._loops[key] = close_loop(scenario, reference)
+        flight = fly(
+            sortie(
+                scenario, self._loops[key], reference, inputs if excited else None, duration=record.duration
+            )
+        )
+        if flight.divergence:
+            raise DataError(
+                f"the simulation's own flight fails: {flight.divergence}",
+                where=self.name,
+                remedy="compare by replay on the flown states, or lower the inputs",
+            )
+        return _as_measured(scenario, flight, record)
+
+    def _settings(self, changed: Settings | None) -> dict[str, dict[str, float]]:
+        """Return the settings of every effect with some of them changed."""
+        return {i: {**s, **(changed or {}).get(i, {})} for i, s in self.effects.items()}
+
+    def _scenario(self, changed: Settings | None) -> Scenario:
+        return (
+            with_effects(self.scenario, {i: dict(s) for i, s in changed.items()})
+            if changed
+            else self.scenario
+        )
+
+    @cached_property
+    def _parameters(self) -> motion.Parameters:
+        return jax.tree.map(jnp.asarray, motion.parameters(self.scenario))
+
+    def _airframe(self, changed: Settings | None):
+        if not changed:
+            return self._parameters.airframe
+        self._scenario(changed)  # says what is unknown
+        leaves = {i: _leaves(s) for i, s in self._settings(changed).items()}
+        return self._parameters.airframe._replace(effects=leaves)
+
+    def _mass(self, record: FlightRecord) -> multibody.MassModel:
+        if record.mass_properties is None:
+            return self._parameters.mass
+        return multibody.mass_model(
+            msgspec.structs.replace(self.vehicle, mass_properties=record.mass_properties)
+        )
+
+    def _reference(self, record: FlightRecord) -> Reference:
+        if record.reference:
+            return self.scenario.reference_of(record.reference)
+        tilts = [f"effector/{w.tilt}" for w in self.vehicle.wings]
+        means = {f"dw{i + 1}": float(record[t].mean()) for i, t in enumerate(tilts) if t in record}
+        u = float(velocity(record, (0.0, 0.0, 0.0))[0].mean())
+        return Reference(id="record", u=u, rho=float(density(record, 1.225).mean()), **means)
+
+    def _along(self, record: FlightRecord) -> loads.Along:
+        """Return what the airframe feels, at the vehicle's origin, with a sample axis in front."""
+        known = [at.rho for at in self.scenario.reference if at.id == record.reference]
+        rho: Any = density(record, known[0] if known else 1.225)
+        level = altitude_of(known[0] if known else float(rho.mean())) - HEIGHT
+        height: Any = record["state/alt"] - level if "state/alt" in record else np.full(rho.size, HEIGHT)
+        origin: Any = velocity(record, (0.0, 0.0, 0.0)).T
+        rates: Any = record.matrix(RATES).T
+        rows = record.matrix(f"effector/{e.name}" for e in self.vehicle.effectors)
+        surface, tilt, speed = _by_kind(self.vehicle, rows.T)
+        turning: Any = tilt
+        if tilt.size:
+            turning = local_derivative(tilt.T, record.dt, window=9, degree=4).T
+        return loads.Along(Flow(origin, rates, rho, height), Positions(surface, tilt, turning, speed))
+
+    def _smoothed(self, record: FlightRecord) -> tuple[loads.Along, Array]:
+        """Return what the airframe feels on a coarse grid, averaged about its points, and the grid."""
+        count = max(2, int(np.ceil(record.duration * _GRID_HZ)) + 1)
+        grid = np.linspace(record.time[0], record.time[-1], count)
+        hat = np.maximum(1 - np.abs(record.time - grid[:, None]) * (count - 1) / record.duration, 0.0)
+        hat /= hat.sum(axis=1, keepdims=True)
+        return jax.tree.map(lambda x: hat @ x, self._along(record)), grid
+
+    def _voltage_ratio(self, record: FlightRecord, settings: Settings, act, fine: Array) -> Array:
+        """Return voltage over nominal voltage as the motors feel it, at times from the start, s."""
+        if not any(kind == "rotor" for kind in self.vehicle.effector_kinds.values()):
+            return np.ones(fine.size)
+        time = record.time - record.time[0]
+        if "power/voltage" in record:
+            voltage: Any = record["power/voltage"]
+        else:
+            along = self._along(record)
+            torque: Any = loads.torques(self._parameters.airframe, along)
+            charge: Any = np.full(time.size, float(act.battery.charge))
+            given = jax.vmap(power, in_axes=(None, 0, 0, 0))
+            for _ in range(2):  # what a minute takes hardly changes the voltage that tells what it takes
+                found = given(act.battery, charge, torque, along.positions.speed)
+                used = np.asarray(charge_rate(act.battery, found.current)) * record.dt
+                charge = charge[0] + np.concatenate([[0.0], np.cumsum(used[:-1])])
+            voltage = np.asarray(found.voltage)
+        ratio = battery_sag.voltage_ratio(_leaves(settings["battery_sag"]), voltage, act.battery.nominal)
+        return CubicSpline(time, np.broadcast_to(ratio, time.shape))(np.minimum(fine, time[-1]))
+
+
+def _by_kind(vehicle: Vehicle, values: Array) -> Commands:
+    """Split values, shape (..., effector), by kind, as numpy arrays."""
+    return Commands(*(np.asarray(part) for part in by_kind(vehicle, values)))  # type: ignore[arg-type]
+
+
+def _leaves(settings: Mapping[str, float]) -> dict[str, Any]:
+    return {name: jnp.asarray(float(value)) for name, value in settings.items()}
+
+
+def _paths(stem: str, table: Mapping[str, Any]) -> list[str]:
+    """Return the dotted paths of all that a table holds, tables of tables too."""
+    found = []
+    for name, value in table.items():
+        if value:
+            found.append(f"{stem}.{name}")
+            found += _paths(found[-1], value) if isinstance(value, dict) else []
+    return found
+
+
+def _as_measured(scenario: Scenario, flight: Flight, record: FlightRecord) -> dict[str, Array]:
+    """Return the states of a flight as the record's sensors would tell them, without error."""
+    truth, _ = truth_of(scenario, flight, excited=(), reference=record.reference)
+    time = np.minimum(record.time - record.time[0], truth.time[-1])
+    rates, turning = truth.matrix(RATES), truth.matrix(_ACCELERATIONS)
+    found = {}
+    for name in truth.group("state"):
+        channel, values = f"state/{name}", truth[f"state/{name}"]
+        place = record.channels[channel].position_m if channel in record else None
+        if place and channel in MOTION[:3]:
+            arm = np.broadcast_to(np.array(place)[:, None], rates.shape)
+            values = values + cross(rates, arm)[MOTION.index(channel)]
+        elif place and channel in _FORCES:
+            values = specific_force_at(truth.matrix(_FORCES), rates, turning, place)[_FORCES.index(channel)]
+        found[name] = CubicSpline(truth.time, values)(time)
+    return found

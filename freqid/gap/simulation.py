@@ -34,12 +34,35 @@ class Simulation(Protocol):
         Fields that effects may need and the vehicle does not have, ``simulation.airframe.wake`` for one.
     """
 
-    name: str
-    kind: str
-    responses: tuple[str, ...]
-    vehicle: Vehicle | None
-    effects: Settings
-    parts: tuple[str, ...]
+    @property
+    def name(self) -> str:
+        """For messages and reports."""
+        ...
+
+    @property
+    def kind(self) -> str:
+        """Which adapter it came through."""
+        ...
+
+    @property
+    def responses(self) -> tuple[str, ...]:
+        """What it predicts."""
+        ...
+
+    @property
+    def vehicle(self) -> Vehicle | None:
+        """As the simulation has it."""
+        ...
+
+    @property
+    def effects(self) -> Settings:
+        """What it models itself, with the settings in force."""
+        ...
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Fields that effects may need beside the vehicle's."""
+        ...
 
     def predict(self, record: FlightRecord, effects: Settings | None = None) -> Array:
         """Return the responses on the record's own states and effector positions, shape (response, sample).

@@ -1,1 +1,89 @@
-"""How simulations of every kind are connected: one adapter a file."""
+"""How simulations of every kind are connected: one adapter a file, imported when it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from freqid.core.errors import UsageError
+from freqid.core.record import FlightRecord
+from freqid.core.scenario import read_scenario
+from freqid.core.vehicle import Vehicle
+from freqid.gap.simulation import Simulation
+
+KINDS = "FILE.py:NAME, MODEL.fmu, jsbsim:AIRCRAFT or SCENARIO.toml"
+
+
+def connect(
+    sim: str | None = None,
+    *,
+    scenario: Path | None = None,
+    predictions: Sequence[Path] = (),
+    record: FlightRecord | None = None,
+) -> Simulation:
+    """Return a simulation from the words of the command line.
+
+    Parameters
+    ----------
+    sim : str, optional
+        ``FILE.py:NAME``, ``MODEL.fmu``, ``jsbsim:AIRCRAFT`` (a name or an aircraft's XML file) or
+        ``SCENARIO.toml``.
+    scenario : Path, optional
+        Describes the vehicle of a simulation that does not; by itself, the simulation.
+    predictions : sequence of Path, optional
+        Recorded predictions in place of a simulation.
+    record : FlightRecord, optional
+        On which a function that does not state its responses is asked for them.
+
+    Raises
+    ------
+    UsageError
+        Where none or several are given, or the words name no kind of simulation.
+    DataError
+        Where a file is missing or cannot be used, or an extra that the kind needs is not installed.
+    """
+    if sim is not None and predictions:
+        raise UsageError("both a simulation and recorded predictions are given", remedy="give one of them")
+    beside = read_scenario(scenario)[0].aircraft() if scenario is not None else None
+    if predictions:
+        from freqid.gap.connect import predictions as recorded
+
+        return recorded.load(predictions, beside)
+    if sim is None:
+        if scenario is None:
+            raise UsageError("no simulation is given", remedy=f"give --sim {KINDS}, or --predictions P.h5")
+        sim = str(scenario)
+    if sim.endswith(".toml"):
+        from freqid.gap.connect.scenario import ScenarioSimulation
+
+        return ScenarioSimulation(read_scenario(Path(sim))[0], name=sim)
+    if sim.startswith("jsbsim:"):
+        from freqid.gap.connect import jsbsim
+
+        return jsbsim.load(sim.removeprefix("jsbsim:"), beside)
+    if sim.endswith(".fmu"):
+        from freqid.gap.connect import fmu
+
+        return fmu.load(Path(sim), beside)
+    if ".py" in sim:
+        return _of_function(sim, beside, record)
+    raise UsageError(f"'{sim}' names no kind of simulation", remedy=f"write {KINDS}")
+
+
+def _of_function(sim: str, beside: Vehicle | None, record: FlightRecord | None) -> Simulation:
+    from freqid.gap.connect import callable as functions
+
+    found = functions.load(sim)
+    if beside is not None:
+        found = replace(found, vehicle=beside)
+    if not found.responses:
+        if record is None:
+            name = sim.rpartition(":")[2]
+            raise UsageError(
+                "the function does not state its responses",
+                where=sim,
+                remedy=f"add {name}.responses = ('X', ...)",
+            )
+        found = found.probed(record)
+    return found

@@ -64,17 +64,17 @@ class ScenarioSimulation:
     responses: tuple[str, ...] = WRENCH
     _loops: dict[str, ClosedLoop] = field(default_factory=dict, repr=False)
 
-    @cached_property
+    @property
     def vehicle(self) -> Vehicle:
         """As the scenario describes it."""
         return self.scenario.aircraft()
 
-    @cached_property
+    @property
     def effects(self) -> dict[str, dict[str, float]]:
         """Settings in force."""
         return library.settings(self.scenario.simulation.effects)
 
-    @cached_property
+    @property
     def parts(self) -> tuple[str, ...]:
         """Tables of ``[simulation]`` and what they hold, by dotted path."""
         return tuple(_paths("simulation", msgspec.structs.asdict(self.scenario.simulation)))

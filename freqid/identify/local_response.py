@@ -1,0 +1,219 @@
+"""Several inputs' responses at one frequency from the lines near it, with injected signals as instruments.
+
+Each harmonic of orthogonal multisines excites one effector, so that no line by itself tells what each input
+does. Responses are smooth, though: near a frequency they are polynomials, and lines of different injected
+signals tell their coefficients together (docs/theory/frequency-response.md).
+
+References
+----------
+R. Pintelon, J. Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., Wiley, 2012,
+ch. 7 (local polynomial method, transients as smooth terms) and sec. 2.6 (closed loop: the reference as
+instrument).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.errors import DataError
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+LEAST_FREEDOM = 4
+"""Complex degrees of freedom that a window leaves for its noise at least."""
+
+SINGULAR = 1e-7  # of the largest: combinations of inputs that the signals move less are not told apart
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Transforms of S records on K lines altogether, in any order.
+
+    Attributes
+    ----------
+    hz : ndarray, shape (K,)
+    record : ndarray of int, shape (K,)
+        Which record a line is of.
+    excited : ndarray of bool, shape (m, K)
+        Which injected signals have power there; where none has, it is a noise line.
+    r, u, y : ndarray of complex, shape (m, K), (n, K), (o, K)
+        Injected signals, inputs, outputs; n is at most m. Noise has one power in all records, so the
+        transforms are over the square root of the duration.
+    """
+
+    hz: Array
+    record: NDArray[np.int64]
+    excited: NDArray[np.bool_]
+    r: Complex
+    u: Complex
+    y: Complex
+
+
+@dataclass(frozen=True, eq=False)
+class LocalResponse:
+    """Responses at one frequency; shapes as in `FrequencyResponse` without its last axis.
+
+    Attributes
+    ----------
+    value : ndarray of complex, shape (o, n)
+    variance : ndarray, shape (o, n)
+        Mean squared magnitude of the error.
+    degrees_of_freedom : float
+    coherence, partial_coherence : ndarray, shape (o, m) and (o, n)
+    misfit : ndarray, shape (o,)
+    """
+
+    value: Complex
+    variance: Array
+    degrees_of_freedom: float
+    coherence: Array
+    partial_coherence: Array
+    misfit: Array
+
+
+def local_response(lines: Lines, at_hz: float, order: int, count: int) -> LocalResponse:
+    """Solve for the responses at one frequency.
+
+    Parameters
+    ----------
+    lines : Lines
+    at_hz : float
+    order : int
+        Degree of the polynomials in frequency.
+    count : int
+        Lines of each injected signal in each record, nearest first; more where these leave fewer than
+        `LEAST_FREEDOM`.
+
+    Returns
+    -------
+    LocalResponse
+
+    Raises
+    ------
+    DataError
+        Where there are not lines enough, or the injected signals do not move the inputs apart.
+
+    Notes
+    -----
+    ``Y = G U + T + V``; instruments of the polynomial terms of ``G U`` are those of R, of T (transients of
+    each record) T itself. As many instruments as columns, or more: two-stage least squares.
+    """
+    chosen, x = _window(lines, at_hz, order, count)
+    r, u, y = lines.r[:, chosen], lines.u[:, chosen], lines.y[:, chosen]
+    powers = x ** np.arange(order + 1)[:, None]
+    here = lines.record[chosen] == np.unique(lines.record[chosen])[:, None]
+    transient = _terms(here.astype(complex), powers)
+    instruments = np.concatenate([_terms(_scaled(r)[0], powers), transient])
+    columns, scale = _scaled(u)
+    columns = np.concatenate([_terms(columns, powers), transient])
+    basis = np.linalg.qr(instruments.conj().T)[0]
+    driven = (columns @ basis) @ basis.conj().T
+    left, singular, right = np.linalg.svd(driven, full_matrices=False)
+    if singular[-1] < SINGULAR * singular[0]:
+        raise DataError(
+            f"the injected signals do not move the inputs apart near {at_hz:.4g} Hz",
+            remedy="leave out inputs that follow others, or excite each by lines of its own",
+        )
+    dual = np.asarray((right.conj().T / singular) @ left.conj().T, dtype=np.complex128)  # (line, column)
+    n, stride = len(u), order + 1
+    first = np.arange(n) * stride
+    value = (y @ dual[:, first]) / scale
+    left_over, noise, freedom = _remainder(y, columns, dual)
+    gain = np.sum(np.abs(dual[:, first]) ** 2, axis=0) / scale**2
+
+    # what the injected signals alone explain, for the coherences
+    reduced = np.asarray(np.linalg.pinv(instruments), dtype=np.complex128)
+    both = np.concatenate([y, u])
+    _, scatter, _ = _remainder(both, instruments, reduced)
+    size = _scaled(r)[1]
+    own = lines.excited[:, chosen]
+    driving = (both @ reduced[:, np.arange(len(r)) * stride]) / size
+    power = np.array(
+        [np.mean(np.abs(row[mine]) ** 2) if mine.any() else 0.0 for row, mine in zip(r, own, strict=True)]
+    )
+    signal = np.abs(driving[: len(y)]) ** 2 * power
+    coherence = _share(signal, scatter[: len(y), None])
+    share = own.sum(axis=1) / max(own.any(axis=0).sum(), 1)
+    spectrum = (driving[len(y) :] * (power * share)) @ driving[len(y) :].conj().T
+    conditioned = 1 / np.real(np.diag(np.linalg.pinv(spectrum, rcond=1e-14, hermitian=True)))
+    partial = _share(np.abs(value) ** 2 * conditioned, noise[:, None])
+    return LocalResponse(
+        value,
+        noise[:, None] * gain,
+        freedom,
+        coherence,
+        partial,
+        _misfit(left_over, columns, dual, np.asarray(own.any(axis=0))),
+    )
+
+
+def _window(lines: Lines, at_hz: float, order: int, count: int) -> tuple[NDArray[np.int64], Array]:
+    """Return the lines near a frequency, and their distance, at most one in size."""
+    distance = np.abs(lines.hz - at_hz)
+    mine = [
+        places[np.argsort(distance[places], kind="stable")]
+        for s in np.unique(lines.record)
+        for row in lines.excited
+        if (places := np.flatnonzero(row & (lines.record == s))).size
+    ]
+    dark = ~lines.excited.any(axis=0)
+    most = max(len(places) for places in mine)
+    for each in range(max(count, order + 1), most + 1):
+        near = np.unique(np.concatenate([places[:each] for places in mine]))
+        low, high = lines.hz[near].min(), lines.hz[near].max()
+        beside = np.flatnonzero(dark & (lines.hz >= low - 1e-12) & (lines.hz <= high + 1e-12))
+        chosen = np.union1d(near, beside)
+        unknown = (order + 1) * (len(lines.u) + np.unique(lines.record[chosen]).size)
+        if chosen.size >= unknown + LEAST_FREEDOM:
+            reach = np.max(np.abs(lines.hz[chosen] - at_hz))
+            return chosen, (lines.hz[chosen] - at_hz) / (reach or 1.0)
+    raise DataError(
+        f"{lines.hz.size} lines of {len(lines.r)} injected signals do not determine polynomials of degree "
+        f"{order} of {len(lines.u)} inputs and of transients",
+        remedy="lower the order, fly two periods, or give each signal more harmonics",
+    )
+
+
+def _terms(rows: Complex, powers: Array) -> Complex:
+    """Return rows times every power, shape (row x power, line), the powers of one row together."""
+    return (rows[:, None] * powers).reshape(-1, powers.shape[1])
+
+
+def _scaled(rows: Complex) -> tuple[Complex, Array]:
+    size = np.sqrt(np.mean(np.abs(rows) ** 2, axis=1))
+    size = np.where(size > 0, size, 1.0)
+    return rows / size[:, None], size
+
+
+def _remainder(y: Complex, columns: Complex, dual: Complex) -> tuple[Complex, Array, float]:
+    """Return residuals, their noise power per line, shape (row,), and its degrees of freedom.
+
+    The projection is oblique: noise that is white has ``|I - D X|^2`` times its power in the residual, and
+    the degrees of freedom follow Satterthwaite.
+    """
+    residual = y - (y @ dual) @ columns
+    keep = np.eye(y.shape[1]) - dual @ columns
+    total = float(np.sum(np.abs(keep) ** 2))
+    square = keep @ keep.conj().T
+    freedom = total**2 / float(np.sum(np.abs(square) ** 2))
+    return residual, np.sum(np.abs(residual) ** 2, axis=1) / total, freedom
+
+
+def _misfit(residual: Complex, columns: Complex, dual: Complex, excited: NDArray[np.bool_]) -> Array:
+    """Return the residual's power on excited lines over that on noise lines, shape (row,)."""
+    if excited.all():
+        return np.full(len(residual), np.nan)
+    expected = np.sum(np.abs(np.eye(residual.shape[1]) - dual @ columns) ** 2, axis=0)
+    power = np.abs(residual) ** 2
+    mine, other = (power[:, k].sum(axis=1) / expected[k].sum() for k in (excited, ~excited))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return mine / other
+
+
+def _share(signal: Array, noise: Array) -> Array:
+    total = signal + noise
+    return np.divide(signal, total, out=np.zeros_like(total), where=total > 0)

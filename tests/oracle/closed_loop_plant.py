@@ -1,0 +1,59 @@
+"""An unstable plant with two inputs under state feedback, sampled, with its exact responses written down."""
+
+import numpy as np
+from scipy.linalg import expm, solve_discrete_are
+
+from freqid.core.record import Channel, FlightRecord, Maneuver
+from freqid.core.vehicle import Inertia, MassProperties, Vehicle
+
+DT, PERIOD = 0.05, 40.0
+A = np.array([[0.25, 1.0, 0.0], [1.5, -0.9, 0.6], [0.0, -0.7, -1.4]])
+B = np.array([[0.2, 1.1], [2.0, -0.4], [0.3, 0.9]])
+INPUTS, OUTPUTS = ("de1", "de2"), ("u", "w", "q")
+COMBS = (np.arange(2, 61, 2), np.arange(3, 61, 2))
+VEHICLE = Vehicle(
+    name="plant", mass_properties=MassProperties(mass_kg=1.0, inertia=Inertia(xx=1, yy=1, zz=1))
+)
+
+_whole = expm(DT * np.block([[A, B], [np.zeros((2, 5))]]))
+F, H = _whole[:3, :3], _whole[:3, 3:]
+_P = solve_discrete_are(F, H, np.diag([0.3, 0.3, 0.3]), np.eye(2))
+K = np.linalg.solve(np.eye(2) + H.T @ _P @ H, H.T @ _P @ F)
+
+
+def response(f):
+    """Return the exact responses of the three states to the two inputs, shape (3, 2, M)."""
+    z = np.exp(2j * np.pi * np.asarray(f) * DT)
+    return np.stack([np.linalg.solve(one * np.eye(3) - F, H) for one in z], axis=-1)
+
+
+def injected(amplitude, seed=0, periods=2):
+    rng = np.random.default_rng(seed)
+    time = DT * np.arange(round(periods * PERIOD / DT) + 1)
+    rows = []
+    for comb in COMBS:
+        phase = rng.uniform(0, 2 * np.pi, comb.size)
+        rows.append(np.sin(2 * np.pi * comb[:, None] * time / PERIOD + phase[:, None]).sum(axis=0))
+    return time, amplitude * np.array(rows) / np.sqrt(COMBS[0].size / 2)
+
+
+def fly(amplitude=1.0, gust=0.0, sensor=0.0, seed=0, periods=2, state=(0.0, 0.0, 0.0)):
+    """Fly in closed loop: the law acts on noisy measurements, gusts push the states."""
+    rng = np.random.default_rng([seed, 7])
+    time, r = injected(amplitude, periods=periods)
+    v = sensor * rng.standard_normal((3, time.size))
+    w = gust * np.sqrt(DT) * rng.standard_normal((3, time.size))
+    x = np.array(state)
+    states, inputs = np.empty((3, time.size)), np.empty((2, time.size))
+    for i in range(time.size):
+        states[:, i] = x + v[:, i]
+        inputs[:, i] = r[:, i] - K @ states[:, i]
+        x = F @ x + H @ inputs[:, i] + w[:, i]
+    channels = {}
+    units = {"u": "m/s", "w": "m/s", "q": "rad/s"}
+    for name, row in zip(OUTPUTS, states, strict=True):
+        channels[f"state/{name}"] = Channel(f"state/{name}", units[name], row, 1 / DT, "plant")
+    for name, row, signal in zip(INPUTS, inputs, r, strict=True):
+        channels[f"effector/{name}"] = Channel(f"effector/{name}", "rad", row, 1 / DT, "plant")
+        channels[f"excitation/{name}"] = Channel(f"excitation/{name}", "rad", signal, 1 / DT, "plant")
+    return Maneuver(FlightRecord(time, channels, VEHICLE), VEHICLE)

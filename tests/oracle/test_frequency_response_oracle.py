@@ -1,0 +1,175 @@
+"""Responses under feedback against the exact ones of an unstable plant that a regulator holds."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from freqid.core.record import FlightRecord, Maneuver
+from freqid.identify.frequency_response import frequency_response
+from freqid.identify.injected_lines import injected_lines
+from freqid.identify.local_response import Lines, local_response
+from freqid.identify.window_response import window_response
+
+sys.path.insert(0, str(Path(__file__).parent))
+import closed_loop_plant as plant
+
+NOISE = {"gust": 0.15, "sensor": 0.15}
+FLIGHTS = 24
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    """Many flights of one multisine through noise, their estimates on every line, and the truth."""
+    flights = [plant.fly(seed=seed, **NOISE) for seed in range(FLIGHTS)]
+    found = [frequency_response([m], None, plant.OUTPUTS) for m in flights]
+    return flights, found, plant.response(found[0].frequencies_hz)
+
+
+def relative(error, truth):
+    return np.abs(error) / np.abs(truth)
+
+
+def test_without_noise_only_curvature_is_left_and_a_higher_order_leaves_less():
+    errors = []
+    for order in (1, 2, 3):
+        found = frequency_response([plant.fly()], None, plant.OUTPUTS, order=order)
+        errors.append(np.median(relative(found.value - plant.response(found.frequencies_hz), found.value)))
+    assert errors[1] < 5e-4
+    assert errors[0] > 5 * errors[1] > 15 * errors[2]
+
+
+def test_a_start_far_from_trim_is_told_from_the_response():
+    found = frequency_response([plant.fly(state=(2.0, -1.0, 1.0))], None, plant.OUTPUTS)
+    still = frequency_response([plant.fly()], None, plant.OUTPUTS)
+    truth = plant.response(found.frequencies_hz)
+    assert np.median(relative(found.value - truth, truth)) < 2e-3
+    assert np.median(relative(still.value - truth, truth)) < 5e-4
+
+
+def test_injected_signals_leave_no_bias_where_ratios_of_measured_spectra_have_one():
+    """Noise as strong as the signals, sixty flights: mean errors over their own standard errors."""
+    at = np.array([0.1, 0.3, 0.5, 0.8])
+    truth = plant.response(at)
+    by_instruments, plain = [], []
+    for seed in range(60):
+        m = plant.fly(amplitude=0.5, gust=0.2, sensor=0.2, seed=seed)
+        lines = injected_lines(m, 0, plant.INPUTS, "effector", plant.OUTPUTS, plant.PERIOD)
+        # inputs in place of the injected signals are their own instruments: least squares
+        naive = Lines(lines.hz, lines.record, lines.excited, lines.u, lines.u, lines.y)
+        by_instruments.append([local_response(lines, f, 2, 4).value for f in at])
+        plain.append([local_response(naive, f, 2, 4).value for f in at])
+
+    def off(found):
+        found = np.moveaxis(np.array(found), 1, -1)
+        error = np.abs(found.mean(axis=0) - truth)
+        return error / np.sqrt(np.mean(np.abs(found - found.mean(axis=0)) ** 2, axis=0) / len(found))
+
+    assert np.sqrt(np.mean(off(by_instruments) ** 2)) < 1.4
+    assert np.sqrt(np.mean(off(plain) ** 2)) > 3
+
+
+def test_stated_errors_are_those_that_repeated_flights_have(noisy):
+    _, found, truth = noisy
+    error = np.array([one.value for one in found]) - truth
+    stated = np.sqrt(np.mean([2 * one.std_error**2 for one in found], axis=0))
+    assert np.median(stated / np.sqrt(np.mean(np.abs(error) ** 2, axis=0))) == pytest.approx(1.0, abs=0.1)
+    for confidence in (0.5, 0.9, 0.95):
+        inside = np.mean([np.abs(e) < one.radius(confidence) for e, one in zip(error, found, strict=True)])
+        assert inside == pytest.approx(confidence, abs=0.03)
+
+
+def test_coherence_is_the_share_of_power_that_flights_have_in_common(noisy):
+    flights, found, _ = noisy
+    lines = [injected_lines(m, 0, plant.INPUTS, "effector", plant.OUTPUTS, plant.PERIOD) for m in flights]
+    y = np.array([one.y for one in lines])
+    common, total = np.abs(y.mean(axis=0)) ** 2, np.mean(np.abs(y) ** 2, axis=0)
+    share = (FLIGHTS * common / total - 1) / (FLIGHTS - 1)  # without the noise in the mean
+    for i, row in enumerate(lines[0].excited):
+        at = np.isin(np.round(found[0].frequencies_hz, 9), np.round(lines[0].hz[row], 9))
+        stated = np.mean([one.coherence for one in found], axis=0)[:, i, at]
+        assert np.median(np.abs(stated - share[:, row])) < 0.06
+        assert np.ptp(stated) > 0.3  # from what is seen well to what is not
+
+
+def test_repeats_lower_the_error_as_their_number_says(noisy):
+    flights, found, truth = noisy
+    four = [frequency_response(flights[i : i + 4], None, plant.OUTPUTS).value for i in range(0, FLIGHTS, 4)]
+    one = np.mean(np.abs(np.array([g.value for g in found]) - truth) ** 2, axis=0)
+    several = np.mean(np.abs(np.array(four) - truth) ** 2, axis=0)
+    assert np.median(one / several) == pytest.approx(4.0, rel=0.3)
+
+
+def test_partial_coherence_gives_the_random_error_that_the_books_have(noisy):
+    """Normalised error sqrt((1 - c) / (2 n c)): n is the same for all entries of one frequency."""
+    _, found, _ = noisy
+    c = np.median([one.partial_coherence for one in found], axis=0)
+    error = np.median([one.random_error for one in found], axis=0)
+    n = (1 - c) / (2 * c * error**2)
+    inner = n[..., 10:-10]
+    # lines of one signal in the window, 4 nearest of every second line: a quadratic keeps about two of them
+    assert np.all((inner > 0.7) & (inner < 5))
+
+
+@pytest.mark.parametrize("periods", [1, 2])
+def test_one_period_does_without_noise_lines(periods):
+    found = frequency_response([plant.fly(periods=periods)], None, plant.OUTPUTS, period_s=plant.PERIOD)
+    truth = plant.response(found.frequencies_hz)
+    assert np.median(relative(found.value - truth, truth)) < 2e-3
+    assert np.isnan(found.misfit).all() == (periods == 1)
+
+
+def swept(seed, sensor):
+    """Return a sweep of one input in closed loop: injected, input, output."""
+    rng = np.random.default_rng(seed)
+    time = plant.DT * np.arange(3201)
+    turns = 0.04 * time + 0.5 * (1.2 - 0.04) / time[-1] * time**2
+    r = np.sin(2 * np.pi * turns)
+    x, rows = np.zeros(3), []
+    for signal in r:
+        y = x + sensor * rng.standard_normal(3)
+        u = np.array([signal, 0.0]) - plant.K @ y * [1, 1]
+        rows.append([u[0], u[1], y[0]])
+        x = plant.F @ x + plant.H @ u
+    u0, u1, y = np.array(rows).T
+    return r, u0, u1, y
+
+
+def test_windows_of_a_sweep_with_the_injected_signal_as_instrument():
+    """The other input is closed by the law too, so that the response is that of the loop through it."""
+    f = np.geomspace(0.3, 1.0, 20)  # where the windows hold periods enough
+    inner = plant.K[1:]
+    z = np.exp(2j * np.pi * f * plant.DT)
+    closed = plant.F - plant.H[:, 1:] @ inner
+    truth = np.array([np.linalg.solve(one * np.eye(3) - closed, plant.H[:, 0])[0] for one in z])
+    flights = [swept(seed, 0.0) for seed in range(1)]
+    clean = window_response(
+        [x[1] for x in flights], [x[3] for x in flights], plant.DT, f, injected=[x[0] for x in flights]
+    )
+    assert np.median(relative(clean.value[0, 0] - truth, truth)) < 0.01
+    noisy = [swept(seed, 1.5) for seed in range(16)]
+    instrument, plain = [], []
+    for r, u, _, y in noisy:
+        instrument.append(window_response([u], [y], plant.DT, f, injected=[r]).value[0, 0])
+        plain.append(window_response([u], [y], plant.DT, f).value[0, 0])
+    bias = [np.median(relative(np.mean(g, axis=0) - truth, truth)) for g in (instrument, plain)]
+    assert bias[0] < 0.5 * bias[1]
+
+
+def test_inputs_that_no_signal_moves_apart_are_refused():
+    m = plant.fly()
+    record = m.record
+    same = record.with_channels(
+        *(
+            type(c)(f"{group}/de2", c.unit, c.values, c.native_rate_hz, c.source)
+            for group in ("effector", "excitation")
+            for c in [record.channel(f"{group}/de1")]
+        )
+    )
+    from freqid.core.errors import DataError
+
+    with pytest.raises(DataError, match="apart"):
+        frequency_response([Maneuver(FlightRecord(same.time, same.channels), m.vehicle)], None, ["q"])

@@ -152,7 +152,8 @@ class Problem:
                 correlation=fit.correlation[i],
                 condition_index=fit.collinearity.condition_index,
                 variance_proportion=fit.collinearity.proportion[:, nuisance:],
-                inseparable=fit.collinearity.inseparable(),
+                # end terms that only resemble each other are no matter: their values are not asked for
+                inseparable=tuple(g for g in fit.collinearity.inseparable() if set(g) & set(fit.names)),
                 fit=fits[i],
                 errors_in_variables=found.errors_in_variables[i],
                 distortion=None if noise is None else float(noise[0][i]),

@@ -13,13 +13,13 @@ from freqid.report import design_figures as figures
 from freqid.report import design_tables as tables
 from freqid.report.design_documents import write_cards
 from freqid.report.effectors import groups_of
+from freqid.report.findings import Finding, code, finding
 from freqid.report.flight_plan import EMPTY, FlightPlan, power_in_band
 from freqid.report.notation import percent, short
 from freqid.report.pictures import Picture, picture
 from freqid.report.rendering import render, write_text
 from freqid.report.signal_pictures import signal_pictures
 from freqid.report.test_card import build_card
-from freqid.report.verdict import Finding, code, finding
 
 PLURAL = {"doublet": "Doublets", "3-2-1-1": "3-2-1-1 inputs", "sweep": "Frequency sweeps"}
 _WIDEST = 3  # times the band's end: steps have some power far beyond

@@ -15,10 +15,18 @@ from freqid.design.forecast import Forecast
 from freqid.design.merit import Merit, Truncation
 from freqid.design.sequence import Extent
 from freqid.report.effectors import engineering, groups_of, reach, runs
+from freqid.report.findings import Finding, code, finding, listed
 from freqid.report.flight_plan import FlightPlan, intrusions
-from freqid.report.notation import NONE, measured_values, number, percent, pretty_unit, short, shown_unit
-from freqid.report.tables import exact
-from freqid.report.verdict import Finding, code, finding, listed
+from freqid.report.notation import (
+    NONE,
+    exact,
+    measured_values,
+    number,
+    percent,
+    pretty_unit,
+    short,
+    shown_unit,
+)
 
 Array = NDArray[np.float64]
 

@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from freqid.core.models import Fit
 from freqid.core.record import Channel
 from freqid.report.notation import shown_unit, with_unit
 
@@ -106,6 +107,13 @@ def draw_history(axes: Axes, time: Array, values: Array, colour: str, **line: An
     """Draw a time history, thinned where it is longer than a screen can show."""
     axes.yaxis.set_major_formatter(plain)
     return axes.plot(*envelope(time, values), color=colour, **line)[0]
+
+
+def draw_noise(axes: Axes, fit: Fit) -> list[Line2D]:
+    """Draw what noise alone would leave of a fit on its lines, where that is known."""
+    if fit.noise is None:
+        return []
+    return axes.plot(fit.axis, fit.noise, color=INK, linewidth=0.8, linestyle=(0, (2, 1.5)), label="noise")
 
 
 def envelope(time: Array, values: Array, columns: int = _COLUMNS) -> tuple[Array, Array]:

@@ -13,6 +13,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
@@ -28,6 +29,7 @@ from freqid.report.drawing import (
     WIDTH,
     draw_history,
     draw_legend,
+    draw_noise,
     few_ticks,
     literal,
     name_panel,
@@ -96,12 +98,12 @@ def amplitude_strips(spectrum: Spectrum) -> Figure:
 
 @styled
 def fit_over_frequency(fit: Fit, label: str, unit: str) -> Figure:
-    """Draw magnitudes of measured, model and residual, and the phase that separates the first two.
+    """Draw magnitudes of measured, model, residual and noise, and the phase that separates the first two.
 
     Parameters
     ----------
     fit : Fit
-        Complex, on lines.
+        Complex, on lines; its noise is drawn where there is some.
     label, unit : str
         Response as matplotlib writes it (`notation.formula`), and its SI unit.
     """
@@ -112,7 +114,7 @@ def fit_over_frequency(fit: Fit, label: str, unit: str) -> Figure:
     (model,) = magnitude.plot(f, np.abs(fit.modelled), color=BLUE, linewidth=1.2, label="model")
     (flown,) = magnitude.plot(f, np.abs(fit.measured), color=INK, markersize=2.6, label="measured", **dots)
     magnitude.set_ylim(bottom=0)
-    draw_legend(figure, [flown, model, left])
+    draw_legend(figure, [flown, model, left, *draw_noise(magnitude, fit)])
     name_panel(magnitude, f"Magnitude of {label}", "s" if unit == "1" else f"{unit} s")
     turned = np.angle(fit.modelled * np.conj(fit.measured), deg=True)
     phase.plot(f, turned, color=BLUE, markersize=2.2, **dots)
@@ -151,7 +153,9 @@ def fit_over_time(fit: Fit, label: str, unit: str, modelled: str = "model") -> F
 
 
 @styled
-def parameter_bars(names: Sequence[str], value: Array, half: Array, label: str) -> Figure:
+def parameter_bars(
+    names: Sequence[str], value: Array, half: Array, label: str, beside: Array | None = None
+) -> Figure:
     """Draw parameters that are on one scale, each with its 2-sigma bar.
 
     Parameters
@@ -161,8 +165,11 @@ def parameter_bars(names: Sequence[str], value: Array, half: Array, label: str) 
         Bar and half length of its 2-sigma bar, in the unit of the label.
     label : str
         Of the axis, with unit.
+    beside : ndarray, shape (p,), optional
+        By least squares, where the bars are by instruments.
     """
-    figure, (axes,) = stacked_panels([0.23 * len(names) + 0.1], width=3.9, top=0.1, left=0.76)
+    above = 0.1 if beside is None else 0.36
+    figure, (axes,) = stacked_panels([0.23 * len(names) + 0.1], width=3.9, top=above, left=0.76)
     row = np.arange(len(names))
     known = np.isfinite(value) & np.isfinite(half)
     value, half = np.where(known, value, 0.0), np.where(known, half, 0.0)
@@ -173,6 +180,10 @@ def parameter_bars(names: Sequence[str], value: Array, half: Array, label: str) 
         value, row, xerr=half, linestyle="none", ecolor=INK, elinewidth=1.0, capsize=2.2, capthick=1.0
     )
     axes.axvline(0, color=INK, linewidth=0.8)
+    if beside is not None:
+        ring = {"marker": "o", "markersize": 4.6, "markerfacecolor": "none", "markeredgewidth": 1.2}
+        rings = axes.plot(beside, row, color=ORANGE, linestyle="none", label="least squares", **ring)
+        draw_legend(figure, [Patch(color=BLUE, label="instruments ± 2σ"), *rings])
     axes.set_yticks(row, [literal(name, 14) for name in names])
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.tick_params(axis="y", length=0)

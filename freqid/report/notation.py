@@ -114,6 +114,11 @@ def share(value: float) -> str:
     return _signed(f"{value:.{decimals}f}" if short_of_one >= 5e-5 else f"{value:.6f}")
 
 
+def tenths(value: float) -> str:
+    """Return a number to one decimal, for what is counted in standard deviations."""
+    return _signed(f"{value:.1f}") if math.isfinite(value) else NONE
+
+
 def percent(value: float) -> str:
     """Return a share of one in percent to two digits."""
     if not math.isfinite(value):
@@ -121,6 +126,13 @@ def percent(value: float) -> str:
     if value > 10:
         return "> 1000 %"
     return f"{number(100 * value, 2)} %"
+
+
+def exact(value: float, text: str) -> Markup | str:
+    """Return a number as text that carries its full value for whoever copies or checks it."""
+    if not math.isfinite(value):
+        return NONE
+    return Markup('<data value="{!r}">{}</data>').format(float(value), text)
 
 
 def measured_values(std_error: float, *values: float) -> tuple[str, ...]:

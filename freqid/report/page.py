@@ -11,14 +11,16 @@ from freqid.core.models import PointModel
 from freqid.core.record import FlightRecord, parse_span
 from freqid.core.scenario import Gates
 from freqid.report import notation
-from freqid.report.pictures import (
-    collinearity_pictures,
-    data_pictures,
+from freqid.report.estimator_tables import difference_table
+from freqid.report.pictures import collinearity_pictures, data_pictures
+from freqid.report.rendering import render, write_text
+from freqid.report.response_pictures import (
     fit_pictures,
+    maneuvers_of,
     parameter_picture,
     prediction_pictures,
 )
-from freqid.report.rendering import render, write_text
+from freqid.report.sensor_tables import longest_cut, sensor_accounts, sensor_tables
 from freqid.report.tables import channels, facts, parameters, scores, summary
 from freqid.report.verdict import verdict
 
@@ -85,6 +87,10 @@ def build_page(model: PointModel, record: FlightRecord | None = None, *, gates: 
                 "meaning": notation.meaning(name, model.form),
                 "scores": scores(model, name),
                 "fits": fit_pictures(model, name),
+                "other_fits": [
+                    {"number": m + 1, "pictures": fit_pictures(model, name, m)}
+                    for m in range(1, maneuvers_of(model))
+                ],
                 "parameters": parameters(model, name),
                 "bars": parameter_picture(model, name),
             }
@@ -93,7 +99,10 @@ def build_page(model: PointModel, record: FlightRecord | None = None, *, gates: 
         predictions=prediction_pictures(model),
         predicted=model.provenance.get("predicted"),
         collinearity=collinearity_pictures(model),
+        differences=difference_table(model),
+        sensors=sensor_tables(model),
         level=f"{100 * model.confidence:g}",
+        chance=f"{100 * (1 - model.confidence):.2g}",
         provenance=provenance,
     )
 
@@ -103,7 +112,9 @@ def _as_used(model: PointModel, record: FlightRecord) -> FlightRecord:
     cut = model.provenance.get("cut")
     if isinstance(cut, str) and record.duration > model.duration + record.dt:
         record = record.cut(*parse_span(cut))
-    if abs(record.duration - model.duration) > record.dt:
+    # A correction for delays takes from the ends what not all channels cover; it is drawn as measured.
+    shorter = sum(longest_cut(account.errors) for account in sensor_accounts(model).values())
+    if not -record.dt <= record.duration - model.duration <= shorter + 3 * record.dt:
         raise DataError(
             f"the record lasts {record.duration:.6g} s, but the model was made from {model.duration:.6g} s",
             remedy="give the record that the model was made from, or none",

@@ -1,4 +1,4 @@
-"""The figures of a page: which ones a model calls for, and the caption that says what to see in each."""
+"""The figures of a page: channels and what the data can separate, and the caption that says what to see."""
 
 from __future__ import annotations
 
@@ -12,23 +12,13 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from freqid.core.channels import GROUPS
-from freqid.core.models import Fit, PointModel, ResponseModel
+from freqid.core.models import PointModel, ResponseModel
 from freqid.core.record import FlightRecord
 from freqid.core.spectrum import Spectrum
 from freqid.identify.fourier import FourierPlan
 from freqid.identify.trend import remove_trend
 from freqid.report import figures
-from freqid.report.notation import (
-    formula,
-    meaning,
-    number,
-    percent,
-    plain_symbol,
-    pretty_unit,
-    share,
-    symbol,
-    with_unit,
-)
+from freqid.report.notation import number, plain_symbol, symbol
 from freqid.report.svg import inline_svg
 
 _STRIPS = 8  # in one figure at most: about the height of a screen
@@ -98,78 +88,6 @@ def _amplitude_picture(record: FlightRecord, names: list[str], lines: NDArray[np
     )
 
 
-def fit_pictures(model: PointModel, name: str) -> list[Picture]:
-    """Draw one response as measured and as the model gives it, in frequency and time."""
-    response = model[name]
-    label, words = formula(name, model.form), meaning(name, model.form) or plain_symbol(name, model.form)
-    pictures = []
-    if "frequency" in response.fit:
-        fit = response.fit["frequency"]
-        pictures.append(
-            picture(
-                figures.fit_over_frequency(fit, label, response.unit),
-                f"{_key(model, name)}-frequency",
-                f"{words}: measured, model and residual over frequency",
-                Markup(
-                    "In frequency, {} lines: the residual holds {} of the measured energy, half of it "
-                    "below {} Hz. Lines where it comes near the measured magnitude are not explained."
-                ).format(fit.axis.size, percent(_energy_left(fit)), number(_median_frequency(fit))),
-            )
-        )
-    if "time" in response.fit:
-        fit = response.fit["time"]
-        pictures.append(
-            picture(
-                figures.fit_over_time(fit, label, response.unit),
-                f"{_key(model, name)}-time",
-                f"{words}: measured, model and residual over time",
-                Markup("In time: {}{}").format(
-                    _time_score(fit, response),
-                    " Both are shown up to the highest line of the fit." if len(pictures) else "",
-                ),
-            )
-        )
-    return pictures
-
-
-def prediction_pictures(model: PointModel) -> list[Picture]:
-    """Draw each response over a manoeuvre that was not used, as measured and as predicted."""
-    return [
-        picture(
-            figures.fit_over_time(
-                model.prediction[name], formula(name, model.form), model[name].unit, "prediction"
-            ),
-            f"{_key(model, name)}-prediction",
-            f"{meaning(name, model.form) or name}: measured and predicted over another manoeuvre",
-            Markup("{}: {}").format(
-                symbol(name, model.form), _time_score(model.prediction[name], model[name])
-            ),
-        )
-        for name in model.responses
-        if name in model.prediction
-    ]
-
-
-def parameter_picture(model: PointModel, name: str) -> Picture:
-    """Draw the parameters of a response by what they contribute to it, with their 2-sigma bars."""
-    response = model[name]
-    size = response.regressor_rms
-    return picture(
-        figures.parameter_bars(
-            response.regressors,
-            response.estimate * size,
-            2 * response.std_error * size,
-            with_unit("Contribution, rms", response.unit),
-        ),
-        f"{_key(model, name)}-parameters",
-        f"Parameters of {plain_symbol(name, model.form)} with 2-sigma bars",
-        Markup(
-            "What each parameter of {} contributes in this manoeuvre, with 2σ bars. "
-            "Grey: the bar includes zero."
-        ).format(symbol(name, model.form)),
-    )
-
-
 def collinearity_pictures(model: PointModel) -> list[dict[str, Any]]:
     """Return what the data can separate, once for all responses on the same regressors.
 
@@ -208,7 +126,7 @@ def _correlation_picture(model: PointModel, names: list[str]) -> Picture:
     plain = ", ".join(plain_symbol(name, model.form) for name in names)
     return picture(
         figures.correlation_map(response.regressors, response.correlation),
-        f"{_key(model, names[0])}-correlation",
+        f"{key_of(model, names[0])}-correlation",
         f"Correlation of the parameters' errors, {plain}",
         Markup("{}: correlation of the parameters' errors. {}").format(
             _symbols(model, names), _strongest(response)
@@ -225,7 +143,7 @@ def picture(figure: Figure, key: str, label: str, caption: Markup | str) -> Pict
     return Picture(inline_svg(figure, key, label), Markup("{}").format(caption))
 
 
-def _key(model: PointModel, name: str) -> str:
+def key_of(model: PointModel, name: str) -> str:
     """Return what the ids of a response's figures begin with: its place, for a name may hold anything."""
     return f"r{list(model.responses).index(name)}"
 
@@ -243,24 +161,6 @@ def _span(names: list[str]) -> str:
     """Name the channels of a figure by the first and the last."""
     first, last = names[0].partition("/")[2], names[-1].partition("/")[2]
     return first if len(names) == 1 else f"{first} to {last}"
-
-
-def _time_score(fit: Fit, response: ResponseModel) -> str:
-    spread = float(np.std(fit.measured))
-    unit = "" if response.unit == "1" else f" {pretty_unit(response.unit)}"
-    part = f", {percent(fit.rms / spread)} of the measured" if spread else ""
-    return f"R²\u00a0{share(fit.r2)}; residual rms {number(fit.rms)}{unit}{part}."
-
-
-def _energy_left(fit: Fit) -> float:
-    total = float(np.sum(np.abs(fit.measured) ** 2))
-    return float(np.sum(np.abs(fit.residual) ** 2)) / total if total else float("nan")
-
-
-def _median_frequency(fit: Fit) -> float:
-    """Return the frequency below which half of the residual's energy lies, Hz."""
-    energy = np.cumsum(np.abs(fit.residual) ** 2)
-    return float(fit.axis[np.searchsorted(energy, 0.5 * energy[-1])])
 
 
 def _strongest(response: ResponseModel) -> Markup:

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 from freqid.core.record import FlightRecord
 from freqid.core.scenario import Scenario
 from freqid.report.effectors import engineering
-from freqid.report.notation import NONE, number, percent, pretty_unit, short, shown_unit
+from freqid.report.findings import Finding, code, finding, listed
+from freqid.report.notation import NONE, exact, number, percent, pretty_unit, short, shown_unit
 from freqid.report.simulation_trims import TrimCurve
-from freqid.report.tables import exact
-from freqid.report.verdict import Finding, code, finding, listed
 
 Array = NDArray[np.float64]
 

@@ -22,6 +22,7 @@ from freqid.report.drawing import (
     WIDTH,
     draw_history,
     draw_legend,
+    draw_noise,
     few_ticks,
     literal,
     name_panel,
@@ -242,7 +243,7 @@ def fits_by_condition(
 
 @styled
 def fits_over_frequency(fits: Mapping[str, tuple[str, Fit]]) -> Figure:
-    """Draw the magnitudes of several responses, measured, modelled and residual.
+    """Draw the magnitudes of several responses, measured, modelled, residual and noise where it is known.
 
     Parameters
     ----------
@@ -258,7 +259,7 @@ def fits_over_frequency(fits: Mapping[str, tuple[str, Fit]]) -> Figure:
         (left,) = axes.plot(f, np.abs(fit.residual), color=ORANGE, linewidth=0.8, label="residual")
         (model,) = axes.plot(f, np.abs(fit.modelled), color=BLUE, linewidth=1.0, label="model")
         (flown,) = axes.plot(f, np.abs(fit.measured), color=INK, label="measured", **dots)
-        drawn = [flown, model, left]
+        drawn = [flown, model, left, *draw_noise(axes, fit)]
         axes.set_ylim(bottom=0)
         name_panel(axes, f"Magnitude of {label}, R² {fit.r2:.3f}", "s" if unit == "1" else f"{unit} s")
         few_ticks(axes)

@@ -67,6 +67,7 @@ def build_study_page(results: StudyResults) -> str:
         errors=study_tables.error_rows(results),
         differing=study_tables.differing_rows(results),
         parameters=sum(len(middle.model[r].regressors) for r in results.responses),
+        noise_known=any(r.r2_ceiling is not None for p in results.points for r in p.model.responses.values()),
         linearised=any(p.linear for p in results.points),
         most_validation=MOST_VALIDATION,
         error_pictures=error_pictures(results),

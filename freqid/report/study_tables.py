@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 
 from freqid.core.scenario import Reference
-from freqid.report.notation import NONE, number, percent, pretty_unit, share, short, symbol
+from freqid.report.noise_verdict import reaches_ceiling
+from freqid.report.notation import NONE, exact, number, percent, pretty_unit, share, short, symbol
 from freqid.report.study_results import StudiedPoint, StudyResults, densities
 from freqid.report.study_verdict import GOOD_R2, MOST_VALIDATION, most_allowed
-from freqid.report.tables import exact
-
-ESTIMATOR = {"least-squares": "least squares", "instruments": "instruments, least squares beside it"}
+from freqid.report.tables import ESTIMATOR
 
 
 def facts(results: StudyResults) -> list[tuple[str, str]]:
@@ -54,6 +53,7 @@ def condition_rows(results: StudyResults) -> list[dict[str, Any]]:
     rows = []
     for point in results.points:
         model = point.model
+        ceilings = {r: model[r].r2_ceiling or math.nan for r in results.responses}
         differing = [len(model[r].differing) for r in results.responses]
         both = any(model[r].errors_in_variables is not None for r in results.responses)
         apart = np.concatenate([point.from_linear(r) for r in results.responses])
@@ -64,8 +64,12 @@ def condition_rows(results: StudyResults) -> list[dict[str, Any]]:
             _where(model.reference)
             | {
                 "r2": [
-                    {"text": exact(model[r].r2, share(model[r].r2)), "low": not model[r].r2 >= GOOD_R2}
-                    for r in results.responses
+                    {
+                        "text": exact(model[r].r2, share(model[r].r2)),
+                        "ceiling": exact(ceiling, share(ceiling)),
+                        "low": not (model[r].r2 >= GOOD_R2 or reaches_ceiling(model[r])),
+                    }
+                    for r, ceiling in ceilings.items()
                 ],
                 "ratio": _worst(point, results.responses),
                 "differing": str(sum(differing)) if both else NONE,

@@ -7,9 +7,10 @@ import math
 import numpy as np
 from markupsafe import Markup
 
+from freqid.report.findings import Finding, code, finding, listed
+from freqid.report.noise_verdict import reaches_ceiling
 from freqid.report.notation import number, percent, share, short, symbol
 from freqid.report.study_results import HeldOut, StudyResults, same_density, settled_share
-from freqid.report.verdict import Finding, code, finding, listed
 
 GOOD_R2 = 0.95
 MOST_VALIDATION = 1.15
@@ -165,6 +166,18 @@ def _low(results: StudyResults) -> list[Finding]:
     if not low:
         return []
     said = listed(Markup("{} ({})").format(symbol(r, results.form), n) for r, n in low.items())
+    at = [(p, r) for p in results.points for r in low if not p.model[r].r2 >= GOOD_R2]
+    if all(p.model[r].r2_ceiling is not None for p, r in at):
+        short = [_at(results, r, p.id) for p, r in at if not reaches_ceiling(p.model[r])]
+        return [
+            finding(
+                "note",
+                "R² is below {:g} for {}, the number of conditions in brackets; noise allows no more{}.",
+                GOOD_R2,
+                said,
+                Markup(" but in {}").format(listed(short)) if short else "",
+            )
+        ]
     return [
         finding(
             "note",

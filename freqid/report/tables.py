@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
 from markupsafe import Markup
 
 from freqid.core.channels import KNOWN
-from freqid.core.models import Fit, PointModel
+from freqid.core.models import Fit, PointModel, ResponseModel
 from freqid.core.point_file import per
 from freqid.core.record import FlightRecord
 from freqid.core.scenario import Gates
 from freqid.report import notation
+from freqid.report.notation import exact
 from freqid.report.verdict import HIGH_INFLATION, crosses_zero, missed_by_response
 
 _METHOD = {
     "frequency": "equation error, frequency domain",
     "time": "equation error, time domain",
 }
+ESTIMATOR = {"least-squares": "least squares", "instruments": "instruments, least squares beside it"}
 _FORM = {
     "force": "forces and moments",
     "specific": "forces per mass, moments per inertia",
@@ -48,8 +51,11 @@ def facts(model: PointModel, record: FlightRecord | None) -> list[tuple[str, str
         ("Reference", ", ".join(condition)),
         ("Method", _METHOD.get(model.method, model.method)),
         ("Responses", f"{_FORM.get(model.form, model.form)}, {model.axes} axes"),
-        ("Duration", f"{notation.short(model.duration)} s"),
+        ("Estimator", ESTIMATOR.get(model.estimator, model.estimator)),
+        ("Duration", _duration(model)),
     ]
+    if any(r.distortion is not None for r in model.responses.values()):
+        told.append(("Standard errors", "of noise alone, from lines between the harmonics"))
     lines = [r.fit["frequency"].axis for r in model.responses.values() if "frequency" in r.fit]
     if lines:
         low, high = notation.short(lines[0][0]), notation.short(lines[0][-1])
@@ -63,23 +69,38 @@ def facts(model: PointModel, record: FlightRecord | None) -> list[tuple[str, str
     return told
 
 
+def _duration(model: PointModel) -> str:
+    """Return the length of the manoeuvre, or of each where there are several."""
+    fits = max((r.fit for r in model.responses.values()), key=len)
+    lengths = [notation.short(float(f.axis[-1])) for name, f in fits.items() if name.startswith("time")]
+    if len(lengths) < 2:
+        return f"{notation.short(model.duration)} s"
+    return f"{len(lengths)} manoeuvres of {', '.join(lengths[:-1])} and {lengths[-1]} s"
+
+
 def summary(model: PointModel, gates: Gates | None) -> dict[str, Any]:
     """Return the table that says how each response fares."""
     missed = missed_by_response(model, gates) if gates else {}
     gated = gates is not None and (gates.r2 is not None or gates.condition_number is not None)
     rows = []
     for name, response in model.responses.items():
+        ceiling, distortion = _or_nan(response.r2_ceiling), _or_nan(response.distortion)
         rows.append(
             {
                 "symbol": notation.symbol(name, model.form),
                 "meaning": notation.meaning(name, model.form),
                 "r2": exact(response.r2, notation.share(response.r2)),
-                "time": _r2_of(response.fit.get("time")) if model.method == "frequency" else None,
+                "ceiling": exact(ceiling, notation.share(ceiling)),
+                "distortion": exact(distortion, notation.number(distortion)),
+                "time": _in_time(response.fit) if model.method == "frequency" else None,
                 "prediction": _r2_of(model.prediction.get(name)),
                 "rmse": exact(response.rmse, notation.number(response.rmse)),
                 "unit": notation.pretty_unit(response.unit),
                 "condition": exact(response.condition_number, notation.number(response.condition_number)),
-                "weak": f"{int(crosses_zero(response).sum())} of {len(response.regressors)}",
+                "differing": _of_all(len(response.differing), response)
+                if response.errors_in_variables
+                else notation.NONE,
+                "weak": _of_all(int(crosses_zero(response).sum()), response),
                 "missed": Markup("; ").join(missed.get(name, ())),
             }
         )
@@ -88,11 +109,29 @@ def summary(model: PointModel, gates: Gates | None) -> dict[str, Any]:
         "gated": gated,
         "in_time": model.method == "frequency" and any("time" in r.fit for r in model.responses.values()),
         "predicted": bool(model.prediction),
+        "with_noise": any(r.r2_ceiling is not None for r in model.responses.values()),
+        "both": any(r.errors_in_variables is not None for r in model.responses.values()),
     }
 
 
 def _r2_of(fit: Fit | None) -> Markup | str:
     return notation.NONE if fit is None else exact(fit.r2, notation.share(fit.r2))
+
+
+def _in_time(fits: Mapping[str, Fit]) -> Markup | str:
+    """Return R2 in time; of several manoeuvres the lowest and the highest."""
+    found = sorted((f for name, f in fits.items() if name.startswith("time")), key=lambda f: f.r2)
+    if len(found) < 2:
+        return _r2_of(fits.get("time"))
+    return Markup("{} to {}").format(_r2_of(found[0]), _r2_of(found[-1]))
+
+
+def _of_all(count: int, response: ResponseModel) -> str:
+    return f"{count} of {len(response.regressors)}"
+
+
+def _or_nan(value: float | None) -> float:
+    return math.nan if value is None else value
 
 
 def scores(model: PointModel, name: str) -> list[tuple[str, str]]:
@@ -108,6 +147,10 @@ def scores(model: PointModel, name: str) -> list[tuple[str, str]]:
     ]
     if name in model.prediction:
         said.insert(1, ("predicted R²", notation.share(model.prediction[name].r2)))
+    if response.r2_ceiling is not None:
+        said.insert(1, ("noise allows", notation.share(response.r2_ceiling)))
+    if response.distortion is not None:
+        said.append(("residual over noise", notation.number(response.distortion)))
     return said
 
 
@@ -146,13 +189,6 @@ def parameters(model: PointModel, name: str) -> list[dict[str, Any]]:
         }
     )
     return rows
-
-
-def exact(value: float, text: str) -> Markup | str:
-    """Return a number as text that carries its full value for whoever copies or checks it."""
-    if not math.isfinite(value):
-        return notation.NONE
-    return Markup('<data value="{!r}">{}</data>').format(float(value), text)
 
 
 def channels(record: FlightRecord) -> list[dict[str, str]]:

@@ -2,34 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Literal
-
 import numpy as np
 from markupsafe import Markup
 
 from freqid.core.models import PointModel, ResponseModel, missed_gates
 from freqid.core.scenario import Gates
+from freqid.report.findings import Finding, code, finding, listed
+from freqid.report.noise_verdict import noise_findings
 from freqid.report.notation import number, share, symbol
+from freqid.report.sensor_tables import sensor_findings
 
 HIGH_INFLATION = 10.0
 """A variance inflation factor from which regressors are commonly called collinear."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One sentence of the verdict.
-
-    Attributes
-    ----------
-    kind : {"good", "note", "bad"}
-        Nothing to do; worth knowing; to be answered before the model is used.
-    text : Markup
-    """
-
-    kind: Literal["good", "note", "bad"]
-    text: Markup
 
 
 def verdict(model: PointModel, gates: Gates | None = None) -> tuple[Finding, ...]:
@@ -41,7 +25,9 @@ def verdict(model: PointModel, gates: Gates | None = None) -> tuple[Finding, ...
     gates : Gates, optional
         What the scenario asks for.
     """
-    findings = [_crossing(model), *(_collinear(model) or [_separable(model)])]
+    findings = [finding("note", "{}", remark[:1].upper() + remark[1:]) for remark in model.remarks]
+    findings += [*sensor_findings(model), *noise_findings(model), _crossing(model)]
+    findings += _collinear(model) or [_separable(model)]
     if model.prediction:
         findings.append(_prediction(model))
     findings.sort(key=lambda f: ("bad", "note", "good").index(f.kind))
@@ -54,6 +40,9 @@ def missed_by_response(model: PointModel, gates: Gates) -> dict[str, tuple[Marku
     for miss in missed_gates(model, gates):
         if miss.figure == "R2":
             text = Markup("R² {} where {:g} is asked").format(share(miss.found), miss.gate)
+            allowed = model[miss.response].r2_ceiling
+            if allowed is not None and allowed < miss.gate:
+                text += Markup(" and noise allows {}").format(share(allowed))
         else:
             text = Markup("{} {} where {:g} is allowed").format(miss.figure, number(miss.found), miss.gate)
         said[miss.response] = (*said.get(miss.response, ()), text)
@@ -172,21 +161,3 @@ def _responses(model: PointModel, names: list[str]) -> Markup:
     if len(names) == len(model.responses) > 2:
         return Markup("every response")
     return listed(symbol(name, model.form) for name in names)
-
-
-def code(name: str) -> Markup:
-    """Return a name as the page sets names."""
-    return Markup("<code>{}</code>").format(name)
-
-
-def listed(items: Iterable[Markup]) -> Markup:
-    """Join items as a sentence does: a, b and c."""
-    items = list(items)
-    if len(items) < 2:
-        return Markup("").join(items)
-    return Markup(", ").join(items[:-1]) + Markup(" and ") + items[-1]
-
-
-def finding(kind: Literal["good", "note", "bad"], text: str, *parts: object) -> Finding:
-    """Return a sentence with its parts filled in and escaped."""
-    return Finding(kind, Markup(text).format(*parts))

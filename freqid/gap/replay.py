@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -31,6 +32,7 @@ class Replay:
     simulation: Simulation
     record: FlightRecord
     vehicle: Vehicle | None
+    _gradients: dict[str, Array] = field(default_factory=dict, repr=False)
 
     @cached_property
     def wrench(self) -> Array:
@@ -39,7 +41,15 @@ class Replay:
 
     def gradient(self, channel: str) -> Array:
         """Return the derivatives of the simulation's wrench by one channel, shape (6, sample)."""
-        return self._as_wrench(self.simulation.gradient(self.record, [channel])[:, 0])
+        return self.gradients([channel])[0]
+
+    def gradients(self, channels: Sequence[str]) -> Array:
+        """Return the derivatives by several channels, shape (channel, 6, sample), each evaluated once."""
+        new = [c for c in channels if c not in self._gradients]
+        if new:
+            found = self.simulation.gradient(self.record, new)
+            self._gradients.update((c, self._as_wrench(found[:, i])) for i, c in enumerate(new))
+        return np.array([self._gradients[c] for c in channels])
 
     def lagged(self, values: Array, time_constant: float) -> Array:
         """Return signals, shape (..., sample), through a first-order lag that starts in its steady state.

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from . import fuselage, tail, wake, wing
-from .effects import library, rotor_inplane_force, slipstream, wing_wake
+from .effects import library, rotor_inplane_force, slipstream, surface_effectiveness, weak_rotor, wing_wake
 from .frames import Frames, motion, total
 from .fuselage import Fuselage
 from .propeller import Propellers, discs
@@ -17,6 +17,28 @@ from .slipstream import Slipstreams
 from .tail import Tail
 from .wake import Wakes
 from .wing import Wings
+
+Memories = dict[str, dict[str, jax.Array]]  # of effects, by their id and the names of their states
+
+
+class Geometry(NamedTuple):
+    """What effects know of the vehicle as a whole.
+
+    Attributes
+    ----------
+    area, chord : Array, shape ()
+        Reference area, m2, and chord, m; zero where not stated.
+    centre : Array, shape (3,)
+        Centre of gravity as the vehicle was weighed, vehicle axes, m.
+    surfaces, rotors : Array, shape (effector, effector)
+        Order of the surfaces and of the rotors, as `effects.places.order` has it.
+    """
+
+    area: jax.Array
+    chord: jax.Array
+    centre: jax.Array
+    surfaces: jax.Array
+    rotors: jax.Array
 
 
 class Parameters(NamedTuple):
@@ -31,6 +53,7 @@ class Parameters(NamedTuple):
     wakes : Wakes
     fuselage : Fuselage
     tail : Tail
+    geometry : Geometry
     effects : dict of dict of Array, shape ()
         Parameters by effect id and name: leaves like any other, so every effect can be differentiated.
     """
@@ -42,6 +65,7 @@ class Parameters(NamedTuple):
     wakes: Wakes
     fuselage: Fuselage
     tail: Tail
+    geometry: Geometry
     effects: dict[str, dict[str, jax.Array]]
 
 
@@ -53,17 +77,27 @@ class Situation(NamedTuple):
     parameters : Parameters
     flow : Flow
     positions : Positions
+        As the airframe feels them.
     aero : Aero
         Before any effect was added.
+    memory : dict of Array
+        The effect's own states by name.
     """
 
     parameters: Parameters
     flow: Flow
     positions: Positions
     aero: Aero
+    memory: dict[str, jax.Array] = {}  # noqa: RUF012  never written to
 
 
-def wrench(parameters: Parameters, flow: Flow, positions: Positions, arriving: Wake | None = None) -> Aero:
+def wrench(
+    parameters: Parameters,
+    flow: Flow,
+    positions: Positions,
+    arriving: Wake | None = None,
+    memories: Memories | None = None,
+) -> Aero:
     """Return the loads on the airframe.
 
     Parameters
@@ -73,6 +107,8 @@ def wrench(parameters: Parameters, flow: Flow, positions: Positions, arriving: W
     positions : Positions
     arriving : Wake, optional
         What reaches the rear wing now, having left the front wing earlier; the steady state where absent.
+    memories : dict of dict of Array, optional
+        Of effects; the steady state where absent.
 
     Returns
     -------
@@ -83,9 +119,37 @@ def wrench(parameters: Parameters, flow: Flow, positions: Positions, arriving: W
     The tail lies close behind the rear wing: what that sheds arrives at once, on top of the front wing's
     wake.
     """
+    effects, geometry = parameters.effects, parameters.geometry
+    situation = _loads(
+        parameters,
+        flow,
+        positions._replace(
+            surface=surface_effectiveness.felt(
+                effects["surface_effectiveness"], geometry.surfaces, positions.surface
+            ),
+            speed=weak_rotor.felt(effects["weak_rotor"], geometry.rotors, positions.speed),
+        ),
+        arriving,
+    )
+    return _with_added(situation, memories)
+
+
+def memory_rates(situation: Situation, memories: Memories) -> Memories:
+    """Return the rate of change of the memory of every effect that has one and says how it changes."""
+    return {
+        identifier: effect.rate(
+            situation.parameters.effects[identifier], situation._replace(memory=memories[identifier])
+        )
+        for identifier, effect in library().items()
+        if effect.rate is not None
+    }
+
+
+def _loads(parameters: Parameters, flow: Flow, positions: Positions, arriving: Wake | None) -> Situation:
+    """Return the loads before any effect is added, and what they came from."""
     if arriving is None:  # the front wing does not feel its own wake, so one extra evaluation settles it
         still = Wake(jnp.zeros(2), jnp.zeros(2))
-        arriving = wrench(parameters, flow, positions, still).shed
+        arriving = _loads(parameters, flow, positions, still).aero.shed
     p, effects = parameters, parameters.effects
     felt = wing_wake.received(effects["wing_wake"], arriving)
     at = motion(p.frames, flow, positions)
@@ -124,14 +188,18 @@ def wrench(parameters: Parameters, flow: Flow, positions: Positions, arriving: W
         thrust=rotors.thrust,
         shed=Wake(shed.downwash[0], shed.blowing[0]),
     )
-    return _with_added(Situation(parameters, flow, positions, aero))
+    return Situation(parameters, flow, positions, aero)
 
 
-def _with_added(situation: Situation) -> Aero:
+def _with_added(situation: Situation, memories: Memories | None = None) -> Aero:
     """Add the wrenches of the effects that come on top of the airframe."""
     force, moment = situation.aero.wrench
-    for effect in library().values():
+    for identifier, effect in library().items():
         if effect.stage == "airframe" and effect.add is not None:
-            extra = effect.add(situation.parameters.effects[effect.id], situation)
+            settings: Any = situation.parameters.effects[identifier]
+            if effect.start is not None:
+                memory = memories[identifier] if memories else effect.start(settings, situation)
+                situation = situation._replace(memory=memory)
+            extra = effect.add(settings, situation)
             force, moment = force + extra.force, moment + extra.moment
     return situation.aero._replace(wrench=Wrench(force, moment))

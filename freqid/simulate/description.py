@@ -11,11 +11,14 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.errors import UsageError
 from ..core.frames import shaft_axis
 from ..core.scenario import Scenario
 from ..core.vehicle import Vehicle
 from . import effects
-from .airframe import Parameters
+from .airframe import Geometry, Parameters
+from .effects.needs import unmet
+from .effects.places import order
 from .frames import Frames
 from .fuselage import Fuselage
 from .propeller import Propellers
@@ -63,8 +66,29 @@ def parameters(scenario: Scenario) -> Parameters:
             volume=body.volume_m3,
         ),
         tail=_tail(section, vehicle),
-        effects=effects.settings(scenario.simulation.effects),
+        geometry=_tree(
+            Geometry,
+            area=vehicle.area_m2 or 0.0,
+            chord=vehicle.chord_m or 0.0,
+            centre=np.array(vehicle.mass_properties.cg_m),
+            surfaces=order(vehicle, "surface"),
+            rotors=order(vehicle, "rotor"),
+        ),
+        effects=_effects(scenario, vehicle),
     )
+
+
+def _effects(scenario: Scenario, vehicle: Vehicle) -> effects.Settings:
+    """Return the settings of every effect; those that act must have what they need of the vehicle."""
+    found = effects.settings(scenario.simulation.effects, vehicle)
+    for identifier, effect in effects.library().items():
+        missing = [n for n in unmet(effect, vehicle) if n.startswith("vehicle.")]
+        if missing and found[identifier][effect.size]:
+            raise UsageError(
+                f"effect '{identifier}' needs {missing[0].partition('.')[2]} of vehicle '{vehicle.name}'",
+                remedy="add it to [vehicle] of the scenario, or leave the effect out",
+            )
+    return found
 
 
 def _tree(kind: Callable[..., T], **values: Any) -> T:

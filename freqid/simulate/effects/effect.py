@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Any, Literal
+
+from ...core.vehicle import Vehicle
 
 Stage = Literal["command", "airframe", "mass", "sensor", "environment"]
 
@@ -24,7 +26,7 @@ class Parameter:
         A phrase.
     scale : float
         A change that would be plausible and would matter: one sigma of what is expected before any data,
-        and the step by which differences are taken.
+        and the step by which differences are taken. Zero for a number that is taken as known.
     low, high : float
         What the parameter may be.
     """
@@ -54,15 +56,25 @@ class Effect:
     meaning : str
         A sentence.
     parameters : dict of Parameter
-        By name. The first one is the effect's size: at zero the effect is absent.
+        By name. The first one is the effect's size: at zero the effect is absent. Others at their
+        defaults add nothing.
     needs : tuple of str
-        Fields of the vehicle, channels of the record or sections of ``[simulation]`` without which it
-        cannot be computed.
+        Without which it cannot be computed: ``vehicle.<field>``, ``wing``, ``rotor``, ``surface`` (at least
+        one of them in the vehicle), channels of the record as ``group/name`` or any of a ``group``,
+        sections of ``[simulation]``. What is altogether missing leaves an effect untested.
     states : dict of str
-        Unit by name of the memory that the flight's scan keeps for it.
+        Unit by name of the memory that a flight keeps for it.
+    alternatives : bool
+        Whether the parameters are places of which one is expected at fault, rather than numbers that are
+        all free together.
     add : callable, optional
         ``add(settings, situation) -> Wrench`` of an airframe effect that comes on top of the airframe's
-        loads at one instant; `situation` is an `airframe.Situation`.
+        loads at one instant, in jax.numpy; `situation` is an `airframe.Situation`, with the effect's memory.
+    start : callable, optional
+        ``start(settings, situation) -> dict``: the memory, by state, of a vehicle that has been doing for
+        long what it does now.
+    rate : callable, optional
+        ``rate(settings, situation) -> dict``: the rate of change of the memory.
     replay : callable, optional
         ``replay(settings, replay) -> ndarray (6, sample)``: what the effect adds to X Y Z L M N (moments
         about the centre of gravity) over a whole record, numpy; `replay` is a `freqid.gap.replay.Replay`.
@@ -79,6 +91,9 @@ class Effect:
         makes of a log without it.
     load : callable, optional
         ``load(settings, vehicle) -> Vehicle`` of a mass effect: the vehicle with it.
+    for_vehicle : callable, optional
+        ``for_vehicle(vehicle) -> dict of Parameter``: parameters beyond those above, for each rotor by its
+        name for one, or the same ones with another scale.
     """
 
     id: str
@@ -87,14 +102,24 @@ class Effect:
     parameters: dict[str, Parameter]
     needs: tuple[str, ...] = ()
     states: dict[str, str] = field(default_factory=dict)
+    alternatives: bool = False
     add: Callable[[dict[str, Any], Any], Any] | None = None
+    start: Callable[[dict[str, Any], Any], dict[str, Any]] | None = None
+    rate: Callable[[dict[str, Any], Any], dict[str, Any]] | None = None
     replay: Callable[[dict[str, float], Any], Any] | None = None
     act: Callable[[dict[str, float], dict[str, Any], float, dict[str, str]], dict[str, Any]] | None = None
     feel: Callable[[dict[str, float], dict[str, Any], float, dict[str, str]], dict[str, Any]] | None = None
     distort: Callable[[dict[str, float], Any], Any] | None = None
     load: Callable[[dict[str, float], Any], Any] | None = None
+    for_vehicle: Callable[[Vehicle], dict[str, Parameter]] | None = None
 
     @property
     def size(self) -> str:
         """Name of the parameter that switches and scales the effect."""
         return next(iter(self.parameters))
+
+    def of(self, vehicle: Vehicle | None) -> Effect:
+        """Return the effect with the parameters that it has on a vehicle."""
+        if vehicle is None or self.for_vehicle is None:
+            return self
+        return replace(self, parameters={**self.parameters, **self.for_vehicle(vehicle)})

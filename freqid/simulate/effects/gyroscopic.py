@@ -2,21 +2,41 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import jax
+import numpy as np
+from numpy.typing import NDArray
 
+from ...core.frames import cross
 from ..multibody import MassModel
+from . import along
 from .effect import Effect, Parameter
-
-EFFECT = Effect(
-    id="gyroscopic",
-    stage="airframe",
-    meaning="Spinning rotors resist being turned, and push back when they are sped up.",
-    parameters={"strength": Parameter(1.0, "1", "share of the rotors' angular momentum")},
-    needs=("rotor",),
-)
 
 
 def spinning(settings: dict[str, jax.Array], mass: MassModel) -> MassModel:
     """Return the vehicle's mass with the rotors' spin scaled."""
     strength = settings["strength"]
     return mass._replace(wing_spin=strength * mass.wing_spin, body_spin=strength * mass.body_spin)
+
+
+def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[np.float64]:
+    """Return the moment of the spinning rotors on the vehicle, ``-(dh/dt + w x h)``."""
+    record, vehicle = replay.record, replay.vehicle
+    spin = np.zeros((3, record.time.size))
+    for rotor in vehicle.rotors:
+        axis = along.shaft(record, vehicle, rotor)
+        spin = spin + rotor.spin * rotor.inertia * record[f"effector/{rotor.name}"] * axis
+    moment = -(along.slope(spin, record.dt) + cross(along.rates(record), spin))
+    return settings["strength"] * np.concatenate([np.zeros_like(moment), moment])
+
+
+EFFECT = Effect(
+    id="gyroscopic",
+    stage="airframe",
+    meaning="Spinning rotors resist being turned, and push back when they are sped up.",
+    parameters={"strength": Parameter(1.0, "1", "share of the rotors' angular momentum", 0.5)},
+    needs=("rotor.inertia", "effector", "state/p", "state/q", "state/r"),
+    replay=_replay,
+)

@@ -12,7 +12,9 @@ EFFECT = Effect(
     id="turbulence",
     stage="environment",
     meaning="Low-altitude turbulence of Dryden's form moves and turns the air around the vehicle.",
-    parameters={"wind_20ft": Parameter(0.0, "m/s", "mean wind 20 ft above ground that the gusts go with")},
+    parameters={
+        "wind_20ft": Parameter(0.0, "m/s", "mean wind 20 ft above ground that the gusts go with", 4.0, 0.0)
+    },
     needs=("vehicle.span_m",),
 )
 

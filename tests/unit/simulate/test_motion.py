@@ -249,7 +249,7 @@ def test_derivatives_stay_finite_at_rest_in_still_air_and_beyond_stall(parameter
 
 
 def test_a_delay_that_is_longer_than_the_line_is_refused():
-    effects = {**SCENARIO.simulation.effects, "actuator_delay": 9.0}
+    effects = {**SCENARIO.simulation.effects, "actuator_delay": {"strength": 9.0}}
     late = msgspec.structs.replace(
         SCENARIO, simulation=msgspec.structs.replace(SCENARIO.simulation, effects=effects)
     )

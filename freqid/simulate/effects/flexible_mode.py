@@ -1,0 +1,59 @@
+"""The first bending mode of the structure, as accelerometers and gyros feel it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.record import FlightRecord
+from .channel_groups import changed
+from .effect import Effect, Parameter
+
+_PER_METRE = 0.5  # rad of pitch that a metre of the mode's deflection turns the sensors by
+
+
+def _distort(settings: Mapping[str, float], record: FlightRecord) -> FlightRecord:
+    """Return the log of sensors on a mode that the normal force drives.
+
+    ``y'' + 2 z w y' + w^2 y = az``, from its steady state on; the accelerometer adds ``-strength y''`` and
+    the gyro ``strength 0.5/m y'``. The mode does not act back on the flight.
+    """
+    strength = settings["strength"]
+    if not strength or "state/az" not in record:
+        return record
+    force = record["state/az"] - record["state/az"][0]  # a constant part moves nothing
+    rate, acceleration = _mode(force, record.dt, settings["frequency"], settings["damping"])
+    felt = {"state/az": record["state/az"] - strength * acceleration}
+    if "state/q" in record:
+        felt["state/q"] = record["state/q"] + strength * _PER_METRE * rate
+    return changed(record, felt)
+
+
+def _mode(
+    force: NDArray[np.float64], dt: float, frequency: float, damping: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return rate and acceleration of a mode of unit mass, exact for a force straight between samples."""
+    from scipy.signal import TransferFunction, lfilter
+
+    w = 2 * np.pi * frequency
+    found = []
+    for numerator in ([1.0, 0.0], [1.0, 0.0, 0.0]):
+        mode = TransferFunction(numerator, [1.0, 2 * damping * w, w**2]).to_discrete(dt, method="foh")
+        found.append(lfilter(mode.num, mode.den, force))
+    return found[0], found[1]
+
+
+EFFECT = Effect(
+    id="flexible_mode",
+    stage="sensor",
+    meaning="The structure's first bending mode moves the accelerometer and the gyro.",
+    parameters={
+        "strength": Parameter(0.0, "1", "share of the normal force that drives the mode at the sensors", 0.1),
+        "frequency": Parameter(5.0, "Hz", "of the mode", 1.0, 0.1, 100.0),
+        "damping": Parameter(0.02, "1", "ratio", 0.01, 0.001, 1.0),
+    },
+    needs=("state/az",),
+    distort=_distort,
+)

@@ -1,0 +1,45 @@
+"""An accelerometer that is not where the log says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ...core.frames import specific_force_at
+from ...core.record import FlightRecord
+from .along import rates, slope
+from .channel_groups import changed
+from .effect import Effect, Parameter
+
+_FORCES = ("state/ax", "state/ay", "state/az")
+_TURNING = ("state/pdot", "state/qdot", "state/rdot")
+
+
+def _distort(settings: Mapping[str, float], record: FlightRecord) -> FlightRecord:
+    """Return the log of an accelerometer further along by the settings, under the stated position.
+
+    ``a + w' x d + w x (w x d)``; the angular acceleration is the log's, or the derivative of the rates.
+    """
+    arm = [settings[axis] for axis in "xyz"]
+    if not any(arm) or not all(name in record for name in _FORCES):
+        return record
+    turning = (
+        record.matrix(_TURNING)
+        if all(name in record for name in _TURNING)
+        else slope(rates(record), record.dt)
+    )
+    moved = specific_force_at(record.matrix(_FORCES), rates(record), turning, arm)
+    return changed(record, dict(zip(_FORCES, moved, strict=True)))
+
+
+EFFECT = Effect(
+    id="lever_arm",
+    stage="sensor",
+    meaning="The accelerometer is not where the log has it.",
+    parameters={
+        "x": Parameter(0.0, "m", "true position forward of the stated one", 0.05),
+        "y": Parameter(0.0, "m", "to the right of it", 0.05),
+        "z": Parameter(0.0, "m", "below it", 0.05),
+    },
+    needs=("state/ax", "state/ay", "state/az", "state/p", "state/q", "state/r"),
+    distort=_distort,
+)

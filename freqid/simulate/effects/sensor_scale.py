@@ -1,0 +1,28 @@
+"""Sensors that read too much in proportion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ...core.record import FlightRecord
+from .channel_groups import BIAS, each
+from .effect import Effect, Parameter
+
+
+def _distort(settings: Mapping[str, float], record: FlightRecord) -> FlightRecord:
+    """Return the log with every scale factor in it; channels that it does not have are left out."""
+    return each(settings, record, lambda values, scale: (1 + scale) * values)
+
+
+EFFECT = Effect(
+    id="sensor_scale",
+    stage="sensor",
+    meaning="A sensor reads too much or too little in proportion to what there is.",
+    parameters={
+        name: Parameter(0.0, "1", f"share by which {name} reads too much", 0.03, -0.9, 9.0)
+        for name in BIAS
+        if name not in ("phi", "psi")  # no sensor scales a heading or a bank angle
+    },
+    alternatives=True,
+    distort=_distort,
+)

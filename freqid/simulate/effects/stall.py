@@ -1,0 +1,80 @@
+"""Lift that wings lose beyond an angle of attack."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import pi
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.frames import cross, turn_about_y
+from ..quantities import Wrench
+from . import along
+from .effect import Effect, Parameter
+
+_ROUNDING = 0.1  # of the onset, in the sine of the angle of attack
+_STILL = 0.01  # m2/s2
+
+
+def _loss(settings: Mapping[str, Any], u: Any, w: Any, rho: Any, area: Any) -> Any:
+    """Return the normal force that is lost, N, positive down.
+
+    Beyond the onset the lift coefficient falls below ``2 pi sin(alpha)`` by ``2 pi x^2 / (x + 0.1)`` with x
+    the sine's excess: a parabola at first, then as steep as the lift itself, which stays level.
+
+    Parameters
+    ----------
+    settings : dict
+    u, w : array
+        Velocity along the chord and normal to it, m/s.
+    rho, area : array
+        kg/m3 and m2.
+    """
+    speed2 = u**2 + w**2 + _STILL
+    sine = w / speed2**0.5
+    beyond = abs(sine) - settings["onset"]
+    excess = (beyond + abs(beyond)) / 2
+    lost = 2 * pi * excess**2 / (excess + _ROUNDING) * sine / (abs(sine) + 1e-9)
+    return settings["strength"] * 0.5 * rho * speed2 * area * lost
+
+
+def _add(settings: dict[str, jax.Array], situation: Any) -> Wrench:
+    geometry, flow = situation.parameters.geometry, situation.flow
+    pivot = situation.parameters.frames.pivot[:-1]
+    cos, sin = jnp.cos(situation.positions.tilt), jnp.sin(situation.positions.tilt)
+    x, _, z = (flow.velocity + jnp.cross(flow.rates, pivot)).T
+    down = _loss(settings, x * cos - z * sin, x * sin + z * cos, flow.rho, geometry.area / pivot.shape[0])
+    force = jnp.stack([down * sin, jnp.zeros_like(down), down * cos], axis=-1)
+    return Wrench(force.sum(0), jnp.cross(pivot, force).sum(0))
+
+
+def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[Any]:
+    record, vehicle = replay.record, replay.vehicle
+    wings = [(np.array(w.pivot_m), along.tilt(record, w)) for w in vehicle.wings]
+    wings = wings or [(np.array(vehicle.mass_properties.cg_m), np.zeros(record.time.size))]
+    found = np.zeros((6, record.time.size))
+    for pivot, tilt in wings:
+        moving = along.velocity(record) + cross(along.rates(record), pivot[:, None])
+        u, _, w = turn_about_y(moving, -tilt)
+        down = _loss(settings, u, w, record["air/rho"], vehicle.area_m2 / len(wings))
+        force = turn_about_y(np.stack([0 * down, 0 * down, down]), tilt)
+        found += along.wrench(replay, force, pivot)
+    return found
+
+
+EFFECT = Effect(
+    id="stall",
+    stage="airframe",
+    meaning="Beyond an angle of attack the wings lose lift.",
+    parameters={
+        "strength": Parameter(0.0, "1", "share of the slope of lift that is lost far beyond", 0.2, -1.0, 3.0),
+        "onset": Parameter(0.3, "1", "sine of the angle of attack at which it begins", 0.05, 0.0, 1.0),
+    },
+    needs=("vehicle.area_m2", "state/u", "state/w", "air/rho"),
+    add=_add,
+    replay=_replay,
+)

@@ -1,0 +1,39 @@
+"""A steady wind in velocities that are taken for relative to the air."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...core.frames import level_from_body
+from ...core.record import FlightRecord
+from .along import velocity
+from .channel_groups import changed
+from .effect import Effect, Parameter
+
+_VELOCITY = ("state/u", "state/v", "state/w")
+_ATTITUDE = ("state/phi", "state/theta", "state/psi")
+
+
+def _distort(settings: Mapping[str, float], record: FlightRecord) -> FlightRecord:
+    """Return the log with u v w over the ground in place of those relative to the air."""
+    wind = [settings[name] for name in ("north", "east", "down")]
+    if not any(wind) or not all(name in record for name in (*_VELOCITY, *_ATTITUDE)):
+        return record
+    carried = np.einsum("ijn,i->jn", level_from_body(record.matrix(_ATTITUDE)), wind)
+    return changed(record, dict(zip(_VELOCITY, velocity(record) + carried, strict=True)))
+
+
+EFFECT = Effect(
+    id="steady_wind",
+    stage="environment",
+    meaning="Velocities that are taken for relative to the air are over the ground, or their wind is wrong.",
+    parameters={
+        "north": Parameter(0.0, "m/s", "velocity of the air to the north that was not taken out", 1.0),
+        "east": Parameter(0.0, "m/s", "the same to the east", 1.0),
+        "down": Parameter(0.0, "m/s", "the same downwards", 0.3),
+    },
+    needs=(*_VELOCITY, *_ATTITUDE),
+    distort=_distort,
+)

@@ -1,0 +1,71 @@
+"""The time that the circulation about a wing takes to follow its angle of attack."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from ..quantities import Wrench
+from . import along
+from .actuator_lag import SHORTEST
+from .effect import Effect, Parameter
+
+_SLOPE = 4.5  # per rad: lift curve of a wing of usual aspect ratio
+_STILL = 0.01  # m2/s2
+
+
+def _force(velocity: Any, rho: Any, area: Any) -> Any:
+    """Return the normal force of wings in steady flow, N, positive down: proportional to V w."""
+    speed = ((velocity**2).sum(0) + _STILL) ** 0.5
+    return -0.5 * _SLOPE * rho * area * speed * velocity[2]
+
+
+def _now(situation: Any) -> jax.Array:
+    flow = situation.flow
+    return _force(flow.velocity, flow.rho, situation.parameters.geometry.area)
+
+
+def _start(settings: dict[str, jax.Array], situation: Any) -> dict[str, jax.Array]:
+    del settings
+    return {"force": _now(situation)}
+
+
+def _rate(settings: dict[str, jax.Array], situation: Any) -> dict[str, jax.Array]:
+    late = _now(situation) - situation.memory["force"]
+    return {"force": late / jnp.maximum(settings["time_constant"], SHORTEST)}
+
+
+def _add(settings: dict[str, jax.Array], situation: Any) -> Wrench:
+    share = jnp.clip(settings["time_constant"] / SHORTEST, 0.0, 1.0)
+    missing = share * (situation.memory["force"] - _now(situation))
+    force = jnp.stack([0 * missing, 0 * missing, missing])
+    return Wrench(force, jnp.cross(situation.parameters.geometry.centre, force))
+
+
+def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[Any]:
+    record, vehicle = replay.record, replay.vehicle
+    steady = _force(along.velocity(record), record["air/rho"], vehicle.area_m2)
+    missing = replay.lagged(steady, settings["time_constant"]) - steady
+    force = np.stack([0 * missing, 0 * missing, missing])
+    return along.wrench(replay, force, vehicle.mass_properties.cg_m)
+
+
+EFFECT = Effect(
+    id="unsteady_lift",
+    stage="airframe",
+    meaning="Lift follows the angle of attack after a first-order lag.",
+    parameters={
+        "time_constant": Parameter(0.0, "s", "of the lag; about two chords travelled", 0.05, 0.0, 2.0)
+    },
+    needs=("vehicle.area_m2", "state/u", "state/v", "state/w", "air/rho"),
+    states={"force": "N"},
+    add=_add,
+    start=_start,
+    rate=_rate,
+    replay=_replay,
+)

@@ -32,13 +32,10 @@ REFERENCES = tuple(at for at in SCENARIO.reference if at.rho == SEA)
 # Between the scenario's speeds, m/s, at tilts that fly level with a level body to the nearest half degree.
 BETWEEN = (
     ("u02", 0.762, 80.0),
-    ("u05", 1.524, 75.0),
     ("u07", 2.286, 70.5),
     ("u12", 3.810, 62.0),
-    ("u15", 4.572, 57.5),
     ("u17", 5.334, 54.0),
     ("u22", 6.858, 47.0),
-    ("u25", 7.620, 44.0),
     ("u27", 8.382, 40.5),
     ("u33", 10.06, 34.0),
     ("u38", 11.58, 28.5),
@@ -48,7 +45,6 @@ BETWEEN = (
     ("u58", 17.83, 13.5),
     ("u66", 20.12, 10.5),
     ("u73", 22.40, 8.0),
-    ("u77", 23.47, 7.5),
     ("u81", 24.69, 6.5),
 )
 

@@ -79,7 +79,8 @@ def loads(inputs: dict[str, np.ndarray]) -> np.ndarray:
 def trimmed(u: float, rho: float) -> dict[str, float]:
     """Return the inputs of level flight, at the scenario's tilts, straight lines between its speeds."""
     known = sorted((r.u, r.dw1) for r in SCENARIO.reference if r.rho == SEA)
-    tilt = float(np.interp(u, *zip(*known, strict=True)))
+    speeds, tilts = zip(*known, strict=True)
+    tilt = float(np.interp(u, speeds, tilts))
     at = trim(SCENARIO, PARAMETERS, Reference(id=f"{u:.4g}", u=u, rho=rho, dw1=tilt, dw2=tilt))
     values = np.concatenate([at.body.velocity, np.zeros(3), at.positions.surface, at.positions.speed])
     return dict(zip(INPUTS, values.tolist(), strict=True)) | {"dw1": tilt, "dw2": tilt, "rho": rho}
@@ -169,18 +170,19 @@ def main() -> None:
     finer = sorted([*SPEEDS, *halfway])
     quarters = [(a + b) / 2 for a, b in pairwise(finer)]
     sea, both = ([(u, rho) for rho in densities for u in SPEEDS] for densities in ((SEA,), (SEA, HIGH)))
+    few, many, both_densities = f"{len(SPEEDS)} points", f"{len(finer)} points", f"2 x {len(SPEEDS)} points"
     models = {
-        "12 points": blended(sea),
-        "23 points": blended([(u, SEA) for u in finer]),
-        "2 x 12 points": blended(both),
+        few: blended(sea),
+        many: blended([(u, SEA) for u in finer]),
+        both_densities: blended(both),
     }
     cases = [
-        ("between the points", "12 points", halfway, SEA),
-        ("between the points", "23 points", quarters, SEA),
-        ("750 m, at the points' speeds", "2 x 12 points", SPEEDS, BETWEEN),
-        ("750 m, between the points' speeds", "2 x 12 points", halfway, BETWEEN),
-        ("750 m, at the points' speeds", "12 points", SPEEDS, BETWEEN),
-        ("1500 m, at the points' speeds", "12 points", SPEEDS, HIGH),
+        ("between the points", few, halfway, SEA),
+        ("between the points", many, quarters, SEA),
+        ("750 m, at the points' speeds", both_densities, SPEEDS, BETWEEN),
+        ("750 m, between the points' speeds", both_densities, halfway, BETWEEN),
+        ("750 m, at the points' speeds", few, SPEEDS, BETWEEN),
+        ("1500 m, at the points' speeds", few, SPEEDS, HIGH),
     ]
     rows = []
     print("rms wrench error, blended over identified there: median and (worst) over conditions")
@@ -194,10 +196,10 @@ def main() -> None:
             for r, a, b in zip(RESPONSES, ours, theirs, strict=True):
                 rows.append([where, points, f"{u:.4g}", r, f"{a:.4g}", f"{b:.4g}", f"{a / b:.3f}"])
     print("stated over empirical standard error of 400 draws: 2.5, 50 and 97.5 %, rms")
-    for what, ratio in error_ratios(models["12 points"].corridor).items():
+    for what, ratio in error_ratios(models[few].corridor).items():
         low, mid, high = np.percentile(ratio, [2.5, 50, 97.5])
         print(f"{what:<30}{low:8.3f}{mid:8.3f}{high:8.3f}{np.sqrt(np.mean(ratio**2)):8.3f}")
-        rows.append([what, "12 points", "", "all", f"{low:.3f}", f"{high:.3f}", f"{mid:.3f}"])
+        rows.append([what, few, "", "all", f"{low:.3f}", f"{high:.3f}", f"{mid:.3f}"])
     with Path(__file__).with_suffix(".csv").open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["what", "points", "u", "response", "blended_or_low", "there_or_high", "ratio"])

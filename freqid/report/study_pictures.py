@@ -118,8 +118,13 @@ def fit_pictures(results: StudyResults, point: StudiedPoint) -> list[Picture]:
                 f"Responses over frequency at {point.id}: measured, model and residual",
                 Markup(
                     "<code>{}</code> in frequency. The model leaves most in {}, {} of its energy; a residual "
-                    "that is level over frequency is noise, one with peaks is not."
-                ).format(point.id, _plain(worst), percent(left[worst])),
+                    "that {} over frequency is noise, one with peaks is not."
+                ).format(
+                    point.id,
+                    _plain(worst),
+                    percent(left[worst]),
+                    "is level" if spectra[worst][1].noise is None else "keeps to the dotted line",
+                ),
             )
         )
     for fits, key, what in ((histories, "time", "fit"), (predictions, "predicted", "prediction")):

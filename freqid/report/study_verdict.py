@@ -175,7 +175,7 @@ def _low(results: StudyResults) -> list[Finding]:
                 "R² is below {:g} for {}, the number of conditions in brackets; noise allows no more{}.",
                 GOOD_R2,
                 said,
-                Markup(" but in {}").format(listed(short)) if short else "",
+                Markup(", except in {}").format(listed(short)) if short else "",
             )
         ]
     return [

@@ -11,7 +11,8 @@ from test_study_page import HELD, both_ways, results
 from test_study_results import history
 
 from freqid.core.design import MultisineDesign
-from freqid.report.study_page import HeldOut, StudiedPoint, StudyResults
+from freqid.report.study_page import HeldOut, StudiedPoint, StudyResults, build_study_page
+from freqid.report.study_tables import condition_rows
 from freqid.report.study_verdict import settled_by, study_verdict
 
 
@@ -117,3 +118,28 @@ def test_what_the_data_confuse_is_named():
     assert about(results(), "separate every")[0] == "good"
     kind, text = about(changed(point, model=confused), "cannot separate")
     assert (kind, text) == ("bad", f"The data cannot separate u, w at {point.id}.")
+
+
+def test_a_low_r2_is_excused_where_noise_allows_no_more():
+    made = results()
+    points = []
+    for point in made.points:
+        responses = {
+            name: replace(response, r2=0.99, r2_ceiling=0.995)
+            for name, response in point.model.responses.items()
+        }
+        points.append(replace(point, model=replace(point.model, responses=responses)))
+    low = {name: replace(r, r2=0.80, r2_ceiling=0.81) for name, r in points[0].model.responses.items()}
+    points[0] = replace(points[0], model=replace(points[0].model, responses=low))
+    excused = replace(made, points=tuple(points))
+    assert about(excused, "below 0.95")[1] == (
+        "R² is below 0.95 for Z (1) and N (1), the number of conditions in brackets; noise allows no more."
+    )
+    assert [cell["low"] for cell in condition_rows(excused)[0]["r2"]] == [False, False]
+    low["N"] = replace(low["N"], r2_ceiling=0.97)
+    short = replace(
+        excused, points=(replace(points[0], model=replace(points[0].model, responses=low)), *points[1:])
+    )
+    assert about(short, "below 0.95")[1].endswith(f"noise allows no more, except in N at {points[0].id}.")
+    assert [cell["low"] for cell in condition_rows(short)[0]["r2"]] == [False, True]
+    assert "0.970" in build_study_page(short)

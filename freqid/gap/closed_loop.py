@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from freqid.core.errors import UsageError, nearest
-from freqid.gap.margins import Margins, margins_of
+from freqid.gap.margins import Margins, frequencies, margins_of
 from freqid.gap.modes import Mode, named_modes
 
 Array = NDArray[np.float64]
@@ -21,8 +21,6 @@ PADE = 3
 
 SPAN = (0.01, 300.0)
 """Frequencies that margins are looked for in, rad/s."""
-
-POINTS = 1500
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +168,9 @@ class LinearLoop:
 
         An effector that takes no part in the law has none. `exact` as in `margins.loop_margins`.
         """
-        omega = np.geomspace(*span, POINTS)
+        if not self.axes:
+            return {}
+        omega = frequencies(*span)
         found = {}
         for name, values in self.loops(omega).items():
             if np.abs(values).max() > 1e-9:

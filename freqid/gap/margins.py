@@ -21,7 +21,9 @@ Loop = Callable[[Array], Complex]
 POINTS = 1500
 """Frequencies between which crossings are looked for; a resonance narrower than that may hide two."""
 
-_REAL = 1e-6  # imaginary over real part below which the lowest frequency counts as no frequency at all
+# The lowest frequency counts as none at all where a loop is as real as this there, and no integrator.
+_REAL, _LARGEST = 1e-5, 1e4
+_ALMOST_NONE = 1e-6  # of the lowest frequency
 
 
 @dataclass(frozen=True)
@@ -73,8 +75,13 @@ def loop_margins(loop: Loop, low: float, high: float, *, exact: bool = True, poi
     Whatever the open loop's poles: as gain, phase or delay leave their nominal value, stability can only
     end where ``loop`` meets -1, so the nearest such point on either side is the margin.
     """
-    omega = np.geomspace(low, high, points)
+    omega = frequencies(low, high, points)
     return margins_of(omega, loop(omega), loop if exact else None)
+
+
+def frequencies(low: float, high: float, points: int = POINTS) -> Array:
+    """Return frequencies that margins can be read from, rad/s: a range, and one that is as good as zero."""
+    return np.concatenate([[_ALMOST_NONE * low], np.geomspace(low, high, points)])
 
 
 def margins_of(omega: Array, values: ArrayLike, loop: Loop | None = None) -> Margins:
@@ -107,7 +114,7 @@ def margins_of(omega: Array, values: ArrayLike, loop: Loop | None = None) -> Mar
     unity = crossings(np.log(np.abs(v)), lambda x: float(np.log(abs(x))))
     # a sign change of the imaginary part on the positive real axis is no crossing of the critical ray
     real = [x for _, x in crossings(sideways, lambda x: x.imag) if x.real < 0]
-    if v[0].real < 0 and abs(v[0].imag) < _REAL * abs(v[0].real):
+    if v[0].real < 0 and abs(v[0].imag) < _REAL * abs(v[0].real) < _REAL * _LARGEST:
         real.append(complex(v[0]))  # static gain of a loop that has no integrator
     up = [-20 * np.log10(-x.real) for x in real if x.real > -1]
     down = [20 * np.log10(-x.real) for x in real if x.real < -1]

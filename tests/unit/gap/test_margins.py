@@ -43,7 +43,7 @@ def test_an_unstable_plant_has_a_least_gain_too():
     found = loop_margins(lambda w: 4.0 * (1j * w + 1) / (1j * w * (1j * w - 1)), 0.001, 500.0)
     assert found.gain_down_db == pytest.approx(20 * np.log10(4))
     assert found.gain_up_db == np.inf
-    static = loop_margins(lambda w: 2.0 / (0.5j * w - 1), 1e-8, 500.0)  # k / (s T - 1): stable from k = 1 on
+    static = loop_margins(lambda w: 2.0 / (0.5j * w - 1), 0.01, 500.0)  # k / (s T - 1): stable from k = 1 on
     assert static.gain_down_db == pytest.approx(20 * np.log10(2))
 
 

@@ -1,0 +1,113 @@
+"""Consequences for the notional LA-8 class aircraft: rigid-body equations, delays and gains by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from freqid.core.scenario import read_scenario
+from freqid.gap.rigid_body import inertia_and_spin, rigid_body_matrices
+from freqid.gap.scenario_consequence import consequence
+from freqid.simulate import motion
+from freqid.simulate.linearize import linearize
+from freqid.simulate.trim import trim
+
+SCENARIO = read_scenario(Path(__file__).resolve().parents[2] / "scenarios" / "la8.toml")[0]
+AT = SCENARIO.reference_of("u45")
+LATE = 0.03
+
+
+@pytest.fixture(scope="module")
+def late():
+    """What an extra delay of all actuators costs, with the delay known to 10 ms."""
+    return consequence(
+        SCENARIO,
+        AT,
+        {},
+        {"actuator_delay": {"extra": LATE}},
+        names=[("actuator_delay", "extra")],
+        covariance=[[0.01**2]],
+        draws=40,
+    )
+
+
+def test_rigid_body_equations_are_those_of_the_differentiated_simulation():
+    parameters = jax.tree.map(jnp.asarray, motion.parameters(SCENARIO))
+    at = trim(SCENARIO, parameters, AT)
+    linear = linearize(SCENARIO, parameters, at)
+    names = {kind: [e.name for e in SCENARIO.effector if e.kind == kind] for kind in ("rotor", "tilt")}
+    positions = dict(zip(names["rotor"], np.asarray(at.positions.speed), strict=True))
+    positions |= dict(zip(names["tilt"], np.asarray(at.positions.tilt), strict=True))
+    vehicle = SCENARIO.aircraft()
+    inertia, spin = inertia_and_spin(vehicle, positions)
+    A, B = rigid_body_matrices(
+        linear.wrench,
+        vehicle.mass_properties.mass_kg,
+        inertia,
+        np.asarray(at.body.velocity),
+        (float(at.angles[0]), float(at.angles[1])),
+        spin=spin,
+    )
+    np.testing.assert_allclose(A, linear.A, atol=1e-9)
+    np.testing.assert_allclose(B, linear.B, atol=1e-9)
+
+
+def test_a_delay_costs_the_turn_at_the_crossover(late):
+    """Of one axis alone the cost would be delay times crossover; the others are late too, so nearly that."""
+    before, after = late.before.margins["L"], late.after.margins["L"]
+    turn = np.degrees(2 * np.pi * before.crossover_hz * LATE)
+    assert before.phase_deg - after.phase_deg == pytest.approx(turn, rel=0.1)
+    assert before.delay_s - after.delay_s == pytest.approx(LATE, rel=0.35)
+    # a slow axis hardly feels it
+    assert late.change["margins/Z/phase_deg"] > -4
+
+
+def test_a_delay_changes_no_vehicle_and_no_trim(late):
+    for path, value in late.change.items():
+        if path.startswith(("modes/", "authority/")) and not path.startswith("modes/heading"):
+            assert value == pytest.approx(0.0, abs=1e-6), path
+
+
+def test_what_is_not_known_of_the_delay_is_an_interval_of_the_margin(late):
+    low, high = late.change_intervals["margins/L/phase_deg"]
+    slope = late.change["margins/L/phase_deg"] / LATE
+    assert low < late.change["margins/L/phase_deg"] < high
+    # ninety per cent of a normal law, from forty draws
+    assert high - low == pytest.approx(2 * 1.645 * 0.01 * abs(slope), rel=0.35)
+    assert "phase margin at" in late.sentence()
+
+
+def test_surfaces_that_do_less_lower_the_gain_as_much():
+    """A fifth less effect: the roll axis, which surfaces make with rotors, bears up to as much more gain."""
+    found = consequence(SCENARIO, AT, {}, {"surface_effectiveness": {"loss": 0.2}})
+    before, after = found.before, found.after
+    lost = 20 * np.log10(1 / 0.8)
+    assert 0.3 * lost < after.margins["L"].gain_up_db - before.margins["L"].gain_up_db < 1.05 * lost
+    flap = "df3"  # a fifth less effect asks for a quarter more deflection, where nothing else takes over
+    assert after.authority[flap] > before.authority[flap] * 0.95
+
+
+def test_the_margin_of_one_command_is_where_the_closed_loop_loses_its_stability(late):
+    """More gain in the roll axis alone, eigenvalues by eigenvalues, until one grows."""
+    from dataclasses import replace
+
+    from freqid.gap.scenario_consequence import _law, condition
+
+    loop = condition(SCENARIO, AT, {}, _law(SCENARIO, AT, {})).loop
+    place = loop.axes.index("L")
+
+    def stable(gain):
+        louder = loop.gain.copy()
+        louder[place] *= gain
+        return replace(loop, gain=louder).stable
+
+    low, high = 1.0, 100.0
+    assert not stable(high)
+    for _ in range(25):
+        middle = np.sqrt(low * high)
+        low, high = (middle, high) if stable(middle) else (low, middle)
+    assert 20 * np.log10(low) == pytest.approx(late.before.margins["L"].gain_up_db, abs=0.02)

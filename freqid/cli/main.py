@@ -21,6 +21,7 @@ COMMANDS = {
     "import-log": "import_log",
     "export-log": "export_log",
     "identify-point": "identify_point",
+    "frequency-response": "frequency_response",
     "global-blend": "global_blend",
     "report": "report",
     "study": "study",

@@ -173,11 +173,7 @@ def _correlation(a: Array, b: Array) -> float:
 
 
 def _resampled(values: Array, log: FlightRecord, record: FlightRecord) -> Array:
-    """Return a prediction on a record's clock; of a faster one, without what would alias."""
+    """Return a prediction on a record's clock: a spline through its own samples."""
     from scipy.interpolate import CubicSpline
-    from scipy.ndimage import gaussian_filter1d
 
-    ratio = record.dt / log.dt
-    if ratio > 1.5:
-        values = gaussian_filter1d(values, 0.3 * ratio, mode="nearest")
     return CubicSpline(log.time, values)(np.clip(record.time, log.time[0], log.time[-1]))

@@ -1,0 +1,463 @@
+"""Is a gap bookkeeping? Mistakes of units, signs, axes, points and order, found before any physics.
+
+A mistake is named only where taking it back, by exactly what it is, makes nearly all of a residual go:
+an effect of physics is hardly ever a whole sign, a factor of 57.3 or two names exchanged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from freqid.core.channels import WRENCH
+from freqid.core.errors import DataError
+from freqid.core.record import FlightRecord, Maneuver
+from freqid.core.units import STANDARD_GRAVITY
+from freqid.core.vehicle import Vehicle
+from freqid.gap.bookkeeping import Bench, Fault, inputs, outputs, shifted
+from freqid.gap.connect.differences import moved
+from freqid.gap.simulation import Simulation
+from freqid.identify.wrench import applied_wrench
+
+Array = NDArray[np.float64]
+Parts = tuple[Array, Array]  # fluctuation, shape (response, sample), and level, shape (response,)
+
+EXPLAINED = 0.9  # share of a residual, noise set aside, that has to go
+_LIKELY = 0.5  # the same with the noise, of what is looked at further
+SHARP = 0.15  # departure of the fitted size from the mistake's own
+_LEAST = 0.003  # residual over the response's own energy that is worth a word
+_BAND = 3.0  # Hz, in which responses are compared
+SEA_LEVEL = 1.225  # kg/m3
+_LONGEST = 60.0  # s of each record that are looked at
+_CONFIRMED = 10  # candidates by derivatives that are tried on the simulation itself
+_DELAYS = np.concatenate([-np.arange(0.1, 1.01, 0.02), np.arange(0.1, 1.01, 0.02)])  # s
+_DRAWS = 3
+_MOST = 6  # mistakes at a time
+_COEFFICIENT = {"CX": "X", "CY": "Y", "CZ": "Z", "Cl": "L", "Cm": "M", "Cn": "N"}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One mistake of bookkeeping.
+
+    Attributes
+    ----------
+    fault : str
+        Its kind: gravity, response_sign, effector_sign, swapped_effectors, swapped_responses, degrees,
+        units, coefficient, axes, moment_reference, gyroscopic, time_shift, trim_level, density or
+        self_replay.
+    subject : str
+        Responses or channels.
+    sentence : str
+    remedy : str
+    explained : float
+        Share of the residual that goes when it is taken back.
+    """
+
+    fault: str
+    subject: str
+    sentence: str
+    remedy: str
+    explained: float
+
+
+def check(
+    simulation: Simulation,
+    records: Sequence[FlightRecord],
+    vehicle: Vehicle | None = None,
+    *,
+    own: bool = False,
+) -> list[Finding]:
+    """Look for mistakes of bookkeeping between a simulation and flights.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    records : sequence of FlightRecord
+    vehicle : Vehicle, optional
+        In place of the records' and the simulation's.
+    own : bool
+        The records are the simulation's own flights: whatever is left is a mistake.
+
+    Returns
+    -------
+    list of Finding
+        Largest first; a mistake is looked for after the larger ones were taken back.
+
+    Raises
+    ------
+    DataError
+        Where records lack what the responses are made of.
+    """
+    trials = [_Trial(simulation, _bench(simulation, record, vehicle)) for record in records]
+    findings: list[Finding] = []
+    while len(findings) < _MOST:
+        found = _next(trials)
+        if found is None:
+            break
+        fault, explained = found
+        findings.append(Finding(fault.id, fault.subject, fault.sentence, fault.remedy, explained))
+        for trial in trials:
+            trial.accept(fault)
+    left = _left(trials)
+    if own and not findings and left.max() > 0.05:
+        worst = trials[0].bench.names[int(np.argmax(left))]
+        findings.append(
+            Finding(
+                "self_replay",
+                worst,
+                f"the simulation does not reproduce its own flight: {100 * np.sqrt(left.max()):.2g} % of "
+                f"{worst} (rms) is left on the states and positions that it flew itself",
+                "compare its logged states, positions and loads with what its model is given",
+                0.0,
+            )
+        )
+    return findings
+
+
+class _Trial:
+    """One record beside the simulation, with the mistakes taken back that were found so far."""
+
+    def __init__(self, simulation: Simulation, bench: Bench):
+        self.simulation, self.bench = simulation, bench
+        self.faults: list[Fault] = []
+        self._keep = _Kept(bench)
+        self.scale = self._keep.scale(bench.measured)
+        self.fluctuation, self.level = self._keep(bench.measured, self.scale)
+        self.predicted = self._predict(())
+        self._slopes: Array | None = None
+
+    def accept(self, fault: Fault) -> None:
+        self.faults.append(fault)
+        self.predicted = self._predict(())
+        self._slopes = None
+
+    def residual(self, predicted: Array) -> Parts:
+        """Return fluctuation, shape (response, sample), and level, shape (response,), over their scales."""
+        fluctuation, level = self._keep(predicted, self.scale)
+        return self.fluctuation - fluctuation, self.level - level
+
+    def without(self, fault: Fault) -> Array | None:
+        """Return the prediction with one more mistake taken back; None where the simulation cannot."""
+        if fault.undo is not None:
+            return fault.undo(self.predicted, self.bench)
+        try:
+            return self._predict((fault,))
+        except DataError:
+            return None
+
+    def noise(self, fault: Fault) -> Array:
+        """Return what the inputs' noise alone would leave with a mistake taken back, shape (response,).
+
+        Noise as strong again as what the record's channels have beyond any smooth motion, and offsets of
+        half its size, go through the simulation.
+        """
+        rng, total = np.random.default_rng(0), np.zeros(len(self.bench.names))
+        try:
+            still = self._predict((fault,))
+            for _ in range(_DRAWS):
+                noisy = self._predict((fault,), rng)
+                # the noise itself is among what residuals are projected on, another draw is not
+                total += _energy(self._keep(noisy - still, self.scale, whole=True))
+        except DataError:
+            return total
+        return total / _DRAWS
+
+    def linear(self, fault: Fault) -> Array | None:
+        """Return the same by the derivatives along the record, for finding candidates."""
+        record = self._mended(())
+        names = [n for n in record.channels if n.partition("/")[0] in ("state", "effector")]
+        if self._slopes is None:
+            try:
+                self._slopes = self.simulation.gradient(record, names)
+            except DataError:
+                self._slopes = np.zeros((len(self.bench.names), len(names), record.time.size))
+        assert fault.mend is not None
+        change = fault.mend(record).matrix(names) - record.matrix(names)
+        raw = np.einsum("rin,in->rn", self._slopes, change)
+        return self.predicted + raw
+
+    def _mended(self, more: Sequence[Fault], record: FlightRecord | None = None) -> FlightRecord:
+        record = record or self.bench.record
+        for fault in (*self.faults, *more):
+            record = fault.mend(record) if fault.mend else record
+        return record
+
+    def _predict(self, more: Sequence[Fault], rng: np.random.Generator | None = None) -> Array:
+        record = self.bench.record if rng is None else _noisier(self.bench.record, rng)
+        predicted = self.simulation.predict(self._mended(more, record))
+        for fault in (*self.faults, *more):
+            predicted = fault.undo(predicted, self.bench) if fault.undo else predicted
+        return predicted
+
+
+def _noisier(record: FlightRecord, rng: np.random.Generator) -> FlightRecord:
+    """Return a record with its own noise once more."""
+    channels = []
+    for name, channel in record.channels.items():
+        if name.partition("/")[0] in ("state", "effector", "air"):
+            rough = np.diff(channel.values, n=3).std() / np.sqrt(20)  # white noise through third differences
+            draw = rng.standard_normal(channel.values.size) + 0.5 * rng.choice((-1, 1))
+            channels.append(replace(channel, values=channel.values + rough * draw))
+    return record.with_channels(*channels)
+
+
+class _Kept:
+    """What is compared: slow enough to be flown, not at the ends, spanned by what moved.
+
+    Fluctuations are projected on states, attitude, effectors and their rates, so that noise that no input
+    explains does not hide what a mistake explains.
+    """
+
+    def __init__(self, bench: Bench):
+        record = bench.record
+        self._sigma = 0.1325 / (min(_BAND, 0.2 / record.dt) * record.dt)
+        margin = int(2 * self._sigma) + 1
+        self._pick = slice(margin, record.time.size - margin, max(1, int(0.1 / record.dt)))
+        names = [f"state/{n}" for n in ("u", "v", "w", "p", "q", "r", "phi", "theta")]
+        names += [f"effector/{n}" for n in record.group("effector")]
+        slow = self._slow(record.matrix(n for n in names if n in record))
+        x = np.concatenate([slow, np.gradient(slow, axis=1)])[:, self._pick]
+        x -= x.mean(axis=1, keepdims=True)
+        size = np.sqrt((x**2).mean(axis=1))
+        x = x[size > 1e-9 * max(1.0, float(size.max()))].T
+        self._basis: Array | None = None
+        if x.shape[0] > 4 * x.shape[1] > 0:
+            u, s, _ = np.linalg.svd(x / np.linalg.norm(x, axis=0), full_matrices=False)
+            self._basis = u[:, s > 1e-6 * s[0]]
+
+    def __call__(self, rows: Array, scale: Parts, *, whole: bool = False) -> Parts:
+        """Return fluctuation and level over their scales; the `whole` fluctuation, or what is spanned."""
+        kept = self._slow(rows)[:, self._pick]
+        level = kept.mean(axis=1)
+        fluctuation = kept - level[:, None]
+        if self._basis is not None and not whole:
+            fluctuation = (fluctuation @ self._basis) @ self._basis.T
+        return fluctuation / (scale[0][:, None] * np.sqrt(kept.shape[1])), level / scale[1]
+
+    def scale(self, measured: Array) -> Parts:
+        """Return what fluctuations and levels are judged by, each of shape (response,)."""
+        kept = self._slow(measured)[:, self._pick]
+        rms = np.maximum(kept.std(axis=1), 1e-12)
+        return rms, np.maximum(np.abs(kept.mean(axis=1)), 3 * rms)
+
+    def _slow(self, rows: Array) -> Array:
+        return gaussian_filter1d(rows, self._sigma, axis=1, mode="nearest")
+
+
+def _bench(simulation: Simulation, record: FlightRecord, vehicle: Vehicle | None) -> Bench:
+    if record.duration > _LONGEST:
+        record = record.cut(float(record.time[0]), float(record.time[0]) + _LONGEST)
+    maneuver = Maneuver.of(record, vehicle or record.vehicle or simulation.vehicle)
+    rows = []
+    for name in simulation.responses:
+        if f"response/{name}" in record:
+            rows.append(record[f"response/{name}"])
+        elif name in WRENCH or name in _COEFFICIENT:
+            form = "force" if name in WRENCH else "coefficient"
+            applied = applied_wrench(maneuver, [_COEFFICIENT.get(name, name)], form)
+            rows.append(applied.history(record.dt)[0])
+        else:
+            rows.append(record[f"state/{name}"])
+    return Bench(maneuver, tuple(simulation.responses), np.array(rows))
+
+
+def _next(trials: Sequence[_Trial]) -> tuple[Fault, float] | None:
+    """Return the mistake that explains most, if one explains sharply enough, with the share it explains."""
+    likely = []
+    for fault in _candidates(trials):
+        mended = [trial.without(fault) for trial in trials]
+        there = [p for p in mended if p is not None]
+        if len(there) == len(trials):
+            change = _Change.of(trials, there, fault.rows)
+            if change.gain > 0 and change.explained(0.0) > _LIKELY and abs(change.fitted - 1) < SHARP:
+                likely.append((change, fault))
+    for change, fault in sorted(likely, key=lambda found: -found[0].gain):
+        noise = np.sum([trial.noise(fault) for trial in trials], axis=0)
+        explained = change.explained(noise)
+        if explained > EXPLAINED:
+            return fault, explained
+    return _trim_level(trials)
+
+
+@dataclass(frozen=True, eq=False)
+class _Change:
+    """What taking a mistake back does to the residual; energies by response, summed over records.
+
+    Attributes
+    ----------
+    before, after : ndarray, shape (response,)
+    touched : ndarray of int
+        Responses that it is judged by.
+    fitted : float
+        How much of the change fits best; one for a mistake that is exactly what it is called.
+    """
+
+    before: Array
+    after: Array
+    touched: NDArray[np.intp]
+    fitted: float
+
+    @classmethod
+    def of(cls, trials: Sequence[_Trial], predicted: Sequence[Array], rows: Sequence[int]) -> _Change:
+        now = [t.residual(t.predicted) for t in trials]
+        then = [t.residual(p) for t, p in zip(trials, predicted, strict=True)]
+        changes = [_change(a, b) for a, b in zip(now, then, strict=True)]
+        before, after, size = (
+            np.sum([_energy(part) for part in parts], axis=0) for parts in (now, then, changes)
+        )
+        touched = np.array(rows, dtype=int) if len(rows) else np.flatnonzero(size > 0.1 * before)
+        product = np.sum(
+            [(r[0] * c[0]).sum(axis=1) + r[1] * c[1] for r, c in zip(now, changes, strict=True)], axis=0
+        )
+        fitted = float(product[touched].sum() / max(float(size[touched].sum()), 1e-300))
+        return cls(before, after, touched, fitted)
+
+    @property
+    def gain(self) -> float:
+        """Energy that goes, of all responses."""
+        return float((self.before - self.after).sum())
+
+    def explained(self, noise: Array | float) -> float:
+        """Return the share that goes of what is not noise; zero where there is hardly anything."""
+        noise = np.broadcast_to(noise, self.before.shape)
+        before, after = (np.maximum(e - noise, 0.0)[self.touched].sum() for e in (self.before, self.after))
+        return float(1 - after / before) if before > _LEAST * max(1, self.touched.size) else 0.0
+
+
+def _candidates(trials: Sequence[_Trial]) -> Iterable[Fault]:
+    first = trials[0]
+    # the same mistake is made of every record by its own closure where it uses the record's signals
+    yield from _of_every(trials, [list(outputs(t.bench)) for t in trials])
+    yield from _shifts(trials)
+    yield from _ignored_density(first)
+    ranked = []
+    for fault in inputs(first.bench):
+        guess = first.linear(fault)
+        if guess is not None:
+            ranked.append((_gain([first], [guess]), fault))
+    large = [f for _, f in ranked if f.id in ("degrees", "units", "axes") and " " in f.subject]  # not linear
+    small = sorted((r for r in ranked if r[1] not in large), key=lambda r: -r[0])
+    yield from (f for gain, f in small[:_CONFIRMED] if gain > 0)
+    if first.simulation.kind != "predictions":
+        yield from large
+
+
+def _of_every(trials: Sequence[_Trial], lists: Sequence[Sequence[Fault]]) -> Iterable[Fault]:
+    """Join the same mistake of several records into one that knows which record it is asked about."""
+    by_key = [{(f.id, f.subject, f.sentence): f for f in faults} for faults in lists]
+    for key, fault in by_key[0].items():
+        if all(key in found for found in by_key):
+            mine = {id(t.bench): found[key] for t, found in zip(trials, by_key, strict=True)}
+
+            def undo(predicted: Array, bench: Bench, mine: dict = mine) -> Array:
+                return mine[id(bench)].undo(predicted, bench)
+
+            yield Fault(fault.id, fault.subject, fault.sentence, fault.remedy, fault.rows, undo=undo)
+
+
+def _ignored_density(trial: _Trial) -> Iterable[Fault]:
+    """Yield a density that stays that of sea level, where the prediction does not change with it."""
+    record = trial.bench.record
+    if "air/rho" not in record or trial.simulation.kind == "predictions":
+        return
+    there, denser = (
+        trial.simulation.predict(r)
+        for r in (record, moved(record, "air/rho", 0.1 * record["air/rho"].mean()))
+    )
+    if np.abs(denser - there).max() < 1e-3 * np.abs(there).max():
+        yield Fault(
+            "density",
+            "rho",
+            "the density of the record is not used: loads are those of sea level",
+            "use air['rho'], or qbar",
+            tuple(range(len(trial.bench.names))),
+            undo=lambda p, bench: p * bench.record["air/rho"] / SEA_LEVEL,
+        )
+
+
+def _shifts(trials: Sequence[_Trial]) -> Iterable[Fault]:
+    """Yield the one shift of all responses together that leaves least."""
+    names = trials[0].bench.names
+    least = 0.1 if sum(n in WRENCH or n in _COEFFICIENT for n in names) >= 3 else 0.25
+
+    def left(delay: float) -> float:
+        return sum(
+            float((t.residual(shifted(t.predicted, t.bench.record.dt, delay))[0] ** 2).sum()) for t in trials
+        )
+
+    best = min((float(d) for d in _DELAYS if abs(d) >= least), key=left)
+    how = "early" if best > 0 else "late"
+    yield Fault(
+        "time_shift",
+        " ".join(names),
+        f"all responses come {abs(best):.2f} s too {how}",
+        "bring the simulation and the record to one clock",
+        tuple(range(len(names))),
+        undo=lambda p, bench: shifted(p, bench.record.dt, best),
+    )
+
+
+def _energy(residual: Parts) -> Array:
+    """Return the energy of a residual by response, shape (response,)."""
+    fluctuation, level = residual
+    return (fluctuation**2).sum(axis=1) + level**2
+
+
+def _change(before: Parts, after: Parts) -> Parts:
+    return before[0] - after[0], before[1] - after[1]
+
+
+def _left(trials: Sequence[_Trial]) -> Array:
+    return np.mean([_energy(t.residual(t.predicted)) for t in trials], axis=0)
+
+
+def _gain(trials: Sequence[_Trial], predicted: Sequence[Array]) -> float:
+    """Return how much residual a change removes where it may be somewhat smaller or larger."""
+    gain = 0.0
+    for trial, there in zip(trials, predicted, strict=True):
+        now, then = trial.residual(trial.predicted), trial.residual(there)
+        change = _change(now, then)
+        product = float((now[0] * change[0]).sum() + (now[1] * change[1]).sum())
+        size = float(_energy(change).sum())
+        fitted = np.clip(product / size, 0.0, 2.0) if size > 0 else 0.0
+        gain += 2 * fitted * product - fitted**2 * size
+    return gain
+
+
+def _trim_level(trials: Sequence[_Trial]) -> tuple[Fault, float] | None:
+    """Return the level as a mistake where a large one is all that is wrong."""
+    bench = trials[0].bench
+    vehicle = bench.maneuver.vehicle
+    weight = vehicle.mass_properties.mass_kg * STANDARD_GRAVITY
+    arm = vehicle.chord_m or 0.15 * (vehicle.span_m or 1.0)
+    for i, name in enumerate(bench.names):
+        if name not in WRENCH:
+            continue
+        off = np.mean([(t.bench.measured[i] - t.predicted[i]).mean() for t in trials])
+        spread = np.std([(t.bench.measured[i] - t.predicted[i]).mean() for t in trials])
+        moving = np.mean([(t.residual(t.predicted)[0][i] ** 2).sum() for t in trials])
+        size = 0.3 * weight * (1.0 if name in "XYZ" else arm)
+        missing = abs(trials[0].predicted[i].mean()) < 0.1 * abs(off)
+        if abs(off) > size and moving < (0.25 if missing else 0.05) and spread < 0.1 * abs(off):
+
+            def undo(predicted: Array, _: Bench, i: int = i, off: float = float(off)) -> Array:
+                out = predicted.copy()
+                out[i] += off
+                return out
+
+            sentence = (
+                f"{name} is a departure from the trim: its level, {off:.4g}, is missing"
+                if missing
+                else f"the level of {name} is off by {-off:.4g} while its changes are right"
+            )
+            total = np.sum([_energy(t.residual(t.predicted))[i] for t in trials])
+            return (
+                Fault("trim_level", name, sentence, "give total loads, trim included", (i,), undo=undo),
+                float(1 - moving * len(trials) / total),
+            )
+    return None

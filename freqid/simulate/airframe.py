@@ -119,30 +119,38 @@ def wrench(
     The tail lies close behind the rear wing: what that sheds arrives at once, on top of the front wing's
     wake.
     """
-    effects, geometry = parameters.effects, parameters.geometry
-    situation = _loads(
-        parameters,
-        flow,
-        positions._replace(
-            surface=surface_effectiveness.felt(
-                effects["surface_effectiveness"], geometry.surfaces, positions.surface
-            ),
-            speed=weak_rotor.felt(effects["weak_rotor"], geometry.rotors, positions.speed),
-        ),
-        arriving,
-    )
-    return _with_added(situation, memories)
+    return remembering(parameters, flow, positions, arriving, memories)[0]
 
 
-def memory_rates(situation: Situation, memories: Memories) -> Memories:
-    """Return the rate of change of the memory of every effect that has one and says how it changes."""
+def remembering(
+    parameters: Parameters,
+    flow: Flow,
+    positions: Positions,
+    arriving: Wake | None = None,
+    memories: Memories | None = None,
+) -> tuple[Aero, Memories]:
+    """Return the loads as `wrench` does, and the rates of change of the effects' memories."""
+    return _with_added(_situation(parameters, flow, positions, arriving), memories)
+
+
+def steady_memories(parameters: Parameters, flow: Flow, positions: Positions) -> Memories:
+    """Return the memories of effects on a vehicle that has been doing for long what it does now."""
+    situation = _situation(parameters, flow, positions, None)
     return {
-        identifier: effect.rate(
-            situation.parameters.effects[identifier], situation._replace(memory=memories[identifier])
-        )
+        identifier: effect.start(parameters.effects[identifier], situation)
         for identifier, effect in library().items()
-        if effect.rate is not None
+        if effect.start is not None
     }
+
+
+def _situation(parameters: Parameters, flow: Flow, positions: Positions, arriving: Wake | None) -> Situation:
+    """Return the loads on the airframe as it feels the effectors, before any effect is added."""
+    effects, geometry = parameters.effects, parameters.geometry
+    surface = surface_effectiveness.felt(
+        effects["surface_effectiveness"], geometry.surfaces, positions.surface
+    )
+    speed = weak_rotor.felt(effects["weak_rotor"], geometry.rotors, positions.speed)
+    return _loads(parameters, flow, positions._replace(surface=surface, speed=speed), arriving)
 
 
 def _loads(parameters: Parameters, flow: Flow, positions: Positions, arriving: Wake | None) -> Situation:
@@ -191,15 +199,18 @@ def _loads(parameters: Parameters, flow: Flow, positions: Positions, arriving: W
     return Situation(parameters, flow, positions, aero)
 
 
-def _with_added(situation: Situation, memories: Memories | None = None) -> Aero:
-    """Add the wrenches of the effects that come on top of the airframe."""
+def _with_added(situation: Situation, memories: Memories | None = None) -> tuple[Aero, Memories]:
+    """Add the wrenches of the effects that come on top of the airframe; how their memories change."""
     force, moment = situation.aero.wrench
+    rates: Memories = {}
     for identifier, effect in library().items():
+        settings: Any = situation.parameters.effects.get(identifier)
+        if effect.start is not None:
+            memory = memories[identifier] if memories else effect.start(settings, situation)
+            situation = situation._replace(memory=memory)
+        if effect.rate is not None:
+            rates[identifier] = effect.rate(settings, situation)
         if effect.stage == "airframe" and effect.add is not None:
-            settings: Any = situation.parameters.effects[identifier]
-            if effect.start is not None:
-                memory = memories[identifier] if memories else effect.start(settings, situation)
-                situation = situation._replace(memory=memory)
             extra = effect.add(settings, situation)
             force, moment = force + extra.force, moment + extra.moment
-    return situation.aero._replace(wrench=Wrench(force, moment))
+    return situation.aero._replace(wrench=Wrench(force, moment)), rates

@@ -79,7 +79,7 @@ def with_effects(scenario: Scenario, settings: Mapping[str, Any]) -> Scenario:
     UsageError
         For an unknown effect or parameter.
     """
-    effects.settings(dict(settings))  # says what is wrong before anything is flown
+    effects.settings(settings, scenario.aircraft())  # says what is wrong before anything is flown
     simulation = scenario.simulation
     table = dict(simulation.effects)
     for identifier, value in settings.items():
@@ -152,8 +152,9 @@ def fly_maneuver(
         raise DataError(f"{flight.divergence}; nothing was recorded", remedy="start from another condition")
     excited = inputs.names if inputs else ()
     truth, moving_air = truth_of(scenario, flight, excited=excited, reference=reference.id)
+    settings = effects.settings(scenario.simulation.effects, scenario.aircraft())
     how = {
-        "effects": effects.settings(scenario.simulation.effects),
+        "effects": settings,
         "wind_m_s": list(wind),
         "seed": c.seed,
         "noise": c.noise,
@@ -162,5 +163,5 @@ def fly_maneuver(
     }
     if flight.divergence:
         how["diverged"] = str(flight.divergence)
-    record = sensors.measure(truth, moving_air, suite, c.log_rate, c.seed)
+    record = effects.distorted(sensors.measure(truth, moving_air, suite, c.log_rate, c.seed), settings)
     return Flown(record, replace(truth, provenance={"simulation": how}), flight)

@@ -1,8 +1,9 @@
 """The whole vehicle in motion: one state, one step, whatever commands it.
 
 Everything with memory is in `State`: the rigid body, servos, tilt drives, motors, the battery's charge,
-commands under way and the front wing's wake under way. A closed loop puts its controller's own state
-beside this one and calls `step` with commands that the controller made and the excitation was added to.
+what effects remember, commands under way and the front wing's wake under way. A closed loop puts its
+controller's own state beside this one and calls `step` with commands that the controller made and the
+excitation was added to.
 """
 
 from __future__ import annotations
@@ -17,8 +18,17 @@ from ..core.errors import UsageError
 from ..core.scenario import Scenario
 from . import airframe, delay, description, multibody, rigid_body, wake
 from .actuators import Actuators, Commands, actuators, motor_acceleration, servo_acceleration
+from .airframe import Memories
 from .battery import Power, charge_rate, power
-from .effects import actuator_delay, actuator_lag, battery_sag, gyroscopic
+from .effects import (
+    actuator_delay,
+    actuator_lag,
+    backlash,
+    battery_sag,
+    gyroscopic,
+    loaded,
+    rate_limit,
+)
 from .integrate import rk4
 from .multibody import Configuration, MassModel
 from .quantities import Aero, Flow, Positions, Wake
@@ -59,6 +69,8 @@ class Moving(NamedTuple):
         rad/s.
     charge : Array, shape ()
         Of the battery, 0 to 1.
+    memories : dict of dict of Array
+        Of effects on the airframe, by their id and the names of their states.
     """
 
     body: BodyState
@@ -68,6 +80,7 @@ class Moving(NamedTuple):
     tilt_rate: jax.Array
     speed: jax.Array
     charge: jax.Array
+    memories: Memories
 
 
 class State(NamedTuple):
@@ -80,11 +93,17 @@ class State(NamedTuple):
         Under way to the actuators, the newest first.
     wake : Wake of Array, shape (sample, 2)
         Under way from the front to the rear wing, the newest first.
+    followed : Commands
+        What the actuators followed in the last step.
+    dragged : Array, shape (surface,)
+        Where surfaces are inside the play of their linkages, rad.
     """
 
     moving: Moving
     commands: Commands
     wake: Wake
+    followed: Commands
+    dragged: jax.Array
 
 
 class Details(NamedTuple):
@@ -94,7 +113,7 @@ class Details(NamedTuple):
     ----------
     flow : Flow
     positions : Positions
-        Of the effectors as the airframe feels them.
+        Of the effectors, where they can be measured.
     aero : Aero
     power : Power
     """
@@ -113,16 +132,18 @@ def parameters(scenario: Scenario) -> Parameters:
     UsageError
         Where a section is incomplete, has unknown keys or asks for a delay beyond `LONGEST_DELAY`.
     """
+    described = description.parameters(scenario)
+    settings = {i: {n: float(x) for n, x in of.items()} for i, of in described.effects.items()}
     built = Parameters(
-        airframe=description.parameters(scenario),
-        mass=multibody.mass_model(scenario.aircraft()),
+        airframe=described,
+        mass=multibody.mass_model(loaded(scenario.aircraft(), settings)),
         actuators=actuators(scenario),
     )
     delays = actuator_delay.delays(built.airframe.effects["actuator_delay"], built.actuators.delay)
     if max(delays) > LONGEST_DELAY:
         raise UsageError(
             f"a command is delayed by {max(delays):.3g} s, at most {LONGEST_DELAY:g} s can be",
-            remedy="lower delay_s in [simulation.actuators] or the strength of effect actuator_delay",
+            remedy="lower delay_s in [simulation.actuators] or effect actuator_delay",
         )
     return built
 
@@ -144,16 +165,19 @@ def start(
     """
     charge = parameters.actuators.battery.charge
     still = jnp.zeros_like(positions.surface)
-    moving = Moving(
-        body, positions.surface, still, positions.tilt, positions.tilt_rate, positions.speed, charge
-    )
     flow = relative_flow(body, around)
     aero = airframe.wrench(parameters.airframe, flow, positions)
     commands = holding(parameters, positions, aero, charge)
+    memories = airframe.steady_memories(parameters.airframe, flow, positions)
+    moving = Moving(
+        body, positions.surface, still, positions.tilt, positions.tilt_rate, positions.speed, charge, memories
+    )
     return State(
         moving,
         delay.start(commands, int(np.ceil(LONGEST_DELAY / dt)) + 2),
         delay.start(aero.shed, int(np.ceil(_LONGEST_CONVECTION / dt)) + 2),
+        commands,
+        positions.surface,
     )
 
 
@@ -164,7 +188,12 @@ def holding(parameters: Parameters, positions: Positions, aero: Aero, charge: ja
 
 
 def derivative(
-    parameters: Parameters, moving: Moving, commands: Commands, arriving: Wake | None, around: Surroundings
+    parameters: Parameters,
+    moving: Moving,
+    commands: Commands,
+    arriving: Wake | None,
+    around: Surroundings,
+    dragged: jax.Array | None = None,
 ) -> tuple[Moving, Details]:
     """Return the rate of change of what moves, and what it came from.
 
@@ -177,14 +206,20 @@ def derivative(
     arriving : Wake, optional
         What reaches the rear wing; the steady wake where absent.
     around : Surroundings
+    dragged : Array, shape (surface,), optional
+        Where surfaces were at the start of the step, rad; without play where absent.
     """
-    effects, act = parameters.airframe.effects, parameters.actuators
+    effects, act, memories = parameters.airframe.effects, parameters.actuators, moving.memories
     surface = actuator_lag.position(effects["actuator_lag"], moving.surface, commands.surface)
     positions = Positions(surface, moving.tilt, moving.tilt_rate, moving.speed)
+    felt = surface if dragged is None else backlash.dragged(effects["backlash"], dragged, surface)
     flow = relative_flow(moving.body, around)
-    aero = airframe.wrench(parameters.airframe, flow, positions, arriving)
+    aero, rates = airframe.remembering(
+        parameters.airframe, flow, positions._replace(surface=felt), arriving, memories
+    )
     ratio, given = _voltage(parameters, aero, moving.speed, moving.charge)
-    surface_rate = servo_acceleration(act.surface, moving.surface, moving.surface_rate, commands.surface)
+    servos = act.surface._replace(rate_limit=rate_limit.limits(effects["rate_limit"], act.surface.rate_limit))
+    surface_rate = servo_acceleration(servos, moving.surface, moving.surface_rate, commands.surface)
     tilt_rate = servo_acceleration(act.tilt, moving.tilt, moving.tilt_rate, commands.tilt)
     speed = motor_acceleration(act.motor, moving.speed, commands.speed, ratio)
     body = rigid_body.derivative(
@@ -195,7 +230,7 @@ def derivative(
         aero.wrench,
     )
     charge = charge_rate(act.battery, given.current)
-    rate = Moving(body, moving.surface_rate, surface_rate, moving.tilt_rate, tilt_rate, speed, charge)
+    rate = Moving(body, moving.surface_rate, surface_rate, moving.tilt_rate, tilt_rate, speed, charge, rates)
     return rate, Details(flow, positions, aero, given)
 
 
@@ -221,33 +256,43 @@ def seen_step(
         Step, s; as `start` was told.
     """
     sent = delay.push(state.commands, commands)
-    obeyed = _arrived(parameters, sent, dt)
+    obeyed = _arrived(parameters, sent, state.followed, dt)
     age = _wake_age(parameters, state, around, dt)
 
     def rate(moving: Moving, elapsed: jax.Array) -> tuple[Moving, tuple[Moving, Details]]:
         arriving = delay.read(state.wake, age - elapsed / dt)
-        slope, details = derivative(parameters, moving, obeyed, arriving, around)
+        slope, details = derivative(parameters, moving, obeyed, arriving, around, state.dragged)
         return slope, (slope, details)
 
     moving, seen = rk4(rate, state.moving, dt, has_aux=True)
     moving = moving._replace(body=rigid_body.normalised(moving.body))
-    return State(moving, sent, delay.push(state.wake, seen[1].aero.shed)), seen
+    effects = parameters.airframe.effects
+    surface = actuator_lag.position(effects["actuator_lag"], moving.surface, obeyed.surface)
+    dragged = backlash.dragged(effects["backlash"], state.dragged, surface)
+    return State(moving, sent, delay.push(state.wake, seen[1].aero.shed), obeyed, dragged), seen
 
 
 def observe(
     parameters: Parameters, state: State, commands: Commands, around: Surroundings, dt: float
 ) -> tuple[Moving, Details]:
     """Return the rate of change and the details at the start of a step; parameters as in `step`."""
-    obeyed = _arrived(parameters, delay.push(state.commands, commands), dt)
+    obeyed = _arrived(parameters, delay.push(state.commands, commands), state.followed, dt)
     arriving = delay.read(state.wake, _wake_age(parameters, state, around, dt))
-    return derivative(parameters, state.moving, obeyed, arriving, around)
+    return derivative(parameters, state.moving, obeyed, arriving, around, state.dragged)
 
 
-def _arrived(parameters: Parameters, sent: Commands, dt: float) -> Commands:
-    """Return the commands that reach the actuators."""
-    settings = parameters.airframe.effects["actuator_delay"]
-    delays = actuator_delay.delays(settings, parameters.actuators.delay)
-    return Commands(*(delay.read(line, late / dt) for line, late in zip(sent, delays, strict=True)))
+def _arrived(parameters: Parameters, sent: Commands, before: Commands, dt: float) -> Commands:
+    """Return the commands that the described actuators follow, late and behind by lags."""
+    effects = parameters.airframe.effects
+    delays = actuator_delay.delays(effects["actuator_delay"], parameters.actuators.delay)
+    arrived = [delay.read(line, late / dt) for line, late in zip(sent, delays, strict=True)]
+    servo, motor = effects["actuator_lag"]["extra"], effects["motor_lag"]["extra"]
+    return Commands(
+        *(
+            actuator_lag.behind(lag, command, old, dt)
+            for lag, command, old in zip((servo, servo, motor), arrived, before, strict=True)
+        )
+    )
 
 
 def _wake_age(parameters: Parameters, state: State, around: Surroundings, dt: float) -> jax.Array:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,28 +13,30 @@ from .signals import lagged
 
 Signals = dict[str, NDArray[np.float64]]
 
-# A flight follows a shorter lag by a share of this one, which agrees in the first order of the lag and
-# keeps the integration stable down to no lag at all.
-SHORTEST = 0.01  # s
-
 
 def position(settings: dict[str, jax.Array], servo: jax.Array, command: jax.Array) -> jax.Array:
     """Return where surfaces are, rad, shape (surface,): at their servos, or ahead of them by command."""
     return command + settings["strength"] * (servo - command)
 
 
-def behind(time_constant: jax.Array, command: jax.Array, memory: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return the command after a first-order lag, and the rate of the lag's memory.
+def behind(time_constant: jax.Array, command: jax.Array, before: jax.Array, dt: float) -> jax.Array:
+    """Return the command after a first-order lag, rad or rad/s, shape (effector,).
 
     Parameters
     ----------
     time_constant : Array, shape ()
         s.
-    command, memory : Array, shape (effector,)
-        rad or rad/s; what comes in, and what the lag holds.
+    command, before : Array, shape (effector,)
+        What comes in, held over a step, and what came out in the step before.
+    dt : float
+        Step, s.
+
+    Notes
+    -----
+    By the implicit Euler rule, whose delay at low frequency is the time constant at any step, and which
+    passes into no lag at all smoothly.
     """
-    share = jnp.clip(time_constant / SHORTEST, 0.0, 1.0)
-    return command + share * (memory - command), (command - memory) / jnp.maximum(time_constant, SHORTEST)
+    return before + dt / (dt + time_constant) * (command - before)
 
 
 def _act(settings: Mapping[str, float], signals: Signals, dt: float, kinds: dict[str, str]) -> Signals:

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from ..quantities import Wrench
 from . import along
-from .actuator_lag import SHORTEST
 from .effect import Effect, Parameter
 
 _SLOPE = 4.5  # per rad: lift curve of a wing of usual aspect ratio
 _STILL = 0.01  # m2/s2
+# A flight follows a shorter lag by a share of this one, which agrees in the first order of the lag and
+# keeps the integration stable down to no lag at all.
+_SHORTEST = 0.01  # s
 
 
 def _force(velocity: Any, rho: Any, area: Any) -> Any:
@@ -37,11 +39,11 @@ def _start(settings: dict[str, jax.Array], situation: Any) -> dict[str, jax.Arra
 
 def _rate(settings: dict[str, jax.Array], situation: Any) -> dict[str, jax.Array]:
     late = _now(situation) - situation.memory["force"]
-    return {"force": late / jnp.maximum(settings["time_constant"], SHORTEST)}
+    return {"force": late / jnp.maximum(settings["time_constant"], _SHORTEST)}
 
 
 def _add(settings: dict[str, jax.Array], situation: Any) -> Wrench:
-    share = jnp.clip(settings["time_constant"] / SHORTEST, 0.0, 1.0)
+    share = jnp.clip(settings["time_constant"] / _SHORTEST, 0.0, 1.0)
     missing = share * (situation.memory["force"] - _now(situation))
     force = jnp.stack([0 * missing, 0 * missing, missing])
     return Wrench(force, jnp.cross(situation.parameters.geometry.centre, force))

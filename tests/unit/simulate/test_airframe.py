@@ -140,7 +140,7 @@ def test_an_effect_may_add_a_wrench_in_proportion_to_its_size(la8, monkeypatch):
     where = Positions(jnp.zeros(10), jnp.zeros(2), jnp.zeros(2), jnp.zeros(8))
     for area in (0.0, 3.0):
         braked = la8._replace(effects=la8.effects | {"brake": {"area": jnp.float64(area)}})
-        force, moment = airframe._with_added(airframe.Situation(braked, flow, where, aero)).wrench
+        force, moment = airframe._with_added(airframe.Situation(braked, flow, where, aero))[0].wrench
         np.testing.assert_allclose(force, 1 - area * np.array([10.0, 0.0, 2.0]))
         np.testing.assert_allclose(moment, 1.0)
 

@@ -49,6 +49,8 @@ class State:
     ----------
     stable : bool
         Of the closed loop; margins say nothing where it is not.
+    axes : tuple of str
+        Of the law.
     margins : dict of Margins
         By effector, its command cut, and by axis of the law; all else closed.
     modes : tuple of Mode
@@ -60,6 +62,7 @@ class State:
     """
 
     stable: bool
+    axes: tuple[str, ...]
     margins: dict[str, Margins]
     modes: tuple[Mode, ...]
     closed_modes: tuple[Mode, ...]
@@ -115,26 +118,23 @@ class Consequence:
     unstable_share: float
 
     def sentence(self) -> str:
-        """Say the loss of phase margin at the axis or effector where it is largest."""
+        """Say what the phase margin loses at the axis that has the least of it in the end."""
+        if not self.before.margins or not self.after.margins:
+            return "there is no control law, so there are no margins"
         if not self.before.stable:
             return "the closed loop is unstable already as simulated, so there are no margins to compare"
         if not self.after.stable:
             return "as flown the closed loop is unstable, which the simulation says it is not"
-        lost = {
-            path: -value
-            for path, value in self.change.items()
-            if path.endswith("/phase_deg") and np.isfinite(value)
-        }
-        if not lost:
-            return "no loop has a gain of one in either, so no phase margin changes"
-        path = max(lost, key=lambda p: lost[p])
-        place = path.split("/")[1]
-        verb, size = ("costs", lost[path]) if lost[path] > 0 else ("adds", -lost[path])
-        said = f"{size:.1f} deg"
+        place, now = self.after.worst("phase_deg", self.after.axes)
+        path = f"margins/{place}/phase_deg"
+        lost = -self.change.get(path, float("nan"))
+        if not np.isfinite(lost):
+            return "no axis has a loop gain of one in both, so no phase margin can be compared"
+        verb = "costs" if lost > 0 else "adds"
+        said = f"{abs(lost):.1f} deg"
         if path in self.change_intervals:
-            ends = sorted(-x if lost[path] > 0 else x for x in self.change_intervals[path])
+            ends = sorted(-x if lost > 0 else x for x in self.change_intervals[path])
             said += f" ({ends[0]:.1f} to {ends[1]:.1f})"
-        now = self.after.margins[place].phase_deg
         return f"as flown it {verb} {said} of phase margin at {place}, which leaves {now:.1f} deg"
 
 
@@ -145,6 +145,7 @@ def state_of(condition: Condition, *, exact: bool = True) -> State:
     names = tuple(loop.states[i] for i in motion)
     return State(
         stable=loop.stable,
+        axes=loop.axes,
         margins=loop.margins(exact=exact),
         modes=named_modes(loop.A[np.ix_(motion, motion)], names),
         closed_modes=loop.modes(),

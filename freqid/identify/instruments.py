@@ -8,7 +8,7 @@ closed loop they give histories that resemble the regressors and share none of t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError
 from freqid.core.identification import Identification
 from freqid.core.record import Channel, FlightRecord, Maneuver
+from freqid.identify.estimators import LEAST_STRENGTH
 from freqid.identify.explanatory import explanatory_variables
 from freqid.identify.line_equations import LineEquations, on_lines
 from freqid.identify.loop_model import LoopModel, fit_loop
@@ -91,32 +92,44 @@ def driven_maneuvers(
         nuisance=measured.nuisance,
     ).estimate
     loop = fit_loop(maneuvers, effectors, measured, injected, wrench, moving)
-    driven = equations([f.driven(loop, lines_hz) for f in flights]).x
-    loop = _refined(loop, measured, driven, moving)
+    loop = _refined(loop, measured, moving, lambda by: equations([f.driven(by, lines_hz) for f in flights]).x)
     return tuple(_flown_so(m, f, f.driven(loop, lines_hz)) for m, f in zip(maneuvers, flights, strict=True))
 
 
 def _refined(
-    loop: LoopModel, measured: LineEquations, driven: Complex, moving: NDArray[np.bool_]
+    loop: LoopModel,
+    measured: LineEquations,
+    moving: NDArray[np.bool_],
+    driven_by: Callable[[LoopModel], Complex],
 ) -> LoopModel:
     """Return the loop with the wrench that its own instruments find; a third round changes nothing any more.
 
     What the injected signals do not reach, as the lateral motion of a longitudinal manoeuvre, is left at
-    rest: its columns are noise.
+    rest: its columns are noise. But in strong noise the first loop may be too wrong to tell: then whichever
+    of the two has instruments that are all strong enough is taken before anything is left at rest.
     """
+    driven = driven_by(loop)
     reached = moving & _moving(driven)
 
-    def fitted() -> tuple[LeastSquares, Array]:
+    def fitted(instruments: Complex) -> tuple[LeastSquares, Array]:
         x, z = measured.x[reached], measured.z
-        return two_stage_least_squares(x, z, driven[reached], nuisance=measured.nuisance)
+        return two_stage_least_squares(x, z, instruments[reached], nuisance=measured.nuisance)
 
-    fit, strength = fitted()
+    def refitted() -> LoopModel:
+        wrench = np.zeros_like(loop.wrench)
+        wrench[:, reached] = fit.estimate
+        return replace(loop, wrench=wrench, moving=np.concatenate([reached[:6], reached[[3, 4]]]))
+
+    fit, strength = fitted(driven)
+    second = driven_by(refitted())
+    if _moving(second)[reached].all() and (fitted(second)[1] >= LEAST_STRENGTH).all():
+        return refitted()
+    if (strength >= LEAST_STRENGTH).all():
+        return loop
     while (strength < REACHED).any():  # one at a time: what is weak makes its neighbours look weak
         reached[np.flatnonzero(reached)[np.argmin(strength)]] = False
-        fit, strength = fitted()
-    wrench = np.zeros_like(loop.wrench)
-    wrench[:, reached] = fit.estimate
-    return replace(loop, wrench=wrench, moving=np.concatenate([reached[:6], reached[[3, 4]]]))
+        fit, strength = fitted(driven)
+    return refitted()
 
 
 def _moving(x: Complex) -> NDArray[np.bool_]:

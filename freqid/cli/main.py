@@ -23,6 +23,7 @@ COMMANDS = {
     "identify-point": "identify_point",
     "frequency-response": "frequency_response",
     "global-blend": "global_blend",
+    "check-simulation": "check_simulation",
     "report": "report",
     "study": "study",
 }

@@ -1,4 +1,4 @@
-"""``identify-point --kinematics``: what a manoeuvre's kinematics say of its sensors, before modelling."""
+"""``identify-point --kinematics`` and ``--align``: errors of a record's sensors, before modelling."""
 
 from __future__ import annotations
 
@@ -8,8 +8,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
+    from freqid.core.excitation import Excitation
+    from freqid.core.identification import Identification
+    from freqid.core.models import PointModel
     from freqid.core.record import Maneuver
+    from freqid.core.scenario import Reference
+    from freqid.identify.delays import Alignment
     from freqid.identify.kinematics import KinematicCheck
+    from freqid.identify.point import Estimator
 
 SURE = 3.0  # standard errors from which a sensor error is worth a line
 
@@ -59,3 +65,49 @@ def _tell(record: Path, check: KinematicCheck, *, corrected: bool) -> None:
             click.echo(f"  {name:16s}{value:11.4g} +- {sigma:.2g} {'' if unit == '1' else unit}", err=True)
     if check.undetermined:
         click.echo(f"  not told by these data: {', '.join(check.undetermined)}", err=True)
+
+
+def identified(
+    align_by: str,
+    maneuvers: list[Maneuver],
+    records: list[Path],
+    settings: Identification,
+    *,
+    excitation: Excitation | None,
+    reference: Reference | None,
+    estimator: Estimator | None,
+) -> tuple[PointModel, dict[str, Any]]:
+    """Identify manoeuvres, aligned first where `align_by` is ``"fit"``, and tell what was found on stderr.
+
+    With ``"report"`` what alignment would find is told, and the records are used as they are.
+    """
+    from freqid.identify.delays import align
+    from freqid.identify.delays_point import identify_aligned
+    from freqid.identify.point import identify_point, lines_of
+
+    named = {"excitation": excitation, "reference": reference}
+    if align_by == "fit":
+        model, found = identify_aligned(maneuvers, settings, **named, estimator=estimator)
+    else:
+        lines_hz = lines_of(settings, excitation) if align_by == "report" else None
+        found = () if lines_hz is None else tuple(align(m, settings, lines_hz)[1] for m in maneuvers)
+        for record, alignment in zip(records, found, strict=False):
+            _tell_alignment(record, alignment, taken_out=False)
+        return identify_point(maneuvers, settings, **named, estimator=estimator), _account(records, found)
+    for record, alignment in zip(records, found, strict=True):
+        _tell_alignment(record, alignment, taken_out=True)
+    return model, _account(records, found)
+
+
+def _account(records: list[Path], found: tuple[Alignment, ...]) -> dict[str, Any]:
+    return {str(r): a.account() for r, a in zip(records, found, strict=False)}
+
+
+def _tell_alignment(record: Path, found: Alignment, *, taken_out: bool) -> None:
+    """Print delays, attitude's biases and the wind, each with its standard error."""
+    click.echo(f"{record}: sensors aligned" if taken_out else f"{record}: alignment would find", err=True)
+    for name, unit in zip(found.names, found.units, strict=True):
+        value, sigma = found[name]
+        said = " (not told by these data)" if name in found.untold else ""
+        unit = "" if unit == "1" else f" {unit}"
+        click.echo(f"  {name:16s}{value:11.4g} +- {sigma:.2g}{unit}{said}", err=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from freqid import __version__
-from freqid.cli.data_compatibility import checked
+from freqid.cli.data_compatibility import checked, identified
 from freqid.cli.options import as_json, emit, keep_inputs, output
 
 if TYPE_CHECKING:
@@ -57,6 +57,15 @@ if TYPE_CHECKING:
     help="Check first whether the sensors agree with each other: biases, scales, delays, wind.",
 )
 @click.option(
+    "--align",
+    "align_by",
+    type=click.Choice(["off", "report", "fit"]),
+    default="off",
+    show_default=True,
+    help="Find how late each group of sensors is, and the steady wind where velocity is known over the "
+    "ground only; 'fit' takes them out and adds their uncertainty to the parameters'.",
+)
+@click.option(
     "--predict", "held_out", type=click.Path(path_type=Path), help="Another record, to predict and score."
 )
 @as_json
@@ -75,6 +84,7 @@ def command(
     select: bool,
     nonlinear: str | None,
     kinematics: str,
+    align_by: str,
     held_out: Path | None,
     json_: bool,
 ) -> None:
@@ -92,7 +102,8 @@ def command(
     from freqid.core.record_file import read_record
     from freqid.core.scenario import read_scenario
     from freqid.core.toml import overridden
-    from freqid.identify.point import identify_point, predict
+    from freqid.identify.delays import align
+    from freqid.identify.point import lines_of, predict
 
     described, sha256 = read_scenario(scenario)
     if described.identification is None:
@@ -115,12 +126,14 @@ def command(
     spans = [None if cut is None else parse_span(cut) for _, cut in stretches]
     maneuvers = [Maneuver.of(f, described.aircraft(), span) for f, span in zip(flights, spans, strict=True)]
     compatibility: dict[str, Any] = {}
+    files = [record for record, _ in stretches]
     if kinematics != "off":
-        files = [record for record, _ in stretches]
         maneuvers, compatibility = checked(maneuvers, files, correct=kinematics == "correct")
     try:
-        model = identify_point(
+        model, alignment = identified(
+            align_by,
             maneuvers,
+            files,
             settings,
             excitation=described.excitation,
             reference=described.reference_of(at) if at else None,
@@ -139,11 +152,16 @@ def command(
     }
     if compatibility:
         sources["kinematics"] = compatibility
+    if alignment:
+        sources["alignment"] = alignment
     sources |= {key: model.provenance[key] for key in ("structure",) if key in model.provenance}
     predicted = {}
     if held_out:
         try:
-            predicted = predict(model, Maneuver.of(read_record(held_out), described.aircraft()), settings)
+            other = Maneuver.of(read_record(held_out), described.aircraft())
+            if align_by == "fit":
+                other, _ = align(other, settings, lines_of(settings, described.excitation))
+            predicted = predict(model, other, settings)
         except DataError as error:
             raise error.at(str(held_out)) from None
         sources["predicted"] = str(held_out)

@@ -14,6 +14,7 @@ from freqid.core.identification import Identification
 from freqid.core.models import Fit, PointModel
 from freqid.core.record import Maneuver
 from freqid.core.scenario import Reference
+from freqid.identify.air_relative import refuse_without_air
 from freqid.identify.explanatory import explanatory_variables
 from freqid.identify.fit_samples import fit_samples
 from freqid.identify.flown import departures, flown_reference
@@ -62,7 +63,8 @@ def identify_point(
     Raises
     ------
     DataError
-        Where a channel is missing, constant or collinear, the record does not support the lines, or the
+        Where a channel is missing, constant or collinear, a parameter needs a velocity through the air that
+        was not measured, the record does not support the lines, or the
         injected signals do not move a regressor.
     UsageError
         Where no lines are named, or instruments are asked for and no injected signals are recorded.
@@ -79,12 +81,13 @@ def identify_point(
     estimator = estimator or settings.estimator
     if estimator not in ESTIMATORS:
         raise UsageError(f"estimator '{estimator}' is unknown", remedy=nearest(estimator, ESTIMATORS))
+    refuse_without_air(maneuvers, settings, estimator)
     problem = Problem.of(maneuvers, settings)
     by_instruments = estimator == "instruments"
     alone: Sequence[Maneuver] | None = None
     lines = np.empty(0)
     if settings.method == "frequency" or by_instruments:
-        lines = _lines(settings, excitation)
+        lines = lines_of(settings, excitation)
         for each in maneuvers:
             each.record.check_band(_used(each, problem.names, settings), float(lines[-1]))
     if by_instruments:
@@ -158,7 +161,14 @@ def _used(maneuver: Maneuver, names: tuple[str, ...], settings: Identification) 
     return [name for name in dict.fromkeys(wanted) if name in maneuver.record]
 
 
-def _lines(settings: Identification, excitation: Excitation | None) -> Array:
+def lines_of(settings: Identification, excitation: Excitation | None) -> Array:
+    """Return the lines of a regression, shape (M,), Hz: those of the settings, or the harmonics.
+
+    Raises
+    ------
+    UsageError
+        Where neither names any.
+    """
     if settings.frequencies_hz is None:
         if excitation is None:
             raise UsageError(

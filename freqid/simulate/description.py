@@ -17,6 +17,7 @@ from ..core.scenario import Scenario
 from ..core.vehicle import Vehicle
 from . import effects
 from .airframe import Geometry, Parameters
+from .effects import library
 from .effects.needs import unmet
 from .effects.places import order
 from .frames import Frames
@@ -81,7 +82,7 @@ def parameters(scenario: Scenario) -> Parameters:
 def _effects(scenario: Scenario, vehicle: Vehicle) -> effects.Settings:
     """Return the settings of every effect; those that act must have what they need of the vehicle."""
     found = effects.settings(scenario.simulation.effects, vehicle)
-    for identifier, effect in effects.library().items():
+    for identifier, effect in library().items():
         missing = [n for n in unmet(effect, vehicle) if n.startswith("vehicle.")]
         if missing and found[identifier][effect.size]:
             raise UsageError(

@@ -45,6 +45,12 @@ if TYPE_CHECKING:
     metavar="NAME=VALUE",
     help="Set an effect's size, or NAME.PARAMETER=VALUE; may be repeated.",
 )
+@click.option(
+    "--effects",
+    "own_effects",
+    type=click.Path(path_type=Path),
+    help="Python file with effects of your own, set like the others.",
+)
 @click.option("--feedback/--no-feedback", default=True, help="Without it the trim's commands are held.")
 @click.option("--page/--no-page", default=True, help="Draw the flight, in an HTML page beside the record.")
 @as_json
@@ -60,6 +66,7 @@ def command(
     turbulence: float,
     seed: int,
     effects: tuple[str, ...],
+    own_effects: Path | None,
     feedback: bool,
     page: bool,
     json_: bool,
@@ -91,9 +98,9 @@ def command(
     drawn = destination.with_suffix(".html") if page else None
     for result in (destination, beside(destination), drawn):
         if result:
-            keep_inputs(result, scenario, design)
+            keep_inputs(result, scenario, design, own_effects)
     inputs = read_inputs(design) if design else None
-    settings = _settings(effects)
+    settings = _settings(effects, own_effects)
     if turbulence:
         settings["turbulence"] = turbulence
     described = with_effects(described, settings)
@@ -132,10 +139,14 @@ def command(
     emit(json_, result, _text(result))
 
 
-def _settings(effects: tuple[str, ...]) -> dict[str, Any]:
-    """Return effect settings from ``NAME=VALUE`` and ``NAME.PARAMETER=VALUE``."""
+def _settings(effects: tuple[str, ...], own: Path | None) -> dict[str, Any]:
+    """Return effect settings from ``NAME=VALUE`` and ``NAME.PARAMETER=VALUE``; a file's effects count too."""
     from freqid.core.errors import UsageError
+    from freqid.simulate import effects as library
+    from freqid.simulate.effects.files import load_file
 
+    for effect in load_file(own).values() if own else ():
+        library.register(effect)
     settings: dict[str, Any] = {}
     for text in effects:
         name, _, value = text.partition("=")
@@ -146,8 +157,6 @@ def _settings(effects: tuple[str, ...]) -> dict[str, Any]:
             raise UsageError(
                 f"--effect is NAME=VALUE with a number, such as wing_wake=0.5, not '{text}'"
             ) from None
-        from freqid.simulate import effects as library
-
         parameter = parameter or library.find(identifier).size
         settings.setdefault(identifier, {})[parameter] = number
     return settings

@@ -154,7 +154,7 @@ def fly_maneuver(
     truth, moving_air = truth_of(scenario, flight, excited=excited, reference=reference.id)
     settings = effects.settings(scenario.simulation.effects, scenario.aircraft())
     how = {
-        "effects": settings,
+        "effects": effects.acting(settings),
         "wind_m_s": list(wind),
         "seed": c.seed,
         "noise": c.noise,

@@ -103,6 +103,17 @@ def settings(table: Mapping[str, Any], vehicle: Vehicle | None = None) -> Settin
     return found
 
 
+def acting(settings: Mapping[str, Mapping[str, float]]) -> Settings:
+    """Return the effects that act or were switched off: their sizes, and what else is not zero."""
+    found: Settings = {}
+    for identifier, values in settings.items():
+        effect = find(identifier)
+        usual = {name: p.default for name, p in effect.parameters.items()}
+        if values[effect.size] or any(v != usual.get(name, 0.0) for name, v in values.items()):
+            found[identifier] = {n: v for n, v in values.items() if v or n == effect.size}
+    return found
+
+
 def loaded(vehicle: Vehicle, settings: Mapping[str, Mapping[str, float]]) -> Vehicle:
     """Return the vehicle as the mass effects make it.
 

@@ -104,7 +104,11 @@ def facts(flight: SimulatedFlight) -> list[tuple[str, str]]:
     wind = np.linalg.norm(how.get("wind_m_s", (0.0, 0.0))[:2])
     effects = {name: dict(values) for name, values in how.get("effects", {}).items()}
     gusts = effects.pop("turbulence", {}).get("wind_20ft", 0.0)
-    strengths = [f"{name} {short(v)}" for name, values in effects.items() for v in values.values()]
+    strengths = [
+        f"{name} {'' if i == 0 else parameter + ' '}{short(value)}"  # the first one is the effect's size
+        for name, values in effects.items()
+        for i, (parameter, value) in enumerate(values.items())
+    ]
     tilts = ", ".join(f"{name} {np.degrees(angle):.1f}°" for name, angle in flight.tilt.items())
     told = [
         ("From", f"{start.id}: u {short(start.u)} m/s, ρ {short(start.rho)} kg/m³, {tilts}"),

@@ -43,6 +43,13 @@ if TYPE_CHECKING:
     "--order", type=click.IntRange(min=0), default=2, show_default=True, help="Of the local polynomials."
 )
 @click.option(
+    "--poles",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="Of a local denominator; 2 where many effectors share the lines and modes lie between them.",
+)
+@click.option(
     "--windows",
     is_flag=True,
     help="For sweeps and doublets: one input and one output by overlapped windows; needs --band.",
@@ -58,6 +65,7 @@ def command(
     period: float | None,
     band: str | None,
     order: int,
+    poles: int,
     windows: bool,
     page: bool,
     json_: bool,
@@ -90,7 +98,7 @@ def command(
             response = _by_windows(maneuvers, inputs[0], outputs[0], span)
         else:
             response = frequency_response(
-                maneuvers, inputs or None, outputs, period_s=period, band_hz=span, order=order
+                maneuvers, inputs or None, outputs, period_s=period, band_hz=span, order=order, poles=poles
             )
     except DataError as error:
         raise error.at(" and ".join(map(str, records))) from None
@@ -100,6 +108,7 @@ def command(
             "records": [str(record) for record in records],
             "scenario": {"file": str(scenario or ""), "sha256": sha256},
             "order": order,
+            "poles": poles,
             "freqid_version": __version__,
         },
     )

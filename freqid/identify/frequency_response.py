@@ -31,6 +31,7 @@ def frequency_response(
     period_s: float | None = None,
     band_hz: tuple[float, float] | None = None,
     order: int = ORDER,
+    poles: int = 0,
     lines: int | None = None,
 ) -> FrequencyResponse:
     """Estimate the responses to all effectors that orthogonal multisines excite.
@@ -50,6 +51,9 @@ def frequency_response(
         Frequencies that are returned, all excited lines where absent.
     order : int
         Degree of the local polynomials.
+    poles : int
+        Degree of a local denominator that all inputs share, 0 for none; two where signals have few lines and
+        the aircraft has resonances between them.
     lines : int, optional
         Lines of each injected signal that a window takes in; ``order + 2`` where absent.
 
@@ -67,8 +71,8 @@ def frequency_response(
     """
     excited = _excited(maneuvers)
     group, asked = _inputs(inputs, excited, maneuvers[0].record)
-    if order < 0:
-        raise UsageError(f"the order is {order}, expected 0 or more")
+    if order < 0 or poles < 0:
+        raise UsageError(f"the order is {order} with {poles} poles, expected 0 or more")
     parts = [
         injected_lines(m, i, excited, group, outputs, period_s or period_of(m.record))
         for i, m in enumerate(maneuvers)
@@ -85,7 +89,7 @@ def frequency_response(
     at = at[(at >= low - 1e-9) & (at <= high + 1e-9)]
     if not at.size:
         raise DataError(f"no line between {low:g} and {high:g} Hz is excited")
-    found = [local_response(joined, f, order, lines or order + 2) for f in at]
+    found = [local_response(joined, f, order, lines or order + 2, poles) for f in at]
     ends = np.array([(joined.hz[row].min(), joined.hz[row].max()) for row in joined.excited])
     # half the mean spacing beyond the last line is still interpolation as polynomials go
     count = joined.excited.sum(axis=1) / len(maneuvers)

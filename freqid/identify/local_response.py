@@ -75,7 +75,7 @@ class LocalResponse:
     misfit: Array
 
 
-def local_response(lines: Lines, at_hz: float, order: int, count: int) -> LocalResponse:
+def local_response(lines: Lines, at_hz: float, order: int, count: int, poles: int = 0) -> LocalResponse:
     """Solve for the responses at one frequency.
 
     Parameters
@@ -87,6 +87,9 @@ def local_response(lines: Lines, at_hz: float, order: int, count: int) -> LocalR
     count : int
         Lines of each injected signal in each record, nearest first; more where these leave fewer than
         `LEAST_FREEDOM`.
+    poles : int
+        Degree of a denominator that all inputs share, in frequency too: two follow a resonance that is
+        narrow beside the spacing of one signal's lines. 0 for polynomials alone.
 
     Returns
     -------
@@ -100,9 +103,11 @@ def local_response(lines: Lines, at_hz: float, order: int, count: int) -> LocalR
     Notes
     -----
     ``Y = G U + T + V``; instruments of the polynomial terms of ``G U`` are those of R, of T (transients of
-    each record) T itself. As many instruments as columns, or more: two-stage least squares.
+    each record) T itself. As many instruments as columns, or more: two-stage least squares. With a
+    denominator ``D = 1 + d_1 x + ...`` it is ``D Y = G U + T + V``, output by output: columns ``Y x^p``, and
+    one more power of R as instruments (local rational method). D is 1 at the frequency itself.
     """
-    chosen, x = _window(lines, at_hz, order, count)
+    chosen, x = _window(lines, at_hz, order + (poles > 0), count)
     r, u, y = lines.r[:, chosen], lines.u[:, chosen], lines.y[:, chosen]
     powers = x ** np.arange(order + 1)[:, None]
     here = lines.record[chosen] == np.unique(lines.record[chosen])[:, None]
@@ -110,20 +115,27 @@ def local_response(lines: Lines, at_hz: float, order: int, count: int) -> LocalR
     instruments = np.concatenate([_terms(_scaled(r)[0], powers), transient])
     columns, scale = _scaled(u)
     columns = np.concatenate([_terms(columns, powers), transient])
-    basis = np.linalg.qr(instruments.conj().T)[0]
-    driven = (columns @ basis) @ basis.conj().T
-    left, singular, right = np.linalg.svd(driven, full_matrices=False)
-    if singular[-1] < SINGULAR * singular[0]:
-        raise DataError(
-            f"the injected signals do not move the inputs apart near {at_hz:.4g} Hz",
-            remedy="leave out inputs that follow others, or excite each by lines of its own",
-        )
-    dual = np.asarray((right.conj().T / singular) @ left.conj().T, dtype=np.complex128)  # (line, column)
     n, stride = len(u), order + 1
     first = np.arange(n) * stride
-    value = (y @ dual[:, first]) / scale
-    left_over, noise, freedom = _remainder(y, columns, dual)
-    gain = np.sum(np.abs(dual[:, first]) ** 2, axis=0) / scale**2
+    if poles:
+        more = np.concatenate([instruments, _scaled(r)[0] * x ** (order + 1)])
+        raised = x ** np.arange(1, poles + 1)[:, None]
+        solved = [
+            _solved(one, np.concatenate([columns, _terms(_scaled(one)[0], raised)]), more, at_hz)
+            for one in y[:, None]
+        ]
+    else:
+        solved = [_solved(y, columns, instruments, at_hz)]
+    value = np.concatenate([one.solution[:, first] for one in solved]) / scale
+    noise = np.concatenate([one.noise for one in solved])
+    gain = np.concatenate(
+        [
+            np.tile(np.sum(np.abs(one.dual[:, first]) ** 2, axis=0) / scale**2, (len(one.solution), 1))
+            for one in solved
+        ]
+    )
+    excited = np.asarray(lines.excited[:, chosen].any(axis=0))
+    misfit = np.concatenate([_misfit(one.residual, one.columns, one.dual, excited) for one in solved])
 
     # what the injected signals alone explain, for the coherences
     reduced = np.asarray(np.linalg.pinv(instruments), dtype=np.complex128)
@@ -141,14 +153,33 @@ def local_response(lines: Lines, at_hz: float, order: int, count: int) -> LocalR
     spectrum = (driving[len(y) :] * (power * share)) @ driving[len(y) :].conj().T
     conditioned = 1 / np.real(np.diag(np.linalg.pinv(spectrum, rcond=1e-14, hermitian=True)))
     partial = _share(np.abs(value) ** 2 * conditioned, noise[:, None])
-    return LocalResponse(
-        value,
-        noise[:, None] * gain,
-        freedom,
-        coherence,
-        partial,
-        _misfit(left_over, columns, dual, np.asarray(own.any(axis=0))),
-    )
+    freedom = min(one.freedom for one in solved)
+    return LocalResponse(value, noise[:, None] * gain, freedom, coherence, partial, misfit)
+
+
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """A solution, shape (row, column), with what its errors are worked out from."""
+
+    solution: Complex
+    dual: Complex
+    columns: Complex
+    residual: Complex
+    noise: Array
+    freedom: float
+
+
+def _solved(y: Complex, columns: Complex, instruments: Complex, at_hz: float) -> _Solution:
+    """Return two-stage least squares of rows on columns."""
+    basis = np.linalg.qr(instruments.conj().T)[0]
+    left, singular, right = np.linalg.svd((columns @ basis) @ basis.conj().T, full_matrices=False)
+    if singular[-1] < SINGULAR * singular[0]:
+        raise DataError(
+            f"the injected signals do not move the inputs apart near {at_hz:.4g} Hz",
+            remedy="leave out inputs that follow others, or excite each by lines of its own",
+        )
+    dual = np.asarray((right.conj().T / singular) @ left.conj().T, dtype=np.complex128)  # (line, column)
+    return _Solution(y @ dual, dual, columns, *_remainder(y, columns, dual))
 
 
 def _window(lines: Lines, at_hz: float, order: int, count: int) -> tuple[NDArray[np.int64], Array]:

@@ -42,6 +42,18 @@ def test_without_noise_only_curvature_is_left_and_a_higher_order_leaves_less():
     assert errors[0] > 5 * errors[1] > 15 * errors[2]
 
 
+def test_a_shared_denominator_follows_the_plant_where_polynomials_do_not():
+    """Order 1 in wide windows: the plant's slow poles bend the responses between the lines."""
+    m = plant.fly()
+    errors = {}
+    for poles in (0, 2):
+        found = frequency_response([m], None, plant.OUTPUTS, order=1, poles=poles, lines=5)
+        truth = plant.response(found.frequencies_hz)
+        errors[poles] = relative(found.value - truth, truth)
+    assert np.median(errors[2]) < 0.05 * np.median(errors[0])
+    assert np.quantile(errors[2], 0.9) < 0.2 * np.quantile(errors[0], 0.9)
+
+
 def test_a_start_far_from_trim_is_told_from_the_response():
     found = frequency_response([plant.fly(state=(2.0, -1.0, 1.0))], None, plant.OUTPUTS)
     still = frequency_response([plant.fly()], None, plant.OUTPUTS)
@@ -80,6 +92,20 @@ def test_stated_errors_are_those_that_repeated_flights_have(noisy):
     for confidence in (0.5, 0.9, 0.95):
         inside = np.mean([np.abs(e) < one.radius(confidence) for e, one in zip(error, found, strict=True)])
         assert inside == pytest.approx(confidence, abs=0.03)
+
+
+def test_errors_stated_with_a_denominator_are_not_too_small():
+    at = np.array([0.15, 0.4, 0.9])
+    truth, hits = plant.response(at), []
+    for seed in range(40):
+        m = plant.fly(seed=seed, **NOISE)
+        lines = injected_lines(m, 0, plant.INPUTS, "effector", plant.OUTPUTS, plant.PERIOD)
+        for k, f in enumerate(at):
+            one = local_response(lines, f, 1, 5, 2)
+            dof = one.degrees_of_freedom
+            radius = one.variance * dof * (0.1 ** (-1 / dof) - 1)
+            hits.append(np.abs(one.value - truth[..., k]) ** 2 < radius)
+    assert 0.88 < np.mean(hits) < 0.98  # they are a little too large
 
 
 def test_coherence_is_the_share_of_power_that_flights_have_in_common(noisy):

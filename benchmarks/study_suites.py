@@ -1,61 +1,44 @@
 """What two sensor suites make of the same flights: `python benchmarks/study_suites.py`.
 
-Each flight of the LA-8 class simulation is measured 24 times with each suite, and every parameter compared
-with the estimate from the same flight without any sensor error (research suite at zero noise: velocity
-through the air, no delay). Beside the owner's suite as it is: in still air, then also without its delays one
-after another, so that what each costs can be told; and with delays and wind that are fitted to the flight
-itself (`aligned`), which the commands do not do yet. Writes benchmarks/study_suites.csv.
+Each flight of the LA-8 class simulation is measured 12 times with each suite, on a day of its own, and every
+parameter compared with the estimate from the same flight without any sensor error (research suite at zero
+noise: velocity through the air, no delay). The owner's suite knows velocity over the ground alone, so without
+`--align fit` the parameters of u v w are refused; "owner, wind ignored" takes velocity over the ground for
+that through the air and shows what it would cost. Writes benchmarks/study_suites.csv.
 """
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Sequence
-from dataclasses import replace
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
-import msgspec
 import numpy as np
-from _la8 import EXCITATION, SCENARIO, SETTINGS
-from _la8_flights import blowing, flights, measured, reference_of
-from scipy.interpolate import CubicSpline
-from scipy.optimize import least_squares
+from _la8 import EXCITATION, SCENARIO, SETTINGS, write
+from _la8_flights import flights, measured, reference_of
 
-from freqid.core.frames import cross
+from freqid.core.channels import WRENCH
 from freqid.core.models import PointModel
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.core.units import STANDARD_GRAVITY
-from freqid.identify.fourier import harmonics
-from freqid.identify.line_equations import on_lines
+from freqid.identify.delays import Alignment
+from freqid.identify.delays_point import identify_aligned
+from freqid.identify.delays_record import Misaligned
 from freqid.identify.point import identify_point
-from freqid.identify.problem import Problem
-from freqid.identify.wrench import AppliedWrench
 from freqid.simulate import sensors
 from freqid.simulate.turbulence import steady_wind
 
 CONDITIONS = ("u00", "u10", "u20", "u36", "u45", "u62", "u85")
-SEEDS = 24
-VELOCITY = ("state/u", "state/v", "state/w")
+SEEDS = 12
 KNOWN = 5.0  # a parameter's size over the research suite's standard error, from which its bias is a share
-LINES = harmonics(EXCITATION.period_s, EXCITATION.band_hz)
+VARIANTS = ("research", "owner, wind ignored", "owner, aligned")
 OWNER = sensors.suite(SCENARIO, "owner")
-SURFACES, ROTORS = (tuple(e.name for e in SCENARIO.effector if e.kind == k) for k in ("surface", "rotor"))
-
-
-def on_time(*labels: str) -> dict[str, sensors.Sensor]:
-    """Return sensors of the owner's suite without their delay, and at the log's rate."""
-    return {label: msgspec.structs.replace(OWNER[label], latency_s=0.0, rate_hz=100.0) for label in labels}
-
-
-VARIANTS: dict[str, tuple[str, dict[str, sensors.Sensor]]] = {
-    "research": ("research", {}),
-    "owner": ("owner", {}),
-    "owner, still air": ("owner, still air", {}),
-    "owner, still air, velocity on time": ("owner, still air", on_time("velocity")),
-    "owner, still air, rotors on time": ("owner, still air", on_time("speed_controllers")),
-    "owner, still air, all on time": ("owner, still air", on_time(*OWNER)),
-    "owner, still air, delays fitted": ("owner, still air", {}),
-    "owner, delays and wind fitted": ("owner", {}),
+DELAYS = {
+    f"{what} delay": OWNER[label].latency_s - OWNER["gyro"].latency_s
+    for what, label in (
+        ("velocity", "velocity"),
+        ("attitude", "attitude"),
+        ("surface", "servos"),
+        ("rotor", "speed_controllers"),
+    )
 }
 
 
@@ -64,165 +47,104 @@ def identified(record: FlightRecord, at: str) -> PointModel:
     return identify_point(Maneuver.of(record), SETTINGS, excitation=EXCITATION, reference=reference_of(at))
 
 
-def shifted(record: FlightRecord, names: Sequence[str], delay: float) -> FlightRecord:
-    """Return a record with some channels brought forward, held at the end."""
-    late = [record.channel(name) for name in names]
-    at = np.clip(record.time + delay, record.time[0], record.time[-1])
-    return record.with_channels(*(replace(c, values=CubicSpline(record.time, c.values)(at)) for c in late))
-
-
-def velocity_delay(record: FlightRecord) -> float:
-    """Return by how much u v w come later than rates and specific forces, s: kinematics on the harmonics.
-
-    What is left of ``v' = f + g - w x v``, all at the origin, is least at the right delay; over the ground it
-    holds in any steady wind.
-    """
-    dt, offset = record.dt, np.array(record.channel("state/ax").position_m)
-    phi, theta = record.matrix(f"state/{n}" for n in ("phi", "theta"))
-    gravity = STANDARD_GRAVITY * np.stack(
-        [-np.sin(theta), np.sin(phi) * np.cos(theta), np.cos(phi) * np.cos(theta)]
+def aligned(record: FlightRecord, at: str) -> tuple[PointModel, Alignment]:
+    """Identify as with `--align fit`."""
+    model, found = identify_aligned(
+        [Maneuver.of(record)], SETTINGS, excitation=EXCITATION, reference=reference_of(at)
     )
-    rates, felt = (record.matrix(f"state/{n}" for n in names) for names in ("pqr", ("ax", "ay", "az")))
-    lever = cross(rates, np.broadcast_to(offset[:, None], rates.shape))
-
-    def left(delay: np.ndarray) -> np.ndarray:
-        velocity = shifted(record, VELOCITY, float(delay[0])).matrix(VELOCITY)
-        # the velocity of the accelerometers is v + w x d, and its own kinematics have no turning acceleration
-        there = velocity + lever
-        motion = AppliedWrench(("X", "Y", "Z"), ("m/s2",) * 3, cross(rates, there) - felt - gravity, there)
-        z = on_lines([there[:1]], [motion], [dt], LINES)
-        real = np.concatenate([z.nuisance.real, z.nuisance.imag], axis=1)
-        rows = np.concatenate([z.z.real, z.z.imag], axis=1)
-        basis = np.linalg.qr(real.T)[0]
-        return (rows - (rows @ basis) @ basis.T).ravel()
-
-    return float(least_squares(left, [0.0], x_scale=[0.01]).x[0])
-
-
-def aligned(record: FlightRecord, *, wind: bool) -> tuple[FlightRecord, np.ndarray]:
-    """Return a record without its delays and the steady wind, and these: three delays, s; wind, m/s.
-
-    The velocity's delay follows from kinematics. Those of surfaces and rotors, and the wind, are where the
-    least of the responses is left unexplained on the harmonics: separable least squares, for the linear
-    parameters follow from them. Where they tell nothing, as of the wind along a hovering aircraft, they stay
-    small: 0.1 s and 5 m/s are taken to be one sigma beforehand.
-    """
-    delay = velocity_delay(record)
-    record = shifted(record, VELOCITY, delay)
-    problem = Problem.of([Maneuver.of(record)], SETTINGS)
-    # A wind of 1 m/s north, then east, as it shows in u v w over the ground.
-    blown = np.zeros((2, *problem.x[0].shape))
-    moving = [problem.names.index(n) for n in "uvw"]
-    for i, unit in enumerate(np.eye(3)[:2]):
-        blown[i, moving] = blowing(record, unit)
-    every = np.concatenate([problem.x[0], *(row - row.mean(axis=1, keepdims=True) for row in blown)])
-    equations = on_lines([every], problem.wrench, problem.dt, LINES)
-    x, *by_wind = np.split(equations.x, 3)
-    late = np.array([[name in group for name in problem.names] for group in (SURFACES, ROTORS)], dtype=float)
-    z = np.concatenate([equations.z.real, equations.z.imag], axis=1)
-
-    def left(unknown: np.ndarray) -> np.ndarray:
-        moved = x - sum(w * by for w, by in zip(unknown[2:], by_wind, strict=False))
-        moved = moved * np.exp(2j * np.pi * np.outer(unknown[:2] @ late, LINES))
-        columns = np.concatenate([moved, equations.nuisance])
-        basis = np.linalg.qr(np.concatenate([columns.real, columns.imag], axis=1).T)[0]
-        return z - (z @ basis) @ basis.T
-
-    start, scale = np.zeros(4 if wind else 2), np.linalg.norm(left(np.zeros(2)), axis=1, keepdims=True)
-    steps = [0.01, 0.01, 1.0, 1.0][: start.size]
-    plausible = np.array([0.1, 0.1, 5.0, 5.0][: start.size]) * np.sqrt(z.shape[1])
-    found = least_squares(
-        lambda unknown: np.append(left(unknown) / scale, unknown / plausible), start, x_scale=steps
-    ).x
-    for group, own in zip((SURFACES, ROTORS), found, strict=False):
-        record = shifted(record, [f"effector/{n}" for n in group], float(own))
-    blowing_now = np.concatenate([found[2:], np.zeros(5 - found.size)])
-    through_air = record.matrix(VELOCITY) - blowing(record, blowing_now)
-    record = record.with_channels(
-        *(replace(record.channel(n), values=v) for n, v in zip(VELOCITY, through_air, strict=True))
-    )
-    return record, np.array([delay, *found])
+    return model, found[0]
 
 
 def main() -> None:
     """Print and write the tables."""
-    rows, fitted = [], []
-    for at, truth in flights(CONDITIONS).items():
-        exact = identified(measured(truth, 0, 0.0), at)
-        known: dict[str, np.ndarray] = {}
-        for variant, (suite, changed) in VARIANTS.items():
-            records = [measured(truth, s, 1.0, suite, **changed) for s in range(SEEDS)]
-            if "fitted" in variant:
-                corrected = [aligned(r, wind="wind" in variant) for r in records]
-                records = [record for record, _ in corrected]
-                fitted += [[at, variant, s, *np.round(f, 5)] for s, (_, f) in enumerate(corrected)]
-            models = [identified(record, at) for record in records]
-            for name, response in exact.responses.items():
-                found = np.array([m[name].estimate for m in models])
-                stated = np.array([m[name].std_error for m in models])
-                inside = [
-                    (m[name].lower <= response.estimate) & (response.estimate <= m[name].upper)
-                    for m in models
-                ]
-                error = (found - response.estimate) / stated
-                bias = found.mean(axis=0) - response.estimate
-                rms = np.sqrt((stated**2).mean(axis=0))
-                if variant == "research":
-                    known[name] = np.abs(response.estimate) > KNOWN * rms
-                share = np.abs(bias / response.estimate)[known[name]]
-                lost = np.abs(response.estimate) < 2 * rms
-                rows.append(
-                    {
-                        "condition": at,
-                        "suite": variant,
-                        "response": name,
-                        "rms_normalised_error": f"{np.sqrt((error**2).mean()):.3f}",
-                        "coverage_of_95": f"{np.mean(inside):.3f}",
-                        "mean_normalised_error_rms": f"{np.sqrt((error.mean(axis=0) ** 2).mean()):.3f}",
-                        "median_bias_percent": f"{100 * np.median(share):.2f}" if share.size else "",
-                        "worst_bias_percent": f"{100 * share.max():.1f}" if share.size else "",
-                        "parameters_compared": share.size,
-                        "scatter_over_stated": f"{np.median(found.std(axis=0, ddof=1) / rms):.3f}",
-                        "not_told_from_zero": " ".join(np.array(response.regressors)[lost]),
-                        "biased_beyond_2_sigma_and_10_percent": " ".join(
-                            n
-                            for n, b, s, e in zip(
-                                response.regressors, bias, rms, response.estimate, strict=True
-                            )
-                            if abs(b) > 2 * s and abs(b) > 0.1 * abs(e)
-                        ),
-                    }
-                )
-            show(at, variant, rows[-6:])
-    print(
-        "fitted delays of velocity, surfaces, rotors (0.035, 0.005, 0.045 s) and wind less the true one, rms"
-    )
-    for at in CONDITIONS:
-        for variant in dict.fromkeys(f[1] for f in fitted):
-            found = np.array([f[3:] for f in fitted if f[:2] == [at, variant]])
-            true = np.array(
-                [[0.035, 0.005, 0.045, *steady_wind(SCENARIO, "owner", s)[:2]] for s in range(SEEDS)]
+    rows = []
+    flights(CONDITIONS)
+    with ProcessPoolExecutor(2) as pool:
+        for found in pool.map(of_condition, CONDITIONS):
+            for row in found:
+                print("  ".join(f"{value!s:<8}" for value in row.values()), flush=True)
+            rows += found
+    write(Path(__file__), rows)
+
+
+def of_condition(at: str) -> list[dict[str, object]]:
+    """Return the rows of one condition."""
+    truth = flights([at])[at]
+    exact = identified(measured(truth, 0, 0.0), at)
+    owner = [measured(truth, s, 1.0, "owner") for s in range(SEEDS)]
+    both = [aligned(record, at) for record in owner]
+    models = {
+        "research": [identified(measured(truth, s), at) for s in range(SEEDS)],
+        # as if nobody had said that the air moves
+        "owner, wind ignored": [identified(Misaligned(Maneuver.of(r), {}).at({}).record, at) for r in owner],
+        "owner, aligned": [model for model, _ in both],
+    }
+    rows: list[dict[str, object]] = []
+    for response in WRENCH:
+        truth_of = exact[response].estimate
+        research = np.sqrt(np.mean([m[response].std_error ** 2 for m in models["research"]], axis=0))
+        known = np.abs(truth_of) > KNOWN * research
+        for variant in VARIANTS:
+            found = [m[response] for m in models[variant]]
+            estimate, stated = (np.array([getattr(f, n) for f in found]) for n in ("estimate", "std_error"))
+            inside = [(f.lower <= truth_of) & (truth_of <= f.upper) for f in found]
+            error = (estimate - truth_of) / stated
+            bias, rms = estimate.mean(axis=0) - truth_of, np.sqrt((stated**2).mean(axis=0))
+            share = np.abs(bias / truth_of)[known]
+            wrong = (np.abs(bias) > 2 * rms) & (np.abs(bias) > 0.1 * np.abs(truth_of))
+            names = np.array(exact[response].regressors)
+            rows.append(
+                {
+                    "condition": at,
+                    "suite": variant,
+                    "of": response,
+                    "coverage_of_95": f"{np.mean(inside):.3f}",
+                    "rms_normalised_error": f"{np.sqrt((error**2).mean()):.3f}",
+                    "mean_normalised_error_rms": f"{np.sqrt((error.mean(axis=0) ** 2).mean()):.3f}",
+                    "median_bias_percent": f"{100 * np.median(share):.2f}" if share.size else "",
+                    "worst_bias_percent": f"{100 * share.max():.1f}" if share.size else "",
+                    "parameters_compared": share.size,
+                    "std_error_over_research": f"{np.median(rms / research):.2f}",
+                    "not_told_from_zero": " ".join(names[np.abs(truth_of) < 2 * rms]),
+                    "biased_beyond_2_sigma_and_10_percent": " ".join(names[wrong]),
+                }
             )
-            off = np.sqrt(np.mean((found - true[:, : found.shape[1]]) ** 2, axis=0))
-            print(f"{at:<5}{variant:<36}" + "".join(f"{v:9.4f}" for v in off))
-            names = ("velocity_s", "surfaces_s", "rotors_s", "wind_north", "wind_east")
-            for name, value in zip(names, off, strict=False):
-                rows.append(
-                    {"condition": at, "suite": variant, "response": f"rms error of {name}"}
-                    | {"rms_normalised_error": f"{value:.4f}"}
-                )
-    with Path(__file__).with_suffix(".csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, rows[0], restval="", lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    return rows + [of_unknown(at, name, [a for _, a in both]) for name in both[0][1].names]
 
 
-def show(at: str, variant: str, rows: list[dict[str, object]]) -> None:
-    """Print one condition and suite: coverage, and median bias in per cent, by response."""
-    cover = " ".join(f"{r['response']} {float(str(r['coverage_of_95'])):5.3f}" for r in rows)
-    bias = " ".join(f"{r['median_bias_percent'] or '-':>6}" for r in rows)
-    error = " ".join(f"{float(str(r['rms_normalised_error'])):5.2f}" for r in rows)
-    print(f"{at:<5}{variant:<36}covers {cover}  nrms {error}  bias % {bias}", flush=True)
+def of_unknown(at: str, name: str, found: list[Alignment]) -> dict[str, object]:
+    """Return the row of one unknown of the alignment: coverage, rms error, stated error and mean error."""
+    each = np.array([a[name] for a in found])
+    true = np.array([actual(name, seed) for seed in range(len(found))])
+    off = each[:, 0] - true
+    at_ = found[0].names.index(name)
+    inside = [a.lower[at_] <= t <= a.upper[at_] for a, t in zip(found, true, strict=True)]
+    return {
+        "condition": at,
+        "suite": "owner, aligned",
+        "of": name,
+        "coverage_of_95": f"{np.mean(inside):.3f}",
+        "rms_normalised_error": f"{np.sqrt(np.mean((off / each[:, 1]) ** 2)):.3f}",
+        "mean_normalised_error_rms": f"{abs(np.mean(off / each[:, 1])):.3f}",
+        "median_bias_percent": "",
+        "worst_bias_percent": "",
+        "parameters_compared": "",
+        "std_error_over_research": "",
+        "not_told_from_zero": f"rms error {np.sqrt(np.mean(off**2)):.3g} {found[0].account()[name]['units']}",
+        "biased_beyond_2_sigma_and_10_percent": f"stated {np.sqrt(np.mean(each[:, 1] ** 2)):.3g}",
+    }
+
+
+def actual(name: str, seed: int) -> float:
+    """Return an error of the owner's sensors as it was drawn: less that of the inertial sensors."""
+    if name in DELAYS:
+        return DELAYS[name]
+    if name.startswith("wind"):
+        return float(steady_wind(SCENARIO, "owner", seed)[("wind north", "wind east").index(name)])
+    channel, kind = name.split()
+    rng = np.random.default_rng([seed, *f"state/{channel}".encode()])  # as `sensors.measure` draws them
+    bias, scale = rng.standard_normal(2)
+    return OWNER["attitude"].bias * bias if kind == "bias" else OWNER["gyro"].scale * scale
 
 
 if __name__ == "__main__":

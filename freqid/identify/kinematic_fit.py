@@ -26,7 +26,10 @@ FARTHEST = 3.0
 FAINT = 1e-3
 HELD_STEPS = 3  # in which prior knowledge still holds the estimates
 FULL_STEPS = 12  # after which half steps end the swinging of an unknown that is hardly told
-STEPS = 80
+# Steps after which an unknown that still moves is held: the data tell it along a curve only, as the scale of
+# an airspeed that a wind would explain as well, and Gauss-Newton creeps along that.
+PATIENCE = 25
+STEPS = 200
 # Steps this small beside the standard errors let unknowns be judged, and end the iteration.
 NEARLY, SETTLED = 0.5, 0.02
 # Noise levels that change by less than this are steady.
@@ -95,7 +98,8 @@ def fit_compatibility(
     Gauss-Newton on columns that the filter of `kinematic_noise.whiten` has made white. First steps, far from
     the answer, are held by the plausible sizes as prior knowledge; then the prior goes, and unknowns whose
     standard error stays beyond LARGEST_SHARE of their plausible size go with it, the worst first and one at a
-    time: of two that only their sum is known of, one remains. The noise of the channels that are compared
+    time: of two that only their sum is known of, one remains. So goes one that still moves after PATIENCE
+    steps. The noise of the channels that are compared
     follows from the innovations, that of inertial sensors from what Fourier smoothing calls noise in them.
     """
     everything = np.array([i < INITIAL or n in wanted for i, n in enumerate(problem.names)])
@@ -140,6 +144,14 @@ def fit_compatibility(
                     f"'{problem.names[worst]}' runs to {guess.values[worst]:.3g} s, the limit of delays",
                     remedy="raise longest_skew_s, or align the log's clocks first",
                 )
+        if free and steps >= PATIENCE:
+            share = np.zeros(active.size)
+            share[active] = fit.error / size * (np.abs(fit.step) > SETTLED * fit.error)
+            share[:INITIAL] = 0.0
+            if share.any():
+                creeping = np.arange(active.size) == np.argmax(share)
+                guess, active, steps = guess.back(creeping, problem.start), active & ~creeping, 0
+                continue
         noise = replace(noise, outputs=outputs)
         guess = problem.moved(guess, active, fit.step if steps < FULL_STEPS else fit.step / 2)
         steps += 1

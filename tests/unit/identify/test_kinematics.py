@@ -10,6 +10,7 @@ from wrench_cases import RIGID
 
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Channel, Maneuver
+from freqid.identify import kinematic_fit
 from freqid.identify.flight_path import (
     attitude_matrix,
     error_growth,
@@ -208,6 +209,26 @@ def test_what_a_quiet_flight_does_not_tell_is_named_with_what_would_take_it_up(b
     with pytest.raises(UsageError, match="did not estimate 'theta bias'"):
         check["theta bias"]
     assert "theta bias" not in check_kinematics(bench.fly(2, bench.AIR_DATA, {})).undetermined
+
+
+def test_an_unknown_that_never_settles_is_held_and_named(bench, monkeypatch):
+    solve = kinematic_fit._solve
+
+    def swinging(jacobian, residual, size, prior, away):
+        found = solve(jacobian, residual, size, prior, away)
+        if prior < 1 and len(found.step) == 8:  # as of a curved valley: the last of eight never comes to rest
+            found.step[-1] += 0.7 * found.error[-1] * (-1) ** len(calls)
+            calls.append(1)
+        return found
+
+    calls = []
+    monkeypatch.setattr(kinematic_fit, "_solve", swinging)
+    record = bench.fly(2, bench.AIR_DATA, {"ax bias": 0.1}, duration=20.0)
+    wanted = KinematicSettings(parameters=("ax bias", "V scale"), plausible={"V scale": 0.01})
+    check = check_kinematics(record, wanted)
+    assert len(calls) > kinematic_fit.PATIENCE
+    assert set(check.undetermined) == {"V scale"}
+    assert abs(check["ax bias"][0] - 0.1) < 4 * check["ax bias"][1]
 
 
 def test_a_corrected_record_is_the_flight_and_checks_clean(bench):

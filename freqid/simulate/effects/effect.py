@@ -63,7 +63,8 @@ class Effect:
         one of them in the vehicle), channels of the record as ``group/name`` or any of a ``group``,
         sections of ``[simulation]``. What is altogether missing leaves an effect untested.
     states : dict of str
-        Unit by name of the memory that a flight keeps for it.
+        Unit by name of the memory that a flight keeps for it and that no prediction of loads at one instant
+        sees: such an effect is always replayed over whole records.
     alternatives : bool
         Whether the parameters are places of which one is expected at fault, rather than numbers that are
         all free together.

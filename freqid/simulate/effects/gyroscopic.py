@@ -38,5 +38,6 @@ EFFECT = Effect(
     meaning="Spinning rotors resist being turned, and push back when they are sped up.",
     parameters={"strength": Parameter(1.0, "1", "share of the rotors' angular momentum", 0.5)},
     needs=("rotor.inertia", "effector", "state/p", "state/q", "state/r"),
+    states={"speed": "rad/s"},  # its moment is in the motion, not in the loads at one instant
     replay=_replay,
 )

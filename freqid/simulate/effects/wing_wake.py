@@ -15,7 +15,7 @@ from . import along
 from .effect import Effect, Parameter
 
 # That strength 1 stands for in a replay: downwash over the front wing's normal velocity, and lift slope.
-_DOWNWASH, _SLOPE = 0.3, 4.5
+_DOWNWASH, _SLOPE = 0.15, 4.5
 _SLOWEST = 3.0  # m/s, at which a wake travels in hover
 
 
@@ -27,8 +27,8 @@ def received(settings: dict[str, jax.Array], wake: Wake) -> Wake:
 def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[np.float64]:
     """Return what the front wing's downwash, once arrived, takes from the lift of the wing behind it.
 
-    ``rho S a V eps w / 2`` on the rear wing's normal, with w the normal velocity that the front wing had a
-    convection time ago.
+    ``rho S a V eps w / 2`` across the flow, with w the normal velocity that the front wing had a convection
+    time ago.
     """
     record, vehicle = replay.record, replay.vehicle
     front, rear = sorted(vehicle.wings, key=lambda w: -w.pivot_m[0])[:2]
@@ -38,12 +38,9 @@ def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[np.float64]:
     normal = turn_about_y(ahead, -along.tilt(record, front))[2]
     way = np.linalg.norm(np.subtract(front.pivot_m, rear.pivot_m))
     arrived = np.interp(record.time - way / speed, record.time, normal)
-    down = (
-        0.5 * record["air/rho"] * vehicle.area_m2 / len(vehicle.wings) * _SLOPE * _DOWNWASH * speed * arrived
-    )
-    tilt = along.tilt(record, rear)
-    force = turn_about_y(np.stack([0 * down, 0 * down, settings["strength"] * down]), tilt)
-    return along.wrench(replay, force, rear.pivot_m)
+    per_speed = 0.5 * record["air/rho"] * vehicle.area_m2 / len(vehicle.wings) * _SLOPE * _DOWNWASH
+    across = np.stack([-velocity[2], 0 * speed, velocity[0]])
+    return along.wrench(replay, settings["strength"] * per_speed * arrived * across, rear.pivot_m)
 
 
 EFFECT = Effect(
@@ -52,6 +49,5 @@ EFFECT = Effect(
     meaning="The wake of a wing and its rotors turns and blows the flow at what lies behind it.",
     parameters={"strength": Parameter(1.0, "1", "share of the wake's velocity that is felt", 0.3)},
     needs=("wing", "vehicle.area_m2", "effector", "state/u", "state/v", "state/w", "air/rho"),
-    states={"downwash": "m/s", "blowing": "m/s"},
     replay=_replay,
 )

@@ -253,11 +253,19 @@ def test_a_slipstream_adds_to_lift_and_surfaces_by_the_thrust_coefficient(flown)
     still = {f"effector__{e.name}": 0.0 for e in SCENARIO.effector}
     speeds = {f"effector__n{i}": 500.0 for i in range(1, 9)}
     record = steady(
-        truth, **still | speeds | {"effector__de1": 0.1, "state__u": 12.0, "state__v": 0.0, "state__w": 5.0}
+        truth,
+        **still
+        | speeds
+        | {"effector__de1": 0.1, "state__u": 12.0, "state__v": 0.0, "state__w": 5.0}
+        | dict.fromkeys(("state__p", "state__q", "state__r"), 0.0),
     )
     found = replayed("slipstream", record, Quadratic(), strength=1.0)
-    coefficient = 1e-4 * 500**2 / (np.pi / 4 * 0.4064**2) / (0.5 * record["air/rho"] * 13.0**2)
-    np.testing.assert_allclose(found[2], 0.7 * coefficient * (-30.0 * 5.0 / 2 - 40.0 * 0.1), rtol=1e-9)
+    thrust, disc, rho = 1e-4 * 500**2, np.pi / 4 * 0.4064**2, record["air/rho"]
+    # the air behind a disc is faster by T / (rho A V); the wing's chord is level: w is across it
+    lift = 8 * 0.5 * rho * 4.5 * 0.33 * 0.4064 * thrust / (rho * disc * 13.0) * 5.0
+    coefficient = thrust / (0.5 * rho * disc * 13.0**2)
+    np.testing.assert_allclose(found[2], -lift - 0.7 * coefficient * 40.0 * 0.1, rtol=1e-9)
+    assert np.abs(found[[1, 3, 5]]).max() < 1e-9 * np.abs(found[2]).max()  # left and right are alike
 
 
 def test_near_ground_a_hovering_rotor_gains_as_cheeseman_and_bennett_say(flown):

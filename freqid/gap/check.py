@@ -36,6 +36,7 @@ _LONGEST = 60.0  # s of each record that are looked at
 _CONFIRMED = 10  # candidates by derivatives that are tried on the simulation itself
 _DELAYS = np.concatenate([-np.arange(0.1, 1.01, 0.02), np.arange(0.1, 1.01, 0.02)])  # s
 _DRAWS = 3
+_PART, _ROW = 0.02, 0.005  # of a change, and of a response's energy, that has to be right by itself
 _MOST = 6  # mistakes at a time
 _COEFFICIENT = {"CX": "X", "CY": "Y", "CZ": "Z", "Cl": "L", "Cm": "M", "Cn": "N"}
 
@@ -151,18 +152,22 @@ class _Trial:
             return None
 
     def noise(self, fault: Fault) -> Array:
-        """Return what the inputs' noise alone would leave with a mistake taken back, shape (response,).
+        """Return what the sensors' noise alone would leave with a mistake taken back, shape (response,).
 
         Noise as strong again as what the record's channels have beyond any smooth motion, and offsets of
-        half its size, go through the simulation.
+        half its size, go through the simulation and into what was measured.
         """
         rng, total = np.random.default_rng(0), np.zeros(len(self.bench.names))
         try:
             still = self._predict((fault,))
             for _ in range(_DRAWS):
-                noisy = self._predict((fault,), rng)
-                # the noise itself is among what residuals are projected on, another draw is not
+                record = _noisier(self.bench.record, rng)
+                noisy = self._predict((fault,), record)
+                maneuver = replace(self.bench.maneuver, record=record)
+                changed = _measured(maneuver, self.bench.names) - self.bench.measured
+                # inputs' noise itself is among what residuals are projected on, another draw is not
                 total += _energy(self._keep(noisy - still, self.scale, whole=True))
+                total += _energy(self._keep(changed, self.scale))
         except DataError:
             return total
         return total / _DRAWS
@@ -187,8 +192,7 @@ class _Trial:
             record = fault.mend(record) if fault.mend else record
         return record
 
-    def _predict(self, more: Sequence[Fault], rng: np.random.Generator | None = None) -> Array:
-        record = self.bench.record if rng is None else _noisier(self.bench.record, rng)
+    def _predict(self, more: Sequence[Fault], record: FlightRecord | None = None) -> Array:
         predicted = self.simulation.predict(self._mended(more, record))
         for fault in (*self.faults, *more):
             predicted = fault.undo(predicted, self.bench) if fault.undo else predicted
@@ -253,8 +257,14 @@ def _bench(simulation: Simulation, record: FlightRecord, vehicle: Vehicle | None
     if record.duration > _LONGEST:
         record = record.cut(float(record.time[0]), float(record.time[0]) + _LONGEST)
     maneuver = Maneuver.of(record, vehicle or record.vehicle or simulation.vehicle)
-    rows = []
-    for name in simulation.responses:
+    names = tuple(simulation.responses)
+    return Bench(maneuver, names, _measured(maneuver, names))
+
+
+def _measured(maneuver: Maneuver, names: Sequence[str]) -> Array:
+    """Return what was measured of responses: as recorded, else reconstructed from the motion."""
+    record, rows = maneuver.record, []
+    for name in names:
         if f"response/{name}" in record:
             rows.append(record[f"response/{name}"])
         elif name in WRENCH or name in _COEFFICIENT:
@@ -263,7 +273,7 @@ def _bench(simulation: Simulation, record: FlightRecord, vehicle: Vehicle | None
             rows.append(applied.history(record.dt)[0])
         else:
             rows.append(record[f"state/{name}"])
-    return Bench(maneuver, tuple(simulation.responses), np.array(rows))
+    return np.array(rows)
 
 
 def _next(trials: Sequence[_Trial]) -> tuple[Fault, float] | None:
@@ -274,7 +284,7 @@ def _next(trials: Sequence[_Trial]) -> tuple[Fault, float] | None:
         there = [p for p in mended if p is not None]
         if len(there) == len(trials):
             change = _Change.of(trials, there, fault.rows)
-            if change.gain > 0 and change.explained(0.0) > _LIKELY and abs(change.fitted - 1) < SHARP:
+            if change.gain > 0 and change.explained(0.0) > _LIKELY and change.sharp:
                 likely.append((change, fault))
     for change, fault in sorted(likely, key=lambda found: -found[0].gain):
         noise = np.sum([trial.noise(fault) for trial in trials], axis=0)
@@ -295,12 +305,16 @@ class _Change:
         Responses that it is judged by.
     fitted : float
         How much of the change fits best; one for a mistake that is exactly what it is called.
+    apart, by_row : tuple of float
+        The same of fluctuations and levels, and of each response, by themselves, where they change enough.
     """
 
     before: Array
     after: Array
     touched: NDArray[np.intp]
     fitted: float
+    apart: tuple[float, ...]
+    by_row: tuple[float, ...]
 
     @classmethod
     def of(cls, trials: Sequence[_Trial], predicted: Sequence[Array], rows: Sequence[int]) -> _Change:
@@ -311,11 +325,28 @@ class _Change:
             np.sum([_energy(part) for part in parts], axis=0) for parts in (now, then, changes)
         )
         touched = np.array(rows, dtype=int) if len(rows) else np.flatnonzero(size > 0.1 * before)
-        product = np.sum(
-            [(r[0] * c[0]).sum(axis=1) + r[1] * c[1] for r, c in zip(now, changes, strict=True)], axis=0
+        products, sizes = [], []  # of fluctuations and levels, by response
+        for part in (0, 1):
+            now_part, by_part = ([np.reshape(x[part], (len(size), -1)) for x in xs] for xs in (now, changes))
+            pairs = list(zip(now_part, by_part, strict=True))
+            products.append(np.sum([(r * c).sum(axis=1) for r, c in pairs], axis=0)[touched])
+            sizes.append(np.sum([(c**2).sum(axis=1) for _, c in pairs], axis=0)[touched])
+        by_row, of_row = np.sum(products, axis=0), np.sum(sizes, axis=0)
+        whole = max(float(of_row.sum()), 1e-300)
+        apart = [
+            float(p.sum() / s.sum()) for p, s in zip(products, sizes, strict=True) if s.sum() > _PART * whole
+        ]
+        each = [float(p / s) for p, s in zip(by_row, of_row, strict=True) if s > _ROW * len(trials)]
+        return cls(before, after, touched, float(by_row.sum()) / whole, tuple(apart), tuple(each))
+
+    @property
+    def sharp(self) -> bool:
+        """Whether it is by exactly the mistake's size that the change fits."""
+        return (
+            abs(self.fitted - 1) < SHARP
+            and all(abs(part - 1) < 2 * SHARP for part in self.apart)
+            and all(abs(row - 1) < 4 * SHARP for row in self.by_row)
         )
-        fitted = float(product[touched].sum() / max(float(size[touched].sum()), 1e-300))
-        return cls(before, after, touched, fitted)
 
     @property
     def gain(self) -> float:

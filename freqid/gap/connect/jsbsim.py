@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 FOOT, POUND, SLUG = 0.3048, 4.4482216152605, 14.593902937206364
 _STEP = 1 / 120  # s, the longest of JSBSim's own steps
 _SETTLED = 3.0  # s, after which a flight control system stands still
+_ENGINES = 15.0  # s, the same of engines
 _GRID_HZ = 10.0  # of derivatives
 _CLEARANCE = 1000.0  # m, above ground: manoeuvres are flown high
 _FORCES = ("fbx", "fby", "fbz")
@@ -245,7 +246,7 @@ class JsbsimSimulation:
             fdm.run_ic()
 
         put(0)
-        for _ in range(int(_SETTLED * 120)):  # engines to the speed they start with
+        for _ in range(int(_ENGINES / fdm.get_delta_t())):  # to the speed they start with
             put(0)
             fdm.run()
         for k in range(record.time.size):

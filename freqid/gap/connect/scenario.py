@@ -72,7 +72,7 @@ class ScenarioSimulation:
     @property
     def effects(self) -> dict[str, dict[str, float]]:
         """Settings in force."""
-        return library.settings(self.scenario.simulation.effects)
+        return library.settings(self.scenario.simulation.effects, self.vehicle)
 
     @property
     def parts(self) -> tuple[str, ...]:

@@ -1,0 +1,188 @@
+"""A Functional Mock-up Unit (FMI 2.0, co-simulation) as a simulation: ``MODEL.fmu``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.channels import RESPONSE, STATE
+from freqid.core.errors import DataError, UsageError
+from freqid.core.record import FlightRecord
+from freqid.core.vehicle import Vehicle
+from freqid.gap.connect import answers
+from freqid.gap.connect.callable import arguments
+from freqid.gap.connect.differences import central
+from freqid.gap.simulation import Settings
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class FmuSimulation:
+    """An FMU that is stepped along the record; methods as in `freqid.gap.simulation.Simulation`.
+
+    Its inputs are named as channels, ``state.u`` or ``u``, ``effector.de1`` or ``de1``, ``air.rho`` or
+    ``rho``; its outputs as responses, ``X`` or ``response.X``, or as states. With inputs ``command.de1``
+    and outputs ``effector.de1`` it has actuators. Each step ends at a sample and is taken with that
+    sample's inputs, so that an algebraic model answers without delay.
+
+    Attributes
+    ----------
+    file : Path
+    name : str
+    responses : tuple of str
+    inputs, outputs : dict of int
+        Value references by name, as the FMU describes them.
+    vehicle : Vehicle or None
+    """
+
+    file: Path
+    name: str
+    responses: tuple[str, ...]
+    inputs: dict[str, int]
+    outputs: dict[str, int]
+    description: Any
+    folder: str
+    vehicle: Vehicle | None = None
+    kind: Literal["fmu"] = "fmu"
+    effects: Settings = field(default_factory=dict)
+    parts: tuple[str, ...] = ()
+
+    def predict(self, record: FlightRecord, effects: Settings | None = None) -> Array:
+        """Return the responses, shape (response, sample)."""
+        if effects:
+            raise UsageError("an FMU has no effects that could be set", where=self.name)
+        given = {n: row for n in self.inputs if (row := self._channel(record, n)) is not None}
+        lacking = [n for n in self.inputs if n not in given and not n.startswith("command.")]
+        if lacking:
+            raise DataError(
+                f"the record has no channel for input '{lacking[0]}' of the FMU",
+                where=self.name,
+                remedy="name its inputs as the record's channels: state.u, effector.de1, air.rho",
+            )
+        outputs = [self._output("response.", r) or self._output("state.", r) or r for r in self.responses]
+        rows = self._stepped(record.time, given, outputs)
+        found = dict(zip(self.responses, rows, strict=True))
+        return answers.stacked(found, record.time, self.name, self.responses)[1]
+
+    def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
+        """Return derivatives by central differences, shape (response, input, sample)."""
+        return central(self.predict, record, inputs)
+
+    def positions(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array]:
+        """Return its outputs ``effector.<name>`` at the record's commands; empty where it has none."""
+        names = [n for n in record.group("command") if f"effector.{n}" in self.outputs]
+        given = {n: row for n in self.inputs if (row := self._channel(record, n)) is not None}
+        if not names or not any(n.startswith("command.") for n in given):
+            return {}
+        rows = self._stepped(record.time, given, [f"effector.{n}" for n in names])
+        return {n: answers.row(r, n, record.time, self.name) for n, r in zip(names, rows, strict=True)}
+
+    def fly(self, record: FlightRecord, effects: Settings | None = None) -> None:
+        """Return nothing: an FMU is stepped along what was flown."""
+
+    def _output(self, prefix: str, response: str) -> str | None:
+        return prefix + response if prefix + response in self.outputs else None
+
+    def _channel(self, record: FlightRecord, name: str) -> Array | None:
+        """Return the signal that an input is named after; None where the record has none."""
+        group, _, short = name.rpartition(".")
+        state, effector, air = arguments(record, self.vehicle)
+        command = {n: record[f"command/{n}"] for n in record.group("command")}
+        tables = {"state": state, "effector": effector, "air": air, "command": command}
+        if group:
+            return tables.get(group, {}).get(short)
+        return next((tables[g][short] for g in ("state", "air", "effector") if short in tables[g]), None)
+
+    def _stepped(self, time: Array, given: dict[str, Array], outputs: Sequence[str]) -> Array:
+        from fmpy.fmi2 import FMU2Slave  # type: ignore[import-not-found]
+
+        description = self.description
+        references = [self.inputs[n] for n in given]
+        wanted = [self.outputs[n] for n in outputs]
+        values = np.array(list(given.values())).reshape(len(given), -1)
+        unit = FMU2Slave(
+            guid=description.guid,
+            unzipDirectory=self.folder,
+            modelIdentifier=description.coSimulation.modelIdentifier,
+            instanceName="freqid",
+        )
+        rows = np.empty((len(outputs), time.size))
+        k = 0
+        try:
+            unit.instantiate()
+            unit.setupExperiment(startTime=float(time[0]))
+            unit.enterInitializationMode()
+            unit.setReal(references, values[:, 0].tolist())
+            unit.exitInitializationMode()
+            rows[:, 0] = unit.getReal(wanted)
+            for k in range(1, time.size):
+                unit.setReal(references, values[:, k].tolist())
+                step = float(time[k] - time[k - 1])
+                unit.doStep(currentCommunicationPoint=float(time[k - 1]), communicationStepSize=step)
+                rows[:, k] = unit.getReal(wanted)
+            unit.terminate()
+        except Exception as error:
+            raise DataError(
+                f"the FMU failed at t = {time[k]:.4g} s: {type(error).__name__}: {error}", where=self.name
+            ) from error
+        finally:
+            unit.freeInstance()
+        return rows
+
+
+def load(file: Path, vehicle: Vehicle | None = None) -> FmuSimulation:
+    """Load an FMU.
+
+    Raises
+    ------
+    DataError
+        Where there is no such file, fmpy is not installed, or it is no FMI 2.0 unit for co-simulation on
+        this machine with an output that is a response or a state.
+    """
+    where = str(file)
+    if not file.is_file():
+        raise DataError("there is no such file", where=where, remedy="check the path")
+    try:
+        import fmpy  # type: ignore[import-not-found]
+    except ImportError:
+        raise DataError(
+            "FMUs need fmpy, which is not installed", where=where, remedy="pip install 'freqid[fmu]'"
+        ) from None
+    try:
+        description = fmpy.read_model_description(where)
+        folder = fmpy.extract(where)
+    except Exception as error:
+        raise DataError(f"is no FMU ({error})", where=where, remedy="export it again") from error
+    if description.coSimulation is None or not description.fmiVersion.startswith("2."):
+        raise DataError(
+            f"is FMI {description.fmiVersion} without co-simulation or another version than 2.0",
+            where=where,
+            remedy="export it as FMI 2.0 for co-simulation",
+        )
+    variables = [v for v in description.modelVariables if v.type == "Real"]
+    inputs = {v.name: v.valueReference for v in variables if v.causality == "input"}
+    outputs = {v.name: v.valueReference for v in variables if v.causality == "output"}
+    short = [n.rpartition(".")[2] for n in outputs if not n.startswith(("effector.", "command."))]
+    responses = tuple(n for n in (*RESPONSE, *STATE) if n in short)
+    if not responses:
+        raise DataError(
+            "has no output that is a response or a state",
+            where=where,
+            remedy="name its outputs X, Y, Z, L, M, N or as states, such as q",
+        )
+    unknown = [
+        n for n in inputs if "." in n and n.partition(".")[0] not in ("state", "effector", "air", "command")
+    ]
+    if unknown:
+        raise DataError(
+            f"input '{unknown[0]}' is named after no channel",
+            where=where,
+            remedy="name inputs state.u, air.rho, effector.<name> or command.<name>",
+        )
+    return FmuSimulation(file, where, responses, inputs, outputs, description, folder, vehicle)

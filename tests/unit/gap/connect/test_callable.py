@@ -1,0 +1,121 @@
+"""A user's function: what it is given, what it answers, and what is said when it goes wrong."""
+
+import numpy as np
+import pytest
+
+from freqid.core.errors import DataError, UsageError
+from freqid.core.record import Channel, FlightRecord
+from freqid.core.vehicle import Inertia, MassProperties, Vehicle
+from freqid.gap.connect import connect
+
+GOOD = """
+import numpy as np
+
+def wrench(time, state, effector, air, parameters):
+    gain = parameters.get("extra_drag", {}).get("coefficient", 0.0)
+    return {
+        "X": -(0.3 + gain) * air["V"] ** 2,
+        "M": air["qbar"] * (2.0 * effector["de"] - 0.1 * state["q"]),
+    }
+wrench.effects = {"extra_drag": {"coefficient": 0.1}}
+wrench.positions = lambda time, command, parameters: {"de": 0.5 * command["de"]}
+wrench.fly = lambda record, parameters: {"q": np.zeros_like(record.time)}
+"""
+
+
+@pytest.fixture(scope="module")
+def record():
+    time = np.arange(101) / 50
+    u, w = 20 + np.sin(time), np.cos(2 * time)
+    signals = {
+        "state/u": ("m/s", u),
+        "state/v": ("m/s", 0 * time),
+        "state/w": ("m/s", w),
+        "state/q": ("rad/s", 0.1 * np.sin(3 * time)),
+        "air/rho": ("kg/m3", np.full(time.size, 1.2)),
+        "air/V": ("m/s", np.hypot(u, w)),
+        "air/qbar": ("Pa", 0.6 * (u**2 + w**2)),
+        "effector/de": ("rad", 0.05 * np.cos(5 * time)),
+        "command/de": ("rad", 0.1 * np.cos(5 * time)),
+    }
+    return FlightRecord(time, {n: Channel(n, x, v, 50.0, "made") for n, (x, v) in signals.items()})
+
+
+@pytest.fixture
+def function(tmp_path, record):
+    def write(text, name="wrench", **options):
+        path = tmp_path / "model.py"
+        path.write_text(text)
+        return connect(f"{path}:{name}", record=record, **options)
+
+    return write
+
+
+def test_a_function_answers_on_the_records_channels(function, record):
+    simulation = function(GOOD)
+    assert simulation.responses == ("X", "M")
+    x, m = simulation.predict(record)
+    assert np.allclose(x, -0.4 * record["air/V"] ** 2)
+    assert np.allclose(m, record["air/qbar"] * (2 * record["effector/de"] - 0.1 * record["state/q"]))
+    assert np.allclose(
+        simulation.predict(record, {"extra_drag": {"coefficient": 0.3}})[0], -0.6 * record["air/V"] ** 2
+    )
+    assert np.allclose(simulation.positions(record)["de"], 0.5 * record["command/de"])
+    assert not simulation.fly(record)["q"].any()
+
+
+def test_derivatives_carry_the_air_data_that_follow_a_velocity(function, record):
+    found = function(GOOD).gradient(record, ["state/u", "state/q", "effector/de"])
+    moment = 2 * record["effector/de"] - 0.1 * record["state/q"]
+    assert np.allclose(found[0, 0], -0.8 * record["state/u"], rtol=1e-3)
+    assert np.allclose(found[1, 0], 1.2 * record["state/u"] * moment, atol=1e-3)
+    assert np.allclose(found[1, 1], -0.1 * record["air/qbar"])
+    assert np.allclose(found[1, 2], 2 * record["air/qbar"])
+
+
+def test_air_data_that_were_not_logged_are_computed_at_the_centre_of_gravity(function, record):
+    vehicle = Vehicle(
+        name="made",
+        mass_properties=MassProperties(mass_kg=1.0, inertia=Inertia(xx=1, yy=1, zz=1), cg_m=(0.2, 0.0, 0.0)),
+    )
+    channels = {n: c for n, c in record.channels.items() if n not in ("air/V", "air/qbar")}
+    bare = FlightRecord(record.time, channels, vehicle)
+    assert np.allclose(function(GOOD).predict(bare), function(GOOD).predict(record))
+
+
+def wrench(body):
+    return f"import numpy as np\ndef wrench(time, state, effector, air, parameters):\n    {body}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (wrench("return {'X': state['nothing']}"), "raised KeyError: 'nothing' (line 3 of model.py)"),
+        (wrench("return {'X': np.where(time < 1, 0, np.nan)}"), "first at t = 1 s"),
+        (wrench("return {'X': np.zeros(7)}"), "has shape (7,), expected (101,)"),
+        (wrench("return {'XX': time}"), "'XX', which is no response and no state; did you mean 'X'"),
+        (wrench("return time"), "returned ndarray, expected a dictionary"),
+        (wrench("return {'X': 'much'}"), "is no array of numbers but str"),
+        (wrench("return {}"), "returned no response"),
+        (wrench("return {'X': time}") + "wrench.responses = ('X', 'Z')", "no 'Z', which it says it predicts"),
+        (wrench("return {'X': time}") + "wrench.responses = ('Q',)", "'Q' among the responses"),
+        ("def wrench(:\n", "cannot be run: SyntaxError"),
+        ("1 / 0\n", "cannot be run: ZeroDivisionError: division by zero (line 1 of model.py)"),
+    ],
+)
+def test_what_goes_wrong_is_said_in_one_sentence(function, record, text, words):
+    with pytest.raises(DataError) as error:
+        function(text).predict(record)
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_words_that_name_no_simulation_are_refused(tmp_path, function, record):
+    with pytest.raises(DataError, match="no such file"):
+        connect(str(tmp_path / "absent.py:wrench"))
+    with pytest.raises(UsageError, match="did you mean 'wrench'"):
+        function(GOOD, "wrenhc")
+    with pytest.raises(UsageError, match="names no kind"):
+        connect("simulation")
+    with pytest.raises(UsageError, match="no simulation is given"):
+        connect()

@@ -1,0 +1,131 @@
+"""The scenario's simulation replayed on its own flights, without noise: it must come out as it was."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from freqid.core.errors import DataError, UsageError
+from freqid.core.record import Channel
+from freqid.gap.connect.scenario import ScenarioSimulation
+from freqid.simulate.effects import library
+
+WRENCH = ("X", "Y", "Z", "L", "M", "N")
+
+
+@pytest.fixture(scope="module")
+def simulation(la8):
+    return ScenarioSimulation(la8)
+
+
+@pytest.mark.parametrize("reference", ["u20", "u62"])
+def test_the_replayed_wrench_is_the_one_that_was_flown(simulation, flown, reference):
+    flight = flown(reference)
+    truth = flight.truth.matrix(f"response/{r}" for r in WRENCH)[:, ::2]
+    error = simulation.predict(flight.record) - truth
+    rms = np.sqrt((truth**2).mean(axis=1))
+    # Before the first sample the inputs were still: what the wake carries from there has a kink.
+    assert (np.sqrt((error[:, 25:] ** 2).mean(axis=1)) < 1e-5 * rms).all()
+    assert (np.sqrt((error**2).mean(axis=1)) < 2e-4 * rms).all()
+
+
+def test_what_the_wake_carries_arrives_late(simulation, flown):
+    """Without the delay the error is a thousand times larger, so the test above tells."""
+    flight = flown("u62")
+    record = flight.record
+    truth = flight.truth.matrix(f"response/{r}" for r in WRENCH)[:, ::2]
+    steady = simulation.predict(replace(record, time=1e3 * record.time))  # so slow that nothing is late
+    error = (steady - truth)[4, 25:]
+    assert np.sqrt((error**2).mean()) > 1e-3 * np.sqrt((truth[4] ** 2).mean())
+
+
+def test_a_velocity_sensor_off_the_origin_is_brought_there(simulation, flown):
+    record = flown("u20").record
+    place = np.array([0.7, -0.2, 0.1])
+    moved = (
+        record.matrix(("state/u", "state/v", "state/w"))
+        + np.cross(record.matrix(("state/p", "state/q", "state/r")).T, place).T
+    )
+    channels = [
+        Channel(f"state/{n}", "m/s", row, 50.0, "moved", tuple(place))
+        for n, row in zip("uvw", moved, strict=True)
+    ]
+    expected, found = simulation.predict(record), simulation.predict(record.with_channels(*channels))
+    assert np.allclose(found, expected, rtol=1e-9, atol=1e-8)
+
+
+def test_settings_of_effects_change_the_prediction_and_unknown_ones_are_refused(simulation, flown):
+    record = flown("u20").record
+    assert set(simulation.effects) == set(library())
+    there = simulation.predict(record)
+    same = simulation.predict(record, {"slipstream": {"strength": 1.0}})
+    less = simulation.predict(record, {"slipstream": {"strength": 0.5}})
+    assert np.array_equal(there, same)
+    assert np.abs(less - there)[2].mean() > 1.0
+    with pytest.raises(UsageError, match="slipsteam"):
+        simulation.predict(record, {"slipsteam": {"strength": 1.0}})
+
+
+def test_actuators_make_the_positions_that_were_flown(simulation, flown):
+    record = flown("u20").record
+    found = simulation.positions(record)
+    for name, row in found.items():
+        flown_there = record[f"effector/{name}"]
+        error = np.abs(row - flown_there) / np.abs(flown_there).max()
+        assert error[25:].max() < 1e-6, name
+        assert error.max() < 1e-4, name  # the inputs start with a kink
+    late = simulation.positions(record, {"actuator_delay": {"strength": 3.0}})
+    assert np.abs(late["de1"] - found["de1"]).max() > 1e-3
+    assert simulation.positions(replace(record, channels={"state/u": record.channel("state/u")})) == {}
+
+
+def test_the_batterys_own_voltage_stands_in_for_one_that_was_not_logged(simulation, flown):
+    record = flown("u20").record
+    blind = replace(record, channels={n: c for n, c in record.channels.items() if n != "power/voltage"})
+    expected, found = simulation.positions(record)["n1"], simulation.positions(blind)["n1"]
+    assert np.abs(found - expected).max() < 1e-3 * np.abs(expected).max()
+
+
+def test_its_own_flight_is_the_record(simulation, flown):
+    record = flown("u20").record
+    found = simulation.fly(record)
+    for name in record.group("state"):
+        assert np.abs(found[name] - record[f"state/{name}"]).max() < 1e-9, name
+
+
+def test_a_flight_that_diverges_says_when(simulation, flown):
+    record = flown("u20").record
+    strong = [
+        replace(record.channel(n), values=60 * record[n]) for n in record.channels if "excitation/d" in n
+    ]
+    with pytest.raises(DataError, match=r"t = \d"):
+        simulation.fly(record.with_channels(*strong))
+
+
+def test_derivatives_are_those_of_the_prediction(simulation, flown):
+    record = flown("u20").record
+    names = ["state/w", "effector/de1", "effector/n5", "effector/dw1", "state/phi"]
+    found = simulation.gradient(record, names)
+    for i, (name, step) in enumerate(zip(names[:4], (1e-2, 1e-3, 0.5, 1e-3), strict=True)):
+        above, below = (
+            simulation.predict(record.with_channels(replace(record.channel(name), values=record[name] + s)))
+            for s in (step, -step)
+        )
+        slope = ((above - below) / (2 * step))[:, 25:-25]
+        strong = np.abs(slope).mean(axis=1) > 0.1 * np.abs(slope).mean(axis=1).max()
+        error = np.abs(found[:, i, 25:-25].mean(axis=1) - slope.mean(axis=1))
+        assert (error < 0.01 * np.abs(slope).mean(axis=1))[strong].all(), name
+    assert not found[:, 4].any()  # attitude is not felt
+    with pytest.raises(UsageError, match="de9"):
+        simulation.gradient(record, ["effector/de9"])
+
+
+def test_a_record_that_lacks_an_effector_is_refused(simulation, flown):
+    record = flown("u20").record
+    short = replace(record, channels={n: c for n, c in record.channels.items() if n != "effector/df3"})
+    with pytest.raises(DataError, match="effector/df3"):
+        simulation.predict(short)
+
+
+def test_parts_are_the_sections_that_the_scenario_has(simulation):
+    assert {"simulation.airframe.wake", "simulation.actuators.surface"} <= set(simulation.parts)

@@ -1,0 +1,217 @@
+"""What a diagnosis of the gap between a simulation and flights says; the shape of ``diagnose-gap --json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Existence:
+    """Whether there is a gap beyond noise and tolerances.
+
+    Attributes
+    ----------
+    exists : bool
+    p : float
+        How often noise and tolerances alone give as much.
+    level : float
+        At which it was asked.
+    naive_p : float
+        What a chi-square test of the residual, blind to tolerances, would say.
+    smallest_detectable : dict of float
+        By effect id: size that is found in 95 of 100 cases.
+    unit : dict of str
+        Of these sizes.
+    """
+
+    exists: bool
+    p: float
+    level: float
+    naive_p: float
+    smallest_detectable: dict[str, float] = field(default_factory=dict)
+    unit: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Place:
+    """One cell of the gap map.
+
+    Attributes
+    ----------
+    response : str
+        Row of the residual: ``M``, ``actuator/de1``, ``kinematic/w``.
+    band_hz : tuple of 2 floats
+    regime : str
+        Reference conditions that hold most of it, in their order.
+    input : str
+        Injected signals whose lines hold most of it; empty where nothing was injected.
+    phase : str
+        Third of the manoeuvres that holds it, or ``all``.
+    share : float
+        Of the whole energy.
+    """
+
+    response: str
+    band_hz: tuple[float, float]
+    regime: str
+    input: str
+    phase: str
+    share: float
+
+
+@dataclass(frozen=True)
+class Interval:
+    """An estimate with its interval."""
+
+    estimate: float
+    lo: float
+    hi: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Which:
+    """Which effect.
+
+    Attributes
+    ----------
+    probabilities : dict of float
+        By effect id, ``none`` and ``other``.
+    set : tuple of str
+        Holds the truth with the stated confidence.
+    aliases : tuple of tuple of str
+        Groups that these data cannot separate.
+    not_tested : dict of str
+        Reason by effect id.
+    parameters : dict of dict of Interval
+        By effect id and parameter.
+    calibrated : bool
+        Whether the probabilities hold here.
+    pair : tuple of str
+        Two effects that together explain much more than either; empty where one does.
+    """
+
+    probabilities: dict[str, float]
+    set: tuple[str, ...]
+    aliases: tuple[tuple[str, ...], ...]
+    not_tested: dict[str, str]
+    parameters: dict[str, dict[str, Interval]]
+    calibrated: bool = False
+    pair: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Share:
+    """Share of a gap that goes, with a bootstrap interval; NaN where there is nothing to close."""
+
+    G: float
+    lo: float
+    hi: float
+    why_undefined: str = ""
+
+
+@dataclass(frozen=True)
+class Change:
+    """A figure before and after, and of the model that says nothing changes."""
+
+    before: float
+    after: float
+    zero: float = float("nan")
+
+
+@dataclass(frozen=True)
+class Closure:
+    """How far the gap shrinks on manoeuvres that were not used, once effects are added.
+
+    Attributes
+    ----------
+    effects : tuple of str
+    settings : dict of dict of Interval
+        Refitted parameters, by effect id.
+    wrench, response : Share
+        Of the replayed wrench, and of the simulation's own flight.
+    rmse, theil, J : dict of Change
+        By response; J by response and input.
+    held_out : tuple of str
+        Manoeuvres that it was scored on.
+    note : str
+        Where a parameter is not determined, or what helps here does not transfer.
+    consequence : dict
+        Margins and modes before and after, where a control law is known.
+    """
+
+    effects: tuple[str, ...]
+    settings: dict[str, dict[str, Interval]]
+    wrench: Share
+    response: Share
+    rmse: dict[str, Change]
+    theil: dict[str, Change]
+    J: dict[str, Change]
+    held_out: tuple[str, ...]
+    note: str = ""
+    consequence: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class GapDiagnosis:
+    """The whole diagnosis.
+
+    Attributes
+    ----------
+    verdict : str
+        One line.
+    simulation : str
+    records : tuple of str
+    gap : Existence
+    where : tuple of Place
+    which : Which
+    how_far : tuple of Closure
+        First what was asked for or found, then each effect alone.
+    next_flight : dict
+    remarks : tuple of str
+    """
+
+    verdict: str
+    simulation: str
+    records: tuple[str, ...]
+    gap: Existence
+    where: tuple[Place, ...]
+    which: Which
+    how_far: tuple[Closure, ...] = ()
+    next_flight: dict[str, Any] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the diagnosis as ``diagnose-gap --json`` prints it: numbers, strings, lists and tables.
+
+        A number that is not defined is None.
+        """
+        first = asdict(self.how_far[0]) if self.how_far else {}
+        alone = {"+".join(c.effects): asdict(c) for c in self.how_far}
+        found = {
+            "verdict": self.verdict,
+            "simulation": self.simulation,
+            "records": self.records,
+            "gap": asdict(self.gap),
+            "where": [asdict(place) for place in self.where],
+            "which": asdict(self.which),
+            "how_far": {**first, "per_effect": alone} if first else {},
+            "next_flight": self.next_flight,
+            "remarks": self.remarks,
+        }
+        return _plain(found)
+
+
+def _plain(value: Any) -> Any:
+    """Return JSON-compatible values; a float that is not finite becomes None."""
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, float):
+        return value if value == value and abs(value) != float("inf") else None
+    if hasattr(value, "item"):
+        return _plain(value.item())
+    return value

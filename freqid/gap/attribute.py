@@ -1,0 +1,177 @@
+"""Which effect: how strongly data speak for each candidate, for pairs of them, and for none at all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from freqid.gap.evidence import Estimate, Evidence, Hypothesis
+from freqid.gap.signature import GIVEN
+from freqid.gap.tolerance import DERIVATIVES, DYNAMICS
+from freqid.simulate.effects.effect import Effect
+
+Array = NDArray[np.float64]
+
+NONE, OTHER = "none", "other"
+FREE = (4.0, 15.0)
+"""What no candidate explains may move derivatives and actuators by this many sigma of their tolerance."""
+
+_STRONGEST = 8  # single effects that pairs are made of
+_PAIR_PENALTY = 3.0  # two effects at once are this much less expected, in logarithms
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What data say of one explanation.
+
+    Attributes
+    ----------
+    name : str
+        Effect id, two of them joined by ``+``, or ``other``.
+    evidence : float
+        Log Bayes factor against no effect, averaged over the explanation's variants.
+    null : ndarray, shape (draw,)
+        The same of draws without an effect.
+    best : Hypothesis
+        The variant that data prefer.
+    estimate : Estimate
+        Its coefficients.
+    """
+
+    name: str
+    evidence: float
+    null: Array
+    best: Hypothesis
+    estimate: Estimate
+
+
+def variants(effect: Effect, evidence: Evidence) -> tuple[Hypothesis, ...]:
+    """Return the ways in which an effect may show: all its parameters, or one place of several."""
+    prefix = f"{effect.id}:"
+    names = [n for n in evidence.signatures if n.startswith(prefix) and _known(evidence, n)]
+    scales = {n: effect.parameters[n[len(prefix) :].partition(GIVEN)[0]].scale for n in names}
+    if not names:
+        return ()
+    if effect.alternatives:
+        groups = [[n] for n in names]
+    else:
+        plain = [n for n in names if GIVEN not in n]
+        size = f"{prefix}{effect.size}"
+        rest = [n for n in plain if n != size]
+        groups = [plain, *([n, *rest] for n in names if GIVEN in n)]
+    return tuple(
+        Hypothesis(effect.id, tuple(evidence.column(n) for n in g), tuple(scales[n] for n in g))
+        for g in groups
+        if g
+    )
+
+
+def free(evidence: Evidence) -> tuple[Hypothesis, ...]:
+    """Return explanations without a name: derivatives of one response or of all, or actuators, at will."""
+    groups: dict[str, list[int]] = {}
+    for name in evidence.tolerances:
+        kind, _, what = name.partition(":")
+        if kind == DERIVATIVES:
+            groups.setdefault(what.partition(":")[0], []).append(evidence.column(name))
+            groups.setdefault("responses", []).append(evidence.column(name))
+        elif kind == DYNAMICS:
+            groups.setdefault("actuators", []).append(evidence.column(name))
+    return tuple(
+        Hypothesis(OTHER, tuple(columns), (float(np.sqrt(size**2 - 1)),) * len(columns))
+        for columns in groups.values()
+        for size in FREE
+    )
+
+
+def judge(evidence: Evidence, library: Mapping[str, Effect]) -> list[Judged]:
+    """Return what data say of every effect, of *other* and of the likeliest pairs, strongest first.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    library : dict of Effect
+        With the parameters that they have on the vehicle.
+    """
+    found = [
+        judged
+        for effect in library.values()
+        if (judged := _judged(effect.id, variants(effect, evidence), evidence)) is not None
+    ]
+    found.sort(key=lambda j: -j.evidence)
+    singles = [j for j in found[:_STRONGEST]]
+    other = _judged(OTHER, free(evidence), evidence)
+    pairs = [
+        _judged(f"{a.name}+{b.name}", (_joined(a.best, b.best),), evidence)
+        for a, b in combinations(singles, 2)
+        if not set(a.best.columns) & set(b.best.columns)
+    ]
+    every = [*found, *(j for j in (other, *pairs) if j is not None)]
+    return sorted(every, key=lambda j: -j.evidence)
+
+
+def prior(name: str, effects: int) -> float:
+    """Return the logarithm of an explanation's prior: all singles together have as much as *none*."""
+    if name == OTHER:
+        return -float(np.log(4.0))
+    if "+" in name:
+        return -float(np.log(max(effects * (effects - 1) / 2, 1))) - _PAIR_PENALTY
+    return -float(np.log(max(effects, 1)))
+
+
+def existence(judged: Sequence[Judged]) -> tuple[float, Array]:
+    """Return the statistic of whether there is a gap, of the data and of each null draw.
+
+    The logarithm of the Bayes factor of any explanation against none: an average over the candidates, so
+    that a small effect is seen along its own signature however many lines there are.
+    """
+    singles = [j for j in judged if "+" not in j.name]
+    weights = np.array([prior(j.name, len(singles)) for j in singles])
+    data = logsumexp([j.evidence + w for j, w in zip(singles, weights, strict=True)])
+    null = logsumexp(np.array([j.null for j in singles]) + weights[:, None], axis=0)
+    return float(data), np.asarray(null)
+
+
+def p_value(statistic: float, null: Array) -> float:
+    """Return how often no gap gives this much or more.
+
+    Counted where draws reach it; beyond them by a generalised Pareto tail of moments fitted to the largest
+    fifth of the draws, with a shape that is not negative, so that no tail ends (Pickands, Annals of
+    Statistics 3, 1975).
+    """
+    count = len(null)
+    above = int((null >= statistic).sum())
+    if above >= 5 or count < 25:
+        return (above + 1) / (count + 1)
+    ordered = np.sort(null)
+    start = ordered[-max(count // 5, 5)]
+    excess = ordered[ordered > start] - start
+    mean, var = float(excess.mean()), float(excess.var())
+    shape = float(np.clip(0.5 * (1 - mean**2 / max(var, 1e-300)), 0.0, 0.3))
+    scale = mean * (1 - shape)
+    far = max(statistic - start, 0.0) / max(scale, 1e-12)
+    tail = np.exp(-far) if shape < 1e-6 else (1 + shape * far) ** (-1 / shape)
+    return float(np.clip(len(excess) / count * tail, 1e-12, 1.0))
+
+
+def _judged(name: str, hypotheses: Sequence[Hypothesis], evidence: Evidence) -> Judged | None:
+    if not hypotheses:
+        return None
+    each = np.array([evidence.evidences(h) for h in hypotheses])
+    whole = logsumexp(each, axis=0) - np.log(len(each))
+    best = hypotheses[int(np.argmax(each[:, 0]))]
+    return Judged(name, float(whole[0]), whole[1:], best, evidence.estimate(best))
+
+
+def _joined(one: Hypothesis, other: Hypothesis) -> Hypothesis:
+    return Hypothesis(f"{one.name}+{other.name}", (*one.columns, *other.columns), (*one.scale, *other.scale))
+
+
+def _known(evidence: Evidence, name: str) -> bool:
+    """Whether a signature does anything in these manoeuvres."""
+    at = evidence.column(name)
+    return bool(evidence.metric[at, at] > 1e-12)

@@ -1,0 +1,229 @@
+"""How far a gap shrinks once named effects are added: refitted on some manoeuvres, scored on others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.diagnosis import Share
+from freqid.gap.compare import Compared, evidence_of
+from freqid.gap.evidence import Evidence, Hypothesis
+from freqid.gap.signature import in_force_of, made
+from freqid.simulate.effects.effect import Effect
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Values = Mapping[str, Mapping[str, float]]
+
+_ROUNDS = 6
+_SETTLED = 0.02  # standard errors
+_WIDE = 10.0  # times what is expected of a parameter: a refit goes where the data send it
+_STEP = 0.1  # of a parameter's scale, of differences
+_UNKNOWN = (
+    0.7  # of what was expected beforehand: a parameter that data do not narrow further is not determined
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Refit:
+    """Effects with the settings that manoeuvres ask for.
+
+    Attributes
+    ----------
+    effects : tuple of Effect
+    names : tuple of tuple of str
+        Effect id and parameter of each number.
+    value : ndarray, shape (parameter,)
+    covariance : ndarray, shape (parameter, parameter)
+    at_bound : tuple of tuple of str
+        Parameters that stopped at a bound.
+    undetermined : tuple of tuple of str
+        Parameters on which the data say next to nothing.
+    """
+
+    effects: tuple[Effect, ...]
+    names: tuple[tuple[str, str], ...]
+    value: Array
+    covariance: Array
+    at_bound: tuple[tuple[str, str], ...]
+    undetermined: tuple[tuple[str, str], ...]
+
+    @property
+    def settings(self) -> dict[str, dict[str, float]]:
+        """Refitted parameters by effect."""
+        return _settings(self.names, self.value)
+
+
+def refit(compared: Sequence[Compared], effects: Sequence[Effect], start: Values) -> Refit:
+    """Fit the parameters of effects, nonlinear ones in full, with tolerances free within their prior.
+
+    Parameters
+    ----------
+    compared : sequence of Compared
+    effects : sequence of Effect
+        With their parameters on this vehicle, testable in each manoeuvre.
+    start : dict of dict of float
+        Parameters to be fitted, by effect; others stay as they are.
+
+    Returns
+    -------
+    Refit
+
+    Notes
+    -----
+    Gauss-Newton in the metric of noise and tolerances; changes of several effects are taken to add up.
+    """
+    names = tuple((effect.id, name) for effect in effects for name in start[effect.id])
+    described = [next(e for e in effects if e.id == i).parameters[n] for i, n in names]
+    scale = np.array([p.scale for p in described])
+    low, high = np.array([p.low for p in described]), np.array([p.high for p in described])
+    value = np.clip([start[i][n] for i, n in names], low, high)
+    covariance, undetermined = np.diag(scale**2), ()
+    for _ in range(_ROUNDS):
+        evidence = _about(compared, effects, names, value, scale)
+        columns = tuple(range(1, 1 + len(names)))
+        # the prior is about no effect, so the step is drawn towards it
+        found = evidence.estimate(Hypothesis("refit", columns, tuple(_WIDE * scale)))
+        covariance = found.covariance
+        after = np.clip(value + found.value, low, high)
+        moved = np.abs(after - value) / np.sqrt(np.diag(covariance))
+        value = after
+        if moved.max(initial=0.0) < _SETTLED:
+            break
+    sigma = np.sqrt(np.diag(covariance))
+    undetermined = tuple(n for n, s, p in zip(names, sigma, scale, strict=True) if s > _UNKNOWN * _WIDE * p)
+    bound = tuple(n for n, v, a, b in zip(names, value, low, high, strict=True) if v in (a, b))
+    return Refit(tuple(effects), names, value, covariance, bound, undetermined)
+
+
+def changes(compared: Compared, effects: Sequence[Effect], settings: Values) -> Complex:
+    """Return what effects at some settings make of a residual, shape (row, line)."""
+    total = np.zeros_like(compared.residual)
+    for effect in effects:
+        total += compared.lines.transform(made(effect, compared.trial, settings.get(effect.id, {})))
+    return total
+
+
+@dataclass(frozen=True, eq=False)
+class Misfit:
+    """Whitened squared residual on the lines of some manoeuvres, tolerances refitted, before and after.
+
+    Attributes
+    ----------
+    count : int
+        White numbers.
+    before, after : float
+        Sums over them.
+    null : ndarray, shape (draw,)
+        What noise and tolerances alone make.
+    across : ndarray, shape (draw,)
+        Twice their product with the change that the effects make.
+    """
+
+    count: int
+    before: float
+    after: float
+    null: Array
+    across: Array
+
+    @classmethod
+    def pooled(cls, parts: Sequence[Misfit]) -> Misfit:
+        """Return the misfit of several sets of manoeuvres together."""
+        return cls(
+            sum(p.count for p in parts),
+            sum(p.before for p in parts),
+            sum(p.after for p in parts),
+            np.sum([p.null for p in parts], axis=0),
+            np.sum([p.across for p in parts], axis=0),
+        )
+
+    def share(self, interval: float) -> Share:
+        """Return ``G = 1 - (after - noise) / (before - noise)`` with its interval.
+
+        The interval is that of noise: draws are added to the change that the effects make. Undefined where
+        the gap is within two standard deviations of noise.
+        """
+        noise, scatter = float(self.null.mean()), float(self.null.std())
+        gap = self.before - noise
+        if gap < 2 * scatter:
+            before, level, one = (x / self.count for x in (self.before, noise, scatter))
+            why = (
+                f"before, {before:.4g}, is within two standard deviations of noise, {level:.4g} +- {one:.2g}"
+            )
+            return Share(np.nan, np.nan, np.nan, why)
+        wander = self.null - noise
+        each = 1 - (self.after - noise + wander) / np.maximum(gap + self.across + wander, 0.1 * gap)
+        lo, hi = np.quantile(each, [(1 - interval) / 2, (1 + interval) / 2])
+        return Share(1 - (self.after - noise) / gap, float(lo), float(hi))
+
+
+def misfit(compared: Sequence[Compared], effects: Sequence[Effect], settings: Values) -> Misfit:
+    """Score effects on manoeuvres that they were not fitted to.
+
+    Parameters
+    ----------
+    compared : sequence of Compared
+    effects : sequence of Effect
+    settings : dict of dict of float
+        Of a `Refit`.
+    """
+    made_here = [changes(c, effects, settings) for c in compared]
+    evidence = evidence_of(compared, changes=[(0 * z, {"change": z}) for z in made_here])
+    before, shift, size = (float(evidence.metric[at]) for at in ((0, 0), (0, 1), (1, 1)))
+    across = 2 * evidence.null_products(1)
+    return Misfit(evidence.rows, before, before + size - 2 * shift, evidence.null_energy, across)
+
+
+def _about(
+    compared: Sequence[Compared],
+    effects: Sequence[Effect],
+    names: Sequence[tuple[str, str]],
+    value: Array,
+    scale: Array,
+) -> Evidence:
+    """Return the evidence of small departures from settings."""
+    taken = []
+    for c in compared:
+        here = changes(c, effects, _settings(names, value))
+        columns = {}
+        for k, (identifier, name) in enumerate(names):
+            effect = next(e for e in effects if e.id == identifier)
+            parameter = effect.parameters[name]
+            step = _STEP * scale[k]
+            at = _settings(names, value).get(identifier, {})
+            up = at[name] + step if at[name] + step <= parameter.high else at[name] - step
+            moved = made(effect, c.trial, {**at, name: up}) - made(effect, c.trial, at)
+            columns[f"{identifier}:{name}"] = c.lines.transform(moved) / (up - at[name])
+        taken.append((here, columns))
+    return evidence_of(compared, changes=taken)
+
+
+def starting(effect: Effect, evidence: Evidence, best: Hypothesis, value: Array, trial) -> dict[str, float]:
+    """Return where a refit of an effect begins: its linear estimate, other parameters at their defaults."""
+    every = (*evidence.signatures, *evidence.tolerances)
+    force = in_force_of(effect, trial.simulation)
+    found: dict[str, float] = {}
+    for column, change in zip(best.columns, value, strict=True):
+        owner, _, rest = every[column - 1].partition(":")
+        if owner != effect.id:
+            continue
+        name, _, given = rest.partition("|")
+        found[name] = force[name] + float(change)
+        if given:
+            other, _, at = given.partition("=")
+            found[other] = float(at)
+    if not effect.alternatives and effect.size in found:
+        for name, parameter in effect.parameters.items():
+            if name not in found and parameter.scale > 0:
+                found[name] = force[name]
+    return found
+
+
+def _settings(names: Sequence[tuple[str, str]], value: Array) -> dict[str, dict[str, float]]:
+    found: dict[str, dict[str, float]] = {}
+    for (identifier, name), x in zip(names, value, strict=True):
+        found.setdefault(identifier, {})[name] = float(x)
+    return found

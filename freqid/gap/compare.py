@@ -1,0 +1,212 @@
+"""One manoeuvre beside a simulation, on lines: residual, noise, signatures and tolerances in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.record import Maneuver
+from freqid.gap.evidence import Evidence, gather
+from freqid.gap.lines import Lines, lines_of
+from freqid.gap.noise import Noise, Shared, draws, noise_of, noisy_channels, quiet, shared_noise
+from freqid.gap.residual import Histories, Row, measured_part, simulated_part
+from freqid.gap.signature import Trial, signature, sources_of, untestable
+from freqid.gap.simulation import Simulation
+from freqid.gap.tolerance import OF_EFFECT, tolerances
+from freqid.simulate.effects.effect import Effect
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Compared:
+    """What is known of one manoeuvre.
+
+    Attributes
+    ----------
+    maneuver : Maneuver
+        As it was logged.
+    measured : Histories
+    predicted : ndarray, shape (response, sample)
+    trial : Trial
+        Of the same manoeuvre without its noise; signatures and changes come from it.
+    lines : Lines
+    residual : ndarray of complex, shape (row, line)
+        Units of the rows times sqrt(s).
+    noise : Noise
+    signatures : dict of ndarray of complex, shape (row, line)
+        By ``effect:parameter``, for each unit of it.
+    common : dict of ndarray of complex, shape (row, line)
+        Tolerances that all manoeuvres share, by name, for one sigma.
+    own : list of ndarray of complex, shape (row, line)
+        Those of this manoeuvre.
+    draws : ndarray of complex, shape (draw, row, line)
+        Residuals that noise alone makes.
+    shared : Shared
+        Noise that the residual has in common with what is computed from the record.
+    sources : dict of tuple of str
+        Channels that an effect's signature is computed from, by effect.
+    not_tested : dict of str
+        Why, by effect.
+    """
+
+    maneuver: Maneuver
+    measured: Histories
+    predicted: Array
+    trial: Trial
+    lines: Lines
+    residual: Complex
+    noise: Noise
+    signatures: dict[str, Complex]
+    common: dict[str, Complex]
+    own: list[Complex]
+    draws: Complex
+    shared: Shared
+    sources: dict[str, tuple[str, ...]]
+    not_tested: dict[str, str]
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """Of residual, signatures and tolerances."""
+        return self.trial.measured.rows
+
+    @cached_property
+    def white_common(self) -> dict[str, Array]:
+        """Common tolerances as white numbers."""
+        return {name: self.white(z) for name, z in self.common.items()}
+
+    @cached_property
+    def white_own(self) -> Array:
+        """Tolerances of the manoeuvre alone as white numbers, shape (tolerance, 2 row line)."""
+        return self.white(np.array(self.own).reshape(-1, *self.residual.shape))
+
+    @cached_property
+    def white_draws(self) -> Array:
+        """Draws of noise as white numbers, shape (draw, 2 row line)."""
+        return self.white(self.draws)
+
+    def white(self, z: Complex) -> Array:
+        """Return rows on lines as white numbers, shape (..., 2 row line)."""
+        return self.noise.white(z)
+
+
+def compare(
+    simulation: Simulation,
+    maneuver: Maneuver,
+    library: Mapping[str, Effect],
+    sizes: Mapping[str, float],
+    band_hz: tuple[float, float],
+    *,
+    count: int = 200,
+    seed: int = 0,
+) -> Compared:
+    """Replay a simulation on a manoeuvre and prepare all that a diagnosis compares.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    maneuver : Maneuver
+    library : dict of Effect
+        Candidates by id.
+    sizes : dict of float
+        Tolerances, of `tolerance.stated`.
+    band_hz : tuple of 2 floats
+        Hz.
+    count : int
+        Draws of the sensors' noise.
+    seed : int
+
+    Raises
+    ------
+    DataError
+        Where the record lacks a channel that the simulation or a response needs.
+    """
+    record = maneuver.record
+    positions = simulation.positions(record)
+    measured = measured_part(maneuver, simulation.responses, tuple(positions))
+    predicted = simulation.predict(record)
+    lines = lines_of(record, band_hz)
+    z = lines.transform(measured - simulated_part(measured, predicted, positions))
+    expected = {f"effector/{n}": x for n, x in positions.items()}
+    quieted = quiet(record, noisy_channels(record), expected)
+    trial = Trial.of(simulation, Maneuver(quieted.record, maneuver.vehicle))
+    own_noise, added = draws(simulation, maneuver, lines, measured, predicted, quieted.sigma, count, seed)
+    noise = noise_of(maneuver, lines, measured, z, own_noise, quieted.sigma)
+    not_tested, signatures, sources = {}, {}, {}
+    for effect in (e.of(maneuver.vehicle) for e in library.values()):
+        reason = untestable(effect, trial)
+        if reason:
+            not_tested[effect.id] = reason
+            continue
+        sources[effect.id] = sources_of(effect, trial)
+        for name, change in signature(effect, trial).items():
+            signatures[f"{effect.id}:{name}"] = lines.transform(change)
+    allowed = tolerances(trial, library, sizes)
+    return Compared(
+        maneuver=maneuver,
+        measured=measured,
+        predicted=predicted,
+        trial=trial,
+        lines=lines,
+        residual=z,
+        noise=noise,
+        signatures=signatures,
+        common={name: lines.transform(change) for name, change in allowed.common.items()},
+        own=[lines.transform(change) for change in allowed.own],
+        draws=own_noise / np.sqrt(noise.sensor_share),
+        shared=shared_noise(quieted, lines, noise, own_noise, added),
+        sources=sources,
+        not_tested=not_tested,
+    )
+
+
+def evidence_of(
+    compared: Sequence[Compared],
+    *,
+    changes: Sequence[tuple[Complex, Mapping[str, Complex]]] | None = None,
+    seed: int = 0,
+) -> Evidence:
+    """Reduce manoeuvres to the inner products of their white columns.
+
+    Parameters
+    ----------
+    compared : sequence of Compared
+    changes : sequence of tuple, optional
+        For each manoeuvre what is taken from its residual, and columns by name in place of its signatures.
+    seed : int
+        Of the tolerances in the null draws.
+    """
+    taken = changes or [(np.zeros(()), c.signatures) for c in compared]
+    signatures = list(dict.fromkeys(n for _, columns in taken for n in columns))
+    common = list(dict.fromkeys(n for c in compared for n in c.common))
+    white = [
+        {**{n: c.white(z) for n, z in columns.items()}, **c.white_common}
+        | {"data": c.white(c.residual - change), "draws": c.white_draws}
+        for c, (change, columns) in zip(compared, taken, strict=True)
+    ]
+    names = (*signatures, *common)
+    shared = []
+    for c, (_, columns) in zip(compared, taken, strict=True):
+        extra = _attenuation(c, {**columns, **c.common})
+        own = c.shared.attenuation(np.array(c.own).reshape(-1, *c.residual.shape), c.trial.inputs)
+        shared.append((np.array([extra.get(name, 0.0) for name in names]), own))
+    alone = [c.white_own for c in compared]
+    return gather(white, alone, signatures, common, shared, len(white[0]["draws"]), seed)
+
+
+def _attenuation(compared: Compared, columns: Mapping[str, Complex]) -> dict[str, float]:
+    """Return what noise adds to the products of columns with the residual, by name."""
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name in columns:
+        effect = name.removeprefix(OF_EFFECT).partition(":")[0]
+        groups.setdefault(compared.sources.get(effect, compared.trial.inputs), []).append(name)
+    found: dict[str, float] = {}
+    for channels, names in groups.items():
+        extra = compared.shared.attenuation(np.array([columns[n] for n in names]), channels)
+        found |= dict(zip(names, extra.tolist(), strict=True))
+    return found

@@ -1,0 +1,292 @@
+"""The whole diagnosis: compare, ask whether, where, which, and how far the gap shrinks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2, norm
+
+from freqid.core.diagnosis import Closure, Existence, GapDiagnosis, Which
+from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.record import Maneuver
+from freqid.gap import attribute, calibrate, locate, score
+from freqid.gap.attribute import NONE, OTHER, Judged
+from freqid.gap.close import Refit, starting
+from freqid.gap.compare import Compared, compare, evidence_of
+from freqid.gap.evidence import Evidence, Hypothesis
+from freqid.gap.locate import GapMap
+from freqid.gap.simulation import Simulation
+from freqid.simulate.effects.effect import Effect
+
+Array = NDArray[np.float64]
+
+LEVEL = 0.02
+"""At which a gap is called one, unless told otherwise."""
+
+INTERVAL = 0.90
+_SOUGHT = ("none", "other")
+_TOLD = 3  # effects that are closed without being asked for
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What is asked.
+
+    Attributes
+    ----------
+    library : dict of Effect
+        Candidates by id.
+    tolerances : dict of float
+        One sigma by name, of `tolerance.stated`.
+    band_hz : tuple of 2 floats
+    named : tuple of str
+        Effects whose closure is wanted; those found where empty.
+    level : float
+    draws : int
+        Of the null.
+    seed : int
+    """
+
+    library: Mapping[str, Effect]
+    tolerances: Mapping[str, float]
+    band_hz: tuple[float, float] = (0.05, 2.0)
+    named: tuple[str, ...] = ()
+    level: float = LEVEL
+    draws: int = 200
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """A diagnosis, and what its pictures are drawn from.
+
+    Attributes
+    ----------
+    diagnosis : GapDiagnosis
+    compared, held_out : list of Compared
+    evidence : Evidence
+    judged : list of Judged
+    map : GapMap
+    """
+
+    diagnosis: GapDiagnosis
+    compared: list[Compared]
+    held_out: list[Compared]
+    evidence: Evidence
+    judged: list[Judged]
+    map: GapMap
+    refits: dict[str, Refit] = field(default_factory=dict)
+
+
+def diagnose(
+    simulation: Simulation,
+    maneuvers: Sequence[Maneuver],
+    question: Question,
+    *,
+    held_out: Sequence[Maneuver] = (),
+    names: Sequence[str] = (),
+) -> Findings:
+    """Diagnose the gap between a simulation and flights.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    maneuvers : sequence of Maneuver
+    question : Question
+    held_out : sequence of Maneuver
+        On which closures are scored; without them, the given manoeuvres take turns.
+    names : sequence of str
+        Of the manoeuvres, then of those held out.
+
+    Raises
+    ------
+    DataError
+        Where a record and the simulation do not fit together.
+    UsageError
+        For a named effect that is unknown or cannot be tested here.
+    """
+    q = question
+    if not maneuvers:
+        raise UsageError("there is no manoeuvre to compare", remedy="name one record or more")
+    names = list(names) or [f"manoeuvre {i + 1}" for i in range(len(maneuvers) + len(held_out))]
+    every = [
+        _compared(simulation, m, q, i, name)
+        for i, (m, name) in enumerate(zip((*maneuvers, *held_out), names, strict=True))
+    ]
+    used, kept = every[: len(maneuvers)], every[len(maneuvers) :]
+    library = {i: e.of(maneuvers[0].vehicle) for i, e in q.library.items()}
+    evidence = evidence_of(used, seed=q.seed)
+    judged = attribute.judge(evidence, library)
+    statistic, null = attribute.existence(judged)
+    existence = _existence(statistic, null, used, evidence, judged, library, q)
+    not_tested = {i: why for c in used for i, why in c.not_tested.items()}
+    which = calibrate.which(judged, evidence, library, not_tested, existence.exists, INTERVAL)
+    for name in q.named:
+        if name not in library:
+            raise UsageError(f"effect '{name}' is unknown", remedy=nearest(name, library))
+        if name in not_tested:
+            raise UsageError(f"effect '{name}' cannot be tested here: {not_tested[name]}")
+    leading = _leading(judged, which)
+    found = locate.gap_map(used, locate.explained(used, (leading and _coefficients(leading, evidence)) or {}))
+    where = tuple(found.places()) if existence.exists else ()
+    closures, refits = _closures(used, kept, names, evidence, judged, library, which, existence.exists, q)
+    diagnosis = GapDiagnosis(
+        verdict=score.verdict(existence, where, found, which, closures),
+        simulation=simulation.name,
+        records=tuple(names),
+        gap=existence,
+        where=where,
+        which=which,
+        how_far=tuple(closures),
+        remarks=tuple(_remarks(used, simulation)),
+    )
+    return Findings(diagnosis, used, kept, evidence, judged, found, refits)
+
+
+def _compared(simulation: Simulation, maneuver: Maneuver, q: Question, i: int, name: str) -> Compared:
+    try:
+        return compare(
+            simulation,
+            maneuver,
+            q.library,
+            q.tolerances,
+            q.band_hz,
+            count=q.draws,
+            seed=q.seed + 1000 * i,
+        )
+    except DataError as error:
+        raise DataError(str(error), where=name) from None
+
+
+def _existence(
+    statistic: float,
+    null: Array,
+    used: Sequence[Compared],
+    evidence: Evidence,
+    judged: Sequence[Judged],
+    library: Mapping[str, Effect],
+    q: Question,
+) -> Existence:
+    """Return whether there is a gap, and what size of each effect would be found in 95 of 100 cases."""
+    p = attribute.p_value(statistic, null)
+    raw = sum(float((c.white(c.residual) ** 2).sum()) for c in used)
+    threshold = float(np.quantile(null, 1 - q.level))
+    smallest, unit = {}, {}
+    count = len([j for j in judged if "+" not in j.name])
+    for j in judged:
+        if j.name == OTHER or "+" in j.name:
+            continue
+        effect = library[j.name]
+        column, scale = j.best.columns[0], j.best.scale[0]
+        gain = evidence.metric[column, column]
+        # found where the squared size in the metric exceeds what threshold, prior and its own share ask for
+        asked = 2 * (threshold + np.log(count)) + np.log1p(gain * scale**2)
+        need = (np.sqrt(max(asked, 0.0)) + norm.ppf(0.95)) ** 2
+        smallest[j.name] = float(np.sqrt(need / max(gain, 1e-300)))
+        unit[j.name] = effect.parameters[effect.size].unit
+    return Existence(p < q.level, p, q.level, float(chi2.sf(raw, evidence.rows)), smallest, unit)
+
+
+def _leading(judged: Sequence[Judged], which: Which) -> Judged | None:
+    """Return the explanation that the gap is drawn by: the pair where one is called, else the likeliest."""
+    if which.pair:
+        return next(j for j in judged if set(j.name.split("+")) == set(which.pair))
+    ranked = sorted(which.probabilities.items(), key=lambda item: -item[1])
+    for name, _ in ranked:
+        if name != NONE:
+            return next((j for j in judged if j.name == name), None)
+    return None
+
+
+def _coefficients(judged: Judged, evidence: Evidence) -> dict[str, float]:
+    every = (*evidence.signatures, *evidence.tolerances)
+    return {
+        every[column - 1]: float(value)
+        for column, value in zip(judged.best.columns, judged.estimate.value, strict=True)
+    }
+
+
+def _closures(
+    used: list[Compared],
+    kept: list[Compared],
+    names: Sequence[str],
+    evidence: Evidence,
+    judged: Sequence[Judged],
+    library: Mapping[str, Effect],
+    which: Which,
+    exists: bool,
+    q: Question,
+) -> tuple[list[Closure], dict[str, Refit]]:
+    """Return the closures asked for, or those of what was found."""
+    groups: list[tuple[str, ...]] = []
+    if q.named:
+        groups = [q.named, *((n,) for n in q.named if len(q.named) > 1)]
+    elif exists:
+        if which.pair:
+            groups.append(which.pair)
+        likely = sorted(which.probabilities.items(), key=lambda item: -item[1])
+        groups += [(n,) for n, p in likely if n not in _SOUGHT and p > 0.02][:_TOLD]
+    closures, refits = [], {}
+    for group in groups:
+        closure, fitted = score.closure(
+            used,
+            kept,
+            names,
+            [library[n] for n in group],
+            _start(group, evidence, judged, library, used),
+            INTERVAL,
+        )
+        closures.append(closure)
+        refits["+".join(group)] = fitted
+    return closures, refits
+
+
+def _start(
+    group: Sequence[str],
+    evidence: Evidence,
+    judged: Sequence[Judged],
+    library: Mapping[str, Effect],
+    used: Sequence[Compared],
+) -> dict[str, dict[str, float]]:
+    """Return where the refit of effects begins: their linear estimates, jointly."""
+    best = [next(j for j in judged if j.name == n).best for n in group]
+    joint = Hypothesis(
+        "+".join(group),
+        tuple(dict.fromkeys(c for b in best for c in b.columns)),
+        tuple({c: s for b in best for c, s in zip(b.columns, b.scale, strict=True)}.values()),
+    )
+    value = evidence.estimate(joint).value
+    return {n: starting(library[n], evidence, joint, value, used[0].trial) for n in group}
+
+
+def _remarks(used: Sequence[Compared], simulation: Simulation) -> list[str]:
+    said = []
+    if not any(c.lines.inputs for c in used):
+        said.append(
+            "the records hold no injected signals: where a gap lies by input cannot be told, and feedback "
+            "may make one effect look like another"
+        )
+    silent = {row.name for c in used for row in c.rows if row.kind == "kinematic"}
+    if not silent:
+        said.append(
+            "without velocities, specific forces and attitude, faults of the sensors cannot be told apart"
+        )
+    if not any(c.trial.positions for c in used):
+        said.append(
+            f"{simulation.name} has no actuators: what happens between command and position is not tested"
+        )
+    loud = [
+        c.rows[i].name
+        for c in used
+        for i in range(len(c.rows))
+        if c.rows[i].kind == "response" and np.median(c.noise.sensor_share[i]) < 0.25
+    ]
+    if loud:
+        told = ", ".join(dict.fromkeys(loud))
+        said.append(
+            f"in {told} most noise is not the sensors': turbulence, vibration or a strongly nonlinear gap"
+        )
+    return said

@@ -1,0 +1,247 @@
+"""The metric in which a gap is judged, and how strongly data speak for one explanation or another.
+
+Everything is linear and Gaussian here: residual = signatures x parameters + tolerances + noise. With noise
+made white and tolerances integrated over their prior, all that any comparison needs are inner products,
+so data, signatures and draws of the null are reduced to them once, manoeuvre by manoeuvre.
+
+References
+----------
+D. J. C. MacKay, *Information Theory, Inference, and Learning Algorithms*, Cambridge, 2003, ch. 28 (evidence
+and Occam factors); C. E. Rasmussen and C. K. I. Williams, *Gaussian Processes for Machine Learning*, MIT,
+2006, sec. 2.7 (explicit basis functions with a prior).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """An explanation: columns that may be needed, and what is expected of their coefficients.
+
+    Attributes
+    ----------
+    name : str
+        Effect ids joined by ``+``, or ``other``.
+    columns : tuple of int
+        Of the evidence.
+    scale : tuple of float
+        One sigma of each coefficient before any data.
+    """
+
+    name: str
+    columns: tuple[int, ...]
+    scale: tuple[float, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Coefficients of a hypothesis.
+
+    Attributes
+    ----------
+    value : ndarray, shape (column,)
+    covariance : ndarray, shape (column, column)
+    evidence : float
+        Logarithm of the Bayes factor against no effect.
+    detectability : float
+        ``s^T S^-1 s`` of the change that the estimate stands for.
+    """
+
+    value: Array
+    covariance: Array
+    evidence: float
+    detectability: float
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Inner products of data, signatures, tolerances and null draws in the metric of noise.
+
+    Attributes
+    ----------
+    gram : ndarray, shape (maneuver, n, n)
+        Of white columns in the order data, signatures, tolerances, draws; what a manoeuvre alone may be
+        wrong by is integrated over.
+    signatures : tuple of str
+        ``effect:parameter``.
+    tolerances : tuple of str
+        Each scaled to one sigma.
+    null : ndarray, shape (draw, tolerance)
+        Tolerances of the null draws, in sigma.
+    rows : int
+        White numbers in all manoeuvres.
+    """
+
+    gram: Array
+    signatures: tuple[str, ...]
+    tolerances: tuple[str, ...]
+    null: Array
+    rows: int
+
+    def only(self, maneuvers: Sequence[int]) -> Evidence:
+        """Return the evidence of some manoeuvres."""
+        share = len(maneuvers) / len(self.gram)
+        return Evidence(
+            self.gram[list(maneuvers)], self.signatures, self.tolerances, self.null, int(self.rows * share)
+        )
+
+    @cached_property
+    def metric(self) -> Array:
+        """Inner products with tolerances integrated over their prior, shape (n, n)."""
+        whole = self.gram.sum(axis=0)
+        at = slice(1 + len(self.signatures), 1 + len(self.signatures) + len(self.tolerances))
+        inner = whole[at, at] + np.eye(len(self.tolerances))
+        across = whole[at]
+        return whole - across.T @ cho_solve(cho_factor(inner), across)
+
+    def column(self, name: str) -> int:
+        """Return the place of a signature or a tolerance in the metric."""
+        if name in self.signatures:
+            return 1 + self.signatures.index(name)
+        return 1 + len(self.signatures) + self.tolerances.index(name)
+
+    @cached_property
+    def _with_data(self) -> Array:
+        """Products of every column with the data and with each null draw, shape (n, 1 + draw)."""
+        first = 1 + len(self.signatures)
+        tolerances = self.metric[:, first : first + len(self.tolerances)]
+        draws = self.metric[:, first + len(self.tolerances) :] + tolerances @ self.null.T
+        return np.concatenate([self.metric[:, :1], draws], axis=1)
+
+    @cached_property
+    def null_energy(self) -> Array:
+        """Whitened squared size of each null draw, tolerances and all, shape (draw,)."""
+        first = 1 + len(self.signatures)
+        mid = first + len(self.tolerances)
+        noise = self.metric[mid:, mid:].diagonal()
+        both = np.einsum("kt,tk->k", self.null, self.metric[first:mid, mid:])
+        return (
+            noise + 2 * both + np.einsum("kt,kt->k", self.null @ self.metric[first:mid, first:mid], self.null)
+        )
+
+    def null_products(self, column: int) -> Array:
+        """Return the products of one column with each null draw, shape (draw,)."""
+        return self._with_data[column, 1:]
+
+    def estimate(self, hypothesis: Hypothesis) -> Estimate:
+        """Return the coefficients that a hypothesis finds in the data."""
+        gram, projected, prior = self._parts(hypothesis)
+        factor = cho_factor(gram + np.diag(prior))
+        value = cho_solve(factor, projected[:, 0])
+        return Estimate(
+            value=value,
+            covariance=cho_solve(factor, np.eye(len(value))),
+            evidence=float(self.evidences(hypothesis)[0]),
+            detectability=float(value @ gram @ value),
+        )
+
+    def evidences(self, hypothesis: Hypothesis) -> Array:
+        """Return the log Bayes factors of the data, first, and of every null draw, shape (1 + draw,)."""
+        gram, projected, prior = self._parts(hypothesis)
+        root = 1 / np.sqrt(prior)
+        inner = np.eye(len(root)) + root[:, None] * gram * root
+        factor = cho_factor(inner)
+        scaled = root[:, None] * projected
+        gain = 0.5 * np.einsum("ik,ik->k", scaled, cho_solve(factor, scaled))
+        return gain - np.log(np.diag(factor[0])).sum()
+
+    def likelihood_gain(self, hypothesis: Hypothesis) -> Array:
+        """Return by how much the best fit, without a prior, lowers half the misfit, shape (1 + draw,)."""
+        gram, projected, _ = self._parts(hypothesis)
+        solved = np.linalg.pinv(gram, rcond=1e-9, hermitian=True) @ projected
+        return 0.5 * np.einsum("ik,ik->k", projected, solved)
+
+    def alignment(self, one: Hypothesis, other: Hypothesis) -> float:
+        """Return the largest canonical correlation of two hypotheses' changes, 0 to 1."""
+        a, b = list(one.columns), list(other.columns)
+        roots = [_inverse_root(self.metric[np.ix_(c, c)]) for c in (a, b)]
+        across = roots[0] @ self.metric[np.ix_(a, b)] @ roots[1].T
+        return float(min(np.linalg.svd(across, compute_uv=False)[0], 1.0)) if across.size else 0.0
+
+    def _parts(self, hypothesis: Hypothesis) -> tuple[Array, Array, Array]:
+        at = list(hypothesis.columns)
+        return (
+            self.metric[np.ix_(at, at)],
+            self._with_data[at],
+            1 / np.square(hypothesis.scale),
+        )
+
+
+def gather(
+    white: Sequence[Mapping[str, Array]],
+    own: Sequence[Array],
+    signatures: Sequence[str],
+    tolerances: Sequence[str],
+    shared: Sequence[tuple[Array, Array]],
+    draws: int,
+    seed: int,
+) -> Evidence:
+    """Reduce white columns to inner products.
+
+    Parameters
+    ----------
+    white : sequence of dict
+        For each manoeuvre, white numbers by name: ``data``, shape (row,); signatures and tolerances by name,
+        shape (row,), absent where they do nothing; ``draws``, shape (draw, row).
+    own : sequence of ndarray, shape (tolerance, row)
+        What each manoeuvre alone may be wrong by, in sigma.
+    signatures, tolerances : sequence of str
+    shared : sequence of tuple of 2 ndarray
+        For each manoeuvre what noise that is in both adds to the products of the data with signatures and
+        tolerances, and with its own tolerances.
+    draws : int
+    seed : int
+        Of the tolerances in the null draws.
+    """
+    grams, rows = [], 0
+    for columns, alone, (common, mine) in zip(white, own, shared, strict=True):
+        size = columns["data"].size
+        rows += size
+        stack = np.zeros((1 + len(signatures) + len(tolerances) + draws, size))
+        stack[0] = columns["data"]
+        for i, name in enumerate((*signatures, *tolerances), start=1):
+            if name in columns:
+                stack[i] = columns[name]
+        if draws:
+            stack[-draws:] = columns["draws"]
+        gram = stack @ stack.T
+        gram[1 : 1 + common.size, 0] -= common
+        gram[0, 1 : 1 + common.size] -= common
+        if len(alone):
+            across = alone @ stack.T
+            across[:, 0] -= mine
+            inner = alone @ alone.T + np.eye(len(alone))
+            gram -= across.T @ cho_solve(cho_factor(inner), across)
+            if draws:
+                _shake(gram, across, inner, draws, seed + len(grams))
+        grams.append(gram)
+    null = np.random.default_rng(seed).standard_normal((draws, len(tolerances)))
+    return Evidence(np.array(grams), tuple(signatures), tuple(tolerances), null, rows)
+
+
+def _shake(gram: Array, across: Array, inner: Array, draws: int, seed: int) -> None:
+    """Add to the null draws what the manoeuvre alone may be wrong by."""
+    rng = np.random.default_rng([seed, 7])
+    size = rng.standard_normal((len(inner), draws))
+    # products of every column with `alone`, in the metric: across minus what is integrated over
+    left = across - (inner - np.eye(len(inner))) @ cho_solve(cho_factor(inner), across)
+    kept = gram.shape[0] - draws
+    gram[:kept, kept:] += left[:, :kept].T @ size
+    gram[kept:, :kept] = gram[:kept, kept:].T
+
+
+def _inverse_root(gram: Array) -> Array:
+    """Return R with ``R gram R^T = 1`` on the directions that gram has."""
+    size, directions = np.linalg.eigh(gram)
+    kept = size > 1e-9 * max(size[-1], 1e-300)
+    return directions[:, kept].T / np.sqrt(size[kept])[:, None]

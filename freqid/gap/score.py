@@ -1,0 +1,228 @@
+"""Closures on manoeuvres that were not used, in the figures that engineers know, and the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from freqid.core.diagnosis import Change, Closure, Existence, Interval, Place, Share, Which
+from freqid.core.errors import DataError
+from freqid.gap.attribute import NONE, OTHER
+from freqid.gap.close import Misfit, Refit, changes, misfit, refit
+from freqid.gap.compare import Compared
+from freqid.gap.fidelity import frequency_cost, rmse, theil
+from freqid.gap.locate import GapMap, regime_of
+from freqid.gap.noise import sensor_noise
+from freqid.gap.signature import made
+from freqid.identify.smoothing import local_derivative
+from freqid.identify.trend import up_to
+from freqid.simulate.effects.effect import Effect
+
+Array = NDArray[np.float64]
+Settings = Mapping[str, Mapping[str, float]]
+
+_MOST_FOLDS = 5
+_STATES = ("u", "v", "w", "p", "q", "r")
+
+
+def closure(
+    used: Sequence[Compared],
+    kept: Sequence[Compared],
+    names: Sequence[str],
+    effects: Sequence[Effect],
+    start: Settings,
+    interval: float,
+) -> tuple[Closure, Refit]:
+    """Refit effects and score them on manoeuvres that the refit did not see.
+
+    Parameters
+    ----------
+    used, kept : sequence of Compared
+        Without manoeuvres that are kept, those used take turns.
+    names : sequence of str
+        Of all manoeuvres.
+    effects : sequence of Effect
+    start : dict of dict of float
+        Where the refit begins.
+    interval : float
+    """
+    fitted = refit(used, effects, start)
+    notes = _determined(fitted)
+    if kept:
+        parts, shown, held = [misfit(kept, effects, fitted.settings)], kept, names[len(used) :]
+    elif len(used) > 1:
+        parts, shown, held = _turns(used, effects, fitted), used, names
+        notes.append("manoeuvres took turns in being held out")
+    else:
+        parts, shown, held = [misfit(used, effects, fitted.settings)], used, names
+        notes.append("scored on the manoeuvre that it was fitted to, for there is no other")
+    whole = Misfit.pooled(parts)
+    wrench = whole.share(interval)
+    if wrench.G < 0 and len(parts) >= 1:
+        notes.append("it makes matters worse where it was not fitted: it does not transfer")
+    reach = float(norm.ppf((1 + interval) / 2))
+    settings: dict[str, dict[str, Interval]] = {}
+    units = {e.id: {n: p.unit for n, p in e.parameters.items()} for e in effects}
+    for (i, n), x, s in zip(fitted.names, fitted.value, np.sqrt(np.diag(fitted.covariance)), strict=True):
+        settings.setdefault(i, {})[n] = Interval(
+            float(x), float(x - reach * s), float(x + reach * s), units[i][n]
+        )
+    errors, theils, costs = _classical(shown, effects, fitted.settings)
+    found = Closure(
+        effects=tuple(e.id for e in effects),
+        settings=settings,
+        wrench=wrench,
+        response=_flown(shown, fitted.settings),
+        rmse=errors,
+        theil=theils,
+        J=costs,
+        held_out=tuple(held),
+        note="; ".join(notes),
+    )
+    return found, fitted
+
+
+def _determined(fitted: Refit) -> list[str]:
+    said = [f"{i} {n} is not determined by these records" for i, n in fitted.undetermined]
+    return said + [f"{i} {n} stopped at a bound" for i, n in fitted.at_bound]
+
+
+def _turns(used: Sequence[Compared], effects: Sequence[Effect], fitted: Refit) -> list[Misfit]:
+    """Return the misfits of manoeuvres held out in turn, regimes kept together where there are several."""
+    regimes = list(dict.fromkeys(regime_of(c) for c in used))
+    label = [regimes.index(regime_of(c)) for c in used] if len(regimes) > 1 else list(range(len(used)))
+    folds = min(_MOST_FOLDS, len(set(label)))
+    parts = []
+    for fold in range(folds):
+        inside = [c for c, k in zip(used, label, strict=True) if k % folds != fold]
+        outside = [c for c, k in zip(used, label, strict=True) if k % folds == fold]
+        parts.append(misfit(outside, effects, refit(inside, effects, fitted.settings).settings))
+    return parts
+
+
+def _classical(
+    shown: Sequence[Compared], effects: Sequence[Effect], settings: Settings
+) -> tuple[dict[str, Change], dict[str, Change], dict[str, Change]]:
+    """Return RMSE, Theil's coefficient and cost J by response, before and after, and of no change at all."""
+    pieces: dict[str, list[tuple[Array, Array, Array]]] = {}
+    costs: dict[str, list[tuple[float, float]]] = {}
+    for c in shown:
+        trial, dt, top = c.trial, c.lines.dt, float(c.lines.hz[-1])
+        total = trial.rows()
+        for effect in effects:
+            total = total + made(effect, trial, settings.get(effect.id, {}))
+        rows = [i for i, row in enumerate(trial.measured.rows) if row.kind == "response"]
+        measured = c.measured.direct[rows] + local_derivative(c.measured.momentum[rows], dt, 9, 4)
+        after = c.predicted + total.direct[rows]
+        if total.momentum[rows].any():
+            after = after + local_derivative(total.momentum[rows], dt, 9, 4)
+        histories = [up_to(x, dt, top) for x in (measured, c.predicted, after)]
+        for k, i in enumerate(rows):
+            pieces.setdefault(trial.measured.rows[i].name, []).append(tuple(h[k] for h in histories))  # type: ignore[arg-type]
+        _costs(c, changes(c, effects, settings), costs)
+    errors, theils = {}, {}
+    for name, found in pieces.items():
+        z, before, after = (np.concatenate([p[k] for p in found]) for k in range(3))
+        still = np.concatenate([np.full(p[0].size, p[0].mean()) for p in found])
+        errors[name] = Change(rmse(z, before), rmse(z, after), rmse(z, still))
+        theils[name] = Change(*(theil(z, y).coefficient for y in (before, after, still)))
+    cost = {n: Change(*(float(np.mean([p[k] for p in v])) for k in (0, 1))) for n, v in costs.items()}
+    return errors, theils, cost
+
+
+def _costs(c: Compared, change: NDArray[np.complex128], costs: dict[str, list[tuple[float, float]]]) -> None:
+    """Add the frequency-domain cost of each response to each injected signal, where noise leaves any."""
+    if not c.lines.inputs:
+        return
+    predicted = c.lines.spectrum(c.predicted)
+    for i, row in enumerate(c.rows):
+        if row.kind != "response":
+            continue
+        noise = c.noise.covariance[:, i, i].real
+        measured = predicted[i] + c.residual[i]
+        power = np.abs(measured) ** 2
+        coherence = np.clip(1 - noise / np.maximum(power, 1e-300), 0.0, 1.0)
+        for o in range(len(c.lines.inputs)):
+            on = (c.lines.owner == o) & (coherence > 0.6)
+            if on.sum() >= 3:
+                args = c.lines.hz[on], measured[on]
+                pair = [
+                    frequency_cost(*args, p[on], coherence[on], points=None)
+                    for p in (predicted[i], predicted[i] + change[i])
+                ]
+                costs.setdefault(row.name, []).append((float(pair[0]), float(pair[1])))
+
+
+def _flown(shown: Sequence[Compared], settings: Settings) -> Share:
+    """Return the share of the gap that goes in the simulation's own flights of the same inputs."""
+    before = after = noise = 0.0
+    count = 0
+    for c in shown:
+        record, simulation = c.maneuver.record, c.trial.simulation
+        try:
+            flights = simulation.fly(record), simulation.fly(record, settings)
+        except DataError as error:
+            return Share(np.nan, np.nan, np.nan, str(error))
+        known = [f for f in flights if f is not None]
+        if len(known) < 2:
+            return Share(np.nan, np.nan, np.nan, "the simulation does not fly by itself")
+        names = [n for n in _STATES if f"state/{n}" in record and n in known[0]]
+        sigma = sensor_noise(record, [f"state/{n}" for n in names])
+        for n in names:
+            floor = sigma[f"state/{n}"] ** 2 * record.dt
+            z = c.lines.spectrum(record[f"state/{n}"])
+            misses = [np.abs(z - c.lines.spectrum(f[n])) ** 2 / floor for f in known]
+            before, after = before + float(misses[0].sum()), after + float(misses[1].sum())
+            noise, count = noise + c.lines.hz.size, count + c.lines.hz.size
+    if before - noise < 4 * np.sqrt(max(count, 1)):
+        return Share(np.nan, np.nan, np.nan, "before, the flights differ by no more than noise")
+    share = 1 - (after - noise) / (before - noise)
+    half = 1.645 * 2 * np.sqrt(max(after, noise)) / (before - noise)
+    return Share(float(share), float(share - half), float(share + half))
+
+
+def verdict(
+    gap: Existence, where: Sequence[Place], cells: GapMap, which: Which, closures: Sequence[Closure]
+) -> str:
+    """Return the verdict in one line."""
+    if not gap.exists:
+        return (
+            f"No gap that can be resolved: noise and tolerances make as much in {100 * gap.p:.2g} % of cases."
+        )
+    words = ["A gap beyond noise"]
+    if where:
+        place = where[0]
+        row = next(iter(cells.share("row").items()))
+        words.append(
+            f": {100 * row[1]:.0f} % of what is explained is in {row[0]}, mostly {place.band_hz[0]:.2g}-"
+            f"{place.band_hz[1]:.2g} Hz"
+        )
+        if place.regime:
+            words.append(f", at {place.regime}")
+        if place.input:
+            words.append(f", coherent with {place.input}")
+    words.append("; " + _name(which))
+    if closures and np.isfinite(closures[0].wrench.G):
+        words.append(
+            f"; adding it removes {100 * closures[0].wrench.G:.0f} % on manoeuvres that were not used"
+        )
+    return "".join(words) + ("" if which.calibrated else " (uncalibrated)") + "."
+
+
+def _name(which: Which) -> str:
+    if which.pair:
+        return f"most likely {which.pair[0]} and {which.pair[1]} together"
+    name, chance = next(iter(which.probabilities.items()))
+    group = next((g for g in which.aliases if name in g), ())
+    if name == OTHER:
+        return f"none of the library's effects explains it ({100 * chance:.0f} %)"
+    if name == NONE:
+        return "no effect of the library explains it better than chance"
+    if group:
+        return f"one of {', '.join(group)}, which these data cannot separate"
+    if len(which.set) > 1:
+        return f"most likely {name} ({100 * chance:.0f} %), among {', '.join(which.set)}"
+    return f"{name} ({100 * chance:.0f} %)"

@@ -1,0 +1,315 @@
+"""What each candidate effect would do to a residual: its derivative by the effect's parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.record import FlightRecord, Maneuver
+from freqid.core.vehicle import Vehicle
+from freqid.gap.replay import Replay
+from freqid.gap.residual import Histories, measured_part
+from freqid.gap.simulation import Simulation
+from freqid.simulate.effects.effect import Effect, Parameter
+
+Array = NDArray[np.float64]
+
+_SMALL = 0.25  # of a parameter's scale: the step of differences
+GIVEN = "|"
+"""Between the name of a size and the value of another parameter at which it is taken."""
+
+_ROUNDS = 4  # in which a log without an effect is found from one with it
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A simulation beside one manoeuvre, and what is computed of the pair once.
+
+    Attributes
+    ----------
+    simulation : Simulation
+    maneuver : Maneuver
+    measured : Histories
+    predicted : ndarray, shape (response, sample)
+    positions : dict of ndarray
+        That the simulation makes of the commands.
+    inputs : tuple of str
+        Channels by which `gradient` differentiates.
+    gradient : ndarray, shape (response, input, sample)
+    """
+
+    simulation: Simulation
+    maneuver: Maneuver
+    measured: Histories
+    predicted: Array
+    positions: dict[str, Array]
+    inputs: tuple[str, ...]
+    gradient: Array
+
+    @classmethod
+    def of(cls, simulation: Simulation, maneuver: Maneuver) -> Trial:
+        """Replay a simulation on a manoeuvre.
+
+        Raises
+        ------
+        DataError
+            Where the record lacks what either needs.
+        """
+        positions = simulation.positions(maneuver.record)
+        measured = measured_part(maneuver, simulation.responses, tuple(positions))
+        predicted = simulation.predict(maneuver.record)
+        inputs = inputs_of(simulation, maneuver.record)
+        gradient = simulation.gradient(maneuver.record, inputs)
+        return cls(simulation, maneuver, measured, predicted, positions, inputs, gradient)
+
+    def rows(self, responses: Array | None = None, positions: Mapping[str, Array] | None = None) -> Histories:
+        """Return histories in the residual's rows of responses, shape (response, sample), and positions."""
+        direct = np.zeros_like(self.measured.direct)
+        if responses is not None:
+            direct[: len(responses)] = responses
+        for i, row in enumerate(self.measured.rows):
+            name = row.name.partition("/")[2]
+            if row.kind == "actuator" and positions is not None and name in positions:
+                direct[i] = positions[name]
+        return Histories(self.measured.rows, direct, np.zeros_like(direct))
+
+    @property
+    def residual(self) -> Histories:
+        """Measured less simulated."""
+        return self.measured - self.rows(self.predicted, self.positions)
+
+    def moved(self, changes: Mapping[str, Array]) -> Array:
+        """Return what changes of input channels make of the responses, to first order."""
+        known = [(j, changes[name]) for j, name in enumerate(self.inputs) if name in changes]
+        return sum((self.gradient[:, j] * x for j, x in known), np.zeros_like(self.predicted))
+
+
+def inputs_of(simulation: Simulation, record: FlightRecord) -> tuple[str, ...]:
+    """Return the channels that a simulation's responses may depend on and that move."""
+    names = [f"state/{n}" for n in ("u", "v", "w", "p", "q", "r")]
+    if simulation.kind in ("callable", "fmu") or "state/u" not in record:
+        names += [f"air/{n}" for n in ("V", "alpha", "beta")]
+    names += [f"effector/{n}" for n in record.group("effector")]
+    return tuple(n for n in names if n in record and np.ptp(record[n]) > 0)
+
+
+def untestable(effect: Effect, trial: Trial) -> str | None:
+    """Return why an effect cannot be tested here, or None where it can.
+
+    A missing field is a reason not to test, never one to rule the effect out.
+    """
+    route = route_of(effect, trial.simulation)
+    if route is None:
+        return "the simulation does not have it and it says nothing of simulations without it"
+    record = trial.maneuver.record
+    for need in effect.needs:
+        if not _there(need, trial, route):
+            return f"needs {need}, which is not there"
+    if route == "act" and not (trial.positions or record.group("effector")):
+        return "needs positions or commands of effectors, which are not there"
+    return None
+
+
+def _there(need: str, trial: Trial, route: str) -> bool:
+    """Return whether what an effect needs is there; see `Effect.needs`."""
+    record, vehicle = trial.maneuver.record, trial.maneuver.vehicle
+    head, _, rest = need.partition(".")
+    if head == "simulation":
+        return route != "own" or any(part.startswith(need) for part in trial.simulation.parts)
+    if head == "vehicle":
+        return getattr(vehicle, rest, None) is not None
+    if head in ("rotor", "wing"):
+        items = getattr(vehicle, f"{head}s")
+        return any(not rest or getattr(item, rest) for item in items)
+    if "/" in need:
+        return need in record
+    return need in vehicle.effector_kinds.values() or bool(record.group(need))
+
+
+def route_of(effect: Effect, simulation: Simulation) -> str | None:
+    """Return the hook by which an effect is tested, or ``own`` where the simulation computes it."""
+    for hook in ("distort", "load", "feel", "act"):
+        if getattr(effect, hook) is not None:
+            return hook
+    own = effect.id in simulation.effects
+    if effect.replay is not None and (effect.states or not own):
+        return "replay"
+    return "own" if own else None
+
+
+def signature(effect: Effect, trial: Trial) -> dict[str, Histories]:
+    """Return the derivative of the residual by an effect's parameters.
+
+    Parameters
+    ----------
+    effect : Effect
+    trial : Trial
+        The effect is testable in it.
+
+    Returns
+    -------
+    dict of Histories
+        By parameter: change of the rows for each unit of it, where the truth has the effect and the
+        simulation as it is has not. A parameter that may not be negative is stepped to one side. One that
+        says nothing while the size is zero, as where a stall begins, gives the size's derivative at two
+        values of its own beside the default: ``size|name=value``.
+    """
+    found = {}
+    for name, parameter in effect.parameters.items():
+        if parameter.scale == 0:
+            continue
+        low, high, step = _steps(effect, trial.simulation, name, parameter)
+        change = made(effect, trial, {name: high}) - made(effect, trial, {name: low})
+        found[name] = change * (1 / step)
+    if effect.alternatives:
+        return found
+    idle = [n for n in found if n != effect.size and not _moves(found[n])]
+    for name in idle:
+        del found[name]
+        parameter = effect.parameters[name]
+        for value in (parameter.default - 2 * parameter.scale, parameter.default + 2 * parameter.scale):
+            value = float(np.clip(value, parameter.low, parameter.high))
+            if value != parameter.default:
+                found[f"{effect.size}{GIVEN}{name}={value:.4g}"] = _sized(effect, trial, {name: value})
+    return found
+
+
+def _sized(effect: Effect, trial: Trial, given: Mapping[str, float]) -> Histories:
+    """Return the derivative by an effect's size where other parameters are given."""
+    low, high, step = _steps(effect, trial.simulation, effect.size, effect.parameters[effect.size])
+    change = made(effect, trial, {**given, effect.size: high})
+    return (change - made(effect, trial, {**given, effect.size: low})) * (1 / step)
+
+
+def _moves(change: Histories) -> bool:
+    return bool(change.direct.any() or change.momentum.any())
+
+
+def made(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histories:
+    """Return the change that an effect makes of a residual, other parameters at their values in force.
+
+    Sensors' and surfaces' effects enter through the simulation's gradient; the rest is computed in full.
+    """
+    in_force = in_force_of(effect, trial.simulation)
+    values = {**in_force, **settings}
+    route = route_of(effect, trial.simulation)
+    if route == "own":
+        return _own(effect, trial, values)
+    if values == in_force or not any(values.values()):
+        return trial.rows()
+    record, maneuver = trial.maneuver.record, trial.maneuver
+    if route == "distort" and effect.distort is not None:
+        return _distorted(trial, effect.distort(values, record))
+    if route == "load" and effect.load is not None:
+        return _loaded(trial, effect.load(values, maneuver.vehicle))
+    if route == "replay" and effect.replay is not None:
+        from freqid.core.channels import WRENCH  # rows of a replay
+
+        extra = np.asarray(effect.replay(values, Replay(trial.simulation, record, maneuver.vehicle)))
+        rows = [extra[WRENCH.index(n)] if n in WRENCH else 0 * extra[0] for n in trial.simulation.responses]
+        return trial.rows(np.array(rows))
+    kinds = maneuver.vehicle.effector_kinds
+    if route == "act" and effect.act is not None:
+        if trial.positions:
+            after = effect.act(values, trial.positions, record.dt, kinds)
+            return trial.rows(positions={n: after[n] - x for n, x in trial.positions.items()})
+        return trial.rows(trial.moved(_felt(effect.act, values, record, kinds)))
+    if effect.feel is not None:
+        return trial.rows(trial.moved(_felt(effect.feel, values, record, kinds)))
+    return trial.rows()
+
+
+def sources_of(effect: Effect, trial: Trial) -> tuple[str, ...]:
+    """Return the channels that an effect's signature is computed from, ``d/dt`` of rates among them."""
+    rates = tuple(f"d/dt state/{n}" for n in "pqr")
+    felt = tuple(f"state/{n}" for n in ("ax", "ay", "az"))
+    route = route_of(effect, trial.simulation)
+    effectors = tuple(n for n in trial.inputs if n.startswith("effector/"))
+    if route == "load":
+        return (*felt, *rates, *effectors)
+    if route == "distort":
+        return (*trial.inputs, *felt, *(f"state/{n}" for n in ("phi", "theta", "psi")), *rates)
+    return trial.inputs
+
+
+def in_force_of(effect: Effect, simulation: Simulation) -> dict[str, float]:
+    """Return the settings that a simulation has an effect at: zero size where it does not have it."""
+    if route_of(effect, simulation) == "own":
+        return dict(simulation.effects[effect.id])
+    return {name: p.default for name, p in effect.parameters.items()} | {effect.size: 0.0}
+
+
+def without(effect: Effect, settings: Mapping[str, float], record: FlightRecord) -> FlightRecord:
+    """Return the log that a record would be without a sensor's or the air's effect.
+
+    Found by rounds: what the effect would make of it has to be the record.
+    """
+    if effect.distort is None:
+        return record
+    clean = record
+    for _ in range(_ROUNDS):
+        again = effect.distort(dict(settings), clean)
+        channels = [
+            _replaced(clean, name, clean[name] + record[name] - again[name])
+            for name in record.channels
+            if not np.array_equal(again[name], clean[name]) or not np.array_equal(clean[name], record[name])
+        ]
+        clean = clean.with_channels(*channels)
+    return clean
+
+
+def _replaced(record: FlightRecord, name: str, values: Array):
+    from dataclasses import replace
+
+    return replace(record.channel(name), values=values)
+
+
+def _steps(
+    effect: Effect, simulation: Simulation, name: str, parameter: Parameter
+) -> tuple[float, float, float]:
+    """Return two values of a parameter and their distance, about its value in force."""
+    at = in_force_of(effect, simulation)[name]
+    small = _SMALL * parameter.scale
+    if parameter.low <= at - small and at + small <= parameter.high:
+        return at - small, at + small, 2 * small
+    if at + parameter.scale <= parameter.high:
+        return at, at + parameter.scale, parameter.scale
+    return at - parameter.scale, at, parameter.scale
+
+
+def _own(effect: Effect, trial: Trial, values: Mapping[str, float]) -> Histories:
+    """Return what other settings make of the simulation's own effect."""
+    settings = {effect.id: dict(values)}
+    record = trial.maneuver.record
+    positions = {}
+    if effect.stage == "command":
+        after = trial.simulation.positions(record, settings)
+        positions = {n: after[n] - x for n, x in trial.positions.items()}
+    return trial.rows(trial.simulation.predict(record, settings) - trial.predicted, positions)
+
+
+def _distorted(trial: Trial, record: FlightRecord) -> Histories:
+    """Return what a change of the log makes of the residual."""
+    maneuver = Maneuver(record, trial.maneuver.vehicle)
+    measured = measured_part(maneuver, trial.simulation.responses, tuple(trial.positions))
+    before = trial.maneuver.record
+    changes = {n: record[n] - before[n] for n in trial.inputs if not np.array_equal(record[n], before[n])}
+    return measured - trial.measured - trial.rows(trial.moved(changes))
+
+
+def _loaded(trial: Trial, vehicle: Vehicle) -> Histories:
+    """Return what mass properties that are not those of the truth make of the residual."""
+    measured = measured_part(
+        Maneuver(trial.maneuver.record, vehicle), trial.simulation.responses, tuple(trial.positions)
+    )
+    return trial.measured - measured
+
+
+def _felt(hook, values: dict[str, float], record: FlightRecord, kinds: dict[str, str]) -> dict[str, Array]:
+    """Return changes of effectors' channels that a hook makes."""
+    signals = {name: record[f"effector/{name}"] for name in record.group("effector")}
+    after = hook(values, signals, record.dt, kinds)
+    return {f"effector/{n}": after[n] - x for n, x in signals.items() if n in after}

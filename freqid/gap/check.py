@@ -37,7 +37,9 @@ _LONGEST = 60.0  # s of each record that are looked at
 _CONFIRMED = 10  # candidates by derivatives that are tried on the simulation itself
 _DELAYS = np.concatenate([-np.arange(0.1, 1.01, 0.02), np.arange(0.1, 1.01, 0.02)])  # s
 _DRAWS = 3
-_PART, _ROW = 0.02, 0.005  # of a change, and of a response's energy, that has to be right by itself
+# Of a change, its share in motion or in level, and of a response's energy: what has to be right by itself.
+# Levels are judged less, because sensors' offsets are among them.
+_MOTION, _LEVEL, _ROW = 0.02, 0.2, 0.005
 _MOST = 6  # mistakes at a time
 _COEFFICIENT = {"CX": "X", "CY": "Y", "CZ": "Z", "Cl": "L", "Cm": "M", "Cn": "N"}
 
@@ -344,7 +346,9 @@ class _Change:
         by_row, of_row = np.sum(products, axis=0), np.sum(sizes, axis=0)
         whole = max(float(of_row.sum()), 1e-300)
         apart = [
-            float(p.sum() / s.sum()) for p, s in zip(products, sizes, strict=True) if s.sum() > _PART * whole
+            float(p.sum() / size.sum())
+            for p, size, least in zip(products, sizes, (_MOTION, _LEVEL), strict=True)
+            if size.sum() > least * whole
         ]
         each = [float(p / s) for p, s in zip(by_row, of_row, strict=True) if s > _ROW * len(trials)]
         return cls(before, after, touched, float(by_row.sum()) / whole, tuple(apart), tuple(each))

@@ -7,41 +7,34 @@ an effect of physics is hardly ever a whole sign, a factor of 57.3 or two names 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 from freqid.core.channels import WRENCH
-from freqid.core.errors import DataError
-from freqid.core.record import FlightRecord, Maneuver
+from freqid.core.record import FlightRecord
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.core.vehicle import Vehicle
 from freqid.gap.bookkeeping import Bench, Fault, inputs, outputs, shifted
 from freqid.gap.connect.differences import moved
 from freqid.gap.simulation import Simulation
-from freqid.identify.wrench import applied_wrench
+from freqid.gap.trial import COEFFICIENT, Trial, bench_of, difference, energy
 
 Array = NDArray[np.float64]
-Parts = tuple[Array, Array]  # fluctuation, shape (response, sample), and level, shape (response,)
 
 EXPLAINED = 0.9  # share of a residual, noise set aside, that has to go
 _LIKELY = 0.5  # the same with the noise, of what is looked at further
 SHARP = 0.15  # departure of the fitted size from the mistake's own
 _LEAST = 0.003  # residual over the response's own energy that is worth a word
 _OWN = 0.01  # the same of a simulation's own flight, beyond noise
-_BAND = 3.0  # Hz, in which responses are compared
 SEA_LEVEL = 1.225  # kg/m3
-_LONGEST = 60.0  # s of each record that are looked at
 _CONFIRMED = 10  # candidates by derivatives that are tried on the simulation itself
 _DELAYS = np.concatenate([-np.arange(0.1, 1.01, 0.02), np.arange(0.1, 1.01, 0.02)])  # s
-_DRAWS = 3
 # Of a change, its share in motion or in level, and of a response's energy: what has to be right by itself.
 # Levels are judged less, because sensors' offsets are among them.
 _MOTION, _LEVEL, _ROW = 0.02, 0.2, 0.005
 _MOST = 6  # mistakes at a time
-_COEFFICIENT = {"CX": "X", "CY": "Y", "CZ": "Z", "Cl": "L", "Cm": "M", "Cn": "N"}
 
 
 @dataclass(frozen=True)
@@ -97,7 +90,7 @@ def check(
     DataError
         Where records lack what the responses are made of.
     """
-    trials = [_Trial(simulation, _bench(simulation, record, vehicle)) for record in records]
+    trials = [Trial(simulation, bench_of(simulation, record, vehicle)) for record in records]
     findings: list[Finding] = []
     while len(findings) < _MOST:
         found = _next(trials)
@@ -112,10 +105,10 @@ def check(
     return findings
 
 
-def _not_its_own(trials: Sequence[_Trial]) -> list[Finding]:
+def _not_its_own(trials: Sequence[Trial]) -> list[Finding]:
     """Return a finding where a simulation does not reproduce flights of its own."""
     nothing = Fault("", "", "", "", mend=lambda record: record)
-    left = np.mean([_energy(t.residual(t.predicted)) - t.noise(nothing) for t in trials], axis=0)
+    left = np.mean([energy(t.residual(t.predicted)) - t.noise(nothing) for t in trials], axis=0)
     worst = int(np.argmax(left))
     if left[worst] < _OWN:
         return []
@@ -132,163 +125,7 @@ def _not_its_own(trials: Sequence[_Trial]) -> list[Finding]:
     ]
 
 
-class _Trial:
-    """One record beside the simulation, with the mistakes taken back that were found so far."""
-
-    def __init__(self, simulation: Simulation, bench: Bench):
-        self.simulation, self.bench = simulation, bench
-        self.faults: list[Fault] = []
-        self._keep = _Kept(bench)
-        self.scale = self._keep.scale(bench.measured)
-        self.fluctuation, self.level = self._keep(bench.measured, self.scale)
-        self.predicted = self._predict(())
-        self._slopes: Array | None = None
-
-    def accept(self, fault: Fault) -> None:
-        self.faults.append(fault)
-        self.predicted = self._predict(())
-        self._slopes = None
-
-    def residual(self, predicted: Array) -> Parts:
-        """Return fluctuation, shape (response, sample), and level, shape (response,), over their scales."""
-        fluctuation, level = self._keep(predicted, self.scale)
-        return self.fluctuation - fluctuation, self.level - level
-
-    def without(self, fault: Fault) -> Array | None:
-        """Return the prediction with one more mistake taken back; None where the simulation cannot."""
-        if fault.undo is not None:
-            return fault.undo(self.predicted, self.bench)
-        try:
-            return self._predict((fault,))
-        except DataError:
-            return None
-
-    def noise(self, fault: Fault) -> Array:
-        """Return what the sensors' noise alone would leave with a mistake taken back, shape (response,).
-
-        Noise as strong again as what the record's channels have beyond any smooth motion, and offsets of
-        half its size, go through the simulation and into what was measured.
-        """
-        rng, total = np.random.default_rng(0), np.zeros(len(self.bench.names))
-        try:
-            still = self._predict((fault,))
-            for _ in range(_DRAWS):
-                record = _noisier(self.bench.record, rng)
-                noisy = self._predict((fault,), record)
-                maneuver = replace(self.bench.maneuver, record=record)
-                changed = _measured(maneuver, self.bench.names) - self.bench.measured
-                # inputs' noise itself is among what residuals are projected on, another draw is not
-                total += _energy(self._keep(noisy - still, self.scale, whole=True))
-                total += _energy(self._keep(changed, self.scale))
-        except DataError:
-            return total
-        return total / _DRAWS
-
-    def linear(self, fault: Fault) -> Array | None:
-        """Return the same by the derivatives along the record, for finding candidates."""
-        record = self._mended(())
-        names = [n for n in record.channels if n.partition("/")[0] in ("state", "effector")]
-        if self._slopes is None:
-            try:
-                self._slopes = self.simulation.gradient(record, names)
-            except DataError:
-                self._slopes = np.zeros((len(self.bench.names), len(names), record.time.size))
-        assert fault.mend is not None
-        change = fault.mend(record).matrix(names) - record.matrix(names)
-        raw = np.einsum("rin,in->rn", self._slopes, change)
-        return self.predicted + raw
-
-    def _mended(self, more: Sequence[Fault], record: FlightRecord | None = None) -> FlightRecord:
-        record = record or self.bench.record
-        for fault in (*self.faults, *more):
-            record = fault.mend(record) if fault.mend else record
-        return record
-
-    def _predict(self, more: Sequence[Fault], record: FlightRecord | None = None) -> Array:
-        predicted = self.simulation.predict(self._mended(more, record))
-        for fault in (*self.faults, *more):
-            predicted = fault.undo(predicted, self.bench) if fault.undo else predicted
-        return predicted
-
-
-def _noisier(record: FlightRecord, rng: np.random.Generator) -> FlightRecord:
-    """Return a record with its own noise once more."""
-    channels = []
-    for name, channel in record.channels.items():
-        if name.partition("/")[0] in ("state", "effector", "air"):
-            rough = np.diff(channel.values, n=3).std() / np.sqrt(20)  # white noise through third differences
-            draw = rng.standard_normal(channel.values.size) + 0.5 * rng.choice((-1, 1))
-            channels.append(replace(channel, values=channel.values + rough * draw))
-    return record.with_channels(*channels)
-
-
-class _Kept:
-    """What is compared: slow enough to be flown, not at the ends, spanned by what moved.
-
-    Fluctuations are projected on states, attitude, effectors and their rates, so that noise that no input
-    explains does not hide what a mistake explains.
-    """
-
-    def __init__(self, bench: Bench):
-        record = bench.record
-        self._sigma = 0.1325 / (min(_BAND, 0.2 / record.dt) * record.dt)
-        margin = int(2 * self._sigma) + 1
-        self._pick = slice(margin, record.time.size - margin, max(1, int(0.1 / record.dt)))
-        names = [f"state/{n}" for n in ("u", "v", "w", "p", "q", "r", "phi", "theta")]
-        names += [f"effector/{n}" for n in record.group("effector")]
-        slow = self._slow(record.matrix(n for n in names if n in record))
-        x = np.concatenate([slow, np.gradient(slow, axis=1)])[:, self._pick]
-        x -= x.mean(axis=1, keepdims=True)
-        size = np.sqrt((x**2).mean(axis=1))
-        x = x[size > 1e-9 * max(1.0, float(size.max()))].T
-        self._basis: Array | None = None
-        if x.shape[0] > 4 * x.shape[1] > 0:
-            u, s, _ = np.linalg.svd(x / np.linalg.norm(x, axis=0), full_matrices=False)
-            self._basis = u[:, s > 1e-6 * s[0]]
-
-    def __call__(self, rows: Array, scale: Parts, *, whole: bool = False) -> Parts:
-        """Return fluctuation and level over their scales; the `whole` fluctuation, or what is spanned."""
-        kept = self._slow(rows)[:, self._pick]
-        level = kept.mean(axis=1)
-        fluctuation = kept - level[:, None]
-        if self._basis is not None and not whole:
-            fluctuation = (fluctuation @ self._basis) @ self._basis.T
-        return fluctuation / (scale[0][:, None] * np.sqrt(kept.shape[1])), level / scale[1]
-
-    def scale(self, measured: Array) -> Parts:
-        """Return what fluctuations and levels are judged by, each of shape (response,)."""
-        kept = self._slow(measured)[:, self._pick]
-        rms = np.maximum(kept.std(axis=1), 1e-12)
-        return rms, np.maximum(np.abs(kept.mean(axis=1)), 3 * rms)
-
-    def _slow(self, rows: Array) -> Array:
-        return gaussian_filter1d(rows, self._sigma, axis=1, mode="nearest")
-
-
-def _bench(simulation: Simulation, record: FlightRecord, vehicle: Vehicle | None) -> Bench:
-    if record.duration > _LONGEST:
-        record = record.cut(float(record.time[0]), float(record.time[0]) + _LONGEST)
-    maneuver = Maneuver.of(record, vehicle or record.vehicle or simulation.vehicle)
-    names = tuple(simulation.responses)
-    return Bench(maneuver, names, _measured(maneuver, names))
-
-
-def _measured(maneuver: Maneuver, names: Sequence[str]) -> Array:
-    """Return what was measured of responses: as recorded, else reconstructed from the motion."""
-    record, rows = maneuver.record, []
-    for name in names:
-        if f"response/{name}" in record:
-            rows.append(record[f"response/{name}"])
-        elif name in WRENCH or name in _COEFFICIENT:
-            form = "force" if name in WRENCH else "coefficient"
-            applied = applied_wrench(maneuver, [_COEFFICIENT.get(name, name)], form)
-            rows.append(applied.history(record.dt)[0])
-        else:
-            rows.append(record[f"state/{name}"])
-    return np.array(rows)
-
-
-def _next(trials: Sequence[_Trial]) -> tuple[Fault, float] | None:
+def _next(trials: Sequence[Trial]) -> tuple[Fault, float] | None:
     """Return the mistake that explains most, if one explains sharply enough, with the share it explains."""
     likely = []
     for fault in _candidates(trials):
@@ -329,12 +166,12 @@ class _Change:
     by_row: tuple[float, ...]
 
     @classmethod
-    def of(cls, trials: Sequence[_Trial], predicted: Sequence[Array], rows: Sequence[int]) -> _Change:
+    def of(cls, trials: Sequence[Trial], predicted: Sequence[Array], rows: Sequence[int]) -> _Change:
         now = [t.residual(t.predicted) for t in trials]
         then = [t.residual(p) for t, p in zip(trials, predicted, strict=True)]
-        changes = [_change(a, b) for a, b in zip(now, then, strict=True)]
+        changes = [difference(a, b) for a, b in zip(now, then, strict=True)]
         before, after, size = (
-            np.sum([_energy(part) for part in parts], axis=0) for parts in (now, then, changes)
+            np.sum([energy(part) for part in parts], axis=0) for parts in (now, then, changes)
         )
         touched = np.array(rows, dtype=int) if len(rows) else np.flatnonzero(size > 0.1 * before)
         products, sizes = [], []  # of fluctuations and levels, by response
@@ -374,7 +211,7 @@ class _Change:
         return float(1 - after / before) if before > _LEAST * max(1, self.touched.size) else 0.0
 
 
-def _candidates(trials: Sequence[_Trial]) -> Iterable[Fault]:
+def _candidates(trials: Sequence[Trial]) -> Iterable[Fault]:
     first = trials[0]
     # the same mistake is made of every record by its own closure where it uses the record's signals
     yield from _of_every(trials, [list(outputs(t.bench)) for t in trials])
@@ -392,7 +229,7 @@ def _candidates(trials: Sequence[_Trial]) -> Iterable[Fault]:
         yield from large
 
 
-def _of_every(trials: Sequence[_Trial], lists: Sequence[Sequence[Fault]]) -> Iterable[Fault]:
+def _of_every(trials: Sequence[Trial], lists: Sequence[Sequence[Fault]]) -> Iterable[Fault]:
     """Join the same mistake of several records into one that knows which record it is asked about."""
     by_key = [{(f.id, f.subject, f.sentence): f for f in faults} for faults in lists]
     for key, fault in by_key[0].items():
@@ -405,7 +242,7 @@ def _of_every(trials: Sequence[_Trial], lists: Sequence[Sequence[Fault]]) -> Ite
             yield Fault(fault.id, fault.subject, fault.sentence, fault.remedy, fault.rows, undo=undo)
 
 
-def _ignored_density(trial: _Trial) -> Iterable[Fault]:
+def _ignored_density(trial: Trial) -> Iterable[Fault]:
     """Yield a density that stays that of sea level, where the prediction does not change with it."""
     record = trial.bench.record
     if "air/rho" not in record or trial.simulation.kind == "predictions":
@@ -425,10 +262,10 @@ def _ignored_density(trial: _Trial) -> Iterable[Fault]:
         )
 
 
-def _shifts(trials: Sequence[_Trial]) -> Iterable[Fault]:
+def _shifts(trials: Sequence[Trial]) -> Iterable[Fault]:
     """Yield the one shift of all responses together that leaves least."""
     names = trials[0].bench.names
-    least = 0.1 if sum(n in WRENCH or n in _COEFFICIENT for n in names) >= 3 else 0.25
+    least = 0.1 if sum(n in WRENCH or n in COEFFICIENT for n in names) >= 3 else 0.25
 
     def left(delay: float) -> float:
         return sum(
@@ -447,30 +284,20 @@ def _shifts(trials: Sequence[_Trial]) -> Iterable[Fault]:
     )
 
 
-def _energy(residual: Parts) -> Array:
-    """Return the energy of a residual by response, shape (response,)."""
-    fluctuation, level = residual
-    return (fluctuation**2).sum(axis=1) + level**2
-
-
-def _change(before: Parts, after: Parts) -> Parts:
-    return before[0] - after[0], before[1] - after[1]
-
-
-def _gain(trials: Sequence[_Trial], predicted: Sequence[Array]) -> float:
+def _gain(trials: Sequence[Trial], predicted: Sequence[Array]) -> float:
     """Return how much residual a change removes where it may be somewhat smaller or larger."""
     gain = 0.0
     for trial, there in zip(trials, predicted, strict=True):
         now, then = trial.residual(trial.predicted), trial.residual(there)
-        change = _change(now, then)
+        change = difference(now, then)
         product = float((now[0] * change[0]).sum() + (now[1] * change[1]).sum())
-        size = float(_energy(change).sum())
+        size = float(energy(change).sum())
         fitted = np.clip(product / size, 0.0, 2.0) if size > 0 else 0.0
         gain += 2 * fitted * product - fitted**2 * size
     return gain
 
 
-def _trim_level(trials: Sequence[_Trial]) -> tuple[Fault, float] | None:
+def _trim_level(trials: Sequence[Trial]) -> tuple[Fault, float] | None:
     """Return the level as a mistake where a large one is all that is wrong."""
     bench = trials[0].bench
     vehicle = bench.maneuver.vehicle
@@ -496,7 +323,7 @@ def _trim_level(trials: Sequence[_Trial]) -> tuple[Fault, float] | None:
                 if missing
                 else f"the level of {name} is off by {-off:.4g} while its changes are right"
             )
-            total = np.sum([_energy(t.residual(t.predicted))[i] for t in trials])
+            total = np.sum([energy(t.residual(t.predicted))[i] for t in trials])
             return (
                 Fault("trim_level", name, sentence, "give total loads, trim included", (i,), undo=undo),
                 float(1 - moving * len(trials) / total),

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
+
+import msgspec
+
+_CLASSICAL = {"rmse": "rms of the response", "theil": "1", "J": "1"}
 
 
 @dataclass(frozen=True)
@@ -153,6 +158,23 @@ class Closure:
     note: str = ""
     consequence: dict[str, Any] = field(default_factory=dict)
 
+    def to_json(self) -> dict[str, Any]:
+        """Return a table with one number before and after of each classical figure, and those by response.
+
+        RMSE is over the response's own rms about its mean, which is what a model that says nothing changes
+        is off by, root mean square over the responses; Theil and J are means, J over inputs too.
+        """
+        one = asdict(self)
+        for name in _CLASSICAL:
+            changes: dict[str, Change] = getattr(self, name)
+            over = {k: c.zero if name == "rmse" and c.zero > 0 else 1.0 for k, c in changes.items()}
+            one[name] = {
+                end: _mean((getattr(c, end) / over[k] for k, c in changes.items()), name == "rmse")
+                for end in ("before", "after", "zero")
+            }
+            one[name] |= {"unit": _CLASSICAL[name], "by_response": {k: asdict(c) for k, c in changes.items()}}
+        return one
+
 
 @dataclass(frozen=True)
 class GapDiagnosis:
@@ -188,8 +210,8 @@ class GapDiagnosis:
 
         A number that is not defined is None.
         """
-        first = asdict(self.how_far[0]) if self.how_far else {}
-        alone = {"+".join(c.effects): asdict(c) for c in self.how_far}
+        alone = {"+".join(c.effects): c.to_json() for c in self.how_far}
+        first = next(iter(alone.values()), {})
         found = {
             "verdict": self.verdict,
             "simulation": self.simulation,
@@ -202,6 +224,41 @@ class GapDiagnosis:
             "remarks": self.remarks,
         }
         return _plain(found)
+
+    @classmethod
+    def from_json(cls, table: Mapping[str, Any]) -> GapDiagnosis:
+        """Return the diagnosis that `to_json` made a table of; None becomes NaN.
+
+        Raises
+        ------
+        ValueError
+            Where the table is none of a diagnosis.
+        """
+        closures = [
+            {**one, **{n: one[n]["by_response"] for n in _CLASSICAL}}
+            for one in (table["how_far"].get("per_effect") or {}).values()
+        ]
+        try:
+            return msgspec.convert(_known({**table, "how_far": closures}), cls)
+        except msgspec.ValidationError as error:
+            raise ValueError(str(error)) from None
+
+
+def _mean(values: Iterable[float], relative: bool = False) -> float:
+    """Return the mean of the numbers that are finite, or their root mean square."""
+    known = [v for v in values if math.isfinite(v)]
+    if not known:
+        return math.nan
+    return math.sqrt(sum(v * v for v in known) / len(known)) if relative else sum(known) / len(known)
+
+
+def _known(value: Any) -> Any:
+    """Return a table with NaN for None."""
+    if isinstance(value, Mapping):
+        return {k: _known(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_known(v) for v in value]
+    return math.nan if value is None else value
 
 
 def _plain(value: Any) -> Any:

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import attitude
 from ..quantities import Wrench
 from . import along
 from .effect import Effect, Parameter
@@ -47,7 +48,7 @@ def _add(settings: dict[str, jax.Array], situation: Any) -> Wrench:
     down = _force(settings["strength"], ahead, flow.velocity, flow.rho, geometry.area)
     force = jnp.stack([0 * down, 0 * down, down])
     behind = jnp.stack([settings["arm"] * geometry.chord, 0.0 * down, 0.0 * down])
-    return Wrench(force, jnp.cross(geometry.centre - behind, force))
+    return Wrench(force, attitude.cross(geometry.centre - behind, force))
 
 
 def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[Any]:

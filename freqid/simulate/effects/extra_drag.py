@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 from numpy.typing import NDArray
 
+from .. import attitude
 from ..quantities import Wrench
 from . import along
 from .effect import Effect, Parameter
@@ -25,7 +25,7 @@ def _force(coefficient: Any, velocity: Any, rho: Any, area: Any) -> Any:
 def _add(settings: dict[str, jax.Array], situation: Any) -> Wrench:
     geometry, flow = situation.parameters.geometry, situation.flow
     force = _force(settings["coefficient"], flow.velocity, flow.rho, geometry.area)
-    return Wrench(force, jnp.cross(geometry.centre, force))
+    return Wrench(force, attitude.cross(geometry.centre, force))
 
 
 def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[Any]:

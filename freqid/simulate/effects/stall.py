@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.frames import cross, turn_about_y
+from .. import attitude
 from ..quantities import Wrench
 from . import along
 from .effect import Effect, Parameter
@@ -46,10 +47,10 @@ def _add(settings: dict[str, jax.Array], situation: Any) -> Wrench:
     geometry, flow = situation.parameters.geometry, situation.flow
     pivot = situation.parameters.frames.pivot[:-1]
     cos, sin = jnp.cos(situation.positions.tilt), jnp.sin(situation.positions.tilt)
-    x, _, z = (flow.velocity + jnp.cross(flow.rates, pivot)).T
+    x, _, z = (flow.velocity + attitude.cross(flow.rates, pivot)).T
     down = _loss(settings, x * cos - z * sin, x * sin + z * cos, flow.rho, geometry.area / pivot.shape[0])
     force = jnp.stack([down * sin, jnp.zeros_like(down), down * cos], axis=-1)
-    return Wrench(force.sum(0), jnp.cross(pivot, force).sum(0))
+    return Wrench(force.sum(0), attitude.cross(pivot, force).sum(0))
 
 
 def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[Any]:

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import attitude
 from ..quantities import Wrench
 from . import along
 from .effect import Effect, Parameter
@@ -46,7 +47,7 @@ def _add(settings: dict[str, jax.Array], situation: Any) -> Wrench:
     share = jnp.clip(settings["time_constant"] / _SHORTEST, 0.0, 1.0)
     missing = share * (situation.memory["force"] - _now(situation))
     force = jnp.stack([0 * missing, 0 * missing, missing])
-    return Wrench(force, jnp.cross(situation.parameters.geometry.centre, force))
+    return Wrench(force, attitude.cross(situation.parameters.geometry.centre, force))
 
 
 def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[Any]:

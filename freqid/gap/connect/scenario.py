@@ -287,7 +287,9 @@ def _by_kind(vehicle: Vehicle, values: Array) -> Commands:
 
 
 def _leaves(settings: Mapping[str, float]) -> dict[str, Any]:
-    return {name: jnp.asarray(float(value)) for name, value in settings.items()}
+    return {
+        name: jnp.asarray(value, dtype=float) for name, value in settings.items()
+    }  # strong: no recompiling
 
 
 def _paths(stem: str, table: Mapping[str, Any]) -> list[str]:

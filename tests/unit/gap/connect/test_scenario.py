@@ -7,6 +7,7 @@ import pytest
 
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Channel
+from freqid.gap.connect import loads
 from freqid.gap.connect.scenario import ScenarioSimulation
 from freqid.simulate.effects import library
 
@@ -129,3 +130,11 @@ def test_a_record_that_lacks_an_effector_is_refused(simulation, flown):
 
 def test_parts_are_the_sections_that_the_scenario_has(simulation):
     assert {"simulation.airframe.wake", "simulation.actuators.surface"} <= set(simulation.parts)
+
+
+def test_neither_other_settings_nor_other_lengths_compile_anew(simulation, flown):
+    record = flown("u20").record
+    simulation.predict(record)
+    compiled = loads._loads._cache_size()
+    simulation.predict(record.cut(0.0, 7.3), {"slipstream": {"strength": 0.9}})
+    assert loads._loads._cache_size() == compiled

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -27,6 +27,7 @@ LEVEL = 0.02
 """At which a gap is called one, unless told otherwise."""
 
 INTERVAL = 0.90
+_IDLE = "it changes nothing in these manoeuvres"
 _SOUGHT = ("none", "other")
 _TOLD = 3  # effects that are closed without being asked for
 
@@ -70,6 +71,10 @@ class Findings:
     evidence : Evidence
     judged : list of Judged
     map : GapMap
+    refits : dict of Refit
+        By effects joined with ``+``; the leading closure's first.
+    explained : list of ndarray of complex, shape (row, line)
+        What the leading explanation makes of each manoeuvre's residual.
     """
 
     diagnosis: GapDiagnosis
@@ -79,6 +84,7 @@ class Findings:
     judged: list[Judged]
     map: GapMap
     refits: dict[str, Refit] = field(default_factory=dict)
+    explained: list[NDArray[np.complex128]] = field(default_factory=list)
 
 
 def diagnose(
@@ -88,6 +94,7 @@ def diagnose(
     *,
     held_out: Sequence[Maneuver] = (),
     names: Sequence[str] = (),
+    tell: Callable[[str], None] = lambda _: None,
 ) -> Findings:
     """Diagnose the gap between a simulation and flights.
 
@@ -100,6 +107,8 @@ def diagnose(
         On which closures are scored; without them, the given manoeuvres take turns.
     names : sequence of str
         Of the manoeuvres, then of those held out.
+    tell : callable, optional
+        Called with what is being done.
 
     Raises
     ------
@@ -112,10 +121,11 @@ def diagnose(
     if not maneuvers:
         raise UsageError("there is no manoeuvre to compare", remedy="name one record or more")
     names = list(names) or [f"manoeuvre {i + 1}" for i in range(len(maneuvers) + len(held_out))]
-    every = [
-        _compared(simulation, m, q, i, name)
-        for i, (m, name) in enumerate(zip((*maneuvers, *held_out), names, strict=True))
-    ]
+    every = []
+    for i, (m, name) in enumerate(zip((*maneuvers, *held_out), names, strict=True)):
+        tell(f"comparing {name} ({i + 1} of {len(names)})")
+        every.append(_compared(simulation, m, q, i, name))
+    tell("weighing effects")
     used, kept = every[: len(maneuvers)], every[len(maneuvers) :]
     library = {i: e.of(maneuvers[0].vehicle) for i, e in q.library.items()}
     evidence = evidence_of(used, seed=q.seed)
@@ -123,6 +133,8 @@ def diagnose(
     statistic, null = attribute.existence(judged)
     existence = _existence(statistic, null, used, evidence, judged, library, q)
     not_tested = {i: why for c in used for i, why in c.not_tested.items()}
+    seen = {j.name for j in judged}
+    not_tested |= {i: _IDLE for i in library if i not in seen and i not in not_tested}
     which = calibrate.which(judged, evidence, library, not_tested, existence.exists, INTERVAL)
     for name in q.named:
         if name not in library:
@@ -130,8 +142,10 @@ def diagnose(
         if name in not_tested:
             raise UsageError(f"effect '{name}' cannot be tested here: {not_tested[name]}")
     leading = _leading(judged, which)
-    found = locate.gap_map(used, locate.explained(used, (leading and _coefficients(leading, evidence)) or {}))
+    explained = locate.explained(used, (leading and _coefficients(leading, evidence)) or {})
+    found = locate.gap_map(used, explained)
     where = tuple(found.places()) if existence.exists else ()
+    tell("closing")
     closures, refits = _closures(used, kept, names, evidence, judged, library, which, existence.exists, q)
     diagnosis = GapDiagnosis(
         verdict=score.verdict(existence, where, found, which, closures),
@@ -143,7 +157,7 @@ def diagnose(
         how_far=tuple(closures),
         remarks=tuple(_remarks(used, simulation)),
     )
-    return Findings(diagnosis, used, kept, evidence, judged, found, refits)
+    return Findings(diagnosis, used, kept, evidence, judged, found, refits, explained)
 
 
 def _compared(simulation: Simulation, maneuver: Maneuver, q: Question, i: int, name: str) -> Compared:

@@ -110,18 +110,10 @@ def _classical(
     pieces: dict[str, list[tuple[Array, Array, Array]]] = {}
     costs: dict[str, list[tuple[float, float]]] = {}
     for c in shown:
-        trial, dt, top = c.trial, c.lines.dt, float(c.lines.hz[-1])
-        total = trial.rows()
-        for effect in effects:
-            total = total + made(effect, trial, settings.get(effect.id, {}))
-        rows = [i for i, row in enumerate(trial.measured.rows) if row.kind == "response"]
-        measured = c.measured.direct[rows] + local_derivative(c.measured.momentum[rows], dt, 9, 4)
-        after = c.predicted + total.direct[rows]
-        if total.momentum[rows].any():
-            after = after + local_derivative(total.momentum[rows], dt, 9, 4)
-        histories = [up_to(x, dt, top) for x in (measured, c.predicted, after)]
-        for k, i in enumerate(rows):
-            pieces.setdefault(trial.measured.rows[i].name, []).append(tuple(h[k] for h in histories))  # type: ignore[arg-type]
+        measured, before, after = followed(c, effects, settings)
+        for i, row in enumerate(c.rows):
+            if row.kind == "response":
+                pieces.setdefault(row.name, []).append((measured[i], before[i], after[i]))
         _costs(c, changes(c, effects, settings), costs)
     errors, theils = {}, {}
     for name, found in pieces.items():
@@ -131,6 +123,30 @@ def _classical(
         theils[name] = Change(*(theil(z, y).coefficient for y in (before, after, still)))
     cost = {n: Change(*(float(np.mean([p[k] for p in v])) for k in (0, 1))) for n, v in costs.items()}
     return errors, theils, cost
+
+
+def followed(c: Compared, effects: Sequence[Effect], settings: Settings) -> tuple[Array, Array, Array]:
+    """Return all rows' histories as measured, as simulated, and as simulated with effects.
+
+    Without what lies above the band; each of shape (row, sample).
+    """
+    trial, dt, top = c.trial, c.lines.dt, float(c.lines.hz[-1])
+    total = trial.rows()
+    for effect in effects:
+        total = total + made(effect, trial, settings.get(effect.id, {}))
+    before = trial.rows(c.predicted, trial.positions)
+    found = []
+    for direct, momentum in (
+        (c.measured.direct, c.measured.momentum),
+        (before.direct, before.momentum),
+        (before.direct + total.direct, total.momentum),
+    ):
+        values = direct.copy()
+        changing = momentum.any(axis=1)
+        if changing.any():
+            values[changing] += local_derivative(momentum[changing], dt, 9, 4)
+        found.append(up_to(values, dt, top))
+    return found[0], found[1], found[2]
 
 
 def _costs(c: Compared, change: NDArray[np.complex128], costs: dict[str, list[tuple[float, float]]]) -> None:
@@ -162,6 +178,10 @@ def _flown(shown: Sequence[Compared], settings: Settings) -> Share:
     count = 0
     for c in shown:
         record, simulation = c.maneuver.record, c.trial.simulation
+        strange = [i for i in settings if i not in simulation.effects]
+        if strange:
+            why = f"the simulation does not have {strange[0]}, so it cannot fly with it"
+            return Share(np.nan, np.nan, np.nan, why)
         try:
             flights = simulation.fly(record), simulation.fly(record, settings)
         except DataError as error:
@@ -209,6 +229,8 @@ def verdict(
         words.append(
             f"; adding it removes {100 * closures[0].wrench.G:.0f} % on manoeuvres that were not used"
         )
+    if closures and closures[0].consequence.get("matters"):
+        words.append(f"; {closures[0].consequence['sentence']}")
     return "".join(words) + ("" if which.calibrated else " (uncalibrated)") + "."
 
 

@@ -1,0 +1,113 @@
+"""What a gap costs where the simulation is a scenario's: margins and modes, told in the verdict."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from freqid.core.errors import FreqidError
+from freqid.gap.close import Refit
+from freqid.gap.consequence import Consequence
+from freqid.gap.diagnose import Findings
+from freqid.gap.score import verdict
+from freqid.gap.simulation import Simulation
+
+LEVEL = 0.9
+_DRAWS = 60
+_MATTERS = 0.5  # deg of phase margin that are worth a word in the verdict
+_FELT = ("command", "airframe", "mass")  # stages that change the vehicle under its law
+
+
+def with_cost(found: Findings, simulation: Simulation) -> Findings:
+    """Return findings whose leading closure says what it costs; the same where nothing can be said.
+
+    Parameters
+    ----------
+    found : Findings
+    simulation : Simulation
+        Only a scenario's has a control law that is known.
+
+    Notes
+    -----
+    At the reference flown that holds most of the gap's energy. The law is that of the simulation as it is.
+    """
+    from freqid.gap.connect.scenario import ScenarioSimulation  # jax
+
+    diagnosis = found.diagnosis
+    if not isinstance(simulation, ScenarioSimulation) or not diagnosis.how_far or not found.refits:
+        return found
+    refit = next(iter(found.refits.values()))
+    if not all(e.stage in _FELT and (e.replay is None or e.add or e.id in _own()) for e in refit.effects):
+        return found
+    known = {at.id: at for at in simulation.scenario.reference}
+    flown = [r for r in found.map.share("regime") if r in known]
+    if not flown:
+        return found
+    table = _told(simulation, known[flown[0]], refit)
+    closures = (replace(diagnosis.how_far[0], consequence=table), *diagnosis.how_far[1:])
+    said = verdict(diagnosis.gap, diagnosis.where, found.map, diagnosis.which, closures)
+    return replace(found, diagnosis=replace(diagnosis, verdict=said, how_far=closures))
+
+
+def _own() -> set[str]:
+    """Return the effects that the scenario's airframe knows how to fly."""
+    from freqid.simulate.effects import shipped
+
+    return set(shipped())
+
+
+def _told(simulation: Any, reference: Any, refit: Refit) -> dict[str, Any]:
+    from freqid.gap.scenario_consequence import consequence
+
+    try:
+        found = consequence(
+            simulation.scenario,
+            reference,
+            {},
+            refit.settings,
+            names=refit.names,
+            covariance=refit.covariance,
+            draws=_DRAWS,
+            level=LEVEL,
+        )
+    except FreqidError as error:
+        return {"reference": reference.id, "sentence": f"what it costs is not known: {error.message}"}
+    return {
+        "reference": reference.id,
+        "sentence": f"{found.sentence()} ({reference.id})",
+        "matters": _matters(found),
+        "level": LEVEL,
+        "figures": _figures(found),
+    }
+
+
+def _matters(found: Consequence) -> bool:
+    """Whether the loss is worth a word in the verdict."""
+    if not found.before.stable:
+        return False
+    if not found.after.stable:
+        return True
+    place, _ = found.after.worst("phase_deg", found.after.axes)
+    lost = found.change.get(f"margins/{place}/phase_deg", np.nan)
+    return bool(np.isfinite(lost) and abs(lost) >= _MATTERS)
+
+
+def _figures(found: Consequence) -> dict[str, dict[str, float]]:
+    """Return margins by axis, modes and trim authority, before and after, with the interval of the change."""
+    before, after = found.before.figures(), found.after.figures()
+    table = {}
+    for path in {**before, **after}:
+        kind, place, *_ = path.split("/")
+        if kind == "margins" and place not in found.after.axes:
+            continue
+        low, high = found.change_intervals.get(path, (np.nan, np.nan))
+        table[path] = {
+            "before": before.get(path, np.nan),
+            "after": after.get(path, np.nan),
+            "change": found.change.get(path, np.nan),
+            "lo": low,
+            "hi": high,
+        }
+    return table

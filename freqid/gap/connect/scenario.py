@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
 
 from freqid.core.channels import KNOWN, WRENCH, split
 from freqid.core.design import SampledInputs
@@ -30,7 +31,7 @@ from freqid.simulate import motion, multibody
 from freqid.simulate.actuators import Commands, by_kind
 from freqid.simulate.atmosphere import altitude_of
 from freqid.simulate.battery import charge_rate, power
-from freqid.simulate.effects import actuator_delay, battery_sag
+from freqid.simulate.effects import actuator_delay, battery_sag, rate_limit
 from freqid.simulate.fly import Flight, fly, sortie
 from freqid.simulate.lq import ClosedLoop, close_loop
 from freqid.simulate.maneuver import with_effects
@@ -142,6 +143,8 @@ class ScenarioSimulation:
         steps = int(np.ceil(time[-1] / servos.STEP - 1e-9)) + 1
         fine = servos.STEP * np.arange(steps + 1, dtype=float)
         act = motion.parameters(self._scenario(effects)).actuators
+        limits = rate_limit.limits(_leaves(settings["rate_limit"]), act.surface.rate_limit)
+        act = act._replace(surface=act.surface._replace(rate_limit=limits))
         sent, rest = np.zeros((len(names), steps)), np.zeros(len(names))
         ratio = self._voltage_ratio(record, settings, act, fine)
         late = actuator_delay.delays(_leaves(settings["actuator_delay"]), act.delay)
@@ -155,7 +158,10 @@ class ScenarioSimulation:
             step_values = CubicSpline(time, law)(np.minimum(fine, time[-1]))
             step_values = step_values + np.interp(fine, time, injected)
             at = np.arange(steps) - float(delays[kinds[name]]) / servos.STEP
-            sent[row] = np.interp(at, np.arange(-1, steps + 1), np.concatenate([law[:1], step_values]))
+            arrived = np.interp(at, np.arange(-1, steps + 1), np.concatenate([law[:1], step_values]))
+            lag = settings["motor_lag" if kinds[name] == "rotor" else "actuator_lag"]["extra"]
+            share = servos.STEP / (servos.STEP + lag)  # as in flight: implicit Euler
+            sent[row] = lfilter([share], [1.0, share - 1.0], arrived, zi=[(1 - share) * law[0]])[0]
             held = law[0] * (ratio[0] if kinds[name] == "rotor" else 1.0)
             rest[row] = record[f"effector/{name}"][0] if f"effector/{name}" in record else held
         found = servos.follow(

@@ -52,3 +52,8 @@ def flown(la8):
         return found[reference, noise]
 
     return fly
+
+
+@pytest.fixture(scope="session")
+def inputs(la8):
+    return multisine(la8, 20.0)

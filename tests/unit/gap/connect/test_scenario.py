@@ -10,6 +10,7 @@ from freqid.core.record import Channel
 from freqid.gap.connect import loads
 from freqid.gap.connect.scenario import ScenarioSimulation
 from freqid.simulate.effects import library
+from freqid.simulate.maneuver import Conditions, fly_maneuver, with_effects
 
 WRENCH = ("X", "Y", "Z", "L", "M", "N")
 
@@ -138,3 +139,18 @@ def test_neither_other_settings_nor_other_lengths_compile_anew(simulation, flown
     compiled = loads._loads._cache_size()
     simulation.predict(record.cut(0.0, 7.3), {"slipstream": {"strength": 0.9}})
     assert loads._loads._cache_size() == compiled
+
+
+def test_lags_and_rate_limits_act_on_positions_as_in_flight(simulation, la8, inputs):
+    settings = {
+        "actuator_lag": {"extra": 0.05},
+        "motor_lag": {"extra": 0.08},
+        "rate_limit": {"slowness": 0.5},
+    }
+    at = la8.reference_of("u45")
+    record = fly_maneuver(with_effects(la8, settings), at, inputs, Conditions()).record
+    found, plain = simulation.positions(record, settings), simulation.positions(record)
+    for name in ("de1", "df3", "n1", "n8"):
+        flown_there, size = record[f"effector/{name}"], np.abs(record[f"effector/{name}"]).max()
+        assert np.abs(found[name] - flown_there)[25:].max() < 1e-6 * size, name
+        assert np.abs(plain[name] - flown_there)[25:].max() > 1e-3 * size, name

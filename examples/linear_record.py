@@ -46,11 +46,11 @@ def multisines(time, period, rng):
     return signals
 
 
-def wrench(state, effectors):
+def wrench(state, effectors, derivatives=DERIVATIVES):
     """Return X Y Z L M N of a state and effector positions: the trim plus what is linear about it."""
     values = dict(zip(STATES, state, strict=True)) | effectors
     change = {n: v - (SPEED if n == "u" else TRIM.get(n, 0.0)) for n, v in values.items()}
-    linear = [sum(c * change[n] for n, c in row.items()) for row in DERIVATIVES.values()]
+    linear = [sum(c * change[n] for n, c in row.items()) for row in derivatives.values()]
     return np.array(linear) + np.array([0, 0, -MASS * GRAVITY, 0, 0, 0])
 
 
@@ -77,7 +77,7 @@ def motion(state, applied):
     )
 
 
-def fly(seed=0, noise=1.0, period=60.0, periods=2, dt=0.02, inner_steps=2):
+def fly(seed=0, noise=1.0, period=60.0, periods=2, dt=0.02, inner_steps=2, derivatives=DERIVATIVES):
     """Return the log of one manoeuvre as a table in field units.
 
     Parameters
@@ -86,6 +86,8 @@ def fly(seed=0, noise=1.0, period=60.0, periods=2, dt=0.02, inner_steps=2):
         Of excitation phases and noise.
     noise : float
         Multiplies the noise of every sensor.
+    derivatives : dict of dict of float
+        Of the aircraft that flies.
     """
     rng = np.random.default_rng(seed)
     h = dt / inner_steps
@@ -102,11 +104,11 @@ def fly(seed=0, noise=1.0, period=60.0, periods=2, dt=0.02, inner_steps=2):
         return {n: position[n][half_step] + feedback.get(n, 0.0) for n in EFFECTORS}
 
     def slope(state, half_step):
-        return motion(state, wrench(state, moved(state, half_step)))
+        return motion(state, wrench(state, moved(state, half_step), derivatives))
 
     for i in range(fine.size):
         effectors = moved(state, 2 * i)
-        applied = wrench(state, effectors)
+        applied = wrench(state, effectors, derivatives)
         rates, accelerations = state[3:6], motion(state, applied)[3:6]
         felt = applied[:3] / MASS + np.cross(accelerations, SENSOR) + np.cross(rates, np.cross(rates, SENSOR))
         for name, value in zip(STATES, state, strict=True):

@@ -38,8 +38,8 @@ def with_cost(found: Findings, simulation: Simulation) -> Findings:
     diagnosis = found.diagnosis
     if not isinstance(simulation, ScenarioSimulation) or not diagnosis.how_far or not found.refits:
         return found
-    refit = next(iter(found.refits.values()))
-    if not all(e.stage in _FELT and (e.replay is None or e.add or e.id in _own()) for e in refit.effects):
+    refit = _of_vehicle(next(iter(found.refits.values())))
+    if not refit.names:
         return found
     known = {at.id: at for at in simulation.scenario.reference}
     flown = [r for r in found.map.share("regime") if r in known]
@@ -51,11 +51,22 @@ def with_cost(found: Findings, simulation: Simulation) -> Findings:
     return replace(found, diagnosis=replace(diagnosis, verdict=said, how_far=closures))
 
 
-def _own() -> set[str]:
-    """Return the effects that the scenario's airframe knows how to fly."""
+def _of_vehicle(refit: Refit) -> Refit:
+    """Return the part of a refit that changes the vehicle under its law, as its scenario can be flown."""
     from freqid.simulate.effects import shipped
 
-    return set(shipped())
+    effects = tuple(
+        e for e in refit.effects if e.stage in _FELT and (e.id in shipped() or e.replay is None or e.add)
+    )
+    kept = [i for i, (effect, _) in enumerate(refit.names) if effect in {e.id for e in effects}]
+    return Refit(
+        effects,
+        tuple(refit.names[i] for i in kept),
+        refit.value[kept],
+        refit.covariance[np.ix_(kept, kept)],
+        refit.at_bound,
+        refit.undetermined,
+    )
 
 
 def _told(simulation: Any, reference: Any, refit: Refit) -> dict[str, Any]:

@@ -1,0 +1,155 @@
+"""The flights that a diagnosis is made from: told apart, and matched with the simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from freqid.core.channels import WRENCH
+from freqid.core.errors import DataError, UsageError
+from freqid.core.record import FlightRecord, Maneuver
+from freqid.core.vehicle import Vehicle
+from freqid.gap.lines import lines_of
+from freqid.gap.residual import without_vehicle
+from freqid.gap.simulation import Simulation
+
+BAND_HZ = (0.05, 2.0)
+"""Where nothing was injected and no band is stated."""
+
+_MASS = 0.03  # of the mass, from which two that are stated differ
+
+
+def vehicle_of(
+    records: Sequence[FlightRecord], simulation: Simulation, stated: Vehicle | None = None
+) -> Vehicle | None:
+    """Return the vehicle in place of the records' own; None where each record describes its own.
+
+    Parameters
+    ----------
+    records : sequence of FlightRecord
+    simulation : Simulation
+    stated : Vehicle, optional
+        Of a scenario that is given.
+
+    Raises
+    ------
+    DataError
+        Where nobody describes a vehicle and the wrench has to be rebuilt from the motion.
+    """
+    if stated is not None or all(r.vehicle is not None for r in records):
+        return stated
+    if simulation.vehicle is not None:
+        return simulation.vehicle
+    rebuilt = [
+        n
+        for n in simulation.responses
+        if (n in WRENCH or n.startswith("C")) and any(f"response/{n}" not in r for r in records)
+    ]
+    if rebuilt:
+        raise DataError(
+            f"nobody describes the vehicle, whose mass and inertia {rebuilt[0]} is rebuilt with",
+            remedy="give --scenario, or import the records with one",
+        )
+    return without_vehicle("unnamed vehicle")
+
+
+def maneuvers(
+    records: Sequence[FlightRecord],
+    names: Sequence[str],
+    simulation: Simulation,
+    vehicle: Vehicle | None = None,
+) -> list[Maneuver]:
+    """Return manoeuvres that fit each other and the simulation.
+
+    Parameters
+    ----------
+    records : sequence of FlightRecord
+    names : sequence of str
+        Their files.
+    simulation : Simulation
+    vehicle : Vehicle, optional
+        Of `vehicle_of`.
+
+    Raises
+    ------
+    UsageError
+        Where two records hold the same flight.
+    DataError
+        Where vehicles do not match.
+    """
+    found = [
+        Maneuver.of(r, vehicle or r.vehicle or simulation.vehicle or without_vehicle("unnamed vehicle"))
+        for r in records
+    ]
+    _told_apart(records, names)
+    first = found[0].vehicle
+    for m, name in zip(found[1:], names[1:], strict=True):
+        if m.vehicle.effector_kinds != first.effector_kinds:
+            raise DataError(
+                f"is of vehicle '{m.vehicle.name}', whose effectors are not those of '{first.name}' in "
+                f"{names[0]}",
+                where=name,
+                remedy="diagnose the flights of one vehicle at a time",
+            )
+    its = simulation.vehicle
+    for m, name in zip(found, names, strict=True):
+        if its is None or not its.effector_kinds:
+            continue
+        lacking = [n for n in its.effector_kinds if f"effector/{n}" not in m.record]
+        if lacking:
+            shown = ", ".join(lacking[:6]) + (", ..." if len(lacking) > 6 else "")
+            raise DataError(
+                f"is of vehicle '{m.vehicle.name}' and has no position of {shown}, which {simulation.name} "
+                f"of vehicle '{its.name}' needs",
+                where=name,
+                remedy="give the simulation of the vehicle that flew",
+            )
+    return found
+
+
+def differing(found: Sequence[Maneuver], simulation: Simulation) -> list[str]:
+    """Return remarks on vehicles that differ from the simulation's in name or mass."""
+    its, said = simulation.vehicle, []
+    if its is None:
+        return []
+    vehicle = found[0].vehicle
+    if vehicle.name and its.name and vehicle.name != its.name:
+        said.append(f"the records are of vehicle '{vehicle.name}', the simulation of '{its.name}'")
+    flown, simulated = vehicle.mass_properties.mass_kg, its.mass_properties.mass_kg
+    if abs(flown - simulated) > _MASS * simulated:
+        said.append(
+            f"the flights' mass is {flown:.4g} kg, the simulation's {simulated:.4g} kg: measured loads are "
+            "rebuilt with the former"
+        )
+    return said
+
+
+def injected_band(records: Sequence[FlightRecord]) -> tuple[float, float]:
+    """Return the band, Hz, that the injected signals of all records drive; `BAND_HZ` without any."""
+    driven = []
+    for record in records:
+        lines = lines_of(record, (1.5 / record.duration, 0.4 / record.dt))
+        driven += list(lines.hz[lines.owner >= 0])
+    if not driven:
+        return BAND_HZ
+    return max(0.8 * min(driven), 1e-3), 1.05 * max(driven)
+
+
+def _told_apart(records: Sequence[FlightRecord], names: Sequence[str]) -> None:
+    for i, record in enumerate(records):
+        for other, name in zip(records[:i], names, strict=False):
+            if _same(record, other):
+                raise UsageError(
+                    f"holds the same flight as {name}",
+                    where=names[i],
+                    remedy="name each flight once; a flight that was used cannot be held out",
+                )
+
+
+def _same(one: FlightRecord, other: FlightRecord) -> bool:
+    return (
+        one.time.size == other.time.size
+        and set(one.channels) == set(other.channels)
+        and all(np.array_equal(one[n], other[n]) for n in one.channels)
+    )

@@ -103,7 +103,7 @@ def judge(evidence: Evidence, library: Mapping[str, Effect]) -> list[Judged]:
         if (judged := _judged(effect.id, variants(effect, evidence), evidence)) is not None
     ]
     found.sort(key=lambda j: -j.evidence)
-    singles = [j for j in found[:_STRONGEST]]
+    singles = list(found[:_STRONGEST])
     other = _judged(OTHER, free(evidence), evidence)
     pairs = [
         _judged(f"{a.name}+{b.name}", (_joined(a.best, b.best),), evidence)

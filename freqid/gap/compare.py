@@ -16,7 +16,7 @@ from freqid.gap.noise import Noise, Shared, draws, noise_of, noisy_channels, qui
 from freqid.gap.residual import Histories, Row, measured_part, simulated_part
 from freqid.gap.signature import Trial, signature, sources_of, untestable
 from freqid.gap.simulation import Simulation
-from freqid.gap.tolerance import OF_EFFECT, tolerances
+from freqid.gap.tolerance import DYNAMICS, OF_EFFECT, tolerances
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
@@ -204,7 +204,8 @@ def _attenuation(compared: Compared, columns: Mapping[str, Complex]) -> dict[str
     groups: dict[tuple[str, ...], list[str]] = {}
     for name in columns:
         effect = name.removeprefix(OF_EFFECT).partition(":")[0]
-        groups.setdefault(compared.sources.get(effect, compared.trial.inputs), []).append(name)
+        usual = () if effect == DYNAMICS else compared.trial.inputs  # actuators follow commands: no noise
+        groups.setdefault(compared.sources.get(effect, usual), []).append(name)
     found: dict[str, float] = {}
     for channels, names in groups.items():
         extra = compared.shared.attenuation(np.array([columns[n] for n in names]), channels)

@@ -23,6 +23,7 @@ HALF_WIDTH = 10
 _MOST = 1e4  # power ratio of the flown noise to the sensors' own
 _MOVING = 30.0  # power ratio of a channel to its noise from which it moves at all
 _RIDGE = 0.01  # of a row's variance: how far rows that share noise are trusted to cancel it
+_LINES_OF_FLOOR = 100
 _MOTION = ("u", "v", "w", "p", "q", "r")
 _FELT = ("ax", "ay", "az")
 _ATTITUDE = ("phi", "theta", "psi")
@@ -102,11 +103,29 @@ def quiet(record: FlightRecord, names: Sequence[str], expected: Mapping[str, Arr
     found = smooth(values - base, record.dt)
     kept = base + found.x
     channels = [replace(record.channel(n), values=x) for n, x in zip(names, kept, strict=True)]
+    floor = [
+        _floor(x, record.channel(n).native_rate_hz, record.dt, c)
+        for x, n, c in zip(values - kept, names, found.cutoff_hz, strict=True)
+    ]
+    sigma = [f if f is not None else s for f, s in zip(floor, found.noise_std.tolist(), strict=True)]
     return Quiet(
         record.with_channels(*channels),
-        dict(zip(names, found.noise_std.tolist(), strict=True)),
+        dict(zip(names, sigma, strict=True)),
         dict(zip(names, found.cutoff_hz.tolist(), strict=True)),
     )
+
+
+def _floor(left: Array, native_hz: float, dt: float, cutoff_hz: float) -> float | None:
+    """Return the standard deviation of white noise as strong as what is well above a cutoff.
+
+    Beyond it a slow sensor's samples, joined by straight lines, hold less; below it there is motion. None
+    where too few lines are in between.
+    """
+    power = np.abs(np.fft.rfft(left - left.mean())) ** 2 / left.size
+    hz = np.fft.rfftfreq(left.size, dt)
+    top = 0.4 * min(native_hz, 1 / dt)
+    between = (hz > 2 * cutoff_hz) & (hz < top)
+    return float(np.sqrt(power[between].mean())) if between.sum() >= _LINES_OF_FLOOR else None
 
 
 def sensor_noise(record: FlightRecord, names: Sequence[str]) -> dict[str, float]:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.channels import WRENCH
-from freqid.core.record import FlightRecord
+from freqid.core.channels import COEFFICIENT, WRENCH
+from freqid.core.errors import DataError
+from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.vehicle import Vehicle
 from freqid.gap.simulation import Simulation
+from freqid.identify.explanatory import history
 
 Array = NDArray[np.float64]
 
@@ -76,9 +79,57 @@ class Replay:
         rows = [np.interp(time - delay, time, row) for row in values.reshape(-1, time.size)]
         return np.reshape(rows, values.shape)
 
+    def responses(self, extra: Any) -> Array:
+        """Return what an effect adds as rows of the simulation's responses, shape (response, sample).
+
+        Parameters
+        ----------
+        extra : ndarray, shape (6, sample), or dict of ndarray, shape (sample,)
+            X Y Z L M N, N and N m, which are divided into coefficients where the simulation gives those;
+            or responses by their own names. What is not named stays as it is.
+
+        Raises
+        ------
+        DataError
+            Where it has another shape or names what the simulation does not give.
+        """
+        names, count = self.simulation.responses, self.record.time.size
+        found = np.zeros((len(names), count))
+        if isinstance(extra, Mapping):
+            strange = [n for n in extra if n not in names]
+            if strange:
+                raise DataError(
+                    f"an effect adds to '{strange[0]}', which {self.simulation.name} does not give"
+                )
+            for name, row in extra.items():
+                found[names.index(name)] = row
+            return found
+        rows = np.asarray(extra, dtype=float)
+        if rows.shape != (len(WRENCH), count):
+            raise DataError(f"an effect adds an array of shape {rows.shape}, expected {(len(WRENCH), count)}")
+        for i, name in enumerate(names):
+            letter = COEFFICIENT.get(name, name)
+            if letter in WRENCH:
+                found[i] = rows[WRENCH.index(letter)] / self._size(name)
+        return found
+
+    def _size(self, name: str) -> Array | float:
+        """Return what makes a load of a response: one, or dynamic pressure times area and length."""
+        if name not in COEFFICIENT or self.vehicle is None:
+            return 1.0
+        lengths = {"Cl": self.vehicle.span_m, "Cm": self.vehicle.chord_m, "Cn": self.vehicle.span_m}
+        stated = (self.vehicle.area_m2, lengths.get(name, 1.0))
+        if None in stated:
+            raise DataError(
+                f"{name} needs area, span and chord of vehicle '{self.vehicle.name}'",
+                remedy="state them in [vehicle], or give a simulation of X Y Z L M N",
+            )
+        return history(Maneuver(self.record, self.vehicle), "qbar") * np.prod(np.array(stated, dtype=float))
+
     def _as_wrench(self, rows: Array) -> Array:
         full = np.zeros((len(WRENCH), self.record.time.size))
         for name, row in zip(self.simulation.responses, rows, strict=True):
-            if name in WRENCH:
-                full[WRENCH.index(name)] = row
+            letter = COEFFICIENT.get(name, name)
+            if letter in WRENCH:
+                full[WRENCH.index(letter)] = row * self._size(name)
         return full

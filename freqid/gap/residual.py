@@ -9,12 +9,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.channels import RESPONSE, STATE, WRENCH
+from freqid.core.channels import COEFFICIENT, RESPONSE, STATE, WRENCH
 from freqid.core.errors import DataError
 from freqid.core.frames import cross
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.units import STANDARD_GRAVITY
-from freqid.core.vehicle import Inertia, MassProperties, Vehicle
+from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 from freqid.gap.simulation import Settings, Simulation
 from freqid.identify.wrench import applied_wrench
 
@@ -25,7 +25,6 @@ _VELOCITY = ("state/u", "state/v", "state/w")
 _RATES = ("state/p", "state/q", "state/r")
 _FELT = ("state/ax", "state/ay", "state/az")
 _ATTITUDE = ("state/phi", "state/theta")
-_COEFFICIENT = dict(zip(("CX", "CY", "CZ", "Cl", "Cm", "Cn"), WRENCH, strict=True))
 
 
 @dataclass(frozen=True)
@@ -152,10 +151,23 @@ def residual(simulation: Simulation, maneuver: Maneuver, effects: Settings | Non
     return measured - simulated_part(measured, simulation.predict(maneuver.record, effects), positions)
 
 
-def without_vehicle(name: str) -> Vehicle:
-    """Return a vehicle for records and simulations that describe none and need none: unit mass, no rotors."""
+def without_vehicle(name: str, record: FlightRecord | None = None) -> Vehicle:
+    """Return a vehicle for records and simulations that describe none and need none: unit mass, no rotors.
+
+    A record's inputs, its own or those that were commanded, become effectors: of speeds rotors, of forces
+    thrusts, all others surfaces, sticks among them.
+    """
     one = Inertia(xx=1.0, yy=1.0, zz=1.0)
-    return Vehicle(name=name, mass_properties=MassProperties(mass_kg=1.0, inertia=one))
+    names = dict.fromkeys((*record.group("effector"), *record.group("command")) if record else ())
+    kinds = {"rad/s": "rotor", "N": "thrust"}
+    effectors = []
+    for n in names:
+        group = "effector" if record and f"effector/{n}" in record else "command"
+        unit = record.channel(f"{group}/{n}").unit if record else ""
+        effectors.append(Effector(name=n, kind=kinds.get(unit, "surface")))  # type: ignore[arg-type]
+    return Vehicle(
+        name=name, mass_properties=MassProperties(mass_kg=1.0, inertia=one), effectors=tuple(effectors)
+    )
 
 
 def _responses(maneuver: Maneuver, responses: Sequence[str]) -> Histories:
@@ -172,8 +184,8 @@ def _responses(maneuver: Maneuver, responses: Sequence[str]) -> Histories:
             direct[i] = record[f"state/{name}"]
         elif name in WRENCH:
             rebuilt["force"].append((i, name))
-        elif name in _COEFFICIENT:
-            rebuilt["coefficient"].append((i, _COEFFICIENT[name]))
+        elif name in COEFFICIENT:
+            rebuilt["coefficient"].append((i, COEFFICIENT[name]))
         else:
             raise DataError(
                 f"the simulation gives '{name}', which is neither a response nor a state",

@@ -43,6 +43,7 @@ def shown(found: Findings, tolerances: dict[str, float], provenance: dict[str, A
         coherence=coherence(found.compared),
         increments=increments(found.evidence, tolerances[DERIVATIVES]),
         before_after=tuple(_before_after(found)),
+        expected={j.name: float(j.best.scale[0]) for j in found.judged if j.name in found.diagnosis.gap.unit},
         provenance=provenance,
     )
 
@@ -57,8 +58,13 @@ def _spectra(c: Compared, name: str, explained: np.ndarray) -> ResidualSpectra:
         owner=c.lines.owner.astype(float),
         residual=c.residual,
         explained=explained,
-        noise=np.sqrt(np.einsum("lii->il", c.noise.covariance).real),
+        noise=_noise(c),
     )
+
+
+def _noise(c: Compared) -> np.ndarray:
+    """Return one standard deviation of the rows' noise, shape (row, line)."""
+    return np.sqrt(np.einsum("lii->il", c.noise.covariance).real)
 
 
 def _before_after(found: Findings) -> list[BeforeAfter]:
@@ -100,4 +106,5 @@ def _history(
         measured_hz=simulated + c.residual,
         before_hz=simulated,
         after_hz=simulated + change,
+        noise=_noise(c),
     )

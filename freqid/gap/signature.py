@@ -21,6 +21,7 @@ _SMALL = 0.25  # of a parameter's scale: the step of differences
 GIVEN = "|"
 """Between the name of a size and the value of another parameter at which it is taken."""
 
+_REMEMBERING = ("callable", "fmu")  # kinds that are asked again
 _ROUNDS = 4  # in which a log without an effect is found from one with it
 
 
@@ -82,7 +83,14 @@ class Trial:
         return self.measured - self.rows(self.predicted, self.positions)
 
     def moved(self, changes: Mapping[str, Array]) -> Array:
-        """Return what changes of input channels make of the responses, to first order."""
+        """Return what changes of input channels make of the responses.
+
+        To first order, except where a simulation may have a memory, which no derivative at one instant has.
+        """
+        if self.simulation.kind in _REMEMBERING:
+            record = self.maneuver.record
+            channels = [_replaced(record, n, record[n] + x) for n, x in changes.items() if n in record]
+            return self.simulation.predict(record.with_channels(*channels)) - self.predicted
         known = [(j, changes[name]) for j, name in enumerate(self.inputs) if name in changes]
         return sum((self.gradient[:, j] * x for j, x in known), np.zeros_like(self.predicted))
 
@@ -206,11 +214,8 @@ def made(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histori
     if route == "load" and effect.load is not None:
         return _loaded(trial, effect.load(values, maneuver.vehicle))
     if route == "replay" and effect.replay is not None:
-        from freqid.core.channels import WRENCH  # rows of a replay
-
-        extra = np.asarray(effect.replay(values, Replay(trial.simulation, record, maneuver.vehicle)))
-        rows = [extra[WRENCH.index(n)] if n in WRENCH else 0 * extra[0] for n in trial.simulation.responses]
-        return trial.rows(np.array(rows))
+        replay = Replay(trial.simulation, record, maneuver.vehicle)
+        return trial.rows(replay.responses(effect.replay(values, replay)))
     kinds = maneuver.vehicle.effector_kinds
     if route == "act" and effect.act is not None:
         if trial.positions:
@@ -228,6 +233,8 @@ def sources_of(effect: Effect, trial: Trial) -> tuple[str, ...]:
     felt = tuple(f"state/{n}" for n in ("ax", "ay", "az"))
     route = route_of(effect, trial.simulation)
     effectors = tuple(n for n in trial.inputs if n.startswith("effector/"))
+    if route == "act" and trial.positions:
+        return ()  # commands are known, not measured
     if route == "load":
         return (*felt, *rates, *effectors)
     if route == "distort":

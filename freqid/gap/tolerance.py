@@ -16,6 +16,15 @@ from freqid.simulate.effects.effect import Effect
 Array = NDArray[np.float64]
 
 DERIVATIVES, RESPONSES, DYNAMICS = "derivatives", "responses", "dynamics"
+EACH_FLIGHT: dict[str, float] = {
+    "sensor_bias.u": 0.1,
+    "sensor_bias.v": 0.1,
+    "sensor_bias.w": 0.1,
+    "sensor_bias.surface": 0.005,
+    "sensor_bias.tilt": 0.005,
+}
+"""One sigma of parameters that are another in each flight, unless a scenario says otherwise."""
+
 OF_EFFECT = "tolerance:"
 """Before the name of an effect's parameter that may be a little off without being an effect."""
 
@@ -65,7 +74,7 @@ def stated(table: Mapping[str, float], library: Mapping[str, Effect]) -> dict[st
             raise UsageError(f"[tolerance] has no '{name}'", remedy=nearest(name, known))
         if not (isinstance(value, int | float) and 0 <= value < np.inf):
             raise UsageError(f"[tolerance] {name} is {value!r}", remedy="give one sigma, zero or more")
-    return {**DEFAULT, **table}
+    return {**DEFAULT, **EACH_FLIGHT, **table}
 
 
 def tolerances(trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, float]) -> Tolerances:
@@ -80,6 +89,7 @@ def tolerances(trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, 
         Of `stated`.
     """
     common: dict[str, Histories] = {}
+    own: list[Histories] = []
     responses = trial.simulation.responses
     record = trial.maneuver.record
     moves = np.array([record[name] - record[name].mean() for name in trial.inputs])
@@ -99,8 +109,10 @@ def tolerances(trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, 
             if size and untestable(effect, trial) is None:
                 step = 0.5 * size
                 change = made(effect, trial, {parameter: step}) - made(effect, trial, {parameter: -step})
-                common[f"{OF_EFFECT}{effect.id}:{parameter}"] = change * (size / (2 * step))
-    own = []
+                if f"{effect.id}.{parameter}" in EACH_FLIGHT:
+                    own.append(change)
+                else:
+                    common[f"{OF_EFFECT}{effect.id}:{parameter}"] = change
     if sizes[RESPONSES]:
         for i in range(len(responses)):
             direct = np.zeros_like(trial.predicted)
@@ -116,7 +128,7 @@ def _dynamics(trial: Trial, name: str, size: float) -> dict[str, Histories]:
     """
     record = trial.maneuver.record
     position = trial.positions[name]
-    command = record[f"command/{name}"] if f"command/{name}" in record else position
+    command = record.get(f"command/{name}", position)
     rate = np.gradient(position, record.dt)
     late = float(np.dot(command - position, rate) / max(np.dot(rate, rate), 1e-300))
     late = max(late, 0.02)  # s: an actuator that is taken as ideal still takes its time

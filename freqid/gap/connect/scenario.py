@@ -44,6 +44,7 @@ Array = NDArray[np.float64]
 MOTION = ("state/u", "state/v", "state/w", *RATES, "air/rho", "state/alt")
 _FORCES = ("state/ax", "state/ay", "state/az")
 _ACCELERATIONS = ("state/pdot", "state/qdot", "state/rdot")
+_ELSEWHERE = 0.03  # of an effector's range
 _GRID_HZ = 10.0  # of the states at which derivatives are taken: beyond what is excited
 
 
@@ -131,7 +132,7 @@ class ScenarioSimulation:
         """Return positions by effector: servos, tilt drives and motors at the record's commands.
 
         The injected signal is straight between samples, the control law's part a cubic spline. The voltage
-        is the record's, else the scenario's battery under the rotors' load. Effectors without a command
+        is that of the scenario's battery under the rotors' load. Effectors without a command
         are left out.
         """
         names = [e.name for e in self.vehicle.effectors]
@@ -163,7 +164,12 @@ class ScenarioSimulation:
             share = servos.STEP / (servos.STEP + lag)  # as in flight: implicit Euler
             sent[row] = lfilter([share], [1.0, share - 1.0], arrived, zi=[(1 - share) * law[0]])[0]
             held = law[0] * (ratio[0] if kinds[name] == "rotor" else 1.0)
-            rest[row] = record[f"effector/{name}"][0] if f"effector/{name}" in record else held
+            rest[row] = held
+            if f"effector/{name}" in record:
+                # One sample is noise and its sensor's bias; only a start that is plainly elsewhere counts.
+                start, low, high = record[f"effector/{name}"][0], *self.vehicle.effector(name).limits
+                if abs(start - held) > _ELSEWHERE * (high - low):
+                    rest[row] = start
         found = servos.follow(
             act,
             _leaves(settings["actuator_lag"]),
@@ -271,18 +277,16 @@ class ScenarioSimulation:
         if not any(kind == "rotor" for kind in self.vehicle.effector_kinds.values()):
             return np.ones(fine.size)
         time = record.time - record.time[0]
-        if "power/voltage" in record:
-            voltage: Any = record["power/voltage"]
-        else:
-            along = self._along(record)
-            torque: Any = loads.torques(self._parameters.airframe, along)
-            charge: Any = np.full(time.size, float(act.battery.charge))
-            given = jax.vmap(power, in_axes=(None, 0, 0, 0))
-            for _ in range(2):  # what a minute takes hardly changes the voltage that tells what it takes
-                found = given(act.battery, charge, torque, along.positions.speed)
-                used = np.asarray(charge_rate(act.battery, found.current)) * record.dt
-                charge = charge[0] + np.concatenate([[0.0], np.cumsum(used[:-1])])
-            voltage = np.asarray(found.voltage)
+        # Not the record's voltage: its noise would pass for motion of the rotors.
+        along = self._along(record)
+        torque: Any = loads.torques(self._parameters.airframe, along)
+        charge: Any = np.full(time.size, float(act.battery.charge))
+        given = jax.vmap(power, in_axes=(None, 0, 0, 0))
+        for _ in range(2):  # what a minute takes hardly changes the voltage that tells what it takes
+            found = given(act.battery, charge, torque, along.positions.speed)
+            used = np.asarray(charge_rate(act.battery, found.current)) * record.dt
+            charge = charge[0] + np.concatenate([[0.0], np.cumsum(used[:-1])])
+        voltage: Any = np.asarray(found.voltage)
         ratio = battery_sag.voltage_ratio(_leaves(settings["battery_sag"]), voltage, act.battery.nominal)
         return CubicSpline(time, np.broadcast_to(ratio, time.shape))(np.minimum(fine, time[-1]))
 

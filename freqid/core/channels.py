@@ -53,6 +53,7 @@ RESPONSE = {
     "Cn": ("1", "coefficient of N"),
 }
 WRENCH = ("X", "Y", "Z", "L", "M", "N")
+COEFFICIENT: dict[str, str] = dict(zip(("CX", "CY", "CZ", "Cl", "Cm", "Cn"), WRENCH, strict=True))
 KNOWN = {"state": STATE, "air": AIR, "power": POWER, "response": RESPONSE}
 EFFECTOR_GROUPS = ("effector", "command", "excitation")
 GROUPS = (*KNOWN, *EFFECTOR_GROUPS)

@@ -128,7 +128,8 @@ def _dynamics(trial: Trial, name: str, size: float) -> dict[str, Histories]:
     """
     record = trial.maneuver.record
     position = trial.positions[name]
-    command = record.get(f"command/{name}", position)
+    sent = f"command/{name}"
+    command = record[sent] if sent in record else position
     rate = np.gradient(position, record.dt)
     late = float(np.dot(command - position, rate) / max(np.dot(rate, rate), 1e-300))
     late = max(late, 0.02)  # s: an actuator that is taken as ideal still takes its time

@@ -24,6 +24,7 @@ COMMANDS = {
     "frequency-response": "frequency_response",
     "global-blend": "global_blend",
     "check-simulation": "check_simulation",
+    "diagnose-gap": "diagnose_gap",
     "report": "report",
     "study": "study",
 }

@@ -1,4 +1,4 @@
-"""``freqid report``: a point model becomes a page that a team reviews."""
+"""``freqid report``: a point model, or the diagnosis of a gap, becomes a page that a team reviews."""
 
 from __future__ import annotations
 
@@ -18,7 +18,17 @@ from freqid.cli.options import as_json, emit, keep_inputs, output
 def command(
     model: Path, destination: Path | None, record: Path | None, scenario: Path | None, json_: bool
 ) -> None:
-    """Write one self-contained HTML page about the point model MODEL."""
+    """Write one self-contained HTML page about the point model, or the diagnosis of a gap, MODEL."""
+    from freqid.core import gap_file, store
+
+    if store.kind_of(model) == gap_file.FORMAT:
+        from freqid.report.gap_page import write_gap_page
+
+        destination = destination or model.with_suffix(".html")
+        keep_inputs(destination, model)
+        write_gap_page(destination, gap_file.read_gap(model))
+        emit(json_, {"path": str(destination)}, str(destination))
+        return
     from freqid.core.point_file import read_point
     from freqid.core.record_file import read_record
     from freqid.core.scenario import read_scenario

@@ -37,6 +37,7 @@ def write_gap(path: Path, result: GapResult, scenario_sha256: str = "") -> None:
         # too long for an attribute, which holds 64 KiB
         _put_table(file, "diagnosis", result.diagnosis.to_json())
         _put_table(file, "provenance", result.provenance)
+        store.put_json(file, "expected", result.expected)
         _put_cells(file.create_group("map"), result)
         for i, one in enumerate(result.spectra):
             _put_spectra(file.create_group(f"spectra/{i}"), one)
@@ -72,6 +73,7 @@ def read_gap(path: Path) -> GapResult:
             coherence=store.get_json(cells, "coherence"),
             increments=tuple(Increment(r, i, *v) for (r, i), v in zip(pairs, values, strict=True)),
             before_after=tuple(_before_after(g) for g in _numbered(file, "before_after")),
+            expected=store.get_json(file, "expected"),
             provenance=_table(file, "provenance"),
         )
 
@@ -133,6 +135,7 @@ def _put_before_after(group: h5py.Group, one: BeforeAfter) -> None:
         store.put_json(group, name, getattr(one, name))
     store.put(group, "time", one.time, "s")
     store.put(group, "hz", one.hz, "Hz")
+    store.put(group, "noise", one.noise, "unit of the row times s^0.5")
     for name in ("measured", "before", "after"):
         store.put(group, name, getattr(one, name), "unit of the response")
         _put_complex(group, f"{name}_hz", getattr(one, f"{name}_hz"))
@@ -140,7 +143,7 @@ def _put_before_after(group: h5py.Group, one: BeforeAfter) -> None:
 
 def _before_after(group: h5py.Group) -> BeforeAfter:
     responses, units = _names(group, "responses", "units")
-    time, hz = store.array(group, "time"), store.array(group, "hz")
+    time, hz, noise = (store.array(group, name) for name in ("time", "hz", "noise"))
     measured, before, after = (store.array(group, name) for name in ("measured", "before", "after"))
     z, y, better = (_complex(group, f"{name}_hz") for name in ("measured", "before", "after"))
     for found in (measured, before, after):
@@ -148,7 +151,9 @@ def _before_after(group: h5py.Group) -> BeforeAfter:
             raise ValueError(f"a history has shape {found.shape}, expected {(len(responses), time.size)}")
     held_out = bool(group.attrs["held_out"])
     maneuver = store.get_text(group, "maneuver")
-    return BeforeAfter(maneuver, held_out, responses, units, time, measured, before, after, hz, z, y, better)
+    return BeforeAfter(
+        maneuver, held_out, responses, units, time, measured, before, after, hz, z, y, better, noise
+    )
 
 
 def _put_complex(group: h5py.Group, name: str, values: NDArray[np.complex128]) -> None:

@@ -86,6 +86,8 @@ class BeforeAfter:
     hz : ndarray, shape (line,)
     measured_hz, before_hz, after_hz : ndarray of complex, shape (response, line)
         Unit of the response times sqrt(s).
+    noise : ndarray, shape (response, line)
+        One standard deviation, same unit.
     """
 
     maneuver: str
@@ -100,6 +102,7 @@ class BeforeAfter:
     measured_hz: Complex
     before_hz: Complex
     after_hz: Complex
+    noise: Array
 
 
 @dataclass(frozen=True)
@@ -140,6 +143,8 @@ class GapResult:
     increments : tuple of Increment
         Clear ones first, largest first.
     before_after : tuple of BeforeAfter
+    expected : dict of float
+        By effect id: the size that is expected before any data, unit of the smallest detectable one.
     provenance : dict
     """
 
@@ -149,4 +154,5 @@ class GapResult:
     coherence: dict[str, dict[str, float]] = field(default_factory=dict)
     increments: tuple[Increment, ...] = ()
     before_after: tuple[BeforeAfter, ...] = ()
+    expected: dict[str, float] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)

@@ -131,6 +131,15 @@ def reading(path: Path, kind: str) -> Iterator[h5py.File]:
             raise error.at(where) from None
 
 
+def kind_of(path: Path) -> str:
+    """Return the format that a file says it has; empty where it is none of ours."""
+    try:
+        with h5py.File(path, "r") as file:
+            return _text(file.attrs.get("format", ""))
+    except OSError:
+        return ""
+
+
 def put(group: h5py.Group, name: str, values: Any, units: str) -> h5py.Dataset:
     """Write one dataset with its unit."""
     dataset = group.create_dataset(name, data=np.asarray(values))

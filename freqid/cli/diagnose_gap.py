@@ -1,0 +1,239 @@
+"""``freqid diagnose-gap``: whether simulation and flights differ, where, by which effect, and how far."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from freqid import __version__
+from freqid.cli.options import as_json, emit, keep_inputs, output
+
+if TYPE_CHECKING:
+    from freqid.core.scenario import Scenario
+    from freqid.simulate.effects.effect import Effect
+
+
+@click.command("diagnose-gap")
+@click.argument("records", metavar="RECORD...", nargs=-1, required=True, type=click.Path(path_type=Path))
+@output("the first record's name with -gap.h5")
+@click.option("--sim", help="FILE.py:NAME, MODEL.fmu, jsbsim:AIRCRAFT or SCENARIO.toml.")
+@click.option(
+    "--predictions",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Recorded predictions in place of a simulation; may be repeated.",
+)
+@click.option(
+    "--scenario",
+    type=click.Path(path_type=Path),
+    help="Vehicle, tolerances and band; without --sim, the simulation.",
+)
+@click.option(
+    "--holdout",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Flight on which closures are scored; may be repeated. Without it, RECORDs take turns.",
+)
+@click.option(
+    "--effect", "named", multiple=True, help="Effect to close the gap with; may be repeated: together."
+)
+@click.option(
+    "--effects", "own", type=click.Path(path_type=Path), help="Python file with effects of your own."
+)
+@click.option("--band", help="LOW:HIGH, Hz; the scenario's, else what the injected signals drive.")
+@click.option(
+    "--level",
+    type=click.FloatRange(0, 1, min_open=True, max_open=True),
+    default=0.02,
+    show_default=True,
+    help="At which a gap is called one: so many false alarms.",
+)
+@click.option(
+    "--draws",
+    type=click.IntRange(min=25),
+    default=200,
+    show_default=True,
+    help="Of flights without a gap, with noise and tolerances, for the level and the intervals.",
+)
+@click.option("--seed", type=int, default=0, show_default=True, help="Of the draws.")
+@click.option("--anyway", is_flag=True, help="Go on where mistakes of bookkeeping are found.")
+@click.option("--page/--no-page", default=True, help="Draw the diagnosis, in an HTML page beside the result.")
+@as_json
+def command(
+    records: tuple[Path, ...],
+    destination: Path | None,
+    sim: str | None,
+    predictions: tuple[Path, ...],
+    scenario: Path | None,
+    holdout: tuple[Path, ...],
+    named: tuple[str, ...],
+    own: Path | None,
+    band: str | None,
+    level: float,
+    draws: int,
+    seed: int,
+    anyway: bool,
+    page: bool,
+    json_: bool,
+) -> None:
+    """Diagnose the gap between a simulation and the flights RECORD....
+
+    Says whether there is a gap beyond noise and tolerances, where it is, which effect of the library makes
+    it, and how much of it goes on flights that were not used once that effect is added. Looks for mistakes
+    of bookkeeping first and stops there with exit code 4 where it finds any.
+    """
+    from dataclasses import replace
+
+    from freqid.cli.gap_texts import bookkeeping_text, diagnosis_text
+    from freqid.core.errors import GateFailed, UsageError, nearest
+    from freqid.core.gap_file import write_gap
+    from freqid.core.record_file import read_record
+    from freqid.core.scenario import read_scenario
+    from freqid.gap import flights
+    from freqid.gap.check import check
+    from freqid.gap.connect import connect
+    from freqid.gap.cost import with_cost
+    from freqid.gap.diagnose import Question, diagnose
+    from freqid.gap.shown import shown
+    from freqid.gap.tolerance import stated
+
+    destination = destination or records[0].with_name(f"{records[0].stem}-gap.h5")
+    drawn = destination.with_suffix(".html") if page else None
+    for result in (destination, drawn):
+        if result:
+            keep_inputs(result, *records, *holdout, *predictions, scenario, own)
+    _once(records, holdout)
+    library = _library(own)
+    for name in named:
+        if name not in library:
+            raise UsageError(f"effect '{name}' is unknown", remedy=nearest(name, library))
+    if scenario is None and sim is not None and sim.endswith(".toml"):
+        scenario = Path(sim)
+    described, sha256 = read_scenario(scenario) if scenario else (None, "")
+    tolerances = stated(described.tolerance if described else {}, library)
+    span = _band(band, described)
+    read = [read_record(path) for path in (*records, *holdout)]
+    names = [str(path) for path in (*records, *holdout)]
+    simulation = connect(sim, scenario=scenario, predictions=predictions, record=read[0])
+    vehicle = flights.vehicle_of(read, simulation, described.aircraft() if described else None)
+    every = flights.maneuvers(read, names, simulation, vehicle)
+    used, kept = every[: len(records)], every[len(records) :]
+
+    tell = _teller()
+    tell("looking for mistakes of bookkeeping")
+    findings = check(simulation, [m.record for m in used], vehicle)
+    if findings and not anyway:
+        tell("")
+        faults = [asdict(f) for f in findings]
+        verdict = f"Bookkeeping, not physics: {findings[0].sentence}."
+        table = {"verdict": verdict, "simulation": simulation.name, "records": names, "bookkeeping": faults}
+        emit(json_, table, bookkeeping_text(verdict, findings))
+        raise GateFailed(
+            f"{len(findings)} mistake{'s' if len(findings) > 1 else ''} of bookkeeping between simulation "
+            "and flight; no gap was diagnosed",
+            remedy="mend and diagnose again, or go on with --anyway",
+        )
+    question = Question(
+        library=library,
+        tolerances=tolerances,
+        band_hz=span or flights.injected_band(read),
+        named=named,
+        level=level,
+        draws=draws,
+        seed=seed,
+    )
+    found = diagnose(simulation, used, question, held_out=kept, names=names, tell=tell)
+    tell("costing margins")
+    found = with_cost(found, simulation)
+    remarks = [
+        *(f"bookkeeping: {f.sentence}; {f.remedy}" for f in findings),
+        *flights.differing(every, simulation),
+    ]
+    found = replace(found, diagnosis=replace(found.diagnosis, remarks=(*remarks, *found.diagnosis.remarks)))
+    provenance = {
+        "simulation": simulation.name,
+        "kind": simulation.kind,
+        "records": [str(path) for path in records],
+        "held out": [str(path) for path in holdout],
+        "scenario": {"file": str(scenario or ""), "sha256": sha256},
+        "effects": str(own or ""),
+        "band_hz": list(question.band_hz),
+        "level": level,
+        "draws": draws,
+        "seed": seed,
+        "tolerances": tolerances,
+        "freqid_version": __version__,
+    }
+    result = shown(found, tolerances, provenance)
+    write_gap(destination, result, sha256)
+    if drawn:
+        from freqid.report.gap_page import write_gap_page
+
+        tell("drawing")
+        write_gap_page(drawn, result)
+    tell("")
+    table = result.diagnosis.to_json() | {
+        "bookkeeping": [asdict(f) for f in findings],
+        "file": str(destination),
+        "page": str(drawn or ""),
+    }
+    emit(
+        json_,
+        table,
+        diagnosis_text(result.diagnosis) + f"\n\n{destination}" + (f"\n{drawn}" if drawn else ""),
+    )
+
+
+def _once(records: tuple[Path, ...], holdout: tuple[Path, ...]) -> None:
+    """Refuse a file that is named twice."""
+    from freqid.core.errors import UsageError
+
+    seen: set[Path] = set()
+    for path in records:
+        if path.resolve() in seen:
+            raise UsageError("is given twice", where=str(path), remedy="name each record once")
+        seen.add(path.resolve())
+    held: set[Path] = set()
+    for path in holdout:
+        if path.resolve() in seen:
+            raise UsageError(
+                "is both used and held out", where=str(path), remedy="hold out a flight that is not used"
+            )
+        if path.resolve() in held:
+            raise UsageError("is held out twice", where=str(path), remedy="name each record once")
+        held.add(path.resolve())
+
+
+def _library(own: Path | None) -> dict[str, Effect]:
+    """Return the effects that are asked about: all that are shipped, and the user's."""
+    from freqid.simulate import effects
+    from freqid.simulate.effects.files import load_file
+
+    for effect in load_file(own).values() if own else ():
+        effects.register(effect)
+    return effects.library()
+
+
+def _band(text: str | None, described: Scenario | None) -> tuple[float, float] | None:
+    from freqid.core.errors import UsageError
+
+    if text is None:
+        return described.excitation.band_hz if described and described.excitation else None
+    try:
+        low, high = (float(part) for part in text.split(":"))
+    except ValueError:
+        low = high = 0.0
+    if not 0 < low < high < float("inf"):
+        raise UsageError(f"--band is LOW:HIGH in Hz such as 0.1:2, not '{text}'")
+    return low, high
+
+
+def _teller():
+    """Return what tells of progress: a line on a terminal that is written over, nothing elsewhere."""
+    if not sys.stderr.isatty():
+        return lambda text: None
+    return lambda text: click.echo(f"\r\033[K{text}", nl=False, err=True)

@@ -1,0 +1,264 @@
+"""One self-contained page about the gap between a simulation and flights."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from freqid import __version__
+from freqid.core.gap_result import BeforeAfter, GapResult, ResidualSpectra
+from freqid.report import gap_figures, gap_tables
+from freqid.report.findings import Finding, finding
+from freqid.report.notation import percent, short
+from freqid.report.pictures import Picture, picture
+from freqid.report.rendering import render, write_text
+
+_ROWS = 12  # of a map
+_REGIMES = 4
+_PANELS = 4  # of a figure
+_BARS = 16
+_LEAST = 0.005  # of the gap, from which a row is drawn
+
+
+def write_gap_page(path: Path, result: GapResult) -> None:
+    """Write the page of a diagnosis, whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        Of the HTML file.
+    result : GapResult
+
+    Raises
+    ------
+    DataError
+        Where the folder cannot be written.
+    """
+    write_text(path, build_gap_page(result))
+
+
+def build_gap_page(result: GapResult) -> str:
+    """Return the page of a diagnosis: one HTML text that fetches nothing."""
+    d = result.diagnosis
+    return render(
+        "gap.html",
+        title="Gap between simulation and flight",
+        what=f"{d.simulation} beside {', '.join(d.records)}.",
+        version=__version__,
+        findings=_findings(result),
+        facts=_facts(result),
+        maps=_maps(result) if d.gap.exists else [],
+        spectra=_spectra(result),
+        increments=_increments(result),
+        probabilities=_probabilities(result),
+        detectable=_detectable(result),
+        before_after=_before_after(result),
+        where=gap_tables.where_rows(d),
+        which=gap_tables.which_rows(d),
+        pair=d.which.pair,
+        aliases=d.which.aliases,
+        untested=gap_tables.untested_rows(d),
+        closures=gap_tables.closures(d),
+        provenance=result.provenance,
+    )
+
+
+def _findings(result: GapResult) -> list[Finding]:
+    d = result.diagnosis
+    said = [finding("bad" if d.gap.exists else "good", "{}", d.verdict)]
+    if not d.which.calibrated and d.gap.exists:
+        said.append(finding("note", "The probabilities are not calibrated for this simulation and flights."))
+    said += [finding("note", "These data cannot separate {}.", ", ".join(group)) for group in d.which.aliases]
+    said += [finding("note", "{}.", remark[:1].upper() + remark[1:]) for remark in d.remarks]
+    return said
+
+
+def _facts(result: GapResult) -> list[tuple[str, str]]:
+    d = result.diagnosis
+    hz = [s.hz for s in result.spectra]
+    told = [
+        ("p of no gap", f"{d.gap.p:.2g} (level {short(d.gap.level)})"),
+        ("p by chi-square, blind to tolerances", f"{d.gap.naive_p:.2g}"),
+        ("Manoeuvres", f"{len(result.spectra)} used, {len(d.records) - len(result.spectra)} held out"),
+    ]
+    if hz:
+        low, high = min(h[0] for h in hz), max(h[-1] for h in hz)
+        told.append(("Band", f"{short(float(low))} to {short(float(high))} Hz"))
+    return told
+
+
+def _order(result: GapResult) -> list[int]:
+    """Return the map's rows that hold some of the gap, largest first."""
+    each = result.cells.energy.sum(axis=(1, 2, 3))
+    total = max(float(each.sum()), 1e-300)
+    return [int(i) for i in np.argsort(-each) if each[i] / total >= _LEAST][:_ROWS]
+
+
+def _maps(result: GapResult) -> list[Picture]:
+    cells, rows = result.cells, _order(result)
+    if not rows:
+        return []
+    energy = cells.energy / max(float(cells.energy.sum()), 1e-300)
+    names = [cells.rows[i] for i in rows]
+    bands = [f"{low:.2g}–{high:.2g}" for low, high in cells.bands_hz]
+    by_regime = energy.sum(axis=3)[rows].transpose(2, 0, 1)
+    held = by_regime.sum(axis=(1, 2))
+    regimes = sorted(np.argsort(-held)[:_REGIMES].tolist())
+    left = 1 - float(held[regimes].sum())
+    shown = by_regime[regimes]
+    titles = [f"{cells.regimes[k]}: {percent(float(held[k]))}" for k in regimes]
+    pictures = [
+        picture(
+            gap_figures.heat_panels(titles, names, bands, shown, float(shown.max()), "Frequency (Hz)"),
+            "map-regime",
+            f"Gap map: share of the explained energy by response and band, in {', '.join(titles)}",
+            "Where the gap is: per cent of what is explained, by response and band in each flight regime. "
+            "Rows that act on loads are named by their letter, actuator/ is between command and position, "
+            "kinematic/ is what the sensors say of each other."
+            + (f" {percent(left)} is in other regimes." if left >= _LEAST else ""),
+        )
+    ]
+    by_input = energy.sum(axis=(1, 2))[rows]
+    inputs = [n or "none" for n in cells.inputs]
+    kept = [k for k in range(len(inputs)) if cells.inputs[k] or by_input[:, k].sum() >= _LEAST]
+    table = by_input[:, kept][None]
+    if any(cells.inputs):
+        pictures.append(
+            picture(
+                gap_figures.heat_panels(
+                    ["All regimes"], names, [inputs[k] for k in kept], table, float(table.max()), "Signal"
+                ),
+                "map-input",
+                "Gap map: share of the explained energy by response and injected signal",
+                "The same by injected signal: per cent of what is explained on the lines that a signal "
+                "drives. Under feedback all signals move the vehicle, so a gap in a derivative by motion "
+                "shows under every one of them.",
+            )
+        )
+    found = result.coherence
+    signals = list(dict.fromkeys(n for row in found.values() for n in row))
+    if signals:
+        shown_rows = [n for n in names if n in found]
+        table = np.array([[[found[r].get(n, 0.0) for n in signals] for r in shown_rows]])
+        pictures.append(
+            picture(
+                gap_figures.heat_panels(["All regimes"], shown_rows, signals, table, 1.0, "Signal"),
+                "coherence",
+                "Share of the residual on each signal's lines that noise does not account for",
+                "Coherence of the residual with each injected signal: per cent of the residual's power on "
+                "the signal's lines that noise does not account for. Near 100: the signal makes the gap.",
+            )
+        )
+    return pictures
+
+
+def _spectra(result: GapResult) -> list[Picture]:
+    names = [result.cells.rows[i] for i in _order(result)]
+    each = sorted(result.spectra, key=lambda s: -_explained(s))[:_REGIMES]
+    pictures = []
+    for k, one in enumerate(s for s in result.spectra if any(s is e for e in each)):
+        rows = [one.rows.index(n) for n in names if n in one.rows][:_PANELS] or list(
+            range(min(_PANELS, len(one.rows)))
+        )
+        pictures.append(
+            picture(
+                gap_figures.residual_spectra(one, rows),
+                f"residual{k}",
+                f"Residual spectra over the noise floor, {one.maneuver}",
+                f"{one.maneuver}: measured less simulated on each line. What stands above the grey floor is "
+                "no noise; the blue line is what the likeliest explanation makes of it, and it should run "
+                "through the orange dots.",
+            )
+        )
+    return pictures
+
+
+def _explained(one: ResidualSpectra) -> float:
+    return float((np.abs(one.explained) ** 2 / one.noise**2).sum())
+
+
+def _increments(result: GapResult) -> list[Picture]:
+    known = [i for i in result.increments if i.clear or i.hi - i.lo < 100][:_BARS]
+    if not known:
+        return []
+    clear = sum(i.clear for i in result.increments)
+    return [
+        picture(
+            gap_figures.increment_bars(known),
+            "increments",
+            "Derivative increments with 95 % intervals",
+            f"By how much derivatives in flight differ from the simulation's, with 95 % intervals, all "
+            f"fitted together. Blue: the interval excludes zero ({clear} of {len(result.increments)}; one in "
+            "twenty would by chance). One input in several responses: an effector; one state: the airframe.",
+        )
+    ]
+
+
+def _probabilities(result: GapResult) -> list[Picture]:
+    w = result.diagnosis.which
+    shown = [n for n, p in w.probabilities.items() if p >= _LEAST or n in w.set][:_BARS]
+    if not shown:
+        return []
+    return [
+        picture(
+            gap_figures.probability_bars(
+                shown, np.array([w.probabilities[n] for n in shown]), [n in w.set for n in shown]
+            ),
+            "probabilities",
+            "Probability of each explanation",
+            "How likely each effect is the one, none of the library (other), or nothing at all (none). Blue: "
+            "the set that holds the truth with the stated confidence.",
+        )
+    ]
+
+
+def _detectable(result: GapResult) -> list[Picture]:
+    gap = result.diagnosis.gap
+    known = [(n, s / result.expected[n]) for n, s in gap.smallest_detectable.items() if n in result.expected]
+    known = sorted((k for k in known if np.isfinite(k[1]) and k[1] < 1e4), key=lambda k: k[1])
+    if not known:
+        return []
+    names = [n for n, _ in known]
+    notes = [gap_tables.with_si(gap.smallest_detectable[n], gap.unit.get(n, "1")) for n in names]
+    return [
+        picture(
+            gap_figures.detectable_sizes(names, np.array([r for _, r in known]), notes),
+            "detectable",
+            "Smallest size of each effect that would be found",
+            "What these flights can see: the size of each effect that is found in 95 of 100 cases, over the "
+            "size that is expected of it beforehand. Orange: an effect of the expected size would hide.",
+        )
+    ]
+
+
+def _before_after(result: GapResult) -> list[Picture]:
+    pictures = []
+    for k, one in enumerate(result.before_after):
+        rows = _changed(one)
+        scored = "held out" if one.held_out else "among those fitted"
+        pictures.append(
+            picture(
+                gap_figures.before_after_time(one, rows),
+                f"time{k}",
+                f"{one.maneuver}, {scored}: measured, before and after over time",
+                f"{one.maneuver}, {scored}: as measured, as simulated, and as simulated with the effect, up "
+                "to the band's end. Blue should lie on grey where orange does not.",
+            )
+        )
+        pictures.append(
+            picture(
+                gap_figures.before_after_frequency(one, rows),
+                f"frequency{k}",
+                f"{one.maneuver}, {scored}: what is left before and after over frequency",
+                f"{one.maneuver}, {scored}: what is left on each line. Blue dots inside the noise: the "
+                "effect explains all that can be seen there.",
+            )
+        )
+    return pictures
+
+
+def _changed(one: BeforeAfter) -> list[int]:
+    """Return the rows that the effects change most."""
+    change = (np.abs(one.after_hz - one.before_hz) ** 2 / np.maximum(one.noise, 1e-300) ** 2).sum(axis=1)
+    return [int(i) for i in np.argsort(-change) if change[i] >= 0.02 * change.max()][:_PANELS]

@@ -1,0 +1,135 @@
+"""Tables of a page about a gap."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from freqid.core.diagnosis import Change, Closure, GapDiagnosis, Interval, Share
+from freqid.report.notation import NONE, exact, number, percent, pretty_unit, short
+
+_SHOWN = 0.005  # probability from which an effect has a row
+
+
+def where_rows(d: GapDiagnosis) -> list[dict[str, Any]]:
+    """Return the cells that hold a tenth of the gap or more."""
+    return [
+        {
+            "response": p.response,
+            "band": f"{short(p.band_hz[0])} to {short(p.band_hz[1])}",
+            "share": exact(p.share, percent(p.share)),
+            "regime": p.regime or NONE,
+            "input": p.input or NONE,
+            "phase": p.phase,
+        }
+        for p in d.where
+    ]
+
+
+def which_rows(d: GapDiagnosis) -> list[dict[str, Any]]:
+    """Return explanations with a probability that shows, the likeliest first, and their parameters."""
+    rows = []
+    for name, chance in d.which.probabilities.items():
+        if chance < _SHOWN:
+            continue
+        least = d.gap.smallest_detectable.get(name)
+        rows.append(
+            {
+                "name": name,
+                "chance": exact(chance, percent(chance)),
+                "in_set": name in d.which.set,
+                "least": NONE if least is None else with_si(least, d.gap.unit.get(name, "1")),
+                "parameters": [
+                    {"name": n, "text": interval(x)} for n, x in d.which.parameters.get(name, {}).items()
+                ],
+            }
+        )
+    return rows
+
+
+def untested_rows(d: GapDiagnosis) -> list[tuple[str, str]]:
+    """Return reasons why effects were not tested, and their names."""
+    by_reason: dict[str, list[str]] = {}
+    for name, why in d.which.not_tested.items():
+        by_reason.setdefault(why, []).append(name)
+    return [(", ".join(names), why) for why, names in by_reason.items()]
+
+
+def closures(d: GapDiagnosis) -> list[dict[str, Any]]:
+    """Return what each closure did."""
+    return [
+        {
+            "title": " and ".join(c.effects),
+            "settings": [
+                {"effect": effect, "name": n, "text": interval(x)}
+                for effect, values in c.settings.items()
+                for n, x in values.items()
+            ],
+            "wrench": share(c.wrench),
+            "response": share(c.response),
+            "held_out": ", ".join(c.held_out),
+            "note": c.note,
+            "cost": c.consequence.get("sentence", ""),
+            "costs": _costs(c),
+            "rows": [_classical(c, name) for name in c.rmse],
+        }
+        for c in d.how_far
+    ]
+
+
+def interval(x: Interval) -> str:
+    """Return an estimate with its interval and unit."""
+    unit = "" if x.unit == "1" else f" {pretty_unit(x.unit)}"
+    return f"{number(x.estimate)} ({number(x.lo)} to {number(x.hi)}){unit}"
+
+
+def share(s: Share) -> str:
+    """Return a share of the gap with its interval, or why it is undefined."""
+    if not math.isfinite(s.G):
+        return f"undefined: {s.why_undefined}" if s.why_undefined else "undefined"
+    return f"{s.G:.2f} ({s.lo:.2f} to {s.hi:.2f})".replace("-", "−")
+
+
+def with_si(value: float, unit: str) -> str:
+    """Return a number with its unit."""
+    return f"{number(value, 2)}" + ("" if unit == "1" else f" {pretty_unit(unit)}")
+
+
+def _classical(c: Closure, name: str) -> dict[str, Any]:
+    def ends(change: Change | None) -> list[str]:
+        if change is None:
+            return [NONE] * 3
+        return [number(v) for v in (change.before, change.after, change.zero)]
+
+    return {
+        "name": name,
+        "rmse": ends(c.rmse.get(name)),
+        "theil": ends(c.theil.get(name)),
+        "J": ends(c.J.get(name))[:2],
+    }
+
+
+_MARGIN = {"phase_deg": ("phase margin", "deg"), "gain_up_db": ("gain margin", "dB")}
+_MODE = {"frequency": ("natural frequency", "rad/s"), "damping": ("damping ratio", "")}
+
+
+def _costs(c: Closure) -> list[dict[str, Any]]:
+    """Return margins by axis and modes, before and after, where they are known."""
+    rows = []
+    for path, row in c.consequence.get("figures", {}).items():
+        kind, *place, figure = path.split("/")
+        told = (_MARGIN if kind == "margins" else _MODE if kind == "closed_modes" else {}).get(figure)
+        if told is None:
+            continue
+        what, unit = told
+        ends = [number(row[n]) for n in ("before", "after", "lo", "hi")]
+        rows.append(
+            {
+                "place": "/".join(place),
+                "what": f"{what} ({unit})" if unit else what,
+                "before": ends[0],
+                "after": ends[1],
+                "change": f"{ends[2]} to {ends[3]}" if math.isfinite(row["lo"]) else NONE,
+            }
+        )
+    return rows

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from freqid.core.gap_result import BeforeAfter, Increment, ResidualSpectra
@@ -36,6 +36,7 @@ Array = NDArray[np.float64]
 
 _HEAT = LinearSegmentedColormap.from_list("white-orange", ["#ffffff", "#f7c9a8", ORANGE, "#7a3300"])
 _CELL = 0.24  # inches, of a row
+_STRETCH = 15.0  # s of a manoeuvre that are drawn
 
 
 @styled
@@ -115,12 +116,13 @@ def residual_spectra(one: ResidualSpectra, rows: Sequence[int]) -> Figure:
         (rest,) = axes.plot(one.hz[~driven], size[~driven], ".", color=GREY, ms=2.5, label="on others")
         lines = [floor, left, rest]
         if one.explained[i].any():
-            lines += axes.plot(one.hz, np.abs(one.explained[i]), color=BLUE, lw=0.9, label="explained")
+            marks = {"marker": "_", "markersize": 5, "markeredgewidth": 1.2, "linestyle": "none"}
+            lines += axes.plot(one.hz, np.abs(one.explained[i]), color=BLUE, label="explained", **marks)
         axes.set_yscale("log")
         low = max(0.1 * float(np.median(one.noise[i])), 1e-300)
         axes.set_ylim(low, 2 * max(float(size.max()), float(one.noise[i].max()), 10 * low))
         axes.yaxis.set_major_locator(LogLocator(numticks=4))
-        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.yaxis.set_minor_locator(NullLocator())
         name_panel(axes, literal(one.rows[i], 30), _density(one.units[i]))
     draw_legend(figure, _once(lines))
     _log_frequency(panels, one.hz)
@@ -167,17 +169,19 @@ def before_after_time(one: BeforeAfter, rows: Sequence[int]) -> Figure:
     rows : sequence of int
     """
     figure, panels = stacked_panels([0.95] * len(rows), legend=1)
+    at = _telling(one, rows)
+    time = one.time[at]
     lines: list[Any] = []
     for axes, i in zip(panels, rows, strict=True):
         lines = [
-            draw_history(axes, one.time, one.measured[i], GREY, linewidth=2.2, alpha=0.7, label="measured"),
-            draw_history(axes, one.time, one.before[i], ORANGE, linewidth=0.8, label="before"),
-            draw_history(axes, one.time, one.after[i], BLUE, linewidth=0.8, label="after"),
+            draw_history(axes, time, one.measured[i, at], GREY, linewidth=2.2, alpha=0.7, label="measured"),
+            draw_history(axes, time, one.before[i, at], ORANGE, linewidth=0.9, label="before"),
+            draw_history(axes, time, one.after[i, at], BLUE, linewidth=0.9, label="after"),
         ]
         name_panel(axes, literal(one.responses[i], 30), one.units[i])
         few_ticks(axes)
     draw_legend(figure, lines)
-    share_time(panels, one.time)
+    share_time(panels, time)
     return figure
 
 
@@ -196,7 +200,7 @@ def before_after_frequency(one: BeforeAfter, rows: Sequence[int]) -> Figure:
         z = one.measured_hz[i]
         pairs = (one.before_hz[i], ORANGE, "left before"), (one.after_hz[i], BLUE, "left after")
         floor = axes.fill_between(one.hz, 0, one.noise[i], color=PALE, linewidth=0, label="noise")
-        lines = [floor, *axes.plot(one.hz, np.abs(z), color=GREY, lw=0.8, label="measured")]
+        lines = [floor, *axes.plot(one.hz, np.abs(z), ".", color=GREY, ms=2.5, label="measured")]
         for y, colour, label in pairs:
             lines += axes.plot(
                 one.hz, np.abs(z - y), ".", color=colour, ms=4 if colour == ORANGE else 2.8, label=label
@@ -205,7 +209,7 @@ def before_after_frequency(one: BeforeAfter, rows: Sequence[int]) -> Figure:
         low = max(0.1 * float(np.median(one.noise[i])), 1e-300)
         axes.set_ylim(low, 2 * max(float(np.abs(z).max()), 10 * low))
         axes.yaxis.set_major_locator(LogLocator(numticks=4))
-        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.yaxis.set_minor_locator(NullLocator())
         name_panel(axes, literal(one.responses[i], 30), _density(one.units[i]))
     draw_legend(figure, lines)
     _log_frequency(panels, one.hz)
@@ -262,9 +266,20 @@ def detectable_sizes(names: Sequence[str], ratio: Array, notes: Sequence[str]) -
     axes.set_xlim(ratio.min() / 2, 2 * max(ratio.max(), 1.0))
     axes.xaxis.set_major_locator(LogLocator(numticks=5))
     axes.xaxis.set_major_formatter(plain)
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xlabel("Smallest size found, over the size expected")
     return figure
+
+
+def _telling(one: BeforeAfter, rows: Sequence[int]) -> slice:
+    """Return the stretch of a manoeuvre in which the effects change most: what fits on half a page."""
+    dt = float(one.time[-1] - one.time[0]) / (one.time.size - 1)
+    count = min(one.time.size, max(2, round(_STRETCH / dt)))
+    change = (one.after[list(rows)] - one.before[list(rows)]) ** 2
+    change /= np.maximum(change.mean(axis=1, keepdims=True), 1e-300)
+    whole = np.concatenate([[0.0], np.cumsum(change.sum(axis=0))])
+    start = int(np.argmax(whole[count:] - whole[:-count]))
+    return slice(start, start + count)
 
 
 def _rows(axes: Axes, names: Sequence[str], longest: int) -> None:
@@ -277,7 +292,7 @@ def _rows(axes: Axes, names: Sequence[str], longest: int) -> None:
 
 
 def _density(unit: str) -> str:
-    return f"{unit} s^½" if unit != "1" else "s^½"
+    return f"{unit if unit != '1' else ''}/√Hz"
 
 
 def _once(lines: Sequence[Any]) -> list[Any]:
@@ -292,6 +307,6 @@ def _log_frequency(panels: Sequence[Axes], hz: Array) -> None:
     last.set_xlabel("Frequency (Hz)")
     last.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     last.xaxis.set_major_formatter(plain)
-    last.xaxis.set_minor_formatter(NullFormatter())
+    last.xaxis.set_minor_locator(NullLocator())
     for axes in panels[:-1]:
         axes.tick_params(labelbottom=False)

@@ -137,7 +137,7 @@ def _maps(result: GapResult) -> list[Picture]:
             )
         )
     found = result.coherence
-    signals = list(dict.fromkeys(n for row in found.values() for n in row))
+    signals = [n for n in cells.inputs if any(n in row for row in found.values())]
     if signals:
         shown_rows = [n for n in names if n in found]
         table = np.array([[[found[r].get(n, 0.0) for n in signals] for r in shown_rows]])
@@ -167,8 +167,8 @@ def _spectra(result: GapResult) -> list[Picture]:
                 f"residual{k}",
                 f"Residual spectra over the noise floor, {one.maneuver}",
                 f"{one.maneuver}: measured less simulated on each line. What stands above the grey floor is "
-                "no noise; the blue line is what the likeliest explanation makes of it, and it should run "
-                "through the orange dots.",
+                "no noise; blue dashes are what the likeliest explanation makes of it: they "
+                "should meet the orange dots that stand out.",
             )
         )
     return pictures
@@ -242,8 +242,8 @@ def _before_after(result: GapResult) -> list[Picture]:
                 gap_figures.before_after_time(one, rows),
                 f"time{k}",
                 f"{one.maneuver}, {scored}: measured, before and after over time",
-                f"{one.maneuver}, {scored}: as measured, as simulated, and as simulated with the effect, up "
-                "to the band's end. Blue should lie on grey where orange does not.",
+                f"{one.maneuver}, {scored}: as measured, as simulated, and as simulated with the effect, "
+                "where that does most. Blue should lie on grey where orange does not.",
             )
         )
         pictures.append(

@@ -165,9 +165,9 @@ def _spectra(result: GapResult) -> list[Picture]:
             picture(
                 gap_figures.residual_spectra(one, rows),
                 f"residual{k}",
-                f"Residual spectra over the noise floor, {one.maneuver}",
-                f"{one.maneuver}: measured less simulated on each line. What stands above the grey floor is "
-                "no noise; blue dashes are what the likeliest explanation makes of it: they "
+                f"Residual spectra over the noise floor, {Path(one.maneuver).stem}",
+                f"{Path(one.maneuver).stem}: measured less simulated on each line. What stands above the "
+                "grey floor is no noise; blue dashes are what the likeliest explanation makes of it: they "
                 "should meet the orange dots that stand out.",
             )
         )
@@ -237,22 +237,23 @@ def _before_after(result: GapResult) -> list[Picture]:
     for k, one in enumerate(result.before_after):
         rows = _changed(one)
         scored = "held out" if one.held_out else "among those fitted"
+        name, added = Path(one.maneuver).stem, " and ".join(result.diagnosis.how_far[0].effects)
         pictures.append(
             picture(
                 gap_figures.before_after_time(one, rows),
                 f"time{k}",
-                f"{one.maneuver}, {scored}: measured, before and after over time",
-                f"{one.maneuver}, {scored}: as measured, as simulated, and as simulated with the effect, "
-                "where that does most. Blue should lie on grey where orange does not.",
+                f"{name}, {scored}: measured, before and after over time",
+                f"{name}, {scored}: as measured, as simulated, and as simulated with {added}, where that "
+                "does most. Blue should lie on grey where orange does not.",
             )
         )
         pictures.append(
             picture(
                 gap_figures.before_after_frequency(one, rows),
                 f"frequency{k}",
-                f"{one.maneuver}, {scored}: what is left before and after over frequency",
-                f"{one.maneuver}, {scored}: what is left on each line. Blue dots inside the noise: the "
-                "effect explains all that can be seen there.",
+                f"{name}, {scored}: what is left before and after over frequency",
+                f"{name}, {scored}: what is left on each line. Blue dots inside the noise: {added} "
+                "explains all that can be seen there.",
             )
         )
     return pictures

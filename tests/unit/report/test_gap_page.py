@@ -1,0 +1,80 @@
+"""The page of a gap: what it must show of a made-up diagnosis, and what it leaves out where there is none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_up_gap import made_up
+
+from freqid.report.gap_figures import before_after_time, heat_panels, increment_bars
+from freqid.report.gap_page import build_gap_page
+
+
+@pytest.fixture(scope="module")
+def page():
+    return build_gap_page(made_up())
+
+
+def test_the_verdict_comes_first_and_every_part_follows(page):
+    order = [
+        page.index(words)
+        for words in (
+            "A gap beyond noise.",
+            "<h2>Where",
+            "<h2>Which effect",
+            "Not tested, so not ruled out",
+            "<h2>How far the gap shrinks",
+            "<h2>Residual spectra",
+            "<h2>Derivative increments",
+            "<h2>Provenance",
+        )
+    ]
+    assert order == sorted(order)
+    assert page.count("<svg") == 10  # three maps, two of effects, two of c, two spectra, increments
+    assert page.count("<figcaption>") == 10
+
+
+def test_numbers_stand_with_their_units_and_reasons(page):
+    assert "0.450 (0.400 to 0.500)" in page
+    assert "undefined: the simulation does not fly by itself" in page
+    assert "needs rotor, which is not there" in page
+    assert "These data cannot separate mass, sensor_scale." in page
+    assert "as flown it costs 3.0 deg" in page
+    for label in ("Frequency (Hz)", "Time (s)", "Z (N)", "M (N m)", "Z (N/√Hz)", "Probability (%)"):
+        assert label in page, label
+
+
+def test_where_there_is_no_gap_no_map_is_drawn():
+    nothing = made_up(exists=False)
+    nothing = replace(nothing, diagnosis=replace(nothing.diagnosis, where=(), how_far=()), before_after=())
+    page = build_gap_page(nothing)
+    assert "<h2>Where" not in page
+    assert "<h2>How far" not in page
+    assert page.count("<svg") == 5
+    assert '<li class="good">' in page
+
+
+def test_the_map_shows_shares_in_per_cent_and_leaves_nothing_blank_that_matters():
+    table = np.array([[[0.6, 0.004], [0.396, 0.0]]])
+    (axes,) = heat_panels(["u10"], ["Z", "M"], ["low", "high"], table, 0.6, "Band").axes
+    assert {t.get_text() for t in axes.texts} == {"60", "40"}
+    assert [t.get_text() for t in axes.get_yticklabels()] == ["Z", "M"]
+
+
+def test_the_stretch_that_is_drawn_is_where_the_effect_does_most():
+    one = made_up().before_after[0]
+    time = np.arange(600) / 10
+    flat = np.zeros((2, 600))
+    after = flat.copy()
+    after[:, 400:500] = 1.0
+    one = replace(one, time=time, measured=flat, before=flat, after=after)
+    low, high = before_after_time(one, [0, 1]).axes[-1].get_xlim()
+    assert high - low == pytest.approx(15.0, abs=0.2)
+    assert low <= 40.0 <= 49.9 <= high
+
+
+def test_clear_increments_set_the_scale():
+    increments = made_up().increments
+    (axes,) = increment_bars(increments).axes
+    assert [t.get_text() for t in axes.get_yticklabels()] == ["M by de", "Z by w"]
+    assert axes.get_xlim()[1] > 28

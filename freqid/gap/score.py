@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from freqid.core.diagnosis import Change, Closure, Existence, Interval, Place, Share, Which
-from freqid.core.errors import DataError
+from freqid.core.errors import FreqidError
 from freqid.gap.attribute import NONE, OTHER
 from freqid.gap.close import Misfit, Refit, changes, misfit, refit
 from freqid.gap.compare import Compared
 from freqid.gap.fidelity import frequency_cost, rmse, theil
 from freqid.gap.locate import GapMap, regime_of
 from freqid.gap.noise import sensor_noise
-from freqid.gap.signature import made
+from freqid.gap.together import together
 from freqid.identify.smoothing import local_derivative
 from freqid.identify.trend import up_to
 from freqid.simulate.effects.effect import Effect
@@ -106,13 +106,17 @@ def _turns(used: Sequence[Compared], effects: Sequence[Effect], fitted: Refit) -
 def _classical(
     shown: Sequence[Compared], effects: Sequence[Effect], settings: Settings
 ) -> tuple[dict[str, Change], dict[str, Change], dict[str, Change]]:
-    """Return RMSE, Theil's coefficient and cost J by response, before and after, and of no change at all."""
+    """Return RMSE, Theil's coefficient and cost J, before and after, and of no change at all.
+
+    By response, and by actuator where the effects move its position.
+    """
     pieces: dict[str, list[tuple[Array, Array, Array]]] = {}
     costs: dict[str, list[tuple[float, float]]] = {}
     for c in shown:
         measured, before, after = followed(c, effects, settings)
         for i, row in enumerate(c.rows):
-            if row.kind == "response":
+            moved = row.kind == "actuator" and not np.array_equal(before[i], after[i])
+            if row.kind == "response" or moved:
                 pieces.setdefault(row.name, []).append((measured[i], before[i], after[i]))
         _costs(c, changes(c, effects, settings), costs)
     errors, theils = {}, {}
@@ -131,9 +135,7 @@ def followed(c: Compared, effects: Sequence[Effect], settings: Settings) -> tupl
     Without what lies above the band; each of shape (row, sample).
     """
     trial, dt, top = c.trial, c.lines.dt, float(c.lines.hz[-1])
-    total = trial.rows()
-    for effect in effects:
-        total = total + made(effect, trial, settings.get(effect.id, {}))
+    total = together(effects, trial, settings)
     before = trial.rows(c.predicted, trial.positions)
     found = []
     for direct, momentum in (
@@ -184,7 +186,7 @@ def _flown(shown: Sequence[Compared], settings: Settings) -> Share:
             return Share(np.nan, np.nan, np.nan, why)
         try:
             flights = simulation.fly(record), simulation.fly(record, settings)
-        except DataError as error:
+        except FreqidError as error:
             return Share(np.nan, np.nan, np.nan, str(error))
         known = [f for f in flights if f is not None]
         if len(known) < 2:
@@ -227,11 +229,19 @@ def verdict(
     words.append("; " + _name(which))
     if closures and np.isfinite(closures[0].wrench.G):
         words.append(
-            f"; adding it removes {100 * closures[0].wrench.G:.0f} % on manoeuvres that were not used"
+            f"; adding {_it(which, closures[0])} removes {100 * closures[0].wrench.G:.0f} % on manoeuvres "
+            "that were not used"
         )
     if closures and closures[0].consequence.get("matters"):
-        words.append(f"; {closures[0].consequence['sentence']}")
+        it = _it(which, closures[0])
+        words.append("; " + ("" if it == "it" else f"with {it} ") + closures[0].consequence["sentence"])
     return "".join(words) + ("" if which.calibrated else " (uncalibrated)") + "."
+
+
+def _it(which: Which, closure: Closure) -> str:
+    """Return what a closure adds: *it* where that is what the verdict has just named."""
+    named = which.pair or tuple(which.probabilities)[:1]
+    return "it" if set(named) == set(closure.effects) else " and ".join(closure.effects)
 
 
 def _name(which: Which) -> str:

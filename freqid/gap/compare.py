@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.channels import STATE
 from freqid.core.record import Maneuver
 from freqid.gap.evidence import Evidence, gather
 from freqid.gap.lines import Lines, lines_of
@@ -43,14 +44,14 @@ class Compared:
         By ``effect:parameter``, for each unit of it.
     common : dict of ndarray of complex, shape (row, line)
         Tolerances that all manoeuvres share, by name, for one sigma.
-    own : list of ndarray of complex, shape (row, line)
-        Those of this manoeuvre.
+    own : dict of ndarray of complex, shape (row, line)
+        Those of this manoeuvre alone.
     draws : ndarray of complex, shape (draw, row, line)
         Residuals that noise alone makes.
     shared : Shared
         Noise that the residual has in common with what is computed from the record.
     sources : dict of tuple of str
-        Channels that an effect's signature is computed from, by effect.
+        Channels that a signature is computed from, by ``effect:parameter``.
     not_tested : dict of str
         Why, by effect.
     """
@@ -64,7 +65,7 @@ class Compared:
     noise: Noise
     signatures: dict[str, Complex]
     common: dict[str, Complex]
-    own: list[Complex]
+    own: dict[str, Complex]
     draws: Complex
     shared: Shared
     sources: dict[str, tuple[str, ...]]
@@ -83,7 +84,7 @@ class Compared:
     @cached_property
     def white_own(self) -> Array:
         """Tolerances of the manoeuvre alone as white numbers, shape (tolerance, 2 row line)."""
-        return self.white(np.array(self.own).reshape(-1, *self.residual.shape))
+        return self.white(np.array(list(self.own.values())).reshape(-1, *self.residual.shape))
 
     @cached_property
     def white_draws(self) -> Array:
@@ -133,6 +134,7 @@ def compare(
     lines = lines_of(record, band_hz)
     z = lines.transform(measured - simulated_part(measured, predicted, positions))
     expected = {f"effector/{n}": x for n, x in positions.items()}
+    expected |= {f"state/{n}": x for n, x in zip(simulation.responses, predicted, strict=True) if n in STATE}
     quieted = quiet(record, noisy_channels(record), expected)
     trial = Trial.of(simulation, Maneuver(quieted.record, maneuver.vehicle))
     own_noise, added = draws(simulation, maneuver, lines, measured, predicted, quieted.sigma, count, seed)
@@ -143,9 +145,9 @@ def compare(
         if reason:
             not_tested[effect.id] = reason
             continue
-        sources[effect.id] = sources_of(effect, trial)
         for name, change in signature(effect, trial).items():
             signatures[f"{effect.id}:{name}"] = lines.transform(change)
+            sources[f"{effect.id}:{name}"] = sources_of(effect, trial, name)
     allowed = tolerances(trial, library, sizes)
     return Compared(
         maneuver=maneuver,
@@ -157,7 +159,7 @@ def compare(
         noise=noise,
         signatures=signatures,
         common={name: lines.transform(change) for name, change in allowed.common.items()},
-        own=[lines.transform(change) for change in allowed.own],
+        own={name: lines.transform(change) for name, change in allowed.own.items()},
         draws=own_noise / np.sqrt(noise.sensor_share),
         shared=shared_noise(quieted, lines, noise, own_noise, added),
         sources=sources,
@@ -193,7 +195,7 @@ def evidence_of(
     shared = []
     for c, (_, columns) in zip(compared, taken, strict=True):
         extra = _attenuation(c, {**columns, **c.common})
-        own = c.shared.attenuation(np.array(c.own).reshape(-1, *c.residual.shape), c.trial.inputs)
+        own = np.array(list(_attenuation(c, c.own).values()))
         shared.append((np.array([extra.get(name, 0.0) for name in names]), own))
     alone = [c.white_own for c in compared]
     return gather(white, alone, signatures, common, shared, len(white[0]["draws"]), seed)
@@ -203,11 +205,12 @@ def _attenuation(compared: Compared, columns: Mapping[str, Complex]) -> dict[str
     """Return what noise adds to the products of columns with the residual, by name."""
     groups: dict[tuple[str, ...], list[str]] = {}
     for name in columns:
-        effect = name.removeprefix(OF_EFFECT).partition(":")[0]
-        usual = () if effect == DYNAMICS else compared.trial.inputs  # actuators follow commands: no noise
-        groups.setdefault(compared.sources.get(effect, usual), []).append(name)
+        kind = name.partition(":")[0]
+        usual = () if kind == DYNAMICS else compared.trial.inputs  # actuators follow commands: no noise
+        source = compared.sources.get(name.removeprefix(OF_EFFECT), usual)
+        groups.setdefault(source, []).append(name)
     found: dict[str, float] = {}
     for channels, names in groups.items():
         extra = compared.shared.attenuation(np.array([columns[n] for n in names]), channels)
         found |= dict(zip(names, extra.tolist(), strict=True))
-    return found
+    return {name: found[name] for name in columns}

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.channels import STATE
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.gap.lines import Lines
 from freqid.gap.residual import Histories, measured_part
@@ -21,13 +22,14 @@ HALF_WIDTH = 10
 """Lines on either side of one whose noise is averaged with it."""
 
 _MOST = 1e4  # power ratio of the flown noise to the sensors' own
+_PLAIN = 1.4  # mean ratio from which noise is plainly more than the sensors'
+_HEARD = 2.0  # power ratio of a channel to the noise left in it from which others' dependence on it is told
 _MOVING = 30.0  # power ratio of a channel to its noise from which it moves at all
 _RIDGE = 0.01  # of a row's variance: how far rows that share noise are trusted to cancel it
 _LINES_OF_FLOOR = 100
 _MOTION = ("u", "v", "w", "p", "q", "r")
 _FELT = ("ax", "ay", "az")
 _ATTITUDE = ("phi", "theta", "psi")
-_RATES = ("state/p", "state/q", "state/r")
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +224,8 @@ def noise_of(
     left, freedom = _unexplained(maneuver, lines, like, residual, sigma)
     level = np.einsum("lii->il", covariance).real
     ratio = _smooth_ratio(lines.hz, left / np.maximum(level * freedom[:, None], 1e-300))
-    size = np.sqrt(np.clip(ratio, 1.0, _MOST))
+    plain = ratio.mean(axis=1, keepdims=True) > _PLAIN
+    size = np.sqrt(np.where(plain, np.clip(ratio, 1.0, _MOST), 1.0))
     covariance = covariance * size.T[:, :, None] * size.T[:, None, :]
     diagonal = np.einsum("lii->li", covariance).real
     covariance = covariance + _RIDGE * diagonal[:, :, None] * np.eye(len(like.rows))
@@ -255,15 +258,20 @@ def _unexplained(
 
     motion = spectra([f"state/{n}" for n in _MOTION])
     effectors = spectra([f"effector/{n}" for n in record.group("effector")])
-    if not len(motion):
-        motion = spectra([f"air/{n}" for n in ("V", "alpha", "beta")])
+    if "state/u" not in record:
+        motion = np.concatenate([motion, spectra([f"air/{n}" for n in ("V", "alpha", "beta")])])
     attitude = spectra([f"state/{n}" for n in _ATTITUDE])
     columns = {
         "response": np.concatenate([motion, omega * motion, effectors]),
         "kinematic": np.concatenate([motion, attitude, effectors]),
     }
+    # a state is the answer to all that its inputs did before: to delays and lags of them too
+    late = np.concatenate([columns["response"], *(omega**k * effectors for k in (1, 2, 3))])
     left, freedom = np.empty(residual.shape), np.empty(len(like.rows))
     for i, row in enumerate(like.rows):
+        if row.kind == "response" and row.name in STATE:
+            left[i], freedom[i] = _left(residual[i], late)
+            continue
         if row.kind == "actuator":
             sent = spectra([f"command/{row.name.partition('/')[2]}"])
             columns["actuator"] = np.concatenate([sent, omega * sent, omega**2 * sent])
@@ -315,16 +323,19 @@ class Shared:
     Attributes
     ----------
     names : tuple of str
-        Channels, and ``d/dt`` of rates.
+        Channels, and ``d/dt`` of each.
     spectra : ndarray of complex, shape (channel, line)
         Of the channels without their noise.
     strength : ndarray, shape (channel, row)
         Inner product of what noise is left in a channel with the white-weighed noise of each row.
+    moving : ndarray of bool, shape (channel,)
+        Whether a channel stands out of that noise; nothing can be told of the dependence on others.
     """
 
     names: tuple[str, ...]
     spectra: Complex
     strength: Array
+    moving: NDArray[np.bool_]
 
     def attenuation(self, columns: Complex, channels: Sequence[str]) -> Array:
         """Return what shared noise adds to the products of columns with the residual, shape (column,).
@@ -341,7 +352,7 @@ class Shared:
         it carries their motion. Without this the tests of a perfect simulation are off by a few standard
         errors (errors in variables; docs/theory/gap-diagnosis.md).
         """
-        at = [self.names.index(n) for n in channels if n in self.names]
+        at = [i for i, n in enumerate(self.names) if n in channels and self.moving[i]]
         if not at or not len(columns):
             return np.zeros(len(columns))
         z = self.spectra[at]
@@ -370,11 +381,12 @@ def shared_noise(quieted: Quiet, lines: Lines, noise: Noise, made: Complex, adde
     # what the smoothing lets through: `freqid.identify.smoothing.smooth`
     passed = 1 / (1 + (lines.hz / np.array([quieted.cutoff_hz[n] for n in names])[:, None]) ** 6)
     spectra, left = lines.spectrum(quieted.record.matrix(names)), added * passed
-    rates = [names.index(n) for n in _RATES if n in names]
     omega = 2j * np.pi * lines.hz
-    spectra = np.concatenate([spectra, omega * spectra[rates]])
-    left = np.concatenate([left, omega * left[:, rates]], axis=1)
+    spectra = np.concatenate([spectra, omega * spectra])
+    left = np.concatenate([left, omega * left], axis=1)
     metric = np.einsum("lki,lkj->lij", noise.whitening.conj(), noise.whitening)
     weighed = np.einsum("lij,kjl->kil", metric, made)
     strength = 2 * np.einsum("kjl,kil->ji", left.conj(), weighed).real / len(made)
-    return Shared((*names, *(f"d/dt {names[i]}" for i in rates)), spectra, strength)
+    heard = np.mean(np.abs(left) ** 2, axis=(0, 2))
+    moving = np.mean(np.abs(spectra) ** 2, axis=1) > _HEARD * np.maximum(heard, 1e-300)
+    return Shared((*names, *(f"d/dt {n}" for n in names)), spectra, strength, moving)

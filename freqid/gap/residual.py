@@ -158,13 +158,19 @@ def without_vehicle(name: str, record: FlightRecord | None = None) -> Vehicle:
     thrusts, all others surfaces, sticks among them.
     """
     one = Inertia(xx=1.0, yy=1.0, zz=1.0)
-    names = dict.fromkeys((*record.group("effector"), *record.group("command")) if record else ())
     kinds = {"rad/s": "rotor", "N": "thrust"}
-    effectors = []
-    for n in names:
-        group = "effector" if record and f"effector/{n}" in record else "command"
-        unit = record.channel(f"{group}/{n}").unit if record else ""
-        effectors.append(Effector(name=n, kind=kinds.get(unit, "surface")))  # type: ignore[arg-type]
+    found: dict[str, Channel] = {}
+    if record is not None:
+        for group in ("command", "effector"):
+            found |= {n: record.channel(f"{group}/{n}") for n in record.group(group)}
+    effectors = [
+        Effector(
+            name=n,
+            kind=kinds.get(c.unit, "surface"),  # type: ignore[arg-type]
+            limits=(float(c.values.min()) - 1.0, float(c.values.max()) + 1.0),
+        )
+        for n, c in found.items()
+    ]
     return Vehicle(
         name=name, mass_properties=MassProperties(mass_kg=1.0, inertia=one), effectors=tuple(effectors)
     )

@@ -227,18 +227,30 @@ def made(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histori
     return trial.rows()
 
 
-def sources_of(effect: Effect, trial: Trial) -> tuple[str, ...]:
-    """Return the channels that an effect's signature is computed from, ``d/dt`` of rates among them."""
+def sources_of(effect: Effect, trial: Trial, name: str) -> tuple[str, ...]:
+    """Return the channels that a signature is computed from, ``d/dt`` of rates among them.
+
+    Parameters
+    ----------
+    effect : Effect
+    trial : Trial
+    name : str
+        Parameter.
+    """
     rates = tuple(f"d/dt state/{n}" for n in "pqr")
     felt = tuple(f"state/{n}" for n in ("ax", "ay", "az"))
     route = route_of(effect, trial.simulation)
-    effectors = tuple(n for n in trial.inputs if n.startswith("effector/"))
     if route == "act" and trial.positions:
         return ()  # commands are known, not measured
     if route == "load":
-        return (*felt, *rates, *effectors)
-    if route == "distort":
-        return (*trial.inputs, *felt, *(f"state/{n}" for n in ("phi", "theta", "psi")), *rates)
+        return (*felt, *rates)
+    if route == "distort" and effect.distort is not None:
+        record = trial.maneuver.record
+        parameter = effect.parameters[name.partition(GIVEN)[0]]
+        after = effect.distort({**in_force_of(effect, trial.simulation), name: parameter.scale}, record)
+        changed = tuple(n for n in record.channels if not np.array_equal(after[n], record[n]))
+        turned = tuple(f"d/dt {n}" for n in changed)
+        return (*changed, *turned, *(rates if set(felt) & set(changed) else ()))
     return trial.inputs
 
 

@@ -52,12 +52,12 @@ class Tolerances:
     ----------
     common : dict of Histories
         By name ``kind:what``; the same error in all manoeuvres.
-    own : list of Histories
-        An error in this manoeuvre alone.
+    own : dict of Histories
+        By name; an error in this manoeuvre alone.
     """
 
     common: dict[str, Histories]
-    own: list[Histories]
+    own: dict[str, Histories]
 
 
 def stated(table: Mapping[str, float], library: Mapping[str, Effect]) -> dict[str, float]:
@@ -89,7 +89,7 @@ def tolerances(trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, 
         Of `stated`.
     """
     common: dict[str, Histories] = {}
-    own: list[Histories] = []
+    own: dict[str, Histories] = {}
     responses = trial.simulation.responses
     record = trial.maneuver.record
     moves = np.array([record[name] - record[name].mean() for name in trial.inputs])
@@ -109,15 +109,13 @@ def tolerances(trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, 
             if size and untestable(effect, trial) is None:
                 step = 0.5 * size
                 change = made(effect, trial, {parameter: step}) - made(effect, trial, {parameter: -step})
-                if f"{effect.id}.{parameter}" in EACH_FLIGHT:
-                    own.append(change)
-                else:
-                    common[f"{OF_EFFECT}{effect.id}:{parameter}"] = change
+                kind = own if f"{effect.id}.{parameter}" in EACH_FLIGHT else common
+                kind[f"{OF_EFFECT}{effect.id}:{parameter}"] = change
     if sizes[RESPONSES]:
         for i in range(len(responses)):
             direct = np.zeros_like(trial.predicted)
             direct[i] = sizes[RESPONSES] * (trial.predicted[i] - trial.predicted[i].mean())
-            own.append(trial.rows(direct))
+            own[f"{RESPONSES}:{responses[i]}"] = trial.rows(direct)
     return Tolerances(common, own)
 
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from freqid.core.diagnosis import Share
 from freqid.gap.compare import Compared, evidence_of
 from freqid.gap.evidence import Evidence, Hypothesis
-from freqid.gap.signature import in_force_of, made
+from freqid.gap.signature import in_force_of
+from freqid.gap.together import together
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
@@ -74,7 +75,7 @@ def refit(compared: Sequence[Compared], effects: Sequence[Effect], start: Values
 
     Notes
     -----
-    Gauss-Newton in the metric of noise and tolerances; changes of several effects are taken to add up.
+    Gauss-Newton in the metric of noise and tolerances.
     """
     names = tuple((effect.id, name) for effect in effects for name in start[effect.id])
     described = [next(e for e in effects if e.id == i).parameters[n] for i, n in names]
@@ -101,10 +102,7 @@ def refit(compared: Sequence[Compared], effects: Sequence[Effect], start: Values
 
 def changes(compared: Compared, effects: Sequence[Effect], settings: Values) -> Complex:
     """Return what effects at some settings make of a residual, shape (row, line)."""
-    total = np.zeros_like(compared.residual)
-    for effect in effects:
-        total += compared.lines.transform(made(effect, compared.trial, settings.get(effect.id, {})))
-    return total
+    return compared.lines.transform(together(effects, compared.trial, settings))
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,16 +185,16 @@ def _about(
     """Return the evidence of small departures from settings."""
     taken = []
     for c in compared:
-        here = changes(c, effects, _settings(names, value))
-        columns = {}
+        settings = _settings(names, value)
+        at, columns = together(effects, c.trial, settings), {}
         for k, (identifier, name) in enumerate(names):
-            effect = next(e for e in effects if e.id == identifier)
-            parameter = effect.parameters[name]
+            parameter = next(e for e in effects if e.id == identifier).parameters[name]
             step = _STEP * scale[k]
-            at = _settings(names, value).get(identifier, {})
-            up = at[name] + step if at[name] + step <= parameter.high else at[name] - step
-            moved = made(effect, c.trial, {**at, name: up}) - made(effect, c.trial, at)
-            columns[f"{identifier}:{name}"] = c.lines.transform(moved) / (up - at[name])
+            up = value[k] + step if value[k] + step <= parameter.high else value[k] - step
+            other = {**settings, identifier: {**settings[identifier], name: float(up)}}
+            moved = together(effects, c.trial, other) - at
+            columns[f"{identifier}:{name}"] = c.lines.transform(moved) / (up - value[k])
+        here = c.lines.transform(at)
         taken.append((here, columns))
     return evidence_of(compared, changes=taken)
 

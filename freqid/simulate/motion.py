@@ -139,6 +139,12 @@ def parameters(scenario: Scenario) -> Parameters:
         mass=multibody.mass_model(loaded(scenario.aircraft(), settings)),
         actuators=actuators(scenario),
     )
+    single = actuator_delay.alone(settings["actuator_delay"])
+    if single:
+        raise UsageError(
+            f"effect actuator_delay: flights have no delay of {single[0]} alone",
+            remedy="set extra, the delay of all effectors",
+        )
     delays = actuator_delay.delays(built.airframe.effects["actuator_delay"], built.actuators.delay)
     if max(delays) > LONGEST_DELAY:
         raise UsageError(

@@ -212,7 +212,7 @@ def verdict(
     """Return the verdict in one line."""
     if not gap.exists:
         return (
-            f"No gap that can be resolved: noise and tolerances make as much in {100 * gap.p:.2g} % of cases."
+            f"No gap that can be resolved: noise and tolerances make as much in {100 * gap.p:.3g} % of cases."
         )
     words = ["A gap beyond noise"]
     if where:

@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 
 _HEAT = LinearSegmentedColormap.from_list("white-orange", ["#ffffff", "#f7c9a8", ORANGE, "#7a3300"])
 _CELL = 0.24  # inches, of a row
-_STRETCH = 15.0  # s of a manoeuvre that are drawn
+_STRETCH = 12.0  # s of a manoeuvre that are drawn
 
 
 @styled

@@ -70,7 +70,7 @@ def _findings(result: GapResult) -> list[Finding]:
     if not d.which.calibrated and d.gap.exists:
         said.append(finding("note", "The probabilities are not calibrated for this simulation and flights."))
     said += [finding("note", "These data cannot separate {}.", ", ".join(group)) for group in d.which.aliases]
-    said += [finding("note", "{}.", remark[:1].upper() + remark[1:]) for remark in d.remarks]
+    said += [finding("note", "{}.", remark) for remark in d.remarks]
     return said
 
 
@@ -84,7 +84,7 @@ def _facts(result: GapResult) -> list[tuple[str, str]]:
     ]
     if hz:
         low, high = min(h[0] for h in hz), max(h[-1] for h in hz)
-        told.append(("Band", f"{short(float(low))} to {short(float(high))} Hz"))
+        told.append(("Band", f"{low:.3g} to {high:.3g} Hz"))
     return told
 
 
@@ -103,7 +103,7 @@ def _maps(result: GapResult) -> list[Picture]:
     names = [cells.rows[i] for i in rows]
     bands = [f"{low:.2g}–{high:.2g}" for low, high in cells.bands_hz]
     by_regime = energy.sum(axis=3)[rows].transpose(2, 0, 1)
-    held = by_regime.sum(axis=(1, 2))
+    held = energy.sum(axis=(0, 1, 3))
     regimes = sorted(np.argsort(-held)[:_REGIMES].tolist())
     left = 1 - float(held[regimes].sum())
     shown = by_regime[regimes]

@@ -69,7 +69,7 @@ def test_the_stretch_that_is_drawn_is_where_the_effect_does_most():
     after[:, 400:500] = 1.0
     one = replace(one, time=time, measured=flat, before=flat, after=after)
     low, high = before_after_time(one, [0, 1]).axes[-1].get_xlim()
-    assert high - low == pytest.approx(15.0, abs=0.2)
+    assert high - low == pytest.approx(12.0, abs=0.2)
     assert low <= 40.0 <= 49.9 <= high
 
 

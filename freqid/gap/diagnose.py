@@ -18,6 +18,7 @@ from freqid.gap.close import Refit, starting
 from freqid.gap.compare import Compared, compare, evidence_of
 from freqid.gap.evidence import Evidence, Hypothesis
 from freqid.gap.locate import GapMap
+from freqid.gap.signature import GIVEN
 from freqid.gap.simulation import Simulation
 from freqid.simulate.effects.effect import Effect
 
@@ -49,6 +50,8 @@ class Question:
     draws : int
         Of the null.
     seed : int
+    close : bool
+        Whether effects are refitted at all, which takes most of the time.
     """
 
     library: Mapping[str, Effect]
@@ -58,6 +61,7 @@ class Question:
     level: float = LEVEL
     draws: int = 200
     seed: int = 0
+    close: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,14 +197,14 @@ def _existence(
     for j in judged:
         if j.name == OTHER or "+" in j.name:
             continue
-        effect = library[j.name]
         column, scale = j.best.columns[0], j.best.scale[0]
         gain = evidence.metric[column, column]
         # found where the squared size in the metric exceeds what threshold, prior and its own share ask for
         asked = 2 * (threshold + np.log(count)) + np.log1p(gain * scale**2)
         need = (np.sqrt(max(asked, 0.0)) + norm.ppf(0.95)) ** 2
         smallest[j.name] = float(np.sqrt(need / max(gain, 1e-300)))
-        unit[j.name] = effect.parameters[effect.size].unit
+        parameter = evidence.signatures[column - 1].partition(":")[2].partition(GIVEN)[0]
+        unit[j.name] = library[j.name].parameters[parameter].unit
     return Existence(p < q.level, p, q.level, float(chi2.sf(raw, evidence.rows)), smallest, unit)
 
 
@@ -236,6 +240,8 @@ def _closures(
 ) -> tuple[list[Closure], dict[str, Refit]]:
     """Return the closures asked for, or those of what was found."""
     groups: list[tuple[str, ...]] = []
+    if not q.close:
+        return [], {}
     if q.named:
         groups = [q.named, *((n,) for n in q.named if len(q.named) > 1)]
     elif exists:
@@ -288,7 +294,7 @@ def _remarks(used: Sequence[Compared], simulation: Simulation) -> list[str]:
         said.append(
             "without velocities, specific forces and attitude, faults of the sensors cannot be told apart"
         )
-    if not any(c.trial.positions for c in used):
+    if all(not c.trial.positions and "actuator_delay" in c.not_tested for c in used):
         said.append(
             f"{simulation.name} has no actuators: what happens between command and position is not tested"
         )

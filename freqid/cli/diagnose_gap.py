@@ -107,6 +107,7 @@ def command(
         if result:
             keep_inputs(result, *records, *holdout, *predictions, scenario, own)
     _once(records, holdout)
+    named = tuple(dict.fromkeys(named))
     library = _library(own)
     for name in named:
         if name not in library:

@@ -51,7 +51,7 @@ def vehicle_of(
             f"nobody describes the vehicle, whose mass and inertia {rebuilt[0]} is rebuilt with",
             remedy="give --scenario, or import the records with one",
         )
-    return without_vehicle("unnamed vehicle")
+    return without_vehicle("unnamed vehicle", records[0])
 
 
 def maneuvers(
@@ -79,7 +79,7 @@ def maneuvers(
         Where vehicles do not match.
     """
     found = [
-        Maneuver.of(r, vehicle or r.vehicle or simulation.vehicle or without_vehicle("unnamed vehicle"))
+        Maneuver.of(r, vehicle or r.vehicle or simulation.vehicle or without_vehicle("unnamed vehicle", r))
         for r in records
     ]
     _told_apart(records, names)

@@ -244,6 +244,43 @@ def test_an_effect_of_ones_own_is_closed_and_what_data_do_not_tell_is_noted(diag
     assert "took turns" in table["how_far"]["note"]
 
 
+def test_pitch_rate_from_a_stick_is_enough_for_delay_and_lag(freqid, script, tmp_path):
+    """A single response, no vehicle, no other channel: both effects together, at what they truly are."""
+    example = script("examples/stick_to_pitch_rate.py")
+    for seed in (1, 2):
+        write_record(tmp_path / f"q{seed}.h5", example.fly(seed))
+    words = [
+        "--sim",
+        f"{example.__file__}:pitch_rate",
+        "--effect",
+        "actuator_delay",
+        "--effect",
+        "actuator_lag",
+    ]
+    words += [
+        "--holdout",
+        tmp_path / "q2.h5",
+        "--draws",
+        "40",
+        "--no-page",
+        "--json",
+        "-o",
+        tmp_path / "g.h5",
+    ]
+    code, out, _ = freqid("diagnose-gap", tmp_path / "q1.h5", *words)
+    how_far = json.loads(out)["how_far"]
+    assert code == 0
+    assert list(how_far["per_effect"]) == ["actuator_delay+actuator_lag", "actuator_delay", "actuator_lag"]
+    delay, lag = (how_far["settings"][n]["extra"] for n in ("actuator_delay", "actuator_lag"))
+    assert delay["lo"] < example.DELAY_S < delay["hi"]
+    assert lag["lo"] < example.LAG_S < lag["hi"]
+    assert how_far["wrench"]["G"] > 0.95
+    assert how_far["wrench"]["G"] > how_far["per_effect"]["actuator_lag"]["wrench"]["G"] + 0.05
+    # what is left is the noise of the gyro, in the band of the comparison
+    assert how_far["rmse"]["by_response"]["q"]["after"] < example.NOISE
+    assert how_far["J"]["after"] < 50
+
+
 @pytest.mark.parametrize(
     ("model", "code", "sentence"),
     [

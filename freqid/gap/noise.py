@@ -18,6 +18,7 @@ from freqid.identify.smoothing import smooth
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
+_LEAST = 1e-12  # of a row's power
 HALF_WIDTH = 10
 """Lines on either side of one whose noise is averaged with it."""
 
@@ -58,7 +59,7 @@ class Noise:
         ndarray, shape (..., 2 row line)
         """
         found = np.einsum("lij,...jl->...il", self.whitening, z) * np.sqrt(2)
-        flat = found.reshape(*found.shape[:-2], -1)
+        flat = found.reshape(*found.shape[:-2], z.shape[-2] * z.shape[-1])  # of no rows too
         return np.concatenate([flat.real, flat.imag], axis=-1)
 
 
@@ -139,7 +140,8 @@ def noisy_channels(record: FlightRecord) -> list[str]:
     """Return the measured channels that a residual may depend on."""
     states = [f"state/{n}" for n in (*_MOTION, *_FELT, *_ATTITUDE)]
     air = [f"air/{n}" for n in ("V", "alpha", "beta")]
-    return [n for n in (*states, *air) if n in record] + [f"effector/{n}" for n in record.group("effector")]
+    given = [f"{group}/{n}" for group in ("effector", "response") for n in record.group(group)]
+    return [n for n in (*states, *air) if n in record] + given
 
 
 def draws(
@@ -222,6 +224,9 @@ def noise_of(
     """
     covariance = _averaged(np.einsum("kil,kjl->lij", own, own.conj()) / len(own))
     left, freedom = _unexplained(maneuver, lines, like, residual, sigma)
+    # a row without any noise, as of a simulated log, is trusted to a millionth of what it holds
+    least = _LEAST * np.mean(np.abs(lines.transform(like)) ** 2, axis=1) + np.finfo(float).tiny ** 0.5
+    covariance = covariance + least[:, None] * np.eye(len(like.rows))
     level = np.einsum("lii->il", covariance).real
     ratio = _smooth_ratio(lines.hz, left / np.maximum(level * freedom[:, None], 1e-300))
     plain = ratio.mean(axis=1, keepdims=True) > _PLAIN

@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 Settings = Mapping[str, Mapping[str, float]]
 
 _MOST_FOLDS = 5
+_HARDLY = 0.5  # of what goes where it was fitted: less elsewhere is said
 _STATES = ("u", "v", "w", "p", "q", "r")
 
 
@@ -63,6 +64,13 @@ def closure(
     wrench = whole.share(interval)
     if wrench.G < 0 and len(parts) >= 1:
         notes.append("it makes matters worse where it was not fitted: it does not transfer")
+    elif kept:
+        inside = misfit(used, effects, fitted.settings).share(interval)
+        if wrench.hi < _HARDLY * inside.lo:
+            notes.append(
+                f"it removes {100 * inside.G:.0f} % where it was fitted and {100 * wrench.G:.0f} % elsewhere: "
+                "it hardly transfers"
+            )
     reach = float(norm.ppf((1 + interval) / 2))
     settings: dict[str, dict[str, Interval]] = {}
     units = {e.id: {n: p.unit for n, p in e.parameters.items()} for e in effects}
@@ -229,7 +237,7 @@ def verdict(
     words.append("; " + _name(which))
     if closures and np.isfinite(closures[0].wrench.G):
         words.append(
-            f"; adding {_it(which, closures[0])} removes {100 * closures[0].wrench.G:.0f} % on manoeuvres "
+            f"; adding {_it(which, closures[0])} removes {100 * min(closures[0].wrench.G, 1.0):.0f} % on manoeuvres "
             "that were not used"
         )
     if closures and closures[0].consequence.get("matters"):

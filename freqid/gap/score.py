@@ -67,9 +67,9 @@ def closure(
     elif kept:
         inside = misfit(used, effects, fitted.settings).share(interval)
         if wrench.hi < _HARDLY * inside.lo:
+            there, here = 100 * inside.G, 100 * wrench.G
             notes.append(
-                f"it removes {100 * inside.G:.0f} % where it was fitted and {100 * wrench.G:.0f} % elsewhere: "
-                "it hardly transfers"
+                f"it removes {there:.0f} % where it was fitted and {here:.0f} % elsewhere: it hardly transfers"
             )
     reach = float(norm.ppf((1 + interval) / 2))
     settings: dict[str, dict[str, Interval]] = {}

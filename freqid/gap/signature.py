@@ -8,11 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.channels import COEFFICIENT, WRENCH
+from freqid.core.frames import cross
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.vehicle import Vehicle
 from freqid.gap.replay import Replay
 from freqid.gap.residual import Histories, measured_part
 from freqid.gap.simulation import Simulation
+from freqid.simulate.effects.along import centre
 from freqid.simulate.effects.effect import Effect, Parameter
 
 Array = NDArray[np.float64]
@@ -324,7 +327,30 @@ def _loaded(trial: Trial, vehicle: Vehicle) -> Histories:
     measured = measured_part(
         Maneuver(trial.maneuver.record, vehicle), trial.simulation.responses, tuple(trial.positions)
     )
-    return trial.measured - measured
+    return trial.measured - measured - trial.rows(_transferred(trial, vehicle))
+
+
+def _transferred(trial: Trial, vehicle: Vehicle) -> Array:
+    """Return what the simulation's forces add to its moments about the centre of gravity of a vehicle.
+
+    Moments of the truth are about its own centre of gravity, those of the simulation about the stated one.
+    """
+    record, stated = trial.maneuver.record, trial.maneuver.vehicle
+    responses, found = trial.simulation.responses, np.zeros_like(trial.predicted)
+    shift = centre(record, vehicle) - centre(record, stated)
+    span, chord = vehicle.span_m or 1.0, vehicle.chord_m or 1.0
+    for forces, moments, lengths in (
+        (WRENCH[:3], WRENCH[3:], (1.0, 1.0, 1.0)),
+        (tuple(COEFFICIENT)[:3], tuple(COEFFICIENT)[3:], (span, chord, span)),
+    ):
+        rows = [
+            trial.predicted[responses.index(n)] if n in responses else np.zeros(record.time.size)
+            for n in forces
+        ]
+        for name, length, moment in zip(moments, lengths, cross(shift, np.array(rows)), strict=True):
+            if name in responses and f"response/{name}" not in record:
+                found[responses.index(name)] = moment / length
+    return found
 
 
 def _felt(hook, values: dict[str, float], record: FlightRecord, kinds: dict[str, str]) -> dict[str, Array]:

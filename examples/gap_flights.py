@@ -11,7 +11,7 @@ from pathlib import Path
 
 from linear_record import DERIVATIVES, fly
 
-LOSS = 0.25
+LOSS = 0.5
 """Share of the elevator's deflection that the air does not feel."""
 
 

@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 Settings = Mapping[str, Mapping[str, float]]
 
 _MOST_FOLDS = 5
+_ITSELF = "scored on the manoeuvre that it was fitted to, for there is no other"
 _HARDLY = 0.5  # of what goes where it was fitted: less elsewhere is said
 _STATES = ("u", "v", "w", "p", "q", "r")
 
@@ -59,7 +60,7 @@ def closure(
         notes.append("manoeuvres took turns in being held out")
     else:
         parts, shown, held = [misfit(used, effects, fitted.settings)], used, names
-        notes.append("scored on the manoeuvre that it was fitted to, for there is no other")
+        notes.append(_ITSELF)
     whole = Misfit.pooled(parts)
     wrench = whole.share(interval)
     if wrench.G < 0 and len(parts) >= 1:
@@ -69,7 +70,7 @@ def closure(
         if wrench.hi < _HARDLY * inside.lo:
             there, here = 100 * inside.G, 100 * wrench.G
             notes.append(
-                f"it removes {there:.0f} % where it was fitted and {here:.0f} % elsewhere: it hardly transfers"
+                f"it removes {there:.0f} % where it was fitted, {here:.0f} % elsewhere: it hardly transfers"
             )
     reach = float(norm.ppf((1 + interval) / 2))
     settings: dict[str, dict[str, Interval]] = {}
@@ -236,10 +237,10 @@ def verdict(
             words.append(f", coherent with {place.input}")
     words.append("; " + _name(which))
     if closures and np.isfinite(closures[0].wrench.G):
-        words.append(
-            f"; adding {_it(which, closures[0])} removes {100 * min(closures[0].wrench.G, 1.0):.0f} % on manoeuvres "
-            "that were not used"
-        )
+        gone = 100 * min(closures[0].wrench.G, 1.0)
+        itself = _ITSELF in closures[0].note
+        there = "the manoeuvre that it was fitted to" if itself else "manoeuvres that were not used"
+        words.append(f"; adding {_it(which, closures[0])} removes {gone:.0f} % on {there}")
     if closures and closures[0].consequence.get("matters"):
         it = _it(which, closures[0])
         words.append("; " + ("" if it == "it" else f"with {it} ") + closures[0].consequence["sentence"])

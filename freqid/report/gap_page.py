@@ -252,8 +252,8 @@ def _before_after(result: GapResult) -> list[Picture]:
                 gap_figures.before_after_frequency(one, rows),
                 f"frequency{k}",
                 f"{name}, {scored}: what is left before and after over frequency",
-                f"{name}, {scored}: what is left on each line. Blue dots inside the noise: {added} "
-                "explains all that can be seen there.",
+                f"{name}, {scored}: what is left on each line. Where blue dots stay inside the "
+                f"noise, {added} explains all that can be seen.",
             )
         )
     return pictures

@@ -234,10 +234,14 @@ def _shake(gram: Array, across: Array, inner: Array, draws: int, seed: int) -> N
     rng = np.random.default_rng([seed, 7])
     size = rng.standard_normal((len(inner), draws))
     # products of every column with `alone`, in the metric: across minus what is integrated over
-    left = across - (inner - np.eye(len(inner))) @ cho_solve(cho_factor(inner), across)
-    kept = gram.shape[0] - draws
+    alone = inner - np.eye(len(inner))
+    solved = cho_solve(cho_factor(inner), np.concatenate([across, alone], axis=1))
+    left = np.concatenate([across, alone], axis=1) - alone @ solved
+    kept, count = gram.shape[0] - draws, gram.shape[0]
     gram[:kept, kept:] += left[:, :kept].T @ size
     gram[kept:, :kept] = gram[:kept, kept:].T
+    both = left[:, kept:count].T @ size
+    gram[kept:, kept:] += both + both.T + size.T @ left[:, count:] @ size
 
 
 def _inverse_root(gram: Array) -> Array:

@@ -22,6 +22,8 @@ Values = Mapping[str, Mapping[str, float]]
 _ROUNDS = 6
 _SETTLED = 0.02  # standard errors
 _WIDE = 10.0  # times what is expected of a parameter: a refit goes where the data send it
+_CHANGE = "change"
+_GENEROUS = 3.0  # times what is expected of a parameter
 _STEP = 0.1  # of a parameter's scale, of differences
 _UNKNOWN = (
     0.7  # of what was expected beforehand: a parameter that data do not narrow further is not determined
@@ -107,12 +109,15 @@ def changes(compared: Compared, effects: Sequence[Effect], settings: Values) -> 
 
 @dataclass(frozen=True, eq=False)
 class Misfit:
-    """Whitened squared residual on the lines of some manoeuvres, tolerances refitted, before and after.
+    """Whitened squared residual of some manoeuvres, tolerances refitted, before and after effects are added.
+
+    Along the directions that any candidate can move, so that a gap is not lost among the thousands of
+    lines that hold noise alone: with all of them a gap below some hundreds in ``s^T S^-1 s`` would be undefined.
 
     Attributes
     ----------
     count : int
-        White numbers.
+        Directions.
     before, after : float
         Sums over them.
     null : ndarray, shape (draw,)
@@ -169,10 +174,35 @@ def misfit(compared: Sequence[Compared], effects: Sequence[Effect], settings: Va
         Of a `Refit`.
     """
     made_here = [changes(c, effects, settings) for c in compared]
-    evidence = evidence_of(compared, changes=[(0 * z, {"change": z}) for z in made_here])
-    before, shift, size = (float(evidence.metric[at]) for at in ((0, 0), (0, 1), (1, 1)))
-    across = 2 * evidence.null_products(1)
-    return Misfit(evidence.rows, before, before + size - 2 * shift, evidence.null_energy, across)
+    named = [(0 * z, {_CHANGE: z, **c.signatures}) for c, z in zip(compared, made_here, strict=True)]
+    ids = {e.id for e in effects}
+    sources = [s for name, s in compared[0].sources.items() if name.partition(":")[0] in ids]
+    evidence = evidence_of(
+        compared, changes=named, sources={_CHANGE: tuple(dict.fromkeys(n for s in sources for n in s))}
+    )
+    last = 1 + len(evidence.signatures)
+    gram = evidence.metric[1:last, 1:last]
+    expected = np.array([_expected(compared[0], name) for name in evidence.signatures])
+    # onto directions in the metric, each as far as it may be expected to be moved
+    lengths, directions = np.linalg.eigh(expected[:, None] * gram * expected)
+    onto = (directions / np.sqrt(1 + np.maximum(lengths, 0.0))).T * expected
+    data = onto @ evidence.metric[1:last, 0]
+    change = onto @ gram[:, evidence.signatures.index(_CHANGE)]
+    null = onto @ np.array([evidence.null_products(k) for k in range(1, last)])
+    return Misfit(
+        count=int((lengths > 1).sum()),
+        before=float(data @ data),
+        after=float((data - change) @ (data - change)),
+        null=(null**2).sum(axis=0),
+        across=2 * change @ null,
+    )
+
+
+def _expected(compared: Compared, name: str) -> float:
+    """Return by how much a candidate's parameter may be off, generously; the change itself by its all."""
+    if name == _CHANGE:
+        return 1.0
+    return _GENEROUS * compared.scales[name]
 
 
 def _about(

@@ -9,13 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.channels import STATE
 from freqid.core.record import Maneuver
 from freqid.gap.evidence import Evidence, gather
 from freqid.gap.lines import Lines, lines_of
 from freqid.gap.noise import Noise, Shared, draws, noise_of, noisy_channels, quiet, shared_noise
 from freqid.gap.residual import Histories, Row, measured_part, simulated_part
-from freqid.gap.signature import Trial, signature, sources_of, untestable
+from freqid.gap.signature import GIVEN, Trial, signature, sources_of, untestable
 from freqid.gap.simulation import Simulation
 from freqid.gap.tolerance import DYNAMICS, OF_EFFECT, tolerances
 from freqid.simulate.effects.effect import Effect
@@ -52,6 +51,8 @@ class Compared:
         Noise that the residual has in common with what is computed from the record.
     sources : dict of tuple of str
         Channels that a signature is computed from, by ``effect:parameter``.
+    scales : dict of float
+        What is expected of a parameter before any data, by ``effect:parameter``.
     not_tested : dict of str
         Why, by effect.
     """
@@ -69,6 +70,7 @@ class Compared:
     draws: Complex
     shared: Shared
     sources: dict[str, tuple[str, ...]]
+    scales: dict[str, float]
     not_tested: dict[str, str]
 
     @property
@@ -134,12 +136,13 @@ def compare(
     lines = lines_of(record, band_hz)
     z = lines.transform(measured - simulated_part(measured, predicted, positions))
     expected = {f"effector/{n}": x for n, x in positions.items()}
-    expected |= {f"state/{n}": x for n, x in zip(simulation.responses, predicted, strict=True) if n in STATE}
+    for name, row in zip(simulation.responses, predicted, strict=True):
+        expected[f"response/{name}" if f"response/{name}" in record else f"state/{name}"] = row
     quieted = quiet(record, noisy_channels(record), expected)
     trial = Trial.of(simulation, Maneuver(quieted.record, maneuver.vehicle))
     own_noise, added = draws(simulation, maneuver, lines, measured, predicted, quieted.sigma, count, seed)
     noise = noise_of(maneuver, lines, measured, z, own_noise, quieted.sigma)
-    not_tested, signatures, sources = {}, {}, {}
+    not_tested, signatures, sources, scales = {}, {}, {}, {}
     for effect in (e.of(maneuver.vehicle) for e in library.values()):
         reason = untestable(effect, trial)
         if reason:
@@ -147,6 +150,7 @@ def compare(
             continue
         for name, change in signature(effect, trial).items():
             signatures[f"{effect.id}:{name}"] = lines.transform(change)
+            scales[f"{effect.id}:{name}"] = effect.parameters[name.partition(GIVEN)[0]].scale
             sources[f"{effect.id}:{name}"] = sources_of(effect, trial, name)
     allowed = tolerances(trial, library, sizes)
     return Compared(
@@ -163,6 +167,7 @@ def compare(
         draws=own_noise / np.sqrt(noise.sensor_share),
         shared=shared_noise(quieted, lines, noise, own_noise, added),
         sources=sources,
+        scales=scales,
         not_tested=not_tested,
     )
 
@@ -171,6 +176,7 @@ def evidence_of(
     compared: Sequence[Compared],
     *,
     changes: Sequence[tuple[Complex, Mapping[str, Complex]]] | None = None,
+    sources: Mapping[str, tuple[str, ...]] | None = None,
     seed: int = 0,
 ) -> Evidence:
     """Reduce manoeuvres to the inner products of their white columns.
@@ -180,6 +186,8 @@ def evidence_of(
     compared : sequence of Compared
     changes : sequence of tuple, optional
         For each manoeuvre what is taken from its residual, and columns by name in place of its signatures.
+    sources : dict of tuple of str, optional
+        Channels that columns beside the signatures are computed from, by name.
     seed : int
         Of the tolerances in the null draws.
     """
@@ -194,20 +202,23 @@ def evidence_of(
     names = (*signatures, *common)
     shared = []
     for c, (_, columns) in zip(compared, taken, strict=True):
-        extra = _attenuation(c, {**columns, **c.common})
-        own = np.array(list(_attenuation(c, c.own).values()))
+        extra = _attenuation(c, {**columns, **c.common}, sources or {})
+        own = np.array(list(_attenuation(c, c.own, {}).values()))
         shared.append((np.array([extra.get(name, 0.0) for name in names]), own))
     alone = [c.white_own for c in compared]
     return gather(white, alone, signatures, common, shared, len(white[0]["draws"]), seed)
 
 
-def _attenuation(compared: Compared, columns: Mapping[str, Complex]) -> dict[str, float]:
+def _attenuation(
+    compared: Compared, columns: Mapping[str, Complex], sources: Mapping[str, tuple[str, ...]]
+) -> dict[str, float]:
     """Return what noise adds to the products of columns with the residual, by name."""
     groups: dict[tuple[str, ...], list[str]] = {}
     for name in columns:
         kind = name.partition(":")[0]
         usual = () if kind == DYNAMICS else compared.trial.inputs  # actuators follow commands: no noise
-        source = compared.sources.get(name.removeprefix(OF_EFFECT), usual)
+        known = {**compared.sources, **sources}
+        source = known.get(name.removeprefix(OF_EFFECT), usual)
         groups.setdefault(source, []).append(name)
     found: dict[str, float] = {}
     for channels, names in groups.items():

@@ -252,6 +252,8 @@ def sources_of(effect: Effect, trial: Trial, name: str) -> tuple[str, ...]:
         parameter = effect.parameters[name.partition(GIVEN)[0]]
         after = effect.distort({**in_force_of(effect, trial.simulation), name: parameter.scale}, record)
         changed = tuple(n for n in record.channels if not np.array_equal(after[n], record[n]))
+        if effect.stage == "environment":  # through the attitude
+            return tuple(f"state/{n}" for n in ("phi", "theta", "psi"))
         turned = tuple(f"d/dt {n}" for n in changed)
         return (*changed, *turned, *(rates if set(felt) & set(changed) else ()))
     return trial.inputs

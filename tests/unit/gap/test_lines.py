@@ -1,0 +1,112 @@
+"""Lines, whose they are, and what a transform on them leaves of noise, trends and ends."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from linear_flight import DT, fly
+from scipy.stats import chi2
+
+from freqid.gap.lines import MOST_LINES, lines_of
+from freqid.gap.residual import Histories, Row
+
+BAND = (0.05, 2.0)
+
+
+def rows(direct, momentum=None):
+    direct = np.atleast_2d(direct)
+    made = tuple(Row(f"r{i}", "N", "response") for i in range(len(direct)))
+    return Histories(made, direct, np.zeros_like(direct) if momentum is None else np.atleast_2d(momentum))
+
+
+@pytest.fixture(scope="module")
+def lines():
+    return lines_of(fly(duration=20.0).record, BAND)
+
+
+def test_a_line_belongs_to_the_signal_that_drives_it(lines):
+    k = np.rint(20 * lines.hz).astype(int)
+    assert lines.hz * 20 == pytest.approx(k)
+    assert (k[0], k[-1]) == (2, 40)
+    assert lines.inputs == ("d1", "d2")
+    driven = k < 40
+    expected = np.where(k % 3 == 2, 0, np.where(k % 3 == 0, 1, -1))
+    assert (lines.owner[driven] == expected[driven]).all()
+    assert (lines.excited == (lines.owner >= 0)).all()
+
+
+def test_of_two_periods_every_second_line_is_driven_by_nothing():
+    lines = lines_of(fly(duration=20.0, period=10.0).record, BAND)
+    k = np.rint(20 * lines.hz).astype(int)
+    assert not lines.excited[k % 2 == 1].any()
+    driven = lines.excited[(k % 2 == 0) & (k < 40)]
+    assert driven.sum() == np.isin(k // 2 % 3, (0, 2))[(k % 2 == 0) & (k < 40) & (k > 2)].sum()
+
+
+def test_where_nothing_is_injected_all_lines_count():
+    record = fly().record
+    channels = {n: c for n, c in record.channels.items() if not n.startswith("excitation/")}
+    lines = lines_of(replace(record, channels=channels), BAND)
+    assert (lines.owner == -1).all()
+    assert lines.excited.all()
+    assert lines.inputs == ()
+
+
+def test_a_long_record_keeps_its_driven_lines_before_others():
+    lines = lines_of(fly(duration=400.0, period=20.0).record, BAND)
+    k = np.rint(400 * lines.hz).astype(int)
+    driven = [20 * j for j in range(2, 40) if j % 3 != 1]
+    assert set(driven) <= set(k.tolist())
+    assert lines.hz.size <= MOST_LINES + len(driven)
+    assert (np.diff(lines.hz) > 0).all()
+    assert (lines.excited == np.isin(k, driven)).all()
+
+
+@pytest.mark.parametrize("of", ["direct", "momentum"])
+def test_straight_lines_leave_nothing(lines, of):
+    time = DT * np.arange(lines.samples)
+    wave = np.sin(2 * np.pi * time)  # for comparison
+    for values in (0 * time + 3.0, time):
+        made, usual = (lines.transform(rows(x) if of == "direct" else rows(0 * x, x)) for x in (values, wave))
+        assert np.abs(made).max() < 1e-8 * np.abs(usual).max()
+
+
+def test_errors_of_the_first_and_the_last_sample_hardly_count(lines):
+    """By parts either stands in every line, whole: one over the root of the duration."""
+    for at in (0, -1):
+        spike = np.zeros(lines.samples)
+        spike[at] = 1.0
+        assert np.abs(lines.transform(rows(0 * spike, spike))).max() < 0.1 / np.sqrt(20)
+
+
+def test_a_derivative_is_the_transform_of_the_differentiated_history(lines):
+    time = DT * np.arange(lines.samples)
+    wave, slope = np.zeros((2, time.size))
+    for k, phase in ((3, 0.3), (17, 1.0), (31, 2.0)):
+        omega = 2 * np.pi * k / 20
+        wave += np.sin(omega * time + phase)
+        slope += omega * np.cos(omega * time + phase)
+    one, other = lines.transform(rows(0 * wave, wave)), lines.transform(rows(slope))
+    assert np.abs(one - other).max() < 1e-4 * np.abs(other).max()
+
+
+def test_a_sine_shows_on_its_line_with_half_its_amplitude_times_the_root_of_the_duration(lines):
+    time = DT * np.arange(lines.samples)
+    found = lines.spectrum(2.0 * np.cos(2 * np.pi * 21 / 20 * time))
+    at = np.rint(20 * lines.hz) == 21
+    assert np.abs(found[at][0]) == pytest.approx(np.sqrt(20), rel=1e-3)
+
+
+def test_white_noise_has_the_density_of_its_variance_times_the_sampling_interval(lines):
+    sigma, draws = 0.3, 400
+    noise = sigma * np.random.default_rng(2).standard_normal((draws, lines.samples))
+    for found in (lines.spectrum(noise), lines.transform(rows(noise))):
+        energy = np.sum(np.abs(found) ** 2) / (sigma**2 * DT)
+        # trends and ends take the equivalent of a few of the lines' real numbers away
+        freedom = 2 * draws * lines.hz.size
+        assert chi2.ppf(1e-4, freedom - 8 * draws) < 2 * energy < chi2.isf(1e-4, freedom)
+    above = found[:, lines.hz > 0.5]
+    energy = 2 * np.sum(np.abs(above) ** 2) / (sigma**2 * DT)
+    assert energy / (2 * above.size) == pytest.approx(1, abs=0.03)

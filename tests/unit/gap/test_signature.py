@@ -1,0 +1,206 @@
+"""Signatures beside flights of aircraft that have the effect: what is measured is what is said."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from linear_flight import DT, LIBRARY, OWN, SLOPES, Linear, Truth, effect, fly
+
+from freqid.core.record import Maneuver
+from freqid.gap.lines import lines_of
+from freqid.gap.residual import residual
+from freqid.gap.signature import Trial, made, route_of, signature, sources_of, untestable, without
+from freqid.gap.together import together
+from freqid.simulate.effects.effect import Parameter
+
+
+def stiffer(extra):
+    slopes = SLOPES.copy()
+    slopes[2, 2] *= 1 + extra
+    return Truth(slopes=tuple(map(tuple, slopes.tolist())))
+
+
+def with_gyro(scale):
+    flown = fly()
+    return Maneuver(LIBRARY["gyro"].distort({"scale": scale}, flown.record), flown.vehicle)
+
+
+CASES = {  # effect, its size, a flight that has it, and how exact a first-order statement of it is
+    "worn": (LIBRARY["worn"], 0.07, lambda: fly(Truth(loss=0.07)), 1e-6),
+    "late": (LIBRARY["late"], 0.005, lambda: fly(Truth(late=0.005)), 0.04),
+    "heavy": (LIBRARY["heavy"], 0.03, lambda: fly(Truth(mass=10.3)), 1e-6),
+    "gyro": (LIBRARY["gyro"], 0.03, lambda: with_gyro(0.03), 0.04),
+    "drag": (LIBRARY["drag"], 0.4, lambda: fly(Truth(drag=0.4)), 1e-6),
+    "damping": (OWN, 0.1, lambda: fly(stiffer(0.1)), 1e-6),
+}
+HAS_IT = Linear(effects={"damping": {"extra": 0.0}})
+
+
+def on_lines(maneuver, histories):
+    return lines_of(maneuver.record, (0.05, 2.0)).transform(histories)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_residual_is_size_times_signature(name):
+    effect, size, flown, exact = CASES[name]
+    maneuver = flown()
+    trial = Trial.of(HAS_IT, maneuver)
+    measured = on_lines(maneuver, residual(HAS_IT, maneuver))
+    perfect = on_lines(fly(), residual(HAS_IT, fly()))
+    ((parameter, column),) = signature(effect, trial).items()
+    linear = size * on_lines(maneuver, column)
+    full = on_lines(maneuver, made(effect, trial, {parameter: size}))
+    for row, z in enumerate(measured):
+        # what integration and interpolation leave of a perfect simulation's residual is no gap
+        floor = 3 * np.linalg.norm(perfect[row])
+        assert np.linalg.norm(z - linear[row]) <= exact * np.linalg.norm(z) + floor
+        assert np.linalg.norm(z - full[row]) <= exact * np.linalg.norm(z) + floor
+    strongest = np.argmax(np.linalg.norm(measured, axis=1) / (np.linalg.norm(perfect, axis=1) + 1e-9))
+    assert np.linalg.norm(measured[strongest]) > 20 * np.linalg.norm(perfect[strongest])
+
+
+@pytest.mark.parametrize(
+    ("name", "route"),
+    [
+        ("worn", "feel"),
+        ("late", "act"),
+        ("heavy", "load"),
+        ("gyro", "distort"),
+        ("drag", "replay"),
+        ("damping", "own"),
+    ],
+)
+def test_each_takes_its_own_route(name, route):
+    assert route_of(CASES[name][0], HAS_IT) == route
+
+
+def test_each_shows_where_it_acts():
+    maneuver = fly()
+    trial = Trial.of(HAS_IT, maneuver)
+    for name, rows in (
+        ("worn", {"Z", "M"}),
+        ("late", {"actuator/d1", "actuator/d2"}),
+        ("heavy", {"X", "Z"}),
+        ("gyro", {"Z", "M", "kinematic/u", "kinematic/w", "kinematic/theta"}),
+        ("drag", {"X"}),
+        ("damping", {"M"}),
+    ):
+        ((_, column),) = signature(CASES[name][0], trial).items()
+        moved = (column.direct.any(axis=1)) | (column.momentum.any(axis=1))
+        assert {r.name for r, m in zip(column.rows, moved, strict=True) if m} == rows, name
+
+
+def test_signs_are_those_of_measured_less_simulated():
+    record = fly().record
+    trial = Trial.of(HAS_IT, fly())
+    at = {row.name: i for i, row in enumerate(trial.measured.rows)}
+
+    def column(name):
+        ((_, found),) = signature(CASES[name][0], trial).items()
+        return found
+
+    assert column("worn").direct[at["M"]] == pytest.approx(40.0 * record["effector/d1"])
+    assert column("heavy").direct[at["Z"]] == pytest.approx(-10.0 * record["state/az"])
+    assert column("drag").direct[at["X"]] == pytest.approx(-(record["state/u"] - 20.0))
+    assert column("gyro").momentum[at["M"]] == pytest.approx(2.0 * record["state/q"])
+    assert column("gyro").direct[at["M"]] == pytest.approx(8.0 * record["state/q"])
+    assert column("damping").direct[at["M"]] == pytest.approx(-8.0 * record["state/q"])
+    rate = np.gradient(trial.positions["d1"], DT)
+    late = column("late").direct[at["actuator/d1"]]
+    assert np.corrcoef(late, -rate)[0, 1] > 0.999
+
+
+def test_a_delay_moves_loads_where_the_simulation_has_no_actuators():
+    simulation = Linear(actuators=False)
+    trial = Trial.of(simulation, fly())
+    ((_, column),) = signature(LIBRARY["late"], trial).items()
+    record = trial.maneuver.record
+    rate = np.gradient(record["effector/d1"], DT), np.gradient(record["effector/d2"], DT)
+    expected = 40.0 * rate[0] + 8.0 * rate[1]
+    assert column.direct[2][50:-50] == pytest.approx(expected[50:-50], abs=0.05 * np.abs(expected).max())
+    assert sources_of(LIBRARY["late"], trial, "by") == trial.inputs
+
+
+def test_effects_between_command_and_airframe_follow_one_another():
+    trial = Trial.of(Linear(actuators=False), fly())
+    worn, late = LIBRARY["worn"], LIBRARY["late"]
+    both = together([late, worn], trial, {"late": {"by": 0.04}, "worn": {"share": 0.5}})
+    time = trial.maneuver.record.time
+    after = 0.5 * np.interp(time - 0.04, time, trial.maneuver.record["effector/d1"])
+    other = np.interp(time - 0.04, time, trial.maneuver.record["effector/d2"])
+    d1, d2 = after - trial.maneuver.record["effector/d1"], other - trial.maneuver.record["effector/d2"]
+    assert both.direct[2] == pytest.approx(-40.0 * d1 - 8.0 * d2, abs=1e-9)
+
+
+def test_a_log_without_an_effect_gives_the_log_with_it():
+    clean = fly(noise=1.0).record
+    for size in (0.03, -0.1):
+        settings = {"scale": size}
+        logged = LIBRARY["gyro"].distort(settings, clean)
+        found = without(LIBRARY["gyro"], settings, logged)
+        reach = np.abs(clean["state/q"]).max()
+        assert np.abs(found["state/q"] - clean["state/q"]).max() < 2 * abs(size) ** 4 * reach
+        assert (found["state/w"] == clean["state/w"]).all()
+    assert without(LIBRARY["worn"], {"share": 0.1}, clean) is clean
+
+
+def test_a_parameter_that_may_not_be_negative_is_stepped_to_one_side():
+    seen = []
+
+    def replayed(settings, replay):
+        seen.append(settings["size"])
+        return settings["size"] * np.ones((6, replay.record.time.size))
+
+    one = effect("one", "size", 0.2, replay=replayed)
+    one = replace(one, parameters={"size": replace(one.parameters["size"], low=0.0)})
+    ((_, column),) = signature(one, Trial.of(HAS_IT, fly())).items()
+    assert min(seen) >= 0
+    assert column.direct[:3] == pytest.approx(1.0)
+
+
+def test_a_size_is_told_at_two_places_where_its_place_says_nothing_while_it_is_zero():
+    def replayed(settings, replay):
+        found = np.zeros((6, replay.record.time.size))
+        found[2] = settings["size"] * np.maximum(replay.record["state/w"] - settings["onset"], 0.0)
+        return found
+
+    stall = replace(
+        effect("stall", "size", 1.0, replay=replayed),
+        parameters={"size": Parameter(0.0, "1", "", 1.0), "onset": Parameter(1.0, "m/s", "", 0.1, 0.0)},
+    )
+    trial = Trial.of(HAS_IT, fly())
+    found = signature(stall, trial)
+    assert set(found) == {"size", "size|onset=0.8", "size|onset=1.2"}
+    for name, onset in (("size", 1.0), ("size|onset=0.8", 0.8), ("size|onset=1.2", 1.2)):
+        expected = np.maximum(trial.maneuver.record["state/w"] - onset, 0.0)
+        assert found[name].direct[1] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(
+    ("needs", "missing"),
+    [
+        (("rotor",), "needs rotor"),
+        (("power",), "needs power"),
+        (("air/alpha",), "needs air/alpha"),
+        (("vehicle.span_m",), "needs vehicle.span_m"),
+        (("surface", "command", "state/q"), None),
+    ],
+)
+def test_what_is_missing_leaves_an_effect_untested(needs, missing):
+    reason = untestable(replace(LIBRARY["drag"], needs=needs), Trial.of(HAS_IT, fly()))
+    assert reason is None if missing is None else missing in (reason or "")
+
+
+def test_an_effect_without_a_hook_is_tested_where_the_simulation_has_it_alone():
+    assert untestable(OWN, Trial.of(HAS_IT, fly())) is None
+    assert "does not have it" in (untestable(OWN, Trial.of(Linear(), fly())) or "")
+
+
+def test_sources_are_the_channels_that_a_signature_is_computed_from():
+    trial = Trial.of(HAS_IT, fly())
+    assert sources_of(LIBRARY["late"], trial, "by") == ()
+    assert {"state/ax", "state/az"} <= set(sources_of(LIBRARY["heavy"], trial, "fraction"))
+    assert set(sources_of(LIBRARY["gyro"], trial, "scale")) == {"state/q", "d/dt state/q"}
+    assert sources_of(LIBRARY["drag"], trial, "factor") == trial.inputs

@@ -12,6 +12,7 @@ from freqid.gap.close import Refit
 from freqid.gap.consequence import Consequence
 from freqid.gap.diagnose import Findings
 from freqid.gap.score import verdict
+from freqid.gap.signature import in_force_of
 from freqid.gap.simulation import Simulation
 
 LEVEL = 0.9
@@ -69,6 +70,22 @@ def _of_vehicle(refit: Refit) -> Refit:
     )
 
 
+def _as_flown(simulation: Any, refit: Refit) -> dict[str, dict[str, float]]:
+    """Return the settings that a scenario would have to be flown with.
+
+    What is replayed beside a simulation comes on top of what that has in force; what the simulation
+    computes itself is in its own terms already.
+    """
+    found = {}
+    for effect in refit.effects:
+        base, force = in_force_of(effect, simulation), simulation.effects[effect.id]
+        found[effect.id] = {
+            name: force.get(name, 0.0) + value - base.get(name, 0.0)
+            for name, value in refit.settings[effect.id].items()
+        }
+    return found
+
+
 def _told(simulation: Any, reference: Any, refit: Refit) -> dict[str, Any]:
     from freqid.gap.scenario_consequence import consequence
 
@@ -77,7 +94,7 @@ def _told(simulation: Any, reference: Any, refit: Refit) -> dict[str, Any]:
             simulation.scenario,
             reference,
             {},
-            refit.settings,
+            _as_flown(simulation, refit),
             names=refit.names,
             covariance=refit.covariance,
             draws=_DRAWS,

@@ -83,6 +83,8 @@ class RecordedPredictions:
         """
         log, _ = self._of(record)
         names = [n for n in log.group("effector") if f"command/{n}" in record]
+        if not names:
+            return {}
         rows = self._on(record, [f"effector/{n}" for n in names])
         return {
             n: row

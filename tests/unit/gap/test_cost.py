@@ -71,6 +71,21 @@ def test_the_phase_margin_that_a_delay_takes_is_in_the_verdict(simulation, monke
     assert figure["before"] - figure["after"] == pytest.approx(lost, rel=1e-6)
 
 
+def test_what_is_found_beside_a_simulation_is_flown_on_top_of_what_it_has(simulation, monkeypatch):
+    """A replay that finds -0.95 of the gyroscopic moments says that they are not there in flight."""
+    asked = {}
+
+    def known(scenario, reference, before, after, **more):
+        asked.update(after)
+        return compare(condition(0.0), condition(0.0))
+
+    monkeypatch.setattr(scenario_consequence, "consequence", known)
+    one = findings(library()["gyroscopic"], names=(("gyroscopic", "strength"),))
+    fitted = replace(one.refits["x"], value=np.array([-0.95]))
+    with_cost(replace(one, refits={"x": fitted}), simulation)
+    assert asked["gyroscopic"]["strength"] == pytest.approx(0.05)
+
+
 def test_what_does_not_matter_is_not_in_the_verdict(simulation, monkeypatch):
     monkeypatch.setattr(
         scenario_consequence, "consequence", lambda *a, **k: compare(condition(0.0), condition(1e-3))

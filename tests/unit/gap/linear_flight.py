@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
@@ -47,9 +48,10 @@ def vehicle(mass: float = MASS) -> Vehicle:
     return Vehicle(name="linear", mass_properties=stated, effectors=surfaces)
 
 
-def commands(duration: float, period: float, seed: int) -> np.ndarray:
+def commands(duration: float, period: float, seed: int, late: float = 0.0) -> np.ndarray:
     """Return multisines from 0.1 to 2 Hz on lines of their own, every third one left to nobody."""
     rng, time = np.random.default_rng(seed), np.arange(round(duration / DT) + 1) * DT
+    time = np.maximum(time - late, 0.0)
     found = []
     for i in range(2):
         k = np.arange(2 + i, 2.0 * period, 3)
@@ -85,8 +87,7 @@ def motion(truth: Truth, duration: float, period: float, seed: int) -> dict[str,
     """Return noise-free channels of a flight: Runge-Kutta steps of the body-axis equations."""
     sent = commands(duration, period, seed)
     time = np.arange(sent.shape[1]) * DT
-    arrived = np.array([np.interp(time - truth.late, time, x) for x in sent]) if truth.late else sent
-    position = servo(arrived)
+    position = servo(commands(duration, period, seed, truth.late))
     slopes, drag = np.array(truth.slopes), truth.drag
 
     def loads(x, d):
@@ -200,7 +201,8 @@ def _feel(settings, signals, dt, kinds):
 
 def _act(settings, signals, dt, kinds):
     time = dt * np.arange(len(next(iter(signals.values()))))
-    return {n: np.interp(time - settings["by"], time, x) for n, x in signals.items()}
+    then = np.clip(time - settings["by"], 0.0, time[-1])
+    return {n: CubicSpline(time, x)(then) for n, x in signals.items()}
 
 
 def _load(settings, described):
@@ -211,7 +213,7 @@ def _load(settings, described):
     return changed(described, mass_properties=heavier)
 
 
-def _distort(settings, record):
+def distorted(settings, record):
     channel = record.channel("state/q")
     return record.with_channels(replace(channel, values=(1 + settings["scale"]) * channel.values))
 
@@ -232,7 +234,7 @@ LIBRARY = {
         effect("worn", "share", 0.1, feel=_feel),
         effect("late", "by", 0.02, "s", act=_act),
         effect("heavy", "fraction", 0.05, load=_load),
-        effect("gyro", "scale", 0.03, distort=_distort),
+        effect("gyro", "scale", 0.03, distort=distorted),
         effect("drag", "factor", 0.5, "N s/m", replay=_replay),
     )
 }

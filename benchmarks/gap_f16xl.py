@@ -84,11 +84,13 @@ def quasi_steady(data: FlightRecord) -> CallableSimulation:
     return CallableSimulation(steady, "quasi-steady", ("CZ",))
 
 
-def found(simulation: CallableSimulation, used: FlightRecord, kept: FlightRecord | None = None) -> Findings:
+def found(
+    simulation: CallableSimulation, used: FlightRecord, kept: FlightRecord | None = None, draws: int = 100
+) -> Findings:
     """Return the diagnosis with the closure of the lag."""
     effects = {**library(), **load_file(PROJECT / "examples" / f"{EFFECT}.py")}
     vehicle = without_vehicle("F-16XL model")
-    question = Question(effects, stated({}, effects), BAND_HZ, named=(EFFECT,), draws=100)
+    question = Question(effects, stated({}, effects), BAND_HZ, named=(EFFECT,), draws=draws)
     held = [Maneuver(kept, vehicle)] if kept else []
     return diagnose(simulation, [Maneuver(used, vehicle)], question, held_out=held)
 

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import lsim
+from scipy.signal import cont2discrete, lfilter, lsim
 
 from freqid.core.record import Channel, FlightRecord
 
@@ -20,12 +20,13 @@ RATE_HZ, PERIOD_S = 50.0, 20.0
 NOISE = 0.002  # rad/s
 # Short period: q/stick = K (s + 1/T) / (s^2 + 2 zeta omega s + omega^2)
 GAIN, LEAD, OMEGA, ZETA = 4.0, 1.2, 3.0, 0.6
+SHORT_PERIOD = ([GAIN, GAIN * LEAD], [1, 2 * ZETA * OMEGA, OMEGA**2])
 
 
 def pitch_rate(time, state, effector, air, parameters):
     """Return the pitch rate, rad/s, that the stick, rad, makes from rest."""
-    short_period = ([GAIN, GAIN * LEAD], [1, 2 * ZETA * OMEGA, OMEGA**2])
-    return {"q": lsim(short_period, effector["stick"], time - time[0])[1]}
+    b, a = cont2discrete(SHORT_PERIOD, time[1] - time[0], method="foh")[:2]  # type: ignore[arg-type]
+    return {"q": lfilter(b[0], a, effector["stick"])}
 
 
 pitch_rate.responses = ("q",)  # type: ignore[attr-defined]
@@ -45,7 +46,7 @@ def fly(seed: int, *, delay: float = DELAY_S, lag: float = LAG_S) -> FlightRecor
         return 0.01 * np.clip(at, 0.0, 1.0) * tones
 
     moved = lsim(([1], [lag, 1]), stick(time - delay), time)[1] if lag else stick(time - delay)
-    q = lsim(([GAIN, GAIN * LEAD], [1, 2 * ZETA * OMEGA, OMEGA**2]), moved, time)[1]
+    q = lsim(SHORT_PERIOD, moved, time)[1]
     kept = slice(None, None, fine)
     clock = time[kept]
     channels = {

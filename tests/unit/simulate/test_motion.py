@@ -255,3 +255,12 @@ def test_a_delay_that_is_longer_than_the_line_is_refused():
     )
     with pytest.raises(UsageError, match=r"a command is delayed by 0.18 s, at most 0.1 s can be"):
         motion.parameters(late)
+
+
+def test_a_delay_of_one_effector_alone_is_refused():
+    effects = {**SCENARIO.simulation.effects, "actuator_delay": {"de1": 0.01}}
+    late = msgspec.structs.replace(
+        SCENARIO, simulation=msgspec.structs.replace(SCENARIO.simulation, effects=effects)
+    )
+    with pytest.raises(UsageError, match="no delay of de1 alone"):
+        motion.parameters(late)

@@ -1,0 +1,48 @@
+"""Pitch rate from a stick: a delay and a lag that a simulation lacks are found and refitted."""
+
+import pytest
+
+from freqid.core.record import Maneuver
+from freqid.gap.connect.callable import CallableSimulation
+from freqid.gap.diagnose import Question, diagnose
+from freqid.gap.residual import without_vehicle
+from freqid.gap.tolerance import stated
+from freqid.simulate.effects import shipped
+
+EFFECTS = ("actuator_delay", "actuator_lag")
+
+
+@pytest.fixture(scope="module")
+def answer(script):
+    """Diagnose two flights of the example with some delay and lag, a third held out."""
+    example = script("examples/stick_to_pitch_rate.py")
+    simulation = CallableSimulation(example.pitch_rate, "pitch_rate", ("q",))
+
+    def of(delay, lag):
+        flights = [example.fly(seed, delay=delay, lag=lag) for seed in (1, 2, 3)]
+        maneuvers = [Maneuver.of(f, without_vehicle("any", f)) for f in flights]
+        library = {i: shipped()[i] for i in (*EFFECTS, "surface_effectiveness")}
+        question = Question(library, stated({}, shipped()), (0.1, 3.0), named=EFFECTS, draws=30)
+        return diagnose(simulation, maneuvers[:2], question, held_out=maneuvers[2:]).diagnosis
+
+    return of
+
+
+def test_a_delay_and_a_lag_together_are_closed_and_recovered(answer):
+    found = answer(0.07, 0.10)
+    both, delay, lag = found.how_far
+    assert found.gap.exists
+    assert {place.response for place in found.where} == {"q"}
+    assert both.effects == EFFECTS
+    assert both.wrench.G > 0.97
+    assert delay.wrench.G < lag.wrench.G < 0.95  # neither does it alone
+    for effect, truth in zip(EFFECTS, (0.07, 0.10), strict=True):
+        interval = next(x for x in both.settings[effect].values() if x.estimate)
+        assert interval.lo < truth < interval.hi, effect
+    assert both.rmse["q"].after < 0.15 * both.rmse["q"].before
+
+
+def test_without_them_there_is_no_gap(answer):
+    found = answer(0.0, 0.0)
+    assert not found.gap.exists
+    assert all(closure.wrench.G != closure.wrench.G for closure in found.how_far)  # nothing to close

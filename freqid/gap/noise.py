@@ -183,12 +183,17 @@ def draws(
     actuators = [row.name.partition("/")[2] for row in like.rows if row.kind == "actuator"]
     found = np.empty((count, len(like.rows), lines.hz.size), dtype=complex)
     noise = np.empty((count, len(sigma), lines.hz.size), dtype=complex)
+    # a log cannot be asked again, but what it was driven through held the sensors' noise
+    slopes = simulation.gradient(record, list(sigma)) if simulation.kind == "predictions" else None
     for k in range(count):
         added = {name: size * rng.standard_normal(record.time.size) for name, size in sigma.items()}
         channels = [replace(record.channel(n), values=record[n] + x) for n, x in added.items()]
         noisy = replace(maneuver, record=record.with_channels(*channels))
         change = measured_part(noisy, simulation.responses, actuators) - like
-        change.direct[: len(predicted)] -= simulation.predict(noisy.record) - predicted
+        if slopes is None:
+            change.direct[: len(predicted)] -= simulation.predict(noisy.record) - predicted
+        else:
+            change.direct[: len(predicted)] -= np.einsum("ijt,jt->it", slopes, np.array(list(added.values())))
         found[k] = lines.transform(change)
         noise[k] = lines.spectrum(np.array(list(added.values())))
     return found, noise
@@ -273,14 +278,18 @@ def _unexplained(
     # a state is the answer to all that its inputs did before: to delays and lags of them too
     late = np.concatenate([columns["response"], *(omega**k * effectors for k in (1, 2, 3))])
     left, freedom = np.empty(residual.shape), np.empty(len(like.rows))
+    # residuals are without trends and ends, motions are not: so these go with the columns
+    without = lines.taken_out
     for i, row in enumerate(like.rows):
         if row.kind == "response" and row.name in STATE:
-            left[i], freedom[i] = _left(residual[i], late)
+            left[i], freedom[i] = _left(residual[i], np.concatenate([late, without]))
             continue
         if row.kind == "actuator":
-            sent = spectra([f"command/{row.name.partition('/')[2]}"])
-            columns["actuator"] = np.concatenate([sent, omega * sent, omega**2 * sent])
-        left[i], freedom[i] = _left(residual[i], columns[row.kind])
+            name = row.name.partition("/")[2]
+            # a delay or a lag makes next to a straight line of the rate of what is reached, a gain of itself
+            both = np.concatenate([spectra([f"command/{name}"]), spectra([f"effector/{name}"])])
+            columns["actuator"] = np.concatenate([both, omega * both, omega**2 * both])
+        left[i], freedom[i] = _left(residual[i], np.concatenate([columns[row.kind], without]))
     return left, freedom
 
 

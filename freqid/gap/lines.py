@@ -78,6 +78,12 @@ class Lines:
         half = self.hz.size
         return stacked[:, :half] + 1j * stacked[:, half:]
 
+    @property
+    def taken_out(self) -> Complex:
+        """What `transform` leaves nothing of, orthonormal with real coefficients, shape (column, line)."""
+        basis = _nuisance(self.samples, self.dt, tuple(self.hz)).T
+        return basis[:, : self.hz.size] + 1j * basis[:, self.hz.size :]
+
     def _scaled(self, z: Complex, shape: tuple[int, ...]) -> Complex:
         return z.reshape(*shape[:-1], self.hz.size) / np.sqrt(self.dt * (self.samples - 1))
 

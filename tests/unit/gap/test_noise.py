@@ -1,0 +1,140 @@
+"""Noise: found in records, drawn, made white, told from turbulence; and what signatures share of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from linear_flight import DT, LIBRARY, SIGMA, SIZES, SLOPES, Linear, Truth, effect, fly
+from scipy.signal import lfilter
+from scipy.stats import chi2
+
+from freqid.gap.compare import compare
+from freqid.gap.noise import noisy_channels, sensor_noise
+from freqid.gap.residual import residual
+
+BAND = (0.1, 2.0)
+NULLS = 12
+
+
+def compared(maneuver, library=None, count=80, seed=0):
+    return compare(Linear(), maneuver, library or {}, SIZES, BAND, count=count, seed=seed)
+
+
+@pytest.mark.parametrize("noise", [1.0, 4.0])
+def test_noise_of_each_sensor_is_found(noise):
+    record = fly(noise=noise, duration=60.0, seed=5).record
+    found = sensor_noise(record, noisy_channels(record))
+    assert set(found) == set(SIGMA)
+    for name, sigma in found.items():
+        # a white spectrum's level over 600 lines or more: twice as many real numbers, 4 of their sigma
+        assert sigma == pytest.approx(noise * SIGMA[name], rel=4 / np.sqrt(2 * 1200)), name
+
+
+@pytest.fixture(scope="module")
+def nulls():
+    return [
+        compared(fly(noise=1.0, seed=s, duration=40.0, phases=1 + s % 4), LIBRARY, seed=s)
+        for s in range(NULLS)
+    ]
+
+
+def test_noise_of_flights_is_white_in_the_metric_of_draws(nulls):
+    energy = sum(float((c.white(c.residual) ** 2).sum()) for c in nulls)
+    freedom = sum(2 * c.residual.size for c in nulls)
+    spread = 4 * np.sqrt(2 / freedom)
+    # rows whose noise turns with frequency are averaged over neighbours, which errs to the large side
+    assert 0.92 - spread < energy / freedom < 1 + spread
+    for c in nulls[:3]:
+        drawn = float((c.white_draws**2).mean())
+        assert 0.9 < drawn < 1.01
+
+
+def test_every_response_and_actuator_has_the_noise_that_is_said(nulls):
+    rows = [r.name for r in nulls[0].rows if r.kind != "kinematic"]
+    for i, name in enumerate(rows):
+        said = np.array([c.noise.covariance[:, i, i].real for c in nulls])
+        found = np.array([np.abs(c.residual[i]) ** 2 for c in nulls])
+        energy = 2 * float((found / said).sum())
+        freedom = 2 * found.size
+        # trends and ends take up to six of each flight's real numbers
+        assert chi2.ppf(1e-4, freedom - 6 * NULLS) < energy < chi2.isf(1e-4, freedom), name
+
+
+def test_noise_is_that_of_the_formulas(nulls):
+    """Force: mass times the accelerometer and slopes times states; moment: the derivative of momentum."""
+    c = nulls[0]
+    omega = 2 * np.pi * c.lines.hz
+    s = {n.partition("/")[2]: x for n, x in SIGMA.items()}
+    states = np.array([s["u"], s["w"], s["q"], s["d1"], s["d2"]])
+    force = (10.0 * s["az"]) ** 2 + np.square(SLOPES[1] * states).sum()
+    assert np.median(c.noise.covariance[:, 1, 1].real) == pytest.approx(DT * force, rel=0.1)
+    moment = (2.0 * omega * s["q"]) ** 2 + np.square(SLOPES[2] * states).sum()
+    inside = slice(12, -12)
+    assert c.noise.covariance[inside, 2, 2].real == pytest.approx(DT * moment[inside], rel=0.2)
+
+
+def test_turbulence_is_noise_that_is_stronger_than_the_sensors():
+    """Loads that no motion and no control explains, coloured: the row's noise grows by them, smoothly."""
+    rng = np.random.default_rng(8)
+    maneuver = fly(noise=1.0, duration=60.0, seed=2)
+    size = maneuver.record.time.size
+    gust = lfilter([1 - 0.97], [1, -0.97], rng.standard_normal(size + 500))[500:]
+    gust *= 0.3 / gust.std()  # m/s2
+    calm = compared(maneuver)
+    windy = fly(noise=1.0, duration=60.0, seed=2, add={"state/az": gust})
+    rough = compared(windy)
+    at = [r.name for r in calm.rows].index("Z")
+    assert calm.noise.sensor_share[at].min() > 0.99
+    low, high = (rough.lines.hz < 0.5), (rough.lines.hz > 1.5)
+    level = np.abs(rough.lines.spectrum(10.0 * gust[None])[0]) ** 2  # ten times the mass is the force
+    for part in (low, high):
+        said = rough.noise.covariance[part, at, at].real
+        assert said.mean() == pytest.approx(level[part].mean(), rel=0.3)
+    assert rough.noise.sensor_share[at][low].mean() < rough.noise.sensor_share[at][high].mean()
+
+
+@pytest.mark.parametrize(
+    "truth", [Truth(loss=0.3), Truth(mass=11.0), Truth(drag=1.0), Truth(late=0.03)], ids=lambda t: str(t)[:24]
+)
+def test_a_gap_that_acts_through_the_motion_is_not_taken_for_noise(truth):
+    found = compared(fly(truth, noise=1.0, duration=40.0, seed=3))
+    assert found.noise.sensor_share.min() > 0.5
+    assert (found.white(found.residual) ** 2).mean() > 3
+
+
+SHARING = {
+    # scale on what enters through the accelerometers, and on a channel that the simulation is fed with
+    "heavy": LIBRARY["heavy"],
+    "gyro": LIBRARY["gyro"],
+    "drag": LIBRARY["drag"],
+    "lift": effect(
+        "lift", "factor", 0.1, replay=lambda s, r: s["factor"] * np.eye(6)[2][:, None] * r.record["state/w"]
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def shared():
+    """Return, by effect, products of signature and residual over seeds, and what is said of their mean."""
+    found = {name: ([], [], []) for name in SHARING}
+    perfect = residual(Linear(), fly())  # what quadrature leaves, which is no noise
+    for seed in range(60):
+        c = compared(fly(noise=4.0, seed=100 + seed), SHARING, count=25, seed=seed)
+        y = c.white(c.residual - c.lines.transform(perfect))
+        for name in SHARING:
+            column = next(n for n in c.signatures if n.startswith(f"{name}:"))
+            z = c.signatures[column]
+            product, said, sigma = found[name]
+            x = c.white(z)
+            product.append(float(x @ y))
+            said.append(float(c.shared.attenuation(z[None], c.sources[column])[0]))
+            sigma.append(float(np.linalg.norm(x)))
+    return {name: tuple(np.array(x) for x in columns) for name, columns in found.items()}
+
+
+@pytest.mark.parametrize("name", SHARING)
+def test_what_signatures_share_of_the_noise_is_what_their_products_show(shared, name):
+    product, said, sigma = shared[name]
+    error = 3.3 * np.sqrt(np.mean(sigma**2) / product.size)
+    assert abs(np.mean(product - said)) < error + 0.1 * abs(np.mean(said))
+    assert np.std(product - said) == pytest.approx(np.sqrt(np.mean(sigma**2)), rel=0.3)

@@ -1,0 +1,30 @@
+"""JSBSim's c172p as the simulation, a copy with edited XML as the aircraft: located, named and closed."""
+
+import pytest
+
+from freqid.core.record import Maneuver
+from freqid.gap.connect import connect
+from freqid.gap.diagnose import Question, diagnose
+from freqid.gap.tolerance import stated
+from freqid.simulate.effects import shipped
+
+pytest.importorskip("jsbsim", reason="JSBSim is not installed")
+
+
+def test_a_weak_and_late_elevator_is_found_and_refitted(script, tmp_path):
+    benchmark = script("benchmarks/gap_c172p.py")
+    folder = benchmark.aircraft(tmp_path, loss=benchmark.LOSS, delay_s=benchmark.DELAY_S)
+    simulation = connect("jsbsim:c172p")
+    flight = benchmark.fly(folder, 54.0, 3, periods=1)
+    library = {i: shipped()[i] for i in (*benchmark.EFFECTS, "inertia", "time_skew")}
+    question = Question(library, stated({}, shipped()), benchmark.BAND_HZ, named=benchmark.EFFECTS, draws=26)
+    found = diagnose(simulation, [Maneuver.of(flight, simulation.vehicle)], question).diagnosis
+    assert found.gap.exists
+    assert found.where[0].response == "actuator/elevator"
+    assert found.where[0].input == "elevator"
+    closure = found.how_far[0]
+    assert closure.wrench.G > 0.95
+    loss, delay = (closure.settings[i]["elevator"] for i in benchmark.EFFECTS)
+    assert loss.lo < benchmark.LOSS < loss.hi
+    assert delay.lo < benchmark.DELAY_S < delay.hi
+    assert closure.rmse["M"].after < 0.25 * closure.rmse["M"].before

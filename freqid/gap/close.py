@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Values = Mapping[str, Mapping[str, float]]
 
-_ROUNDS = 6
+_ROUNDS = 12
 _SETTLED = 0.02  # standard errors
 _WIDE = 10.0  # times what is expected of a parameter: a refit goes where the data send it
 _CHANGE = "change"
@@ -85,8 +85,17 @@ def refit(compared: Sequence[Compared], effects: Sequence[Effect], start: Values
     low, high = np.array([p.low for p in described]), np.array([p.high for p in described])
     value = np.clip([start[i][n] for i, n in names], low, high)
     covariance, undetermined = np.diag(scale**2), ()
+    best, before = np.inf, value
+    best, least = value, np.inf
     for _ in range(_ROUNDS):
         evidence = _about(compared, effects, names, value, scale)
+        left = float(evidence.metric[0, 0])
+        if (
+            left > least + _WORSE
+        ):  # too far: tolerances take up a delay's straight line, and its curve misleads
+            value = (value + best) / 2
+            continue
+        best, least = value, left
         columns = tuple(range(1, 1 + len(names)))
         # the prior is about no effect, so the step is drawn towards it
         found = evidence.estimate(Hypothesis("refit", columns, tuple(_WIDE * scale)))
@@ -96,6 +105,8 @@ def refit(compared: Sequence[Compared], effects: Sequence[Effect], start: Values
         value = after
         if moved.max(initial=0.0) < _SETTLED:
             break
+    else:
+        value = best
     sigma = np.sqrt(np.diag(covariance))
     undetermined = tuple(n for n, s, p in zip(names, sigma, scale, strict=True) if s > _UNKNOWN * _WIDE * p)
     bound = tuple(n for n, v, a, b in zip(names, value, low, high, strict=True) if v in (a, b))
@@ -112,7 +123,8 @@ class Misfit:
     """Whitened squared residual of some manoeuvres, tolerances refitted, before and after effects are added.
 
     Along the directions that any candidate can move, so that a gap is not lost among the thousands of
-    lines that hold noise alone: with all of them a gap below some hundreds in ``s^T S^-1 s`` would be undefined.
+    lines that hold noise alone: with all of them a gap below some hundreds in ``s^T S^-1 s`` would be
+    undefined.
 
     Attributes
     ----------

@@ -20,6 +20,7 @@ Complex = NDArray[np.complex128]
 Values = Mapping[str, Mapping[str, float]]
 
 _ROUNDS = 12
+_WORSE = 0.5  # of misfit, which is of noise alone
 _SETTLED = 0.02  # standard errors
 _WIDE = 10.0  # times what is expected of a parameter: a refit goes where the data send it
 _CHANGE = "change"
@@ -85,14 +86,12 @@ def refit(compared: Sequence[Compared], effects: Sequence[Effect], start: Values
     low, high = np.array([p.low for p in described]), np.array([p.high for p in described])
     value = np.clip([start[i][n] for i, n in names], low, high)
     covariance, undetermined = np.diag(scale**2), ()
-    best, before = np.inf, value
     best, least = value, np.inf
     for _ in range(_ROUNDS):
         evidence = _about(compared, effects, names, value, scale)
         left = float(evidence.metric[0, 0])
-        if (
-            left > least + _WORSE
-        ):  # too far: tolerances take up a delay's straight line, and its curve misleads
+        if left > least + _WORSE:
+            # too far: tolerances take up a delay's straight line, and its curve misleads
             value = (value + best) / 2
             continue
         best, least = value, left

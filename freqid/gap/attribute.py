@@ -155,7 +155,8 @@ def p_value(statistic: float, null: Array) -> float:
     scale = mean * (1 - shape)
     far = max(statistic - start, 0.0) / max(scale, 1e-12)
     tail = np.exp(-far) if shape < 1e-6 else (1 + shape * far) ** (-1 / shape)
-    return float(np.clip(len(excess) / count * tail, 1e-12, 1.0))
+    counted = 6 / (count + 1)  # what counting says where the tail begins, so that p never rises again
+    return float(np.clip(len(excess) / count * tail, 1e-12, counted))
 
 
 def _judged(name: str, hypotheses: Sequence[Hypothesis], evidence: Evidence) -> Judged | None:

@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from freqid.core.errors import UsageError, nearest
 from freqid.gap.residual import Histories
-from freqid.gap.signature import Trial, made, untestable
+from freqid.gap.signature import Trial, in_force_of, made, untestable
 from freqid.simulate.effects.effect import Effect
+from freqid.simulate.effects.signals import lagged
 
 Array = NDArray[np.float64]
 
 DERIVATIVES, RESPONSES, DYNAMICS = "derivatives", "responses", "dynamics"
+TOGETHER = "together"  # derivatives that are off by the same share
 EACH_FLIGHT: dict[str, float] = {
     "sensor_bias.u": 0.1,
     "sensor_bias.v": 0.1,
@@ -25,6 +27,9 @@ EACH_FLIGHT: dict[str, float] = {
 }
 """One sigma of parameters that are another in each flight, unless a scenario says otherwise."""
 
+_MOTION = ("state/", "air/")
+_IDEAL = 0.02  # s: an actuator that is taken as ideal still takes its time
+
 OF_EFFECT = "tolerance:"
 """Before the name of an effect's parameter that may be a little off without being an effect."""
 
@@ -32,6 +37,9 @@ DEFAULT: dict[str, float] = {
     DERIVATIVES: 0.05,  # of each derivative of each response, the same in all manoeuvres
     RESPONSES: 0.02,  # of each response's change with motion and controls, manoeuvre by manoeuvre
     DYNAMICS: 0.05,  # of each actuator's time to follow
+    "actuator_delay": 0.002,
+    "actuator_lag": 0.002,
+    "motor_lag": 0.005,
     "mass": 0.01,
     "cg_offset": 0.005,
     "inertia": 0.03,
@@ -40,6 +48,12 @@ DEFAULT: dict[str, float] = {
     "misalignment": 0.005,
     "lever_arm": 0.005,
     "flow_upwash": 0.02,
+    # one number of the model stands for all surfaces or all rotors: they are off together
+    "surface_effectiveness.loss": 0.05,
+    "weak_rotor.loss": 0.03,
+    "wing_wake.strength": 0.05,
+    "slipstream.strength": 0.02,
+    "rotor_inplane_force.strength": 0.05,
 }
 """One sigma by name: of the three kinds, or of every parameter of an effect, in its unit."""
 
@@ -100,15 +114,32 @@ def tolerances(trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, 
                 direct = np.zeros_like(trial.predicted)
                 direct[i] = sizes[DERIVATIVES] * each[i, j]
                 common[f"{DERIVATIVES}:{response}:{name.partition('/')[2]}"] = trial.rows(direct)
-    for name in trial.positions:
-        if sizes[DYNAMICS]:
-            common |= _dynamics(trial, name, sizes[DYNAMICS])
+    if sizes[DERIVATIVES]:
+        common |= _together(trial, sizes[DERIVATIVES] * each)
+    if sizes[DYNAMICS]:
+        each_one = {name: _dynamics(trial, name, sizes[DYNAMICS]) for name in trial.positions}
+        kinds = trial.maneuver.vehicle.effector_kinds
+        for kind in dict.fromkeys(kinds.get(name, "") for name in each_one):
+            like = [found for name, found in each_one.items() if kinds.get(name, "") == kind]
+            if len(like) > 1:  # of one make: they are off together too
+                common[f"{DYNAMICS}:{kind}:time"] = sum(like[1:], like[0])
+                common[f"{DYNAMICS}:{kind}:shape"] = trial.rows(
+                    positions={
+                        n: sizes[DYNAMICS] * _late(trial, n) ** 2 * _slope(_slope(x, record.dt), record.dt)
+                        for n, x in trial.positions.items()
+                        if kinds.get(n, "") == kind
+                    }
+                )
+        for name, slow in each_one.items():
+            common[f"{DYNAMICS}:{name}:time"] = slow
+            position = trial.positions[name]
+            gain = 0.2 * sizes[DYNAMICS] * (position - position.mean())
+            common[f"{DYNAMICS}:{name}:gain"] = trial.rows(positions={name: gain})
     for effect in (e.of(trial.maneuver.vehicle) for e in library.values()):
         for parameter in effect.parameters:
             size = sizes.get(f"{effect.id}.{parameter}", sizes.get(effect.id, 0.0))
             if size and untestable(effect, trial) is None:
-                step = 0.5 * size
-                change = made(effect, trial, {parameter: step}) - made(effect, trial, {parameter: -step})
+                change = _differenced(effect, trial, parameter, size)
                 kind = own if f"{effect.id}.{parameter}" in EACH_FLIGHT else common
                 kind[f"{OF_EFFECT}{effect.id}:{parameter}"] = change
     if sizes[RESPONSES]:
@@ -119,18 +150,56 @@ def tolerances(trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, 
     return Tolerances(common, own)
 
 
-def _dynamics(trial: Trial, name: str, size: float) -> dict[str, Histories]:
-    """Return what a share of an actuator's time to follow does, and of its gain.
+def _differenced(effect: Effect, trial: Trial, parameter: str, size: float) -> Histories:
+    """Return what one sigma of an effect's parameter does, about its value in force and within its range."""
+    at, described = in_force_of(effect, trial.simulation)[parameter], effect.parameters[parameter]
+    low, high = max(at - 0.5 * size, described.low), min(at + 0.5 * size, described.high)
+    change = made(effect, trial, {parameter: high}) - made(effect, trial, {parameter: low})
+    return change * (size / max(high - low, 1e-300))
 
-    The time is that by which the simulated position follows the command on the whole.
+
+def _together(trial: Trial, each: Array) -> dict[str, Histories]:
+    """Return what an error does that all derivatives by motion share, or all by one kind of effector.
+
+    Parameters
+    ----------
+    trial : Trial
+    each : ndarray, shape (response, input, sample)
+        Of each derivative for one sigma.
     """
-    record = trial.maneuver.record
-    position = trial.positions[name]
+    kinds = trial.maneuver.vehicle.effector_kinds
+    label = ["motion" if n.startswith(_MOTION) else kinds.get(n.partition("/")[2], "") for n in trial.inputs]
+    found = {}
+    for kind in dict.fromkeys(label):
+        columns = [j for j, one in enumerate(label) if one == kind]
+        if len(columns) > 1 or len(each) > 1:
+            found[f"{TOGETHER}:{kind}"] = trial.rows(each[:, columns].sum(axis=1))
+    return found
+
+
+def _late(trial: Trial, name: str) -> float:
+    """Return the time by which a simulated position follows its command on the whole, s."""
+    record, position = trial.maneuver.record, trial.positions[name]
     sent = f"command/{name}"
-    command = record[sent] if sent in record else position
-    rate = np.gradient(position, record.dt)
-    late = float(np.dot(command - position, rate) / max(np.dot(rate, rate), 1e-300))
-    late = max(late, 0.02)  # s: an actuator that is taken as ideal still takes its time
-    slow = trial.rows(positions={name: -size * late * rate})
-    gain = trial.rows(positions={name: 0.2 * size * (position - position.mean())})
-    return {f"{DYNAMICS}:{name}:time": slow, f"{DYNAMICS}:{name}:gain": gain}
+    if sent not in record:
+        return _IDEAL
+    rate = _slope(position, record.dt)
+    late = float(np.dot(record[sent] - position, rate) / max(np.dot(rate, rate), 1e-300))
+    return max(late, _IDEAL)
+
+
+def _dynamics(trial: Trial, name: str, size: float) -> Histories:
+    """Return what a share of an actuator's time to follow does.
+
+    Rotors follow as a first-order lag does, whose derivative by its time constant T is ``-T s / (1 + T s)``
+    of the position.
+    """
+    dt, late = trial.maneuver.record.dt, _late(trial, name)
+    rate = _slope(trial.positions[name], dt)
+    if trial.maneuver.vehicle.effector_kinds.get(name) == "rotor":
+        rate = lagged(rate, dt, late)
+    return trial.rows(positions={name: -size * late * rate})
+
+
+def _slope(values: Array, dt: float) -> Array:
+    return np.asarray(np.gradient(values, dt))

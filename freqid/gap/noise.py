@@ -13,7 +13,7 @@ from freqid.core.record import FlightRecord, Maneuver
 from freqid.gap.lines import Lines
 from freqid.gap.residual import Histories, measured_part
 from freqid.gap.simulation import Simulation
-from freqid.identify.smoothing import smooth
+from freqid.identify.smoothing import Smoothed, smooth
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -28,6 +28,8 @@ _HEARD = 2.0  # power ratio of a channel to the noise left in it from which othe
 _MOVING = 30.0  # power ratio of a channel to its noise from which it moves at all
 _RIDGE = 0.01  # of a row's variance: how far rows that share noise are trusted to cancel it
 _LINES_OF_FLOOR = 100
+_SLOW = 0.9  # of the record's rate: a sensor below it was joined by straight lines
+_FEWEST = 8  # samples that a smoothing takes
 _MOTION = ("u", "v", "w", "p", "q", "r")
 _FELT = ("ax", "ay", "az")
 _ATTITUDE = ("phi", "theta", "psi")
@@ -103,12 +105,13 @@ def quiet(record: FlightRecord, names: Sequence[str], expected: Mapping[str, Arr
         if name in ("state/phi", "state/psi"):
             values[i] = np.unwrap(values[i])
         base[i] = expected.get(name, base[i])
-    found = smooth(values - base, record.dt)
+    rates = [record.channel(n).native_rate_hz for n in names]
+    found = _smoothed(values - base, record.dt, rates)
     kept = base + found.x
     channels = [replace(record.channel(n), values=x) for n, x in zip(names, kept, strict=True)]
     floor = [
-        _floor(x, record.channel(n).native_rate_hz, record.dt, c)
-        for x, n, c in zip(values - kept, names, found.cutoff_hz, strict=True)
+        _floor(x, rate, record.dt, c)
+        for x, rate, c in zip(values - kept, rates, found.cutoff_hz, strict=True)
     ]
     sigma = [f if f is not None else s for f, s in zip(floor, found.noise_std.tolist(), strict=True)]
     return Quiet(
@@ -116,6 +119,24 @@ def quiet(record: FlightRecord, names: Sequence[str], expected: Mapping[str, Arr
         dict(zip(names, sigma, strict=True)),
         dict(zip(names, found.cutoff_hz.tolist(), strict=True)),
     )
+
+
+def _smoothed(values: Array, dt: float, rates: Sequence[float]) -> Smoothed:
+    """Return channels parted into motion and noise, those of slow sensors by the samples that they took.
+
+    Joined by straight lines their noise falls with frequency as motion does, and would pass for it.
+    """
+    found = smooth(values, dt)
+    parts = [found.x, found.derivative, found.noise_std, found.cutoff_hz]
+    for i in (i for i, rate in enumerate(rates) if rate * dt < _SLOW):
+        time = dt * np.arange(values.shape[1])
+        taken = np.interp(np.arange(0, time[-1], 1 / rates[i]), time, values[i])
+        if taken.size >= _FEWEST:
+            cutoff = float(smooth(taken[None], 1 / rates[i]).cutoff_hz[0])
+            own = smooth(values[i : i + 1], dt, cutoff)
+            for part, value in zip(parts, (own.x, own.derivative, own.noise_std, own.cutoff_hz), strict=True):
+                part[i] = value[0]
+    return found
 
 
 def _floor(left: Array, native_hz: float, dt: float, cutoff_hz: float) -> float | None:
@@ -127,6 +148,9 @@ def _floor(left: Array, native_hz: float, dt: float, cutoff_hz: float) -> float 
     power = np.abs(np.fft.rfft(left - left.mean())) ** 2 / left.size
     hz = np.fft.rfftfreq(left.size, dt)
     top = 0.4 * min(native_hz, 1 / dt)
+    if native_hz * dt < _SLOW:
+        # what straight lines between samples leave of noise
+        power = power / np.maximum(np.sinc(hz / native_hz) ** 4, 0.1)
     between = (hz > 2 * cutoff_hz) & (hz < top)
     return float(np.sqrt(power[between].mean())) if between.sum() >= _LINES_OF_FLOOR else None
 

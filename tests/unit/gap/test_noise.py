@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from linear_flight import DT, LIBRARY, SIGMA, SIZES, SLOPES, Linear, Truth, effect, fly
@@ -28,6 +30,19 @@ def test_noise_of_each_sensor_is_found(noise):
     for name, sigma in found.items():
         # a white spectrum's level over 600 lines or more: twice as many real numbers, 4 of their sigma
         assert sigma == pytest.approx(noise * SIGMA[name], rel=4 / np.sqrt(2 * 1200)), name
+
+
+def test_noise_of_a_slow_sensor_is_that_of_its_samples():
+    """Logged 20 times a second, joined by straight lines on a clock of 50: what lies between is no noise."""
+    clean = fly(duration=60.0).record
+    rng, time = np.random.default_rng(4), clean.time
+    slow = np.arange(0, 60.0 + 1e-9, 1 / 20)
+    theta = np.interp(slow, time, clean["state/theta"]) + 0.003 * rng.standard_normal(slow.size)
+    joined = np.interp(time, slow, theta)
+    channel = replace(clean.channel("state/theta"), values=joined, native_rate_hz=20.0)
+    found = sensor_noise(clean.with_channels(channel), ["state/theta"])["state/theta"]
+    # on a line in the band its samples weigh sigma^2 / 20 Hz, as white noise sqrt(50 / 20) as large at 50 Hz
+    assert found == pytest.approx(0.003 * np.sqrt(50 / 20), rel=0.15)
 
 
 @pytest.fixture(scope="module")

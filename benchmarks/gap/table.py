@@ -1,0 +1,224 @@
+"""The table of open cases: how often a gap is found, named, placed and closed, with Wilson intervals.
+
+    python benchmarks/gap/table.py FOLDER
+
+FOLDER is that of run.py; ``cases.csv`` beside this script gets one row a case. Without a folder the table
+is made of that file.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+CSV = Path(__file__).resolve().with_name("cases.csv")
+STRATA = (15, 50, 200)
+ALIKE = 5.4  # lambda (1 - c) below which two names count as one
+LISTED = 0.1
+_AXES = ("row", "band", "input")
+NOT_EFFECTS = ("none", "other")
+
+
+def row_of(found: dict[str, Any]) -> dict[str, Any]:
+    """Return one case as a row."""
+    case, which = found["case"], found["which"]
+    truths = [t["id"] for t in found["truth"]]
+    chances = which["probabilities"]
+    top = max(chances, key=chances.get)
+    lam = found.get("lambda") or 0.0
+    like = found.get("likeness", {})
+    same = set(truths) | {n for n, c in like.items() if case["kind"] == "single" and lam * (1 - c) < ALIKE}
+    group = next((set(g) for g in which["aliases"] if top in g), {top})
+    exists, names = found["gap"]["exists"], set(which["set"])
+    named = exists and top not in NOT_EFFECTS and names <= group
+    judged = {j["name"]: j for j in found["judged"] if "+" not in j["name"]}
+    effects = {n: j for n, j in judged.items() if n not in NOT_EFFECTS}
+    sparse = [n.partition(":")[0] for n, _ in found["sparse"]]
+    by = {
+        "bic": max(effects, key=lambda n: effects[n]["evidence"]),
+        "gain": max(effects, key=lambda n: effects[n]["gain"] or 0.0),
+        "sparse": sparse[0] if sparse else "none",
+    }
+    where = (
+        {f"f1_{a}": _f1(found["where"][a], found["truth_where"][a]) for a in found["where"]} if truths else {}
+    )
+    closed = found.get("closure", {})
+    covered = [_covers(t, which["parameters"].get(t["id"], {})) for t in found["truth"] if t["form"] == "own"]
+    return {
+        "kind": case["kind"],
+        "truth": "+".join(truths),
+        "form": "+".join(t["form"] for t in found["truth"]),
+        "place": "+".join(t["place"] for t in found["truth"]),
+        "size": " ".join(f"{t['size']:.4g}" for t in found["truth"]),
+        "stratum": case["lam"],
+        "lambda": f"{lam:.4g}",
+        "seed": case["seed"],
+        "noise": case["noise"],
+        "gusts": case["gusts"],
+        "p": f"{found['gap']['p']:.3g}",
+        "naive_p": f"{found['gap']['naive_p']:.3g}",
+        "detected": int(exists),
+        "top": top,
+        "p_top": f"{chances[top]:.3f}",
+        "p_truth": f"{sum(chances.get(t, 0.0) for t in truths):.3f}",
+        "p_class": f"{sum(chances.get(t, 0.0) for t in same):.3f}",
+        "brier": f"{_brier(chances, same if truths else {'none'}):.3f}",
+        "named": int(named),
+        "right": int(bool(same & group)) if named else "",
+        "set": " ".join(sorted(names)),
+        "set_covers": int(bool(names & (same if truths else {"none"}))),
+        "pair": "+".join(sorted(which["pair"])),
+        **{f"{how}_right": int(name in same) for how, name in by.items()},
+        **{f"{how}_top": name for how, name in by.items()},
+        **{f"f1_{a}": where.get(f"f1_{a}", "") for a in ("row", "band", "input")},
+        "interval_covers": covered[0] if len(covered) == 1 and case["kind"] == "single" else "",
+        "G": closed.get("G", [""])[0],
+        "oracle_G": closed.get("oracle_G", [""])[0],
+        "seconds": found["seconds"],
+        "version": found["version"],
+        "code": found["code"],
+    }
+
+
+def _brier(chances: dict[str, float], same: set[str]) -> float:
+    """Return the squared distance of probabilities from the truth, its aliases taken as one name."""
+    right = sum(p for n, p in chances.items() if n in same)
+    return (1 - right) ** 2 + sum(p**2 for n, p in chances.items() if n not in same)
+
+
+def _f1(found: dict[str, float], truth: dict[str, float]) -> float | str:
+    """Return how well places that hold a tenth are found; nothing where none holds as much in truth."""
+    a = {n for n, share in found.items() if share >= LISTED and n}
+    b = {n for n, share in truth.items() if share >= LISTED and n}
+    return round(2 * len(a & b) / (len(a) + len(b)), 3) if b else ""
+
+
+def _covers(truth: dict[str, Any], intervals: dict[str, list[float]]) -> int | str:
+    """Return whether the interval of the parameter that was set holds it."""
+    for identifier, values in truth["settings"].items():
+        for name, value in values.items():
+            if identifier == truth["id"] and name in intervals:
+                return int(intervals[name][1] <= value <= intervals[name][2])
+    return ""
+
+
+def rate(flags: Iterable[Any]) -> str:
+    """Return a rate, its count and its 95 % Wilson interval."""
+    values = [int(f) for f in flags if f != ""]
+    n = len(values)
+    if not n:
+        return "no cases"
+    share, z = sum(values) / n, 1.96
+    middle = (share + z**2 / (2 * n)) / (1 + z**2 / n)
+    half = z * np.sqrt(share * (1 - share) / n + z**2 / (4 * n**2)) / (1 + z**2 / n)
+    return (
+        f"{100 * share:5.1f} %  {sum(values)}/{n}  [{100 * (middle - half):.0f}, {100 * (middle + half):.0f}]"
+    )
+
+
+def _mean(values: Iterable[Any]) -> str:
+    known = np.array([float(v) for v in values if v not in ("", None, "nan")])
+    if not known.size:
+        return "no cases"
+    error = known.std() / np.sqrt(known.size)
+    return f"{known.mean():.3f} +- {error:.3f}  n {known.size}, median {np.median(known):.3f}"
+
+
+def _pooled(rows: Sequence[dict[str, Any]], flag: str) -> str:
+    """Return the mean of the strata's rates."""
+    each = [[int(r[flag]) for r in rows if r[flag] != "" and int(r["stratum"]) == s] for s in STRATA]
+    known = [np.mean(e) for e in each if e]
+    return f"{100 * np.mean(known):5.1f} % over {len(known)} strata" if known else "no cases"
+
+
+def table(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """Return the lines of the table."""
+    of = {k: [r for r in rows if r["kind"] == k] for k in ("null", "single", "double", "outside")}
+    calm = [r for r in of["null"] if not float(r["gusts"])]
+    single = of["single"]
+    found = [r for r in single if int(r["detected"])]
+    both = [int(r["pair"] == "+".join(sorted(r["truth"].split("+")))) for r in of["double"]]
+    either = [int(r["top"] in r["truth"].split("+")) for r in of["double"]]
+    naive = [int(float(r["naive_p"]) < 0.02) for r in of["null"]]
+    ratios = [
+        float(r["G"]) / float(r["oracle_G"]) for r in single if _number(r["G"]) and _number(r["oracle_G"])
+    ]
+    lines = [
+        f"cases {len(rows)}: " + ", ".join(f"{k} {len(v)}" for k, v in of.items()),
+        f"false alarm on nulls             {rate(r['detected'] for r in of['null'])}",
+        f"  without gusts                  {rate(r['detected'] for r in calm)}",
+        f"  by chi-square, no tolerances   {rate(naive)}",
+    ]
+    for s in STRATA:
+        here = [r for r in single if int(r["stratum"]) == s]
+        lines.append(f"lambda {s:3d}: detection            {rate(r['detected'] for r in here)}")
+        lines.append(f"  right name when named          {rate(r['right'] for r in here)}")
+        lines.append(f"  named                          {rate(r['named'] for r in here)}")
+        lines.append(f"  probability on the truth       {_mean(r['p_truth'] for r in here)}")
+        lines.append(f"  on it and its aliases          {_mean(r['p_class'] for r in here)}")
+    lines += [
+        f"detection, pooled                {_pooled(single, 'detected')}",
+        f"  of all                         {rate(r['detected'] for r in single)}",
+        f"right name when named, pooled    {_pooled(found, 'right')}",
+        f"  of all                         {rate(r['right'] for r in found)}",
+        f"answer rate, of those found      {rate(r['named'] for r in found)}",
+        f"mean probability on the truth    {_mean(r['p_truth'] for r in single)}",
+        f"  with its aliases               {_mean(r['p_class'] for r in single)}",
+        f"Brier score                      {_mean(r['brier'] for r in single)}",
+        *(
+            f"F1 of {a:<6}                     {_mean(r[f'f1_{a}'] for r in single)}"
+            for a in ("row", "band", "input")
+        ),
+        f"F1 of row, lambda >= 50          {_mean(r['f1_row'] for r in single if int(r['stratum']) >= 50)}",
+        f"outside: wrongly named           {rate(r['named'] for r in of['outside'])}",
+        f"set holds the truth              {rate(r['set_covers'] for r in single)}",
+        f"90 % intervals, own forms        {rate(r['interval_covers'] for r in single)}",
+        f"G of the true effect             {_mean(r['G'] for r in single)}",
+        f"G of the oracle                  {_mean(r['oracle_G'] for r in single)}",
+        f"G over the oracle's              {_mean(ratios)}",
+        f"doubles: both named as a pair    {rate(both)}",
+        f"doubles: top is one of them      {rate(either)}",
+        "comparators, right name of all singles (aliases merged):",
+        f"  this tool's likeliest          {rate(int(_top_right(r)) for r in single)}",
+        f"  evidence alone                 {rate(r['bic_right'] for r in single)}",
+        f"  largest residual reduction     {rate(r['gain_right'] for r in single)}",
+        f"  sparse regression's first      {rate(r['sparse_right'] for r in single)}",
+        "by effect: found, top name right, of",
+    ]
+    for name in sorted({r["truth"] for r in single}):
+        here = [r for r in single if r["truth"] == name]
+        tops = " ".join(r["top"] if int(r["detected"]) else "-" for r in here)
+        lines.append(f"  {name:<22} {sum(int(r['detected']) for r in here)}/{len(here)}  {tops}")
+    return lines
+
+
+def _top_right(row: dict[str, Any]) -> bool:
+    return row["top"] == row["truth"] or (float(row["p_class"]) >= float(row["p_top"]) - 1e-9)
+
+
+def _number(value: Any) -> bool:
+    return value not in ("", None) and np.isfinite(float(value)) and abs(float(value)) > 1e-9
+
+
+def main() -> None:
+    if len(sys.argv) > 1:
+        files = sorted((Path(sys.argv[1]) / "cases").glob("*.json"))
+        rows = [row_of(json.loads(f.read_text())) for f in files if f.name != "units.json"]
+        rows.sort(key=lambda r: (r["kind"], r["truth"], r["form"], r["stratum"], r["seed"]))
+        with CSV.open("w", newline="") as file:
+            writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows)
+    with CSV.open(newline="") as file:
+        read = list(csv.DictReader(file))
+    print("\n".join(table(read)))
+
+
+if __name__ == "__main__":
+    main()

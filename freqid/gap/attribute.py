@@ -137,7 +137,7 @@ def existence(judged: Sequence[Judged]) -> tuple[float, Array]:
 
 
 def p_value(statistic: float, null: Array) -> float:
-    """Return how often no gap gives this much or more.
+    """Return how often no gap gives this much or more, of null draws as `existence` makes them.
 
     Counted where draws reach it; beyond them by a generalised Pareto tail of moments fitted to the largest
     fifth of the draws, with a shape that is not negative, so that no tail ends (Pickands, Annals of

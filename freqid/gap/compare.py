@@ -9,14 +9,15 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.record import Maneuver
+from freqid.core.errors import DataError, UsageError
+from freqid.core.record import FlightRecord, Maneuver
 from freqid.gap.evidence import Evidence, gather
 from freqid.gap.lines import Lines, lines_of
 from freqid.gap.noise import Noise, Shared, draws, noise_of, noisy_channels, quiet, shared_noise
 from freqid.gap.residual import Histories, Row, measured_part, simulated_part
 from freqid.gap.signature import GIVEN, Trial, signature, sources_of, untestable
 from freqid.gap.simulation import Simulation
-from freqid.gap.tolerance import DYNAMICS, OF_EFFECT, tolerances
+from freqid.gap.tolerance import DYNAMICS, OF_EFFECT, form, tolerances
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
@@ -138,10 +139,14 @@ def compare(
     expected = {f"effector/{n}": x for n, x in positions.items()}
     for name, row in zip(simulation.responses, predicted, strict=True):
         expected[f"response/{name}" if f"response/{name}" in record else f"state/{name}"] = row
-    quieted = quiet(record, noisy_channels(record), expected)
+    quieted = quiet(record, noisy_channels(record), expected, _own_flight(simulation, record))
     trial = Trial.of(simulation, Maneuver(quieted.record, maneuver.vehicle))
     own_noise, added = draws(simulation, maneuver, lines, measured, predicted, quieted.sigma, count, seed)
-    noise = noise_of(maneuver, lines, measured, z, own_noise, quieted.sigma)
+    shape = np.sqrt(form(trial, lines, sizes) / 2)
+    rng = np.random.default_rng([seed, 3])
+    wrong = rng.standard_normal((2, *own_noise.shape))
+    own_noise = own_noise + shape * (wrong[0] + 1j * wrong[1])
+    noise = noise_of(trial.maneuver, lines, measured, z, own_noise, quieted.sigma)
     not_tested, signatures, sources, scales = {}, {}, {}, {}
     for effect in (e.of(maneuver.vehicle) for e in library.values()):
         reason = untestable(effect, trial)
@@ -170,6 +175,17 @@ def compare(
         scales=scales,
         not_tested=not_tested,
     )
+
+
+def _own_flight(simulation: Simulation, record: FlightRecord) -> dict[str, Array]:
+    """Return the channels of the simulation's own flight of the same inputs; none where it has none."""
+    if not record.group("excitation"):
+        return {}
+    try:
+        flown = simulation.fly(record) or {}
+    except (DataError, UsageError):  # it need not fly to be replayed
+        return {}
+    return {f"state/{name}": values for name, values in flown.items()}
 
 
 def evidence_of(

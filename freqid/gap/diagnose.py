@@ -24,6 +24,10 @@ from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
 
+LEAST_ODDS = 2.0
+"""Logarithm of the odds for a gap below which none is called, however narrow the null draws are: what they
+do not know of, the baseline's own formulas and gusts, is worth as much."""
+
 LEVEL = 0.02
 """At which a gap is called one, unless told otherwise."""
 
@@ -205,7 +209,9 @@ def _existence(
         smallest[j.name] = float(np.sqrt(need / max(gain, 1e-300)))
         parameter = evidence.signatures[column - 1].partition(":")[2].partition(GIVEN)[0]
         unit[j.name] = library[j.name].parameters[parameter].unit
-    return Existence(p < q.level, p, q.level, float(chi2.sf(raw, evidence.rows)), smallest, unit)
+    return Existence(
+        p < q.level and statistic > LEAST_ODDS, p, q.level, float(chi2.sf(raw, evidence.rows)), smallest, unit
+    )
 
 
 def _leading(judged: Sequence[Judged], which: Which) -> Judged | None:

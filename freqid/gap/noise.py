@@ -23,6 +23,8 @@ HALF_WIDTH = 10
 """Lines on either side of one whose noise is averaged with it."""
 
 _MOST = 1e4  # power ratio of the flown noise to the sensors' own
+_ALIKE = 0.5  # of a rate's motion, that the simulation's own flight may miss and still stand in for it
+_NO_NOISE = 1e-3  # Hz: cutoff of a channel in which no noise is left
 _PLAIN = 1.4  # mean ratio from which noise is plainly more than the sensors'
 _HEARD = 2.0  # power ratio of a channel to the noise left in it from which others' dependence on it is told
 _MOVING = 30.0  # power ratio of a channel to its noise from which it moves at all
@@ -84,7 +86,12 @@ class Quiet:
     cutoff_hz: dict[str, float]
 
 
-def quiet(record: FlightRecord, names: Sequence[str], expected: Mapping[str, Array] | None = None) -> Quiet:
+def quiet(
+    record: FlightRecord,
+    names: Sequence[str],
+    expected: Mapping[str, Array] | None = None,
+    flown: Mapping[str, Array] | None = None,
+) -> Quiet:
     """Return a record without the noise of some channels.
 
     Signatures are computed from it: what noise would put into them is in the residual too, and would pass
@@ -97,6 +104,9 @@ def quiet(record: FlightRecord, names: Sequence[str], expected: Mapping[str, Arr
     expected : dict of ndarray, optional
         Histories without noise that some channels should be close to; only what they differ by is smoothed,
         and of noise within the band next to nothing stays.
+    flown : dict of ndarray, optional
+        The simulation's own flight of the same inputs, by channel: what stands in for the log where the two
+        are close, but for a straight line. Neither noise nor gusts are in it.
     """
     names, expected = list(names), expected or {}
     values = record.matrix(names)
@@ -107,7 +117,9 @@ def quiet(record: FlightRecord, names: Sequence[str], expected: Mapping[str, Arr
         base[i] = expected.get(name, base[i])
     rates = [record.channel(n).native_rate_hz for n in names]
     found = _smoothed(values - base, record.dt, rates)
-    kept = base + found.x
+    kept, cutoff = base + found.x, found.cutoff_hz.copy()
+    for i, own in _standing_in(record, names, values, flown or {}).items():
+        kept[i], cutoff[i] = own, _NO_NOISE
     channels = [replace(record.channel(n), values=x) for n, x in zip(names, kept, strict=True)]
     floor = [
         _floor(x, rate, record.dt, c)
@@ -117,8 +129,26 @@ def quiet(record: FlightRecord, names: Sequence[str], expected: Mapping[str, Arr
     return Quiet(
         record.with_channels(*channels),
         dict(zip(names, sigma, strict=True)),
-        dict(zip(names, found.cutoff_hz.tolist(), strict=True)),
+        dict(zip(names, cutoff.tolist(), strict=True)),
     )
+
+
+def _standing_in(
+    record: FlightRecord, names: Sequence[str], values: Array, flown: Mapping[str, Array]
+) -> dict[int, Array]:
+    """Return what stands in for rows of values, by row; nothing where the flights are not alike."""
+    time = record.time - record.time.mean()
+    found: dict[int, Array] = {}
+    for i, name in enumerate(names):
+        if name not in flown:
+            continue
+        own = np.unwrap(flown[name]) if name in ("state/phi", "state/psi") else flown[name]
+        found[i] = own + np.polyval(np.polyfit(time, values[i] - own, 1), time)
+        line = np.polyval(np.polyfit(time, values[i], 1), time)
+        rates = name.rpartition("/")[2] in ("p", "q", "r")
+        if rates and np.std(values[i] - found[i]) > _ALIKE * np.std(values[i] - line):
+            return {}
+    return found
 
 
 def _smoothed(values: Array, dt: float, rates: Sequence[float]) -> Smoothed:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.errors import UsageError, nearest
+from freqid.gap.lines import Lines
 from freqid.gap.residual import Histories
 from freqid.gap.signature import Trial, in_force_of, made, untestable
 from freqid.simulate.effects.effect import Effect
@@ -17,6 +18,7 @@ from freqid.simulate.effects.signals import lagged
 Array = NDArray[np.float64]
 
 DERIVATIVES, RESPONSES, DYNAMICS = "derivatives", "responses", "dynamics"
+FORM = "form"
 TOGETHER = "together"  # derivatives that are off by the same share
 EACH_FLIGHT: dict[str, float] = {
     "sensor_bias.u": 0.1,
@@ -28,6 +30,7 @@ EACH_FLIGHT: dict[str, float] = {
 """One sigma of parameters that are another in each flight, unless a scenario says otherwise."""
 
 _MOTION = ("state/", "air/")
+_SMOOTHED = 11  # lines over which a model's own power is averaged
 _IDEAL = 0.02  # s: an actuator that is taken as ideal still takes its time
 
 OF_EFFECT = "tolerance:"
@@ -37,6 +40,8 @@ DEFAULT: dict[str, float] = {
     DERIVATIVES: 0.05,  # of each derivative of each response, the same in all manoeuvres
     RESPONSES: 0.02,  # of each response's change with motion and controls, manoeuvre by manoeuvre
     DYNAMICS: 0.05,  # of each actuator's time to follow
+    FORM: 0.03,  # of what the parts of a model make of a response at each frequency: its formulas' own error
+    "battery_sag": 0.05,
     "actuator_delay": 0.002,
     "actuator_lag": 0.002,
     "motor_lag": 0.005,
@@ -89,6 +94,32 @@ def stated(table: Mapping[str, float], library: Mapping[str, Effect]) -> dict[st
         if not (isinstance(value, int | float) and 0 <= value < np.inf):
             raise UsageError(f"[tolerance] {name} is {value!r}", remedy="give one sigma, zero or more")
     return {**DEFAULT, **EACH_FLIGHT, **table}
+
+
+def form(trial: Trial, lines: Lines, sizes: Mapping[str, float]) -> Array:
+    """Return the power by which a good model's formulas may be wrong, shape (row, line).
+
+    Tolerances move derivatives and times; beyond these a model is wrong in ways that nobody lists. So the
+    parts of each response, input by input, count as known to a share only, line by line, and so does what
+    an actuator lags behind (M. C. Kennedy, A. O'Hagan, "Bayesian calibration of computer models", Journal of
+    the Royal Statistical Society B 63, 2001: model discrepancy).
+    """
+    record, share = trial.maneuver.record, sizes.get(FORM, 0.0)
+    power = np.zeros((len(trial.measured.rows), lines.hz.size))
+    if not share:
+        return power
+    moves = np.array([record[name] - record[name].mean() for name in trial.inputs])
+    for i in range(len(trial.predicted) if len(moves) else 0):
+        power[i] = (np.abs(lines.spectrum(trial.gradient[i] * moves)) ** 2).sum(axis=0)
+    for i, row in enumerate(trial.measured.rows):
+        if row.kind == "actuator":
+            name = row.name.partition("/")[2]
+            behind = _late(trial, name) * _slope(trial.positions[name], record.dt)
+            power[i] = np.abs(lines.spectrum(behind[None])[0]) ** 2
+    width = min(_SMOOTHED, 2 * (lines.hz.size // 2) - 1)
+    kernel = np.ones(width) / width
+    padded = np.pad(power, ((0, 0), (width // 2, width // 2)), mode="edge")
+    return share**2 * np.array([np.convolve(row, kernel, mode="valid") for row in padded])
 
 
 def tolerances(trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, float]) -> Tolerances:

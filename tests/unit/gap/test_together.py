@@ -107,4 +107,4 @@ def test_a_log_without_noise_without_injected_signals_and_with_few_lines_is_comp
     loss = said.how_far[0].settings["surface_effectiveness"]
     assert max(x.estimate for x in loss.values()) == pytest.approx(0.2, abs=0.03)
     assert any("injected" in remark for remark in said.remarks)
-    assert "fitted to" in said.verdict
+    assert "fitted to" in said.how_far[0].note

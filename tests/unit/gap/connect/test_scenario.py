@@ -74,18 +74,18 @@ def test_actuators_make_the_positions_that_were_flown(simulation, flown):
     for name, row in found.items():
         flown_there = record[f"effector/{name}"]
         error = np.abs(row - flown_there) / np.abs(flown_there).max()
-        assert error[25:].max() < 1e-6, name
+        rotor = name.startswith("n")  # the battery is discharged at the log's rate, not at the flight's
+        assert error[25:].max() < (1e-5 if rotor else 1e-6), name
         assert error.max() < 1e-4, name  # the inputs start with a kink
     late = simulation.positions(record, {"actuator_delay": {"strength": 3.0}})
     assert np.abs(late["de1"] - found["de1"]).max() > 1e-3
     assert simulation.positions(replace(record, channels={"state/u": record.channel("state/u")})) == {}
 
 
-def test_the_batterys_own_voltage_stands_in_for_one_that_was_not_logged(simulation, flown):
+def test_noise_of_the_logged_voltage_is_no_motion_of_the_rotors(simulation, flown):
     record = flown("u20").record
     blind = replace(record, channels={n: c for n, c in record.channels.items() if n != "power/voltage"})
-    expected, found = simulation.positions(record)["n1"], simulation.positions(blind)["n1"]
-    assert np.abs(found - expected).max() < 1e-3 * np.abs(expected).max()
+    np.testing.assert_array_equal(simulation.positions(record)["n1"], simulation.positions(blind)["n1"])
 
 
 def test_its_own_flight_is_the_record(simulation, flown):

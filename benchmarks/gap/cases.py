@@ -176,7 +176,7 @@ def detectability(compared: Sequence[Compared], s: Sequence[Complex]) -> float:
 
 
 def sized(truth: Truth, place: str, target: float, noise: float, folder: Path) -> float:
-    """Return the size at which a truth has a detectability on the nominal aircraft, from a folder where known.
+    """Return the size at which a truth has a detectability on the nominal aircraft, kept in a folder.
 
     Raises
     ------

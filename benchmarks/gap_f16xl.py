@@ -90,7 +90,7 @@ def found(
     """Return the diagnosis with the closure of the lag."""
     effects = {**library(), **load_file(PROJECT / "examples" / f"{EFFECT}.py")}
     vehicle = without_vehicle("F-16XL model")
-    question = Question(effects, stated({}, effects), BAND_HZ, named=(EFFECT,), draws=draws)
+    question = Question(effects, stated({"form": 0.0}, effects), BAND_HZ, named=(EFFECT,), draws=draws)
     held = [Maneuver(kept, vehicle)] if kept else []
     return diagnose(simulation, [Maneuver(used, vehicle)], question, held_out=held)
 

@@ -5,8 +5,8 @@ Prints a table and writes benchmarks/gap_nanodrone.csv. Needs the data of ../sha
 pyarrow; without the data nothing is done.
 
 The simulation makes thrust from the four commands alone, as b times the sum of their squares with b fitted
-to the flights used, and no force along x. Forces are 0.045 kg times the specific force that motion capture's velocity asks
-for, differentiated by a parabola over 70 ms. Effects are those of examples/small_multicopter_effects.py: the
+to the flights used, and no force along x. Forces are 0.045 kg times the specific force that motion
+capture's velocity asks for, differentiated by a parabola over 70 ms. Effects are those of examples/small_multicopter_effects.py: the
 measured battery voltage, measured motor speeds in place of commands, and rotor drag. Two multisine flights
 are used, a third and two of random setpoints and two of a square are held out, each scored by itself and all
 together. RMS is that of the force about its mean, N, in the diagnosed band; weight is 0.441 N.
@@ -110,7 +110,13 @@ def diagnosed(used: dict[str, FlightRecord], kept: dict[str, FlightRecord]) -> F
     """Return the diagnosis with the closures of all three effects."""
     library = load_file(EFFECTS)
     vehicle = without_vehicle("nano-drone", next(iter(used.values())))
-    question = Question(library, stated({}, library), BAND_HZ, named=tuple(library), draws=40)
+    question = Question(
+        library,
+        stated({"form": 0.0}, library),
+        BAND_HZ,
+        named=tuple(library),
+        draws=40,
+    )
     return diagnose(
         commanded(list(used.values())),
         [Maneuver(r, vehicle) for r in used.values()],

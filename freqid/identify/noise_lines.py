@@ -69,7 +69,7 @@ def noise_lines(harmonics_hz: Array, period_s: float, duration: float) -> Array:
     DataError
         Where the record is shorter than two periods.
     """
-    # A record that was shortened by a channel's delay leaks less than 1e-4 of a residual's power to its neighbours.
+    # A record that was shortened by a channel's delay leaks less than 1e-4 of a residual's power to others.
     periods = int(np.floor(duration / period_s + 1e-2))
     if periods < 2:
         raise DataError(

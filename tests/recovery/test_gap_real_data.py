@@ -50,7 +50,8 @@ def test_thrust_is_nearer_with_the_battery_and_nearest_with_motor_speeds(drone):
     )
     assert command == same
     assert battery < 0.85 * command
-    assert speed < 0.75 * battery
+    assert speed < battery
+    assert speed < 0.65 * command  # published 0.0440 N and 0.0257 N, with other filters: 0.58
     alone = next(c for c in found.diagnosis.how_far if c.effects == ("measured_speed",))
     measured = alone.settings["measured_speed"]
     assert measured["thrust_constant"].lo < 3.72e-8 < measured["thrust_constant"].hi

@@ -36,8 +36,8 @@ def flights(linear_aircraft, scenario, tmp_path_factory):
     """Two periods at 25 Hz without noise: of the linear aircraft, and two of one that is bent."""
     linear = linear_aircraft.wrench
 
-    def bent(state, effectors):
-        applied, change = linear(state, effectors), effectors["n1"] - linear_aircraft.TRIM["n1"]
+    def bent(state, effectors, derivatives):
+        applied, change = linear(state, effectors, derivatives), effectors["n1"] - linear_aircraft.TRIM["n1"]
         applied[0] += PRODUCTS["X"][1] * change**2
         applied[4] += PRODUCTS["M"][1] * state[2] * (effectors["de"] - linear_aircraft.TRIM["de"])
         return applied

@@ -89,7 +89,7 @@ def test_responses_come_in_the_order_asked():
     full = applied_wrench(maneuver).history(DT)
     some = applied_wrench(maneuver, ["N", "X", "M"])
     assert some.units == ("N m", "N", "N m")
-    np.testing.assert_array_equal(some.history(DT), full[[5, 0, 4]])
+    np.testing.assert_allclose(some.history(DT), full[[5, 0, 4]], rtol=1e-12)  # filtered in another batch
 
 
 def test_specific_form_is_per_mass_and_per_moment_of_inertia_of_its_axes():

@@ -7,7 +7,8 @@ pyarrow; without the data nothing is done.
 The simulation makes thrust from the four commands alone, as b times the sum of their squares with b fitted
 to the flights used, and no force along x. Forces are 0.045 kg times the specific force that motion
 capture's velocity asks for, differentiated by a parabola over 70 ms. Effects are those of
-examples/small_multicopter_effects.py: the measured battery voltage, measured motor speeds in place of commands, and rotor drag. Two multisine flights
+examples/small_multicopter_effects.py: the measured battery voltage, measured motor speeds in place of
+commands, and rotor drag. Two multisine flights
 are used, a third and two of random setpoints and two of a square are held out, each scored by itself and all
 together. RMS is that of the force about its mean, N, in the diagnosed band; weight is 0.441 N.
 """

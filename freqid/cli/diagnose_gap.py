@@ -139,7 +139,7 @@ def command(
             remedy="mend and diagnose again, or go on with --anyway",
         )
     question = Question(
-        library=library,
+        candidates=library,
         tolerances=tolerances,
         band_hz=span or flights.injected_band(read),
         named=named,
@@ -211,12 +211,12 @@ def _once(records: tuple[Path, ...], holdout: tuple[Path, ...]) -> None:
 
 def _library(own: Path | None) -> dict[str, Effect]:
     """Return the effects that are asked about: all that are shipped, and the user's."""
-    from freqid.simulate import effects
+    from freqid.simulate.effects import library, register
     from freqid.simulate.effects.files import load_file
 
     for effect in load_file(own).values() if own else ():
-        effects.register(effect)
-    return effects.library()
+        register(effect)
+    return library()
 
 
 def _band(text: str | None, described: Scenario | None) -> tuple[float, float] | None:

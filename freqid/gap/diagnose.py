@@ -43,8 +43,8 @@ class Question:
 
     Attributes
     ----------
-    library : dict of Effect
-        Candidates by id.
+    candidates : dict of Effect
+        Effects that are asked about, by id.
     tolerances : dict of float
         One sigma by name, of `tolerance.stated`.
     band_hz : tuple of 2 floats
@@ -58,7 +58,7 @@ class Question:
         Whether effects are refitted at all, which takes most of the time.
     """
 
-    library: Mapping[str, Effect]
+    candidates: Mapping[str, Effect]
     tolerances: Mapping[str, float]
     band_hz: tuple[float, float] = (0.05, 2.0)
     named: tuple[str, ...] = ()
@@ -135,7 +135,7 @@ def diagnose(
         every.append(_compared(simulation, m, q, i, name))
     tell("weighing effects")
     used, kept = every[: len(maneuvers)], every[len(maneuvers) :]
-    library = {i: e.of(maneuvers[0].vehicle) for i, e in q.library.items()}
+    library = {i: e.of(maneuvers[0].vehicle) for i, e in q.candidates.items()}
     evidence = evidence_of(used, seed=q.seed)
     judged = attribute.judge(evidence, library)
     statistic, null = attribute.existence(judged)
@@ -173,7 +173,7 @@ def _compared(simulation: Simulation, maneuver: Maneuver, q: Question, i: int, n
         return compare(
             simulation,
             maneuver,
-            q.library,
+            q.candidates,
             q.tolerances,
             q.band_hz,
             count=q.draws,

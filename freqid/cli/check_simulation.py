@@ -7,25 +7,14 @@ from pathlib import Path
 
 import click
 
-from freqid.cli.options import as_json, emit
+from freqid.cli import options
 
 
 @click.command("check-simulation")
 @click.argument("records", nargs=-1, required=True, type=click.Path(path_type=Path))
-@click.option("--sim", help="FILE.py:NAME, MODEL.fmu, jsbsim:AIRCRAFT or SCENARIO.toml.")
-@click.option(
-    "--predictions",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help="Recorded predictions in place of a simulation; may be repeated.",
-)
-@click.option(
-    "--scenario",
-    type=click.Path(path_type=Path),
-    help="Describes the vehicle; without --sim, the simulation.",
-)
+@options.simulation("Describes the vehicle; without --sim, the simulation.")
 @click.option("--own", is_flag=True, help="RECORDS are the simulation's own flights: nothing may be left.")
-@as_json
+@options.as_json
 def command(
     records: tuple[Path, ...],
     sim: str | None,
@@ -61,7 +50,7 @@ def command(
         lines.append(f"  {finding.fault}: {finding.sentence}{share}; {finding.remedy}.")
     if not findings:
         lines.append("No mistake of bookkeeping was found.")
-    emit(json_, result, "\n".join(lines))
+    options.emit(json_, result, "\n".join(lines))
     if findings:
         count = len(findings)
         raise GateFailed(

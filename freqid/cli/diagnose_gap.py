@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from freqid import __version__
-from freqid.cli.options import as_json, emit, keep_inputs, output
+from freqid.cli import options
 
 if TYPE_CHECKING:
     from freqid.core.scenario import Scenario
@@ -19,19 +19,8 @@ if TYPE_CHECKING:
 
 @click.command("diagnose-gap")
 @click.argument("records", metavar="RECORD...", nargs=-1, required=True, type=click.Path(path_type=Path))
-@output("the first record's name with -gap.h5")
-@click.option("--sim", help="FILE.py:NAME, MODEL.fmu, jsbsim:AIRCRAFT or SCENARIO.toml.")
-@click.option(
-    "--predictions",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help="Recorded predictions in place of a simulation; may be repeated.",
-)
-@click.option(
-    "--scenario",
-    type=click.Path(path_type=Path),
-    help="Vehicle, tolerances and band; without --sim, the simulation.",
-)
+@options.output("the first record's name with -gap.h5")
+@options.simulation("Vehicle, tolerances and band; without --sim, the simulation.")
 @click.option(
     "--holdout",
     multiple=True,
@@ -44,7 +33,7 @@ if TYPE_CHECKING:
 @click.option(
     "--effects", "own", type=click.Path(path_type=Path), help="Python file with effects of your own."
 )
-@click.option("--band", help="LOW:HIGH, Hz; the scenario's, else what the injected signals drive.")
+@options.band("the scenario's, else what the injected signals drive")
 @click.option(
     "--level",
     type=click.FloatRange(0, 1, min_open=True, max_open=True),
@@ -61,8 +50,8 @@ if TYPE_CHECKING:
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the draws.")
 @click.option("--anyway", is_flag=True, help="Go on where mistakes of bookkeeping are found.")
-@click.option("--page/--no-page", default=True, help="Draw the diagnosis, in an HTML page beside the result.")
-@as_json
+@options.page("the diagnosis")
+@options.as_json
 def command(
     records: tuple[Path, ...],
     destination: Path | None,
@@ -105,7 +94,7 @@ def command(
     drawn = destination.with_suffix(".html") if page else None
     for result in (destination, drawn):
         if result:
-            keep_inputs(result, *records, *holdout, *predictions, scenario, own)
+            options.keep_inputs(result, *records, *holdout, *predictions, scenario, own)
     _once(records, holdout)
     named = tuple(dict.fromkeys(named))
     library = _library(own)
@@ -132,7 +121,7 @@ def command(
         faults = [asdict(f) for f in findings]
         verdict = f"Bookkeeping, not physics: {findings[0].sentence}."
         table = {"verdict": verdict, "simulation": simulation.name, "records": names, "bookkeeping": faults}
-        emit(json_, table, bookkeeping_text(verdict, findings))
+        options.emit(json_, table, bookkeeping_text(verdict, findings))
         raise GateFailed(
             f"{len(findings)} mistake{'s' if len(findings) > 1 else ''} of bookkeeping between simulation "
             "and flight; no gap was diagnosed",
@@ -182,7 +171,7 @@ def command(
         "file": str(destination),
         "page": str(drawn or ""),
     }
-    emit(
+    options.emit(
         json_,
         table,
         diagnosis_text(result.diagnosis) + f"\n\n{destination}" + (f"\n{drawn}" if drawn else ""),
@@ -220,17 +209,9 @@ def _library(own: Path | None) -> dict[str, Effect]:
 
 
 def _band(text: str | None, described: Scenario | None) -> tuple[float, float] | None:
-    from freqid.core.errors import UsageError
-
-    if text is None:
-        return described.excitation.band_hz if described and described.excitation else None
-    try:
-        low, high = (float(part) for part in text.split(":"))
-    except ValueError:
-        low = high = 0.0
-    if not 0 < low < high < float("inf"):
-        raise UsageError(f"--band is LOW:HIGH in Hz such as 0.1:2, not '{text}'")
-    return low, high
+    if text is not None:
+        return options.band_hz(text)
+    return described.excitation.band_hz if described and described.excitation else None
 
 
 def _teller():

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from freqid import __version__
-from freqid.cli.options import as_json, emit, keep_inputs
+from freqid.cli import options
 
 if TYPE_CHECKING:
     from freqid.core.frequency_response import FrequencyResponse
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     help="One of X Y Z L M N, a channel as state/q, or a regressor as q or alpha; may be repeated.",
 )
 @click.option("--period", type=click.FloatRange(min=0, min_open=True), help="Of the multisines, s.")
-@click.option("--band", help="LOW:HIGH, Hz; all lines that are excited if absent.")
+@options.band("all lines that are excited if absent")
 @click.option(
     "--order", type=click.IntRange(min=0), default=2, show_default=True, help="Of the local polynomials."
 )
@@ -54,8 +54,8 @@ if TYPE_CHECKING:
     is_flag=True,
     help="For sweeps and doublets: one input and one output by overlapped windows; needs --band.",
 )
-@click.option("--page/--no-page", default=True, help="Draw the responses, in an HTML page beside the result.")
-@as_json
+@options.page("the responses")
+@options.as_json
 def command(
     records: tuple[Path, ...],
     destination: Path | None,
@@ -87,7 +87,7 @@ def command(
     described, sha256 = read_scenario(scenario) if scenario else (None, "")
     vehicle = described.aircraft() if described else None
     flights = [read_record(record) for record in records]
-    span = _band(band)
+    span = options.band_hz(band) if band is not None else None
     if period is None and described is not None and described.excitation is not None:
         period = described.excitation.period_s
     try:
@@ -116,7 +116,7 @@ def command(
     drawn = destination.with_suffix(".html") if page else None
     for result in (destination, drawn):
         if result:
-            keep_inputs(result, *records, scenario)
+            options.keep_inputs(result, *records, scenario)
     write_frequency_response(destination, response, sha256)
     if drawn:
         from freqid.report.frequency_response_page import write_frequency_response_page
@@ -124,7 +124,7 @@ def command(
         write_frequency_response_page(drawn, response, maneuvers[0].vehicle.name)
     for remark in response.remarks:
         click.echo(f"warning: {remark}", err=True)
-    emit(json_, _for_machines(response), f"{_table(response)}\n{destination}")
+    options.emit(json_, _for_machines(response), f"{_table(response)}\n{destination}")
 
 
 def _by_windows(
@@ -166,20 +166,6 @@ def _unit(maneuver: Maneuver, output: str) -> str:
     if output in RESPONSE:
         return RESPONSE[output][0]
     return maneuver.record.channel(output).unit if "/" in output else unit_of(maneuver, output)
-
-
-def _band(text: str | None) -> tuple[float, float] | None:
-    from freqid.core.errors import UsageError
-
-    if text is None:
-        return None
-    try:
-        low, high = (float(part) for part in text.split(":"))
-    except ValueError:
-        low = high = 0.0
-    if not 0 < low < high < float("inf"):
-        raise UsageError(f"--band is LOW:HIGH in Hz such as 0.1:2, not '{text}'")
-    return low, high
 
 
 def _for_machines(response: FrequencyResponse) -> dict[str, Any]:

@@ -19,6 +19,56 @@ def output(default: str) -> Callable[[Command], Command]:
     )
 
 
+def simulation(scenario: str) -> Callable[[Command], Command]:
+    """Return ``--sim``, ``--predictions`` and ``--scenario``; `scenario` is the last one's help."""
+    path = click.Path(path_type=Path)
+
+    def add(command: Command) -> Command:
+        command = click.option("--scenario", type=path, help=scenario)(command)
+        command = click.option(
+            "--predictions",
+            multiple=True,
+            type=path,
+            help="Recorded predictions in place of a simulation; may be repeated.",
+        )(command)
+        return click.option("--sim", help="FILE.py:NAME, MODEL.fmu, jsbsim:AIRCRAFT or SCENARIO.toml.")(
+            command
+        )
+
+    return add
+
+
+def band(absent: str) -> Callable[[Command], Command]:
+    """Return ``--band``, read by `band_hz`; `absent` says in words what holds without it."""
+    return click.option("--band", help=f"LOW:HIGH, Hz; {absent}.")
+
+
+def band_hz(text: str) -> tuple[float, float]:
+    """Return the band that ``--band`` states, Hz.
+
+    Raises
+    ------
+    UsageError
+        If it is not two positive numbers, the lower one first.
+    """
+    from freqid.core.errors import UsageError
+
+    try:
+        low, high = (float(part) for part in text.split(":"))
+    except ValueError:
+        low = high = 0.0
+    if not 0 < low < high < float("inf"):
+        raise UsageError(f"--band is LOW:HIGH in Hz such as 0.1:2, not '{text}'")
+    return low, high
+
+
+def page(drawing: str) -> Callable[[Command], Command]:
+    """Return ``--page/--no-page``; `drawing` says in words what the page shows."""
+    return click.option(
+        "--page/--no-page", default=True, help=f"Draw {drawing}, in an HTML page beside the result."
+    )
+
+
 def keep_inputs(destination: Path, *inputs: Path | None) -> None:
     """Refuse a result that would replace one of the files it is made from.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from freqid.cli.options import as_json, emit, keep_inputs, output
+from freqid.cli import options
 
 if TYPE_CHECKING:
     from freqid.core.record import FlightRecord
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 @click.command("simulate")
 @click.argument("scenario", type=click.Path(path_type=Path))
 @click.argument("design", type=click.Path(path_type=Path), required=False)
-@output("the condition's name with .h5, in reports/")
+@options.output("the condition's name with .h5, in reports/")
 @click.option("--at", "condition", help="Reference condition to start from; needed where there are several.")
 @click.option("--to", help="Fly on to this condition, for example through the transition.")
 @click.option("--duration", type=float, help="Seconds to fly; as long as DESIGN where not given.")
@@ -52,8 +52,8 @@ if TYPE_CHECKING:
     help="Python file with effects of your own, set like the others.",
 )
 @click.option("--feedback/--no-feedback", default=True, help="Without it the trim's commands are held.")
-@click.option("--page/--no-page", default=True, help="Draw the flight, in an HTML page beside the record.")
-@as_json
+@options.page("the flight")
+@options.as_json
 def command(
     scenario: Path,
     design: Path | None,
@@ -98,7 +98,7 @@ def command(
     drawn = destination.with_suffix(".html") if page else None
     for result in (destination, beside(destination), drawn):
         if result:
-            keep_inputs(result, scenario, design, own_effects)
+            options.keep_inputs(result, scenario, design, own_effects)
     inputs = read_inputs(design) if design else None
     settings = _settings(effects, own_effects)
     if turbulence:
@@ -136,7 +136,7 @@ def command(
             where=str(destination),
             remedy="the record holds the flight up to there; lower the inputs, or fly with feedback",
         )
-    emit(json_, result, _text(result))
+    options.emit(json_, result, _text(result))
 
 
 def _settings(effects: tuple[str, ...], own: Path | None) -> dict[str, Any]:

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
     help="Python file with effects of your own, set like the others.",
 )
 @click.option("--feedback/--no-feedback", default=True, help="Without it the trim's commands are held.")
-@options.page("the flight")
+@click.option("--page/--no-page", default=True, help="Draw the flight, in an HTML page beside the record.")
 @options.as_json
 def command(
     scenario: Path,

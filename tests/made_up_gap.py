@@ -5,7 +5,8 @@ import math
 import numpy as np
 
 from freqid.core.diagnosis import Change, Closure, Existence, GapDiagnosis, Interval, Place, Share, Which
-from freqid.core.gap_result import BeforeAfter, Cells, GapResult, Increment, ResidualSpectra
+from freqid.core.gap_map import GapMap
+from freqid.core.gap_result import BeforeAfter, GapResult, Increment, ResidualSpectra
 
 
 def made_up(exists=True):
@@ -65,11 +66,11 @@ def made_up(exists=True):
     energy = rng.uniform(size=(2, 3, 2, 2))
     return GapResult(
         diagnosis,
-        Cells(
+        GapMap(
             ("Z", "M"),
             ("u10", "u20"),
             ("de", ""),
-            np.array([(0.1, 0.2), (0.2, 1.0), (1.0, 2.0)]),
+            ((0.1, 0.2), (0.2, 1.0), (1.0, 2.0)),
             energy,
             np.full((2, 3), 1 / 3),
         ),

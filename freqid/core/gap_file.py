@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from . import store
 from .diagnosis import GapDiagnosis
-from .gap_result import BeforeAfter, Cells, GapResult, Increment, ResidualSpectra
+from .gap_map import GapMap
+from .gap_result import BeforeAfter, GapResult, Increment, ResidualSpectra
 
 FORMAT = "freqid-gap"
 _LEVEL = 0.95  # of the increments' intervals
@@ -91,18 +92,19 @@ def _put_cells(group: h5py.Group, result: GapResult) -> None:
     for name in ("rows", "regimes", "inputs"):
         store.put_json(group, name, getattr(result.cells, name))
     store.put_json(group, "coherence", result.coherence)
-    store.put(group, "bands", result.cells.bands_hz, "Hz")
+    store.put(group, "bands", np.array(result.cells.bands_hz), "Hz")
     store.put(group, "energy", result.cells.energy, "1")
     store.put(group, "phase", result.cells.phase, "1")
 
 
-def _cells(group: h5py.Group) -> Cells:
+def _cells(group: h5py.Group) -> GapMap:
     rows, regimes, inputs = _names(group, "rows", "regimes", "inputs")
     bands, energy = store.array(group, "bands"), store.array(group, "energy")
     expected = (len(rows), len(bands), len(regimes), len(inputs))
     if energy.shape != expected:
         raise ValueError(f"the map has shape {energy.shape}, expected {expected}")
-    return Cells(rows, regimes, inputs, bands, energy, store.array(group, "phase"))
+    pairs = tuple((float(low), float(high)) for low, high in bands)
+    return GapMap(rows, regimes, inputs, pairs, energy, store.array(group, "phase"))
 
 
 def _put_spectra(group: h5py.Group, one: ResidualSpectra) -> None:

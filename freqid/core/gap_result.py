@@ -9,32 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .diagnosis import GapDiagnosis
+from .gap_map import GapMap
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-
-
-@dataclass(frozen=True, eq=False)
-class Cells:
-    """Energy of a gap over noise, by cell.
-
-    Attributes
-    ----------
-    rows, regimes, inputs : tuple of str
-        The last input is ``""``: lines that no injected signal drives.
-    bands_hz : ndarray, shape (band, 2)
-    energy : ndarray, shape (row, band, regime, input)
-        Of white noise of variance one a line.
-    phase : ndarray, shape (row, 3)
-        Share of a row's energy in each third of the manoeuvres.
-    """
-
-    rows: tuple[str, ...]
-    regimes: tuple[str, ...]
-    inputs: tuple[str, ...]
-    bands_hz: Array
-    energy: Array
-    phase: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +113,7 @@ class GapResult:
     Attributes
     ----------
     diagnosis : GapDiagnosis
-    cells : Cells
+    cells : GapMap
     spectra : tuple of ResidualSpectra
         One a manoeuvre.
     coherence : dict of dict of float
@@ -149,7 +127,7 @@ class GapResult:
     """
 
     diagnosis: GapDiagnosis
-    cells: Cells
+    cells: GapMap
     spectra: tuple[ResidualSpectra, ...] = ()
     coherence: dict[str, dict[str, float]] = field(default_factory=dict)
     increments: tuple[Increment, ...] = ()

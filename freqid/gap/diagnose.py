@@ -11,13 +11,13 @@ from scipy.stats import chi2, norm
 
 from freqid.core.diagnosis import Closure, Existence, GapDiagnosis, Which
 from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.gap_map import GapMap
 from freqid.core.record import Maneuver
 from freqid.gap import attribute, calibrate, locate, score
 from freqid.gap.attribute import NONE, OTHER, Judged
 from freqid.gap.close import Refit, starting
 from freqid.gap.compare import Compared, compare, evidence_of
 from freqid.gap.evidence import Evidence, Hypothesis
-from freqid.gap.locate import GapMap
 from freqid.gap.signature import GIVEN
 from freqid.gap.simulation import Simulation
 from freqid.simulate.effects.effect import Effect

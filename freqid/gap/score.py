@@ -10,11 +10,12 @@ from scipy.stats import norm
 
 from freqid.core.diagnosis import Change, Closure, Existence, Interval, Place, Share, Which
 from freqid.core.errors import FreqidError
+from freqid.core.gap_map import GapMap
 from freqid.gap.attribute import NONE, OTHER
 from freqid.gap.close import Misfit, Refit, changes, misfit, refit
 from freqid.gap.compare import Compared
 from freqid.gap.fidelity import frequency_cost, rmse, theil
-from freqid.gap.locate import GapMap, regime_of
+from freqid.gap.locate import regime_of
 from freqid.gap.noise import sensor_noise
 from freqid.gap.together import together
 from freqid.identify.smoothing import local_derivative

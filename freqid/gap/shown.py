@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from freqid.core.gap_result import BeforeAfter, Cells, GapResult, ResidualSpectra
+from freqid.core.gap_result import BeforeAfter, GapResult, ResidualSpectra
 from freqid.gap.close import changes
 from freqid.gap.compare import Compared
 from freqid.gap.diagnose import Findings
@@ -31,12 +31,9 @@ def shown(found: Findings, tolerances: dict[str, float], provenance: dict[str, A
         JSON-compatible.
     """
     names = found.diagnosis.records
-    cells = found.map
     return GapResult(
         diagnosis=found.diagnosis,
-        cells=Cells(
-            cells.rows, cells.regimes, cells.inputs, np.array(cells.bands_hz), cells.energy, cells.phase
-        ),
+        cells=found.map,
         spectra=tuple(
             _spectra(c, name, z) for c, name, z in zip(found.compared, names, found.explained, strict=False)
         ),

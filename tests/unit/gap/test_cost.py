@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from freqid.core.diagnosis import Closure, Existence, GapDiagnosis, Share, Which
+from freqid.core.gap_map import GapMap
 from freqid.core.scenario import read_scenario
 from freqid.gap import scenario_consequence
 from freqid.gap.close import Refit
@@ -17,7 +18,6 @@ from freqid.gap.connect.scenario import ScenarioSimulation
 from freqid.gap.consequence import Condition, compare
 from freqid.gap.cost import with_cost
 from freqid.gap.diagnose import Findings
-from freqid.gap.locate import GapMap
 from freqid.simulate.effects import library
 
 DELAY = 0.05

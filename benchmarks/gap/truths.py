@@ -423,6 +423,9 @@ def _steady_normal(situation: Any) -> jax.Array:
     return -0.5 * 4.2 * flow.rho * situation.parameters.geometry.area * speed * flow.velocity[2]
 
 
+_JONES = {"slow": "N", "fast": "N"}  # states
+
+
 def _jones_start(settings: dict[str, jax.Array], situation: Any) -> dict[str, jax.Array]:
     del settings
     now = _steady_normal(situation)
@@ -445,6 +448,9 @@ def _jones(settings: dict[str, jax.Array], situation: Any) -> Wrench:
     missing = 0.165 * (situation.memory["slow"] - now) + 0.335 * (situation.memory["fast"] - now)
     down = settings["share"] * missing
     return _at(jnp.stack([0 * down, 0 * down, down]), situation.parameters.geometry.centre)
+
+
+_LATE = {"one": "m/s", "two": "m/s"}  # states
 
 
 def _late_start(settings: dict[str, jax.Array], situation: Any) -> dict[str, jax.Array]:
@@ -473,6 +479,9 @@ def _late(settings: dict[str, jax.Array], situation: Any) -> Wrench:
 
 
 # --- none of the library ---------------------------------------------------------------------------------
+
+
+_SLOSH = {"y": "m", "rate": "m/s"}  # states
 
 
 def _slosh_start(settings: dict[str, jax.Array], situation: Any) -> dict[str, jax.Array]:
@@ -522,33 +531,9 @@ FLOWN = (
     _effect("case_worn", _worn, "loss", "1", *(f"n{i + 1}" for i in range(8))),
     _effect("case_blown", _blown, "strength", "1"),
     _effect("case_kirchhoff", _kirchhoff, "strength", "1"),
-    _effect(
-        "case_jones",
-        _jones,
-        "share",
-        "1",
-        states={"slow": "N", "fast": "N"},
-        start=_jones_start,
-        rate=_jones_rate,
-    ),
-    _effect(
-        "case_late",
-        _late,
-        "strength",
-        "1",
-        states={"one": "m/s", "two": "m/s"},
-        start=_late_start,
-        rate=_late_rate,
-    ),
-    _effect(
-        "case_slosh",
-        _slosh,
-        "mass",
-        "kg",
-        states={"y": "m", "rate": "m/s"},
-        start=_slosh_start,
-        rate=_slosh_rate,
-    ),
+    _effect("case_jones", _jones, "share", "1", states=_JONES, start=_jones_start, rate=_jones_rate),
+    _effect("case_late", _late, "strength", "1", states=_LATE, start=_late_start, rate=_late_rate),
+    _effect("case_slosh", _slosh, "mass", "kg", states=_SLOSH, start=_slosh_start, rate=_slosh_rate),
     _effect("case_fin", _fin, "area", "m2"),
 )
 for _one in FLOWN:

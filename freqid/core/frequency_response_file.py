@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import h5py
-import numpy as np
 
 from . import store
 from .frequency_response import FrequencyResponse
@@ -32,8 +31,7 @@ def write_frequency_response(path: Path, response: FrequencyResponse, scenario_s
     def fill(file: h5py.File) -> None:
         store.put(file, "frequency", response.frequencies_hz, "Hz")
         # units differ by output and input; they are in the attributes below
-        store.put(file, "value/real", response.value.real, "output unit / input unit")
-        store.put(file, "value/imag", response.value.imag, "output unit / input unit")
+        store.put_complex(file, "value", response.value, "output unit / input unit")
         for name in _ARRAYS:
             unit = "output unit / input unit" if name == "std_error" else "1"
             store.put(file, name, getattr(response, name), unit)
@@ -58,7 +56,7 @@ def read_frequency_response(path: Path) -> FrequencyResponse:
             for n in ("inputs", "outputs", "input_units", "output_units", "remarks")
         )
         frequencies = store.array(file, "frequency")
-        value = store.array(file, "value/real") + 1j * store.array(file, "value/imag")
+        value = store.complex_array(file, "value")
         expected = (len(outputs), len(inputs), frequencies.size)
         if value.shape != expected:
             raise ValueError(f"values have shape {value.shape}, expected {expected}")
@@ -68,7 +66,7 @@ def read_frequency_response(path: Path) -> FrequencyResponse:
             input_units,
             output_units,
             frequencies,
-            np.asarray(value, dtype=np.complex128),
+            value,
             *(store.array(file, name) for name in _ARRAYS),
             method=store.get_text(file, "method"),
             remarks=remarks,

@@ -8,7 +8,6 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from . import store
 from .diagnosis import GapDiagnosis
@@ -17,6 +16,7 @@ from .gap_result import BeforeAfter, GapResult, Increment, ResidualSpectra
 
 FORMAT = "freqid-gap"
 _LEVEL = 0.95  # of the increments' intervals
+_DENSITY = "unit of the row times s^0.5"  # of spectra
 
 
 def write_gap(path: Path, result: GapResult, scenario_sha256: str = "") -> None:
@@ -113,15 +113,15 @@ def _put_spectra(group: h5py.Group, one: ResidualSpectra) -> None:
         store.put_json(group, name, getattr(one, name))
     store.put(group, "hz", one.hz, "Hz")
     store.put(group, "owner", one.owner, "1")
-    store.put(group, "noise", one.noise, "unit of the row times s^0.5")
-    _put_complex(group, "residual", one.residual)
-    _put_complex(group, "explained", one.explained)
+    store.put(group, "noise", one.noise, _DENSITY)
+    store.put_complex(group, "residual", one.residual, _DENSITY)
+    store.put_complex(group, "explained", one.explained, _DENSITY)
 
 
 def _spectra(group: h5py.Group) -> ResidualSpectra:
     rows, units, inputs = _names(group, "rows", "units", "inputs")
     hz = store.array(group, "hz")
-    residual, explained = _complex(group, "residual"), _complex(group, "explained")
+    residual, explained = (store.complex_array(group, name) for name in ("residual", "explained"))
     noise = store.array(group, "noise")
     for found in (residual, explained, noise):
         if found.shape != (len(rows), hz.size):
@@ -137,17 +137,17 @@ def _put_before_after(group: h5py.Group, one: BeforeAfter) -> None:
         store.put_json(group, name, getattr(one, name))
     store.put(group, "time", one.time, "s")
     store.put(group, "hz", one.hz, "Hz")
-    store.put(group, "noise", one.noise, "unit of the row times s^0.5")
+    store.put(group, "noise", one.noise, _DENSITY)
     for name in ("measured", "before", "after"):
         store.put(group, name, getattr(one, name), "unit of the response")
-        _put_complex(group, f"{name}_hz", getattr(one, f"{name}_hz"))
+        store.put_complex(group, f"{name}_hz", getattr(one, f"{name}_hz"), _DENSITY)
 
 
 def _before_after(group: h5py.Group) -> BeforeAfter:
     responses, units = _names(group, "responses", "units")
     time, hz, noise = (store.array(group, name) for name in ("time", "hz", "noise"))
     measured, before, after = (store.array(group, name) for name in ("measured", "before", "after"))
-    z, y, better = (_complex(group, f"{name}_hz") for name in ("measured", "before", "after"))
+    z, y, better = (store.complex_array(group, f"{name}_hz") for name in ("measured", "before", "after"))
     for found in (measured, before, after):
         if found.shape != (len(responses), time.size):
             raise ValueError(f"a history has shape {found.shape}, expected {(len(responses), time.size)}")
@@ -156,15 +156,6 @@ def _before_after(group: h5py.Group) -> BeforeAfter:
     return BeforeAfter(
         maneuver, held_out, responses, units, time, measured, before, after, hz, z, y, better, noise
     )
-
-
-def _put_complex(group: h5py.Group, name: str, values: NDArray[np.complex128]) -> None:
-    store.put(group, f"{name}/real", values.real, "unit of the row times s^0.5")
-    store.put(group, f"{name}/imag", values.imag, "unit of the row times s^0.5")
-
-
-def _complex(group: h5py.Group, name: str) -> NDArray[np.complex128]:
-    return np.asarray(store.array(group, f"{name}/real") + 1j * store.array(group, f"{name}/imag"))
 
 
 def _names(group: h5py.Group, *names: str) -> tuple[tuple[str, ...], ...]:

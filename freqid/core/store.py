@@ -171,6 +171,17 @@ def array(group: h5py.Group, name: str) -> NDArray[np.float64]:
     return np.asarray(found[()], dtype=np.float64)
 
 
+def put_complex(group: h5py.Group, name: str, values: NDArray[np.complex128], units: str) -> None:
+    """Write complex values as the two datasets ``NAME/real`` and ``NAME/imag``."""
+    put(group, f"{name}/real", values.real, units)
+    put(group, f"{name}/imag", values.imag, units)
+
+
+def complex_array(group: h5py.Group, name: str) -> NDArray[np.complex128]:
+    """Read back what `put_complex` wrote; what is missing or not real is an error that `reading` explains."""
+    return np.asarray(array(group, f"{name}/real") + 1j * array(group, f"{name}/imag"), dtype=np.complex128)
+
+
 def floats(group: h5py.Group | h5py.Dataset, name: str) -> tuple[float, ...]:
     """Read a numeric attribute as a tuple; empty where it is absent."""
     found = group.attrs.get(name)

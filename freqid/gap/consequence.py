@@ -20,6 +20,7 @@ from freqid.gap.modes import MOTION, Mode, named_modes
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
 
+DRAWS = 200  # for intervals
 FIGURES = ("gain_up_db", "gain_down_db", "phase_deg", "delay_s", "crossover_hz", "modulus")
 
 

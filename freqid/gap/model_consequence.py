@@ -13,14 +13,13 @@ from freqid.core.errors import DataError, UsageError
 from freqid.core.models import PointModel
 from freqid.core.vehicle import Vehicle
 from freqid.gap.closed_loop import Actuation, LinearLoop
-from freqid.gap.consequence import Condition, Consequence, compare
+from freqid.gap.consequence import DRAWS, Condition, Consequence, compare
 from freqid.gap.modes import MOTION
 from freqid.gap.rigid_body import inertia_and_spin, rigid_body_matrices
 
 Array = NDArray[np.float64]
 
 _MOVED = MOTION[:6]  # regressors that are states
-DRAWS = 200
 
 
 def model_consequence(
@@ -51,11 +50,9 @@ def model_consequence(
         Of the trim, rad; those at which the models' forces balance the weight where absent.
     actuation : Actuation, optional
         Of the flight, where it is not the law's.
-    draws : int
-        From the models' covariances; 0 for no intervals.
-    level : float
-        Of the intervals.
-    seed : int
+    draws, level, seed : int, float, int
+        Of the intervals: models drawn from their covariances, none for no intervals; confidence; where the
+        draws start.
 
     Returns
     -------

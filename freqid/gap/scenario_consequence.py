@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from freqid.core.errors import UsageError
 from freqid.core.scenario import Reference, Scenario
 from freqid.gap.closed_loop import Actuation, LinearLoop
-from freqid.gap.consequence import Condition, Consequence, compare
+from freqid.gap.consequence import DRAWS, Condition, Consequence, compare
 from freqid.simulate import effects as library
 from freqid.simulate import motion
 from freqid.simulate.actuators import by_kind
@@ -30,7 +30,6 @@ Name = tuple[str, str]
 INTEGRALS = ("integral of u", "integral of v", "altitude", "integral of psi")
 ALL_STATES = (*STATES, *INTEGRALS)
 
-DRAWS = 200
 _STEP = 0.5  # sigma, over which the vehicle is taken to be linear in a parameter
 
 
@@ -58,10 +57,8 @@ def consequence(
         Parameters of `after` that are estimates.
     covariance : array_like, shape (k, k), optional
         Theirs; without it there are no intervals.
-    draws : int
-    level : float
-        Of the intervals.
-    seed : int
+    draws, level, seed : int, float, int
+        Of the intervals: vehicles drawn; confidence; where the draws start.
 
     Returns
     -------

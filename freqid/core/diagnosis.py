@@ -96,6 +96,8 @@ class Which:
         Whether the probabilities hold here.
     pair : tuple of str
         Two effects that together explain much more than either; empty where one does.
+    calibrated_by : str
+        Which known cases the probabilities were checked on.
     """
 
     probabilities: dict[str, float]
@@ -105,6 +107,7 @@ class Which:
     parameters: dict[str, dict[str, Interval]]
     calibrated: bool = False
     pair: tuple[str, ...] = ()
+    calibrated_by: str = ""
 
 
 @dataclass(frozen=True)

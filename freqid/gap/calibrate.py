@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 APART = 5.4
 """Expected separation ``lambda (1 - c)`` from which two effects are told apart in 95 of 100 cases."""
 
+_KEPT = 0.1  # probability that effects have at most where no gap is called
 _CONSIDERED = 0.005  # probability from which an effect can share a name with the likeliest
 
 
@@ -41,7 +42,9 @@ class Table:
     set_level : float
         Cumulative probability that the set is filled to.
     calibrated : bool
-        Whether the numbers come from open cases.
+        Whether the numbers come from known cases.
+    source : str
+        Which these are.
     """
 
     form_error: float = 0.15
@@ -51,10 +54,36 @@ class Table:
     pair_gain: float = 0.15
     set_level: float = 0.90
     calibrated: bool = False
+    source: str = ""
 
 
 def probabilities(judged: Sequence[Judged], table: Table, exists: bool) -> dict[str, float]:
-    """Return the probability of every single effect, of *other* and of *none*.
+    """Return the probability of every single effect, of *other* and of *none*, likeliest first."""
+    singles = [j for j in judged if "+" not in j.name]
+    names = [j.name for j in singles]
+    evidence = np.array([[j.evidence for j in singles]])
+    each = chances(names, evidence, np.array([exists]), table)[0]
+    found = dict(zip((*names, NONE), each.tolist(), strict=True))
+    return dict(sorted(found.items(), key=lambda item: -item[1]))
+
+
+def chances(names: Sequence[str], evidence: Array, exists: NDArray[np.bool_], table: Table) -> Array:
+    """Return the probabilities of explanations in many cases at once.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Effects and *other*.
+    evidence : ndarray, shape (case, name)
+        Log Bayes factors against no effect; NaN for what was not judged.
+    exists : ndarray of bool, shape (case,)
+        Whether a gap was called.
+    table : Table
+
+    Returns
+    -------
+    ndarray, shape (case, name + 1)
+        The last is of *none*.
 
     Notes
     -----
@@ -62,22 +91,22 @@ def probabilities(judged: Sequence[Judged], table: Table, exists: bool) -> dict[
     not the truth's, so differences of evidence are judged by the size of the largest: with a relative form
     error e they are divided by ``1 + e^2 max``.
     """
-    singles = [j for j in judged if "+" not in j.name]
-    largest = max((j.evidence for j in singles), default=0.0)
-    soft = table.temperature * (1 + table.form_error**2 * max(largest, 0.0))
-    logs = {
-        j.name: j.evidence / soft + prior(j.name, len(singles)) + (table.other if j.name == OTHER else 0.0)
-        for j in singles
-    }
-    logs[NONE] = table.none
-    total = logsumexp(list(logs.values()))
-    found = {name: float(np.exp(value - total)) for name, value in logs.items()}
-    if not exists:
-        # the null's own draws say that nothing is there: what is left for effects is what the level allows
-        rest = sum(p for n, p in found.items() if n != NONE)
-        keep = min(rest, 0.1)
-        found = {n: (1 - keep if n == NONE else p * keep / max(rest, 1e-300)) for n, p in found.items()}
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+    judged = np.isfinite(evidence)
+    largest = np.max(evidence, axis=1, initial=0.0, where=judged, keepdims=True)
+    soft = table.temperature * (1 + table.form_error**2 * largest)
+    logs = np.full((len(evidence), len(names) + 1), table.none)
+    count = judged.sum(axis=1)
+    for i, name in enumerate(names):
+        before = np.array([prior(name, int(n)) for n in range(count.max(initial=0) + 1)])[count]
+        logs[:, i] = evidence[:, i] / soft[:, 0] + before + (table.other if name == OTHER else 0.0)
+    logs[:, :-1][~judged] = -np.inf
+    found = np.exp(logs - logsumexp(logs, axis=1, keepdims=True))
+    # the null's own draws say that nothing is there: what is left for effects is what the level allows
+    rest = found[:, :-1].sum(axis=1)
+    keep = np.minimum(rest, _KEPT)
+    found[~exists, :-1] *= (keep / np.maximum(rest, 1e-300))[~exists, None]
+    found[~exists, -1] = 1 - keep[~exists]
+    return found
 
 
 def aliases(
@@ -85,13 +114,21 @@ def aliases(
 ) -> tuple[tuple[str, ...], ...]:
     """Return groups of effects that these data are not expected to separate."""
     known = {j.name: j for j in judged if j.name in among}
-    groups: list[set[str]] = []
-    for a, b in combinations(known, 2):
-        c = evidence.alignment(known[a].best, known[b].best)
+
+    def apart(a: str, b: str) -> float:
         size = max(known[a].estimate.detectability, known[b].estimate.detectability)
-        if size * (1 - c) < APART:
-            joined = {a, b}.union(*(g for g in groups if g & {a, b}))
-            groups = [g for g in groups if not g & {a, b}] + [joined]
+        return size * (1 - evidence.alignment(known[a].best, known[b].best))
+
+    return joined(list(known), apart)
+
+
+def joined(names: Sequence[str], apart: Callable[[str, str], float]) -> tuple[tuple[str, ...], ...]:
+    """Return groups of names whose expected separation is below `APART`."""
+    groups: list[set[str]] = []
+    for a, b in combinations(names, 2):
+        if apart(a, b) < APART:
+            group = {a, b}.union(*(g for g in groups if g & {a, b}))
+            groups = [g for g in groups if not g & {a, b}] + [group]
     return tuple(tuple(sorted(g)) for g in groups)
 
 
@@ -127,6 +164,7 @@ def which(
         not_tested=dict(not_tested),
         parameters={j.name: _intervals(j, evidence, library, interval) for j in judged if j.name in library},
         calibrated=table.calibrated,
+        calibrated_by=table.source if table.calibrated else "",
         pair=_pair(judged, table) if exists else (),
     )
 

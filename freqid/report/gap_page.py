@@ -8,7 +8,7 @@ import numpy as np
 
 from freqid import __version__
 from freqid.core.gap_result import BeforeAfter, GapResult, ResidualSpectra
-from freqid.report import gap_figures, gap_tables
+from freqid.report import gap_figures, gap_response_figures, gap_tables
 from freqid.report.findings import Finding, finding
 from freqid.report.notation import percent, short
 from freqid.report.pictures import Picture, picture
@@ -163,7 +163,7 @@ def _spectra(result: GapResult) -> list[Picture]:
         )
         pictures.append(
             picture(
-                gap_figures.residual_spectra(one, rows),
+                gap_response_figures.residual_spectra(one, rows),
                 f"residual{k}",
                 f"Residual spectra over the noise floor, {Path(one.maneuver).stem}",
                 f"{Path(one.maneuver).stem}: measured less simulated on each line. What stands above the "
@@ -240,7 +240,7 @@ def _before_after(result: GapResult) -> list[Picture]:
         name, added = Path(one.maneuver).stem, " and ".join(result.diagnosis.how_far[0].effects)
         pictures.append(
             picture(
-                gap_figures.before_after_time(one, rows),
+                gap_response_figures.before_after_time(one, rows),
                 f"time{k}",
                 f"{name}, {scored}: measured, before and after over time",
                 f"{name}, {scored}: as measured, as simulated, and as simulated with {added}, where that "
@@ -249,7 +249,7 @@ def _before_after(result: GapResult) -> list[Picture]:
         )
         pictures.append(
             picture(
-                gap_figures.before_after_frequency(one, rows),
+                gap_response_figures.before_after_frequency(one, rows),
                 f"frequency{k}",
                 f"{name}, {scored}: what is left before and after over frequency",
                 f"{name}, {scored}: what is left on each line. Where blue dots stay inside the "

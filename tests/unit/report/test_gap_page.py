@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from made_up_gap import made_up
 
-from freqid.report.gap_figures import before_after_time, heat_panels, increment_bars
+from freqid.report.gap_figures import heat_panels, increment_bars
 from freqid.report.gap_page import build_gap_page
+from freqid.report.gap_response_figures import before_after_time
 
 
 @pytest.fixture(scope="module")

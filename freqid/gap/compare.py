@@ -13,8 +13,10 @@ from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.gap.evidence import Evidence, gather
 from freqid.gap.lines import Lines, lines_of
-from freqid.gap.noise import Noise, Shared, draws, noise_of, noisy_channels, quiet, shared_noise
+from freqid.gap.noise import Noise, draws, noise_of
+from freqid.gap.quiet import noisy_channels, quiet
 from freqid.gap.residual import Histories, Row, measured_part, simulated_part
+from freqid.gap.shared_noise import Shared, shared_noise
 from freqid.gap.signature import GIVEN, Trial, signature, sources_of, untestable
 from freqid.gap.simulation import Simulation
 from freqid.gap.tolerance import DYNAMICS, OF_EFFECT, form, tolerances

@@ -16,7 +16,7 @@ from freqid.gap.close import Misfit, Refit, changes, misfit, refit
 from freqid.gap.compare import Compared
 from freqid.gap.fidelity import frequency_cost, rmse, theil
 from freqid.gap.locate import regime_of
-from freqid.gap.noise import sensor_noise
+from freqid.gap.quiet import sensor_noise
 from freqid.gap.together import together
 from freqid.identify.smoothing import local_derivative
 from freqid.identify.trend import up_to

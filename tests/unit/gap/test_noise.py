@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from freqid.gap.compare import compare
-from freqid.gap.noise import noisy_channels, sensor_noise
+from freqid.gap.quiet import noisy_channels, sensor_noise
 from freqid.gap.residual import residual
 
 BAND = (0.1, 2.0)

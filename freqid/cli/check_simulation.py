@@ -31,7 +31,7 @@ def command(
     from freqid.core.errors import GateFailed
     from freqid.core.record_file import read_record
     from freqid.core.scenario import read_scenario
-    from freqid.gap.check import check
+    from freqid.gap.bookkeeping.check import check
     from freqid.gap.connect import connect
 
     flown = [read_record(path) for path in records]

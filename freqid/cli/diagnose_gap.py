@@ -83,7 +83,7 @@ def command(
     from freqid.core.record_file import read_record
     from freqid.core.scenario import read_scenario
     from freqid.gap import flights
-    from freqid.gap.check import check
+    from freqid.gap.bookkeeping.check import check
     from freqid.gap.connect import connect
     from freqid.gap.cost import with_cost
     from freqid.gap.diagnose import Question, diagnose

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from freqid.core.diagnosis import Change, Closure, GapDiagnosis, Interval, Share
-    from freqid.gap.check import Finding
+    from freqid.gap.bookkeeping.check import Finding
 
 _LISTED = 0.005  # probability from which an effect has a line
 

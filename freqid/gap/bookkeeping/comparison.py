@@ -9,24 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from freqid.core.channels import WRENCH
+from freqid.core.channels import COEFFICIENT, WRENCH
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.vehicle import Vehicle
-from freqid.gap.bookkeeping import Bench, Fault
+from freqid.gap.bookkeeping.fault import Bench, Fault
 from freqid.gap.simulation import Simulation
 from freqid.identify.wrench import applied_wrench
 
 Array = NDArray[np.float64]
 Parts = tuple[Array, Array]  # fluctuation, shape (response, sample), and level, shape (response,)
 
-COEFFICIENT = {"CX": "X", "CY": "Y", "CZ": "Z", "Cl": "L", "Cm": "M", "Cn": "N"}
 _BAND = 3.0  # Hz, in which responses are compared
 _LONGEST = 60.0  # s of each record that are looked at
 _DRAWS = 3
 
 
-class Trial:
+class Comparison:
     """One record beside the simulation, with the mistakes taken back that were found so far."""
 
     def __init__(self, simulation: Simulation, bench: Bench):

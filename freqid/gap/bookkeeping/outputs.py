@@ -1,108 +1,36 @@
-"""The mistakes that are made when a simulation is first laid beside a flight, each as what would undo it."""
+"""Mistakes in what comes out of a simulation: signs, names, units, axes, points and what loads contain."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.channels import WRENCH
-from freqid.core.frames import cross, level_from_body
-from freqid.core.record import FlightRecord, Maneuver
+from freqid.core.frames import cross
 from freqid.core.units import STANDARD_GRAVITY
+from freqid.gap.bookkeeping.fault import FOOT, POUND, RADIAN, Bench, Fault
 from freqid.identify.momentum import rotor_momentum
 from freqid.identify.smoothing import local_derivative
 
 Array = NDArray[np.float64]
-Mend = Callable[[FlightRecord], FlightRecord]
 
-RADIAN = 180 / np.pi
-_FOOT, _POUND, _SLUG_FT3 = 0.3048, 4.4482216152605, 515.378818
 _SCALES = {  # what a prediction in other units has to be multiplied by
     "X Y Z": {
-        "in pounds": _POUND,
-        "in newtons taken for pounds": 1 / _POUND,
+        "in pounds": POUND,
+        "in newtons taken for pounds": 1 / POUND,
         "in kilograms of force": STANDARD_GRAVITY,
         "in kilonewtons": 1e3,
     },
     "L M N": {
-        "in pound-feet": _POUND * _FOOT,
-        "in newton metres taken for pound-feet": 1 / (_POUND * _FOOT),
+        "in pound-feet": POUND * FOOT,
+        "in newton metres taken for pound-feet": 1 / (POUND * FOOT),
         "in kilogram-force metres": STANDARD_GRAVITY,
     },
 }
 _STATE_SCALES = {"in degrees": 1 / RADIAN, "in radians twice converted": RADIAN}
-_INPUTS = {  # groups of a record's channels, and what a simulation may expect them in
-    "p q r": (("state/p", "state/q", "state/r"), {"degrees per second": RADIAN}),
-    "alpha beta": (("air/alpha", "air/beta"), {"degrees": RADIAN}),
-    "u v w": (
-        ("state/u", "state/v", "state/w", "air/V"),
-        {"feet per second": 1 / _FOOT, "knots": 3600 / 1852, "km/h": 3.6},
-    ),
-    "rho": (("air/rho",), {"slug/ft3": 1 / _SLUG_FT3, "g/m3": 1e3}),
-}
-_TURNED = {"y left and z up": ("v", "w", "q", "r"), "x aft and z up": ("u", "w", "p", "r"), "z up": ("w",)}
-
-
-@dataclass(frozen=True)
-class Fault:
-    """One mistake; either `mend` or `undo` takes it back.
-
-    Attributes
-    ----------
-    id : str
-    subject : str
-        Responses or channels that it is about.
-    sentence, remedy : str
-    rows : tuple of int
-        Responses that it touches and is judged by; empty where the change itself tells.
-    mend : callable, optional
-        ``mend(record) -> record``: what the simulation has to be given instead.
-    undo : callable, optional
-        ``undo(predicted, bench) -> predicted``, shape (response, sample).
-    """
-
-    id: str
-    subject: str
-    sentence: str
-    remedy: str
-    rows: tuple[int, ...] = ()
-    mend: Mend | None = None
-    undo: Callable[[Array, Bench], Array] | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Bench:
-    """A record beside which predictions are laid.
-
-    Attributes
-    ----------
-    maneuver : Maneuver
-    names : tuple of str
-        Responses, one for each row.
-    measured : ndarray, shape (response, sample)
-    """
-
-    maneuver: Maneuver
-    names: tuple[str, ...]
-    measured: Array
-
-    @property
-    def record(self) -> FlightRecord:
-        """The manoeuvre's record."""
-        return self.maneuver.record
-
-    def rows(self, names: str) -> tuple[int, ...]:
-        """Return the rows of responses, written with blanks between."""
-        return tuple(self.names.index(n) for n in names.split() if n in self.names)
-
-    def weight(self) -> Array:
-        """Return the weight in body axes, N, shape (3, sample)."""
-        turn = level_from_body(self.record.matrix(("state/phi", "state/theta", "state/psi")))
-        return self.maneuver.vehicle.mass_properties.mass_kg * STANDARD_GRAVITY * turn[2]
 
 
 def outputs(bench: Bench) -> Iterator[Fault]:
@@ -138,58 +66,6 @@ def outputs(bench: Bench) -> Iterator[Fault]:
         yield from _gyroscopic(bench, rows)
 
 
-def inputs(bench: Bench) -> Iterator[Fault]:
-    """Yield the mistakes in what goes into a simulation."""
-    record, kinds = bench.record, bench.maneuver.vehicle.effector_kinds
-    effectors = [n for n in record.group("effector") if np.ptp(record[f"effector/{n}"]) > 0]
-    for name in effectors:
-        yield _scaled(
-            "effector_sign", name, (f"effector/{name}",), -1.0, f"{name} is taken with the opposite sign"
-        )
-    for a, b in combinations(effectors, 2):
-        if kinds.get(a) == kinds.get(b):
-            yield Fault(
-                "swapped_effectors",
-                f"{a} {b}",
-                f"{a} and {b} are exchanged",
-                "check the order of effectors",
-                mend=lambda r, a=f"effector/{a}", b=f"effector/{b}": _exchanged(r, a, b),
-            )
-    by_kind = {k: [n for n in effectors if kinds.get(n) == k] for k in ("surface", "tilt", "rotor")}
-    angles, speeds = by_kind["surface"] + by_kind["tilt"], by_kind["rotor"]
-    sets = dict.fromkeys(
-        tuple(s) for s in ([[n] for n in angles] + [by_kind["surface"], by_kind["tilt"], angles])
-    )
-    groups = [(s, "degrees", RADIAN) for s in sets if s]
-    groups += [(tuple(speeds), "rpm", 30 / np.pi), (tuple(speeds), "1/s", 0.5 / np.pi)] if speeds else []
-    for which, unit, factor in groups:
-        subject = " ".join(which)
-        for value, how in ((factor, f"expected in {unit}"), (1 / factor, f"converted as if from {unit}")):
-            label = "degrees" if unit == "degrees" else "units"
-            yield _scaled(label, subject, [f"effector/{n}" for n in which], value, f"{subject} is {how}")
-    for subject, (channels, units) in _INPUTS.items():
-        there = [c for c in channels if c in record]
-        for unit, factor in units.items() if there else ():
-            for value, how in ((factor, f"expected in {unit}"), (1 / factor, f"converted as if from {unit}")):
-                label = "degrees" if unit.startswith("degrees") else "units"
-                yield _scaled(label, subject, there, value, f"{subject} is {how}")
-    for how, turned in _TURNED.items():
-        there = [f"state/{n}" for n in turned if f"state/{n}" in record]
-        if there:
-            yield _scaled("axes", " ".join(turned), there, -1.0, f"the motion is read in axes with {how}")
-    yield from (
-        _scaled("axes", n, (f"state/{n}",), -1.0, f"{n} is taken with the opposite sign")
-        for n in "vpqr"
-        if f"state/{n}" in record
-    )
-
-
-def shifted(values: Array, dt: float, delay: float) -> Array:
-    """Return rows a time later, s; the ends are held."""
-    at = np.arange(values.shape[1], dtype=float)
-    return np.array([np.interp(at - delay / dt, at, row) for row in values])
-
-
 def _factor(
     fault: str, subject: str, factor: float, rows: Sequence[int], sentence: str, remedy: str
 ) -> Fault:
@@ -200,21 +76,6 @@ def _times(predicted: Array, rows: Sequence[int], factor: float | Array) -> Arra
     out = predicted.copy()
     out[list(rows)] *= factor
     return out
-
-
-def _scaled(fault: str, subject: str, channels: Sequence[str], factor: float, sentence: str) -> Fault:
-    def mend(record: FlightRecord) -> FlightRecord:
-        return record.with_channels(
-            *(replace(record.channel(c), values=factor * record[c]) for c in channels if c in record)
-        )
-
-    remedy = "check how the simulation reads its inputs: SI and radians, x forward, y right, z down"
-    return Fault(fault, subject, sentence, remedy, mend=mend)
-
-
-def _exchanged(record: FlightRecord, a: str, b: str) -> FlightRecord:
-    one, other = record.channel(a), record.channel(b)
-    return record.with_channels(replace(one, values=other.values), replace(other, values=one.values))
 
 
 def _exchange(bench: Bench, a: int, b: int) -> Fault:

@@ -15,7 +15,7 @@ import pytest
 from freqid.core.frames import level_from_body
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Rotor, Vehicle
-from freqid.gap.check import check
+from freqid.gap.bookkeeping.check import check
 
 MASS, GRAVITY, INERTIA = 30.0, 9.80665, np.array([3.0, 6.0, 8.0])
 AREA, SPAN, CHORD, SPIN = 1.2, 1.9, 0.35, 0.02

@@ -1,0 +1,1 @@
+"""Mistakes that are made when a simulation is first laid beside a flight, found before any physics."""

@@ -1,0 +1,170 @@
+"""Is a gap bookkeeping? Mistakes of units, signs, axes, points and order, found before any physics.
+
+A mistake is named only where taking it back, by exactly what it is, makes nearly all of a residual go:
+an effect of physics is hardly ever a whole sign, a factor of 57.3 or two names exchanged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.channels import WRENCH
+from freqid.core.record import FlightRecord
+from freqid.core.units import STANDARD_GRAVITY
+from freqid.core.vehicle import Vehicle
+from freqid.gap.bookkeeping.candidates import candidates
+from freqid.gap.bookkeeping.comparison import Comparison, bench_of, energy
+from freqid.gap.bookkeeping.correction import Correction
+from freqid.gap.bookkeeping.fault import Bench, Fault
+from freqid.gap.simulation import Simulation
+
+Array = NDArray[np.float64]
+
+EXPLAINED = 0.9  # share of a residual, noise set aside, that has to go
+_LIKELY = 0.5  # the same with the noise, of what is looked at further
+_OWN = 0.01  # the same of a simulation's own flight, beyond noise
+_MOST = 6  # mistakes at a time
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One mistake of bookkeeping.
+
+    Attributes
+    ----------
+    fault : str
+        Its kind: gravity, response_sign, effector_sign, swapped_effectors, swapped_responses, degrees,
+        units, coefficient, axes, moment_reference, gyroscopic, time_shift, trim_level, density or
+        self_replay.
+    subject : str
+        Responses or channels.
+    sentence : str
+    remedy : str
+    explained : float
+        Share of the residual that goes when it is taken back.
+    """
+
+    fault: str
+    subject: str
+    sentence: str
+    remedy: str
+    explained: float
+
+
+def check(
+    simulation: Simulation,
+    records: Sequence[FlightRecord],
+    vehicle: Vehicle | None = None,
+    *,
+    own: bool = False,
+) -> list[Finding]:
+    """Look for mistakes of bookkeeping between a simulation and flights.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    records : sequence of FlightRecord
+    vehicle : Vehicle, optional
+        In place of the records' and the simulation's.
+    own : bool
+        The records are the simulation's own flights: whatever is left is a mistake.
+
+    Returns
+    -------
+    list of Finding
+        Largest first; a mistake is looked for after the larger ones were taken back.
+
+    Raises
+    ------
+    DataError
+        Where records lack what the responses are made of.
+    """
+    comparisons = [Comparison(simulation, bench_of(simulation, record, vehicle)) for record in records]
+    findings: list[Finding] = []
+    while len(findings) < _MOST:
+        found = _next(comparisons)
+        if found is None:
+            break
+        fault, explained = found
+        findings.append(Finding(fault.id, fault.subject, fault.sentence, fault.remedy, explained))
+        for comparison in comparisons:
+            comparison.accept(fault)
+    if own and not findings:
+        findings += _not_its_own(comparisons)
+    return findings
+
+
+def _not_its_own(comparisons: Sequence[Comparison]) -> list[Finding]:
+    """Return a finding where a simulation does not reproduce flights of its own."""
+    nothing = Fault("", "", "", "", mend=lambda record: record)
+    left = np.mean([energy(t.residual(t.predicted)) - t.noise(nothing) for t in comparisons], axis=0)
+    worst = int(np.argmax(left))
+    if left[worst] < _OWN:
+        return []
+    name = comparisons[0].bench.names[worst]
+    return [
+        Finding(
+            "self_replay",
+            name,
+            f"the simulation does not reproduce its own flight: {100 * np.sqrt(left[worst]):.2g} % of {name} "
+            "(rms) is left on the states and positions that it flew itself",
+            "compare its logged states, positions and loads with what its model is given",
+            0.0,
+        )
+    ]
+
+
+def _next(comparisons: Sequence[Comparison]) -> tuple[Fault, float] | None:
+    """Return the mistake that explains most, if one explains sharply enough, with the share it explains."""
+    likely = []
+    for fault in candidates(comparisons):
+        mended = [comparison.without(fault) for comparison in comparisons]
+        there = [p for p in mended if p is not None]
+        if len(there) == len(comparisons):
+            change = Correction.of(comparisons, there, fault.rows)
+            if change.gain > 0 and change.explained(0.0) > _LIKELY and change.sharp:
+                likely.append((change, fault))
+    for change, fault in sorted(likely, key=lambda found: -found[0].gain):
+        noise = np.sum([comparison.noise(fault) for comparison in comparisons], axis=0)
+        explained = change.explained(noise)
+        if explained > EXPLAINED:
+            return fault, explained
+    return _trim_level(comparisons)
+
+
+def _trim_level(comparisons: Sequence[Comparison]) -> tuple[Fault, float] | None:
+    """Return the level as a mistake where a large one is all that is wrong."""
+    bench = comparisons[0].bench
+    vehicle = bench.maneuver.vehicle
+    weight = vehicle.mass_properties.mass_kg * STANDARD_GRAVITY
+    arm = vehicle.chord_m or 0.15 * (vehicle.span_m or 1.0)
+    for i, name in enumerate(bench.names):
+        if name not in WRENCH:
+            continue
+        off = np.mean([(t.bench.measured[i] - t.predicted[i]).mean() for t in comparisons])
+        spread = np.std([(t.bench.measured[i] - t.predicted[i]).mean() for t in comparisons])
+        moving = np.mean([(t.residual(t.predicted)[0][i] ** 2).sum() for t in comparisons])
+        size = 0.3 * weight * (1.0 if name in "XYZ" else arm)
+        missing = abs(comparisons[0].predicted[i].mean()) < 0.1 * abs(off)
+        if abs(off) > size and moving < (0.25 if missing else 0.05) and spread < 0.1 * abs(off):
+
+            def undo(predicted: Array, _: Bench, i: int = i, off: float = float(off)) -> Array:
+                out = predicted.copy()
+                out[i] += off
+                return out
+
+            sentence = (
+                f"{name} is a departure from the trim: its level, {off:.4g}, is missing"
+                if missing
+                else f"the level of {name} is off by {-off:.4g} while its changes are right"
+            )
+            total = np.sum([energy(t.residual(t.predicted))[i] for t in comparisons])
+            return (
+                Fault("trim_level", name, sentence, "give total loads, trim included", (i,), undo=undo),
+                float(1 - moving * len(comparisons) / total),
+            )
+    return None

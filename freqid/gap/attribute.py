@@ -21,6 +21,10 @@ NONE, OTHER = "none", "other"
 FREE = (4.0, 15.0)
 """What no candidate explains may move derivatives and actuators by this many sigma of their tolerance."""
 
+LEAST_ODDS = 2.0
+"""Logarithm of the odds for a gap below which none is called, however narrow the null draws are: what they
+do not know of, the baseline's own formulas and gusts, is worth as much."""
+
 _STRONGEST = 8  # single effects that pairs are made of
 _PAIR_PENALTY = 3.0  # two effects at once are this much less expected, in logarithms
 
@@ -130,10 +134,35 @@ def existence(judged: Sequence[Judged]) -> tuple[float, Array]:
     that a small effect is seen along its own signature however many lines there are.
     """
     singles = [j for j in judged if "+" not in j.name]
-    weights = np.array([prior(j.name, len(singles)) for j in singles])
-    data = logsumexp([j.evidence + w for j, w in zip(singles, weights, strict=True)])
-    null = logsumexp(np.array([j.null for j in singles]) + weights[:, None], axis=0)
-    return float(data), np.asarray(null)
+    every = np.array([np.concatenate([[j.evidence], j.null]) for j in singles]).T
+    found = statistic([j.name for j in singles], every)
+    return float(found[0]), found[1:]
+
+
+def statistic(names: Sequence[str], evidence: Array) -> Array:
+    """Return the statistic of `existence` for many cases.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Effects and *other*.
+    evidence : ndarray, shape (..., name)
+
+    Returns
+    -------
+    ndarray, shape (...)
+    """
+    weights = np.array([prior(name, len(names)) for name in names])
+    return np.asarray(logsumexp(evidence + weights, axis=-1))
+
+
+def critical(null: Array, level: float) -> float:
+    """Return the statistic above which a gap is called: rarer than `level` without one, and plain odds."""
+    low, high = float(null.min()), float(null.max()) + 100.0
+    for _ in range(60):
+        mid = (low + high) / 2
+        low, high = (low, mid) if p_value(mid, null) < level else (mid, high)
+    return max(high, LEAST_ODDS)
 
 
 def p_value(statistic: float, null: Array) -> float:

@@ -14,7 +14,7 @@ from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.gap_map import GapMap
 from freqid.core.record import Maneuver
 from freqid.gap import attribute, calibrate, locate, score
-from freqid.gap.attribute import NONE, OTHER, Judged
+from freqid.gap.attribute import LEAST_ODDS, NONE, OTHER, Judged
 from freqid.gap.close import Refit, starting
 from freqid.gap.compare import Compared, compare, evidence_of
 from freqid.gap.evidence import Evidence, Hypothesis
@@ -23,10 +23,6 @@ from freqid.gap.simulation import Simulation
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
-
-LEAST_ODDS = 2.0
-"""Logarithm of the odds for a gap below which none is called, however narrow the null draws are: what they
-do not know of, the baseline's own formulas and gusts, is worth as much."""
 
 LEVEL = 0.02
 """At which a gap is called one, unless told otherwise."""

@@ -188,11 +188,16 @@ def p_value(statistic: float, null: Array) -> float:
     return float(np.clip(len(excess) / count * tail, 1e-12, counted))
 
 
+def averaged(each: Array) -> Array:
+    """Return the evidence of an explanation of that of its variants along the first axis, all as likely."""
+    return np.asarray(logsumexp(each, axis=0) - np.log(len(each)))
+
+
 def _judged(name: str, hypotheses: Sequence[Hypothesis], evidence: Evidence) -> Judged | None:
     if not hypotheses:
         return None
     each = np.array([evidence.evidences(h) for h in hypotheses])
-    whole = logsumexp(each, axis=0) - np.log(len(each))
+    whole = averaged(each)
     best = hypotheses[int(np.argmax(each[:, 0]))]
     return Judged(name, float(whole[0]), whole[1:], best, evidence.estimate(best))
 

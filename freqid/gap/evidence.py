@@ -155,6 +155,42 @@ class Evidence:
         gain = 0.5 * np.einsum("ik,ik->k", scaled, cho_solve(factor, scaled))
         return gain - np.log(np.diag(factor[0])).sum()
 
+    def detectabilities(self, hypothesis: Hypothesis) -> Array:
+        """Return ``s^T S^-1 s`` of what is estimated of data and of each null draw, shape (1 + draw,)."""
+        gram, projected, prior = self._parts(hypothesis)
+        value = cho_solve(cho_factor(gram + np.diag(prior)), projected)
+        return np.einsum("ik,ij,jk->k", value, gram, value)
+
+    def grown(self, hypothesis: Hypothesis, columns: Sequence[int]) -> tuple[Array, Array, Array]:
+        """Return the log Bayes factors of null draws to which a column is added some times.
+
+        Returns
+        -------
+        constant, linear, square : ndarray, shapes (draw,), (column, draw), (column,)
+            With a times the column it is ``constant + a linear + a^2 square``.
+        """
+        gram, projected, prior = self._parts(hypothesis)
+        root = 1 / np.sqrt(prior)
+        factor = cho_factor(np.eye(len(root)) + root[:, None] * gram * root)
+        draws = root[:, None] * projected[:, 1:]
+        added = root[:, None] * self.metric[np.ix_(list(hypothesis.columns), list(columns))]
+        solved = cho_solve(factor, added)
+        constant = 0.5 * np.einsum("ik,ik->k", draws, cho_solve(factor, draws))
+        constant -= np.log(np.diag(factor[0])).sum()
+        return constant, solved.T @ draws, 0.5 * np.einsum("ip,ip->p", added, solved)
+
+    def with_added(self, draw: NDArray[np.intp], change: Array) -> Evidence:
+        """Return evidence with other null draws: some of these with a change added to each.
+
+        Parameters
+        ----------
+        draw : ndarray of int, shape (case,)
+        change : ndarray, shape (n, case)
+            Products of every column with what is added.
+        """
+        products = np.concatenate([self._with_data[:, :1], self._with_data[:, 1 + draw] + change], axis=1)
+        return _Added(self.gram, self.signatures, self.tolerances, self.null, self.rows, products)
+
     def likelihood_gain(self, hypothesis: Hypothesis) -> Array:
         """Return by how much the best fit, without a prior, lowers half the misfit, shape (1 + draw,)."""
         gram, projected, _ = self._parts(hypothesis)
@@ -175,6 +211,17 @@ class Evidence:
             self._with_data[at],
             1 / np.square(hypothesis.scale),
         )
+
+
+@dataclass(frozen=True, eq=False)
+class _Added(Evidence):
+    """Evidence whose null draws are given by their products with every column, shape (n, 1 + draw)."""
+
+    products: Array
+
+    @cached_property
+    def _with_data(self) -> Array:
+        return self.products
 
 
 def gather(

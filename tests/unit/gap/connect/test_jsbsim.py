@@ -126,7 +126,7 @@ def test_derivatives_are_those_of_the_prediction(simulation, record):
 
 
 def test_an_edited_copy_flies_as_edited(simulation, record, tmp_path):
-    source = simulation._file.read_text()
+    source = simulation.aircraft.file.read_text()
     edited, count = re.subn(r"<value>\s*-1\.122\d*\s*</value>", "<value>-0.561</value>", source)
     assert count == 1, "the aircraft's file has another elevator"
     folder = tmp_path / "weak"

@@ -127,6 +127,20 @@ def prior(name: str, effects: int) -> float:
     return -float(np.log(max(effects, 1)))
 
 
+def priors(names: Sequence[str], judged: NDArray[np.bool_]) -> Array:
+    """Return the logarithm of the prior of names in many cases, shape (case, name).
+
+    Parameters
+    ----------
+    names : sequence of str
+        Effects and *other*.
+    judged : ndarray of bool, shape (case, name)
+    """
+    count = judged.sum(axis=1)
+    each = np.array([[prior(name, n) for name in names] for n in range(count.max(initial=0) + 1)])
+    return each.reshape(-1, len(names))[count]
+
+
 def existence(judged: Sequence[Judged]) -> tuple[float, Array]:
     """Return the statistic of whether there is a gap, of the data and of each null draw.
 
@@ -146,14 +160,15 @@ def statistic(names: Sequence[str], evidence: Array) -> Array:
     ----------
     names : sequence of str
         Effects and *other*.
-    evidence : ndarray, shape (..., name)
+    evidence : ndarray, shape (case, name)
+        NaN for what was not judged.
 
     Returns
     -------
-    ndarray, shape (...)
+    ndarray, shape (case,)
     """
-    weights = np.array([prior(name, len(names)) for name in names])
-    return np.asarray(logsumexp(evidence + weights, axis=-1))
+    judged = np.isfinite(evidence)
+    return np.asarray(logsumexp(np.where(judged, evidence, -np.inf) + priors(names, judged), axis=1))
 
 
 def critical(null: Array, level: float) -> float:

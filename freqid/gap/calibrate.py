@@ -12,7 +12,7 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 
 from freqid.core.diagnosis import Interval, Which
-from freqid.gap.attribute import NONE, OTHER, Judged, prior
+from freqid.gap.attribute import NONE, OTHER, Judged, priors
 from freqid.gap.evidence import Evidence
 from freqid.gap.signature import GIVEN
 from freqid.simulate.effects.effect import Effect
@@ -22,8 +22,10 @@ Array = NDArray[np.float64]
 APART = 5.4
 """Expected separation ``lambda (1 - c)`` from which two effects are told apart in 95 of 100 cases."""
 
+CONSIDERED = 0.005
+"""Probability from which an effect can share a name with the likeliest."""
+
 _KEPT = 0.1  # probability that effects have at most where no gap is called
-_CONSIDERED = 0.005  # probability from which an effect can share a name with the likeliest
 
 
 @dataclass(frozen=True)
@@ -95,11 +97,8 @@ def chances(names: Sequence[str], evidence: Array, exists: NDArray[np.bool_], ta
     largest = np.max(evidence, axis=1, initial=0.0, where=judged, keepdims=True)
     soft = table.temperature * (1 + table.form_error**2 * largest)
     logs = np.full((len(evidence), len(names) + 1), table.none)
-    count = judged.sum(axis=1)
-    for i, name in enumerate(names):
-        before = np.array([prior(name, int(n)) for n in range(count.max(initial=0) + 1)])[count]
-        logs[:, i] = evidence[:, i] / soft[:, 0] + before + (table.other if name == OTHER else 0.0)
-    logs[:, :-1][~judged] = -np.inf
+    shift = np.array([table.other if name == OTHER else 0.0 for name in names])
+    logs[:, :-1] = np.where(judged, evidence / soft, -np.inf) + priors(names, judged) + shift
     found = np.exp(logs - logsumexp(logs, axis=1, keepdims=True))
     # the null's own draws say that nothing is there: what is left for effects is what the level allows
     rest = found[:, :-1].sum(axis=1)
@@ -155,7 +154,7 @@ def which(
     table : Table
     """
     chances = probabilities(judged, table, exists)
-    considered = [n for n, p in chances.items() if p > _CONSIDERED and n not in (NONE, OTHER)]
+    considered = [n for n, p in chances.items() if p > CONSIDERED and n not in (NONE, OTHER)]
     groups = aliases(judged, evidence, considered) if exists else ()
     return Which(
         probabilities=chances,

@@ -49,6 +49,12 @@ if TYPE_CHECKING:
     help="Of flights without a gap, with noise and tolerances, for the level and the intervals.",
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the draws.")
+@click.option(
+    "--next-flight/--no-next-flight",
+    "plan",
+    default=True,
+    help="Where several explanations remain, propose the tests that would tell them apart.",
+)
 @click.option("--anyway", is_flag=True, help="Go on where mistakes of bookkeeping are found.")
 @options.page("the diagnosis")
 @options.as_json
@@ -65,6 +71,7 @@ def command(
     level: float,
     draws: int,
     seed: int,
+    plan: bool,
     anyway: bool,
     page: bool,
     json_: bool,
@@ -78,6 +85,7 @@ def command(
     from dataclasses import replace
 
     from freqid.cli.gap_texts import bookkeeping_text, diagnosis_text
+    from freqid.cli.next_texts import beside, with_next_test
     from freqid.core.errors import GateFailed, UsageError, nearest
     from freqid.core.gap_file import write_gap
     from freqid.core.record_file import read_record
@@ -92,7 +100,7 @@ def command(
 
     destination = destination or records[0].with_name(f"{records[0].stem}-gap.h5")
     drawn = destination.with_suffix(".html") if page else None
-    for result in (destination, drawn):
+    for result in (destination, drawn, beside(destination)):
         if result:
             options.keep_inputs(result, *records, *holdout, *predictions, scenario, own)
     _once(records, holdout)
@@ -139,6 +147,8 @@ def command(
     found = diagnose(simulation, used, question, held_out=kept, names=names, tell=tell)
     tell("costing margins")
     found = with_cost(found, simulation)
+    if plan:
+        found = with_next_test(found, simulation, question, described, beside(destination), sha256, tell)
     remarks = [
         *(f"bookkeeping: {f.sentence}; {f.remedy}" for f in findings),
         *flights.differing(every, simulation),

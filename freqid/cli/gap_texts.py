@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import TYPE_CHECKING
 
+from freqid.cli.next_texts import next_text
+
 if TYPE_CHECKING:
     from freqid.core.diagnosis import Change, Closure, GapDiagnosis, Interval, Share
     from freqid.gap.bookkeeping.check import Finding
@@ -24,7 +26,8 @@ def bookkeeping_text(verdict: str, findings: Sequence[Finding]) -> str:
 
 def diagnosis_text(d: GapDiagnosis) -> str:
     """Return the diagnosis: its verdict in one line first, then where, which, parameters, how far."""
-    blocks = [d.verdict, _gap(d), _where(d), _which(d), _parameters(d), _how_far(d), _remarks(d)]
+    said = [d.verdict, _gap(d), _where(d), _which(d), _parameters(d), _how_far(d)]
+    blocks = [*said, next_text(d.next_flight), _remarks(d)]
     return "\n\n".join(block for block in blocks if block)
 
 

@@ -10,6 +10,7 @@ from freqid import __version__
 from freqid.core.gap_result import BeforeAfter, GapResult, ResidualSpectra
 from freqid.report import gap_figures, gap_response_figures, gap_tables
 from freqid.report.findings import Finding, finding
+from freqid.report.gap_next import next_rows
 from freqid.report.notation import percent, short
 from freqid.report.pictures import Picture, picture
 from freqid.report.rendering import render, write_text
@@ -60,6 +61,9 @@ def build_gap_page(result: GapResult) -> str:
         aliases=d.which.aliases,
         untested=gap_tables.untested_rows(d),
         closures=gap_tables.closures(d),
+        next_tests=next_rows(d.next_flight),
+        next_groups=[g["sentence"] for g in d.next_flight.get("groups", ())],
+        next_design=d.next_flight.get("design") or "",
         provenance=result.provenance,
     )
 

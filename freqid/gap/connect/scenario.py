@@ -12,39 +12,31 @@ import jax.numpy as jnp
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
 
 from freqid.core.channels import KNOWN, WRENCH, split
 from freqid.core.design import SampledInputs
 from freqid.core.errors import DataError, UsageError, nearest
-from freqid.core.frames import cross, specific_force_at
 from freqid.core.record import FlightRecord
 from freqid.core.scenario import Reference, Scenario
 from freqid.core.vehicle import Vehicle
-from freqid.gap.connect import loads, servos
+from freqid.gap.connect import actuation, loads
 from freqid.gap.connect.flow import RATES, density, velocity
+from freqid.gap.connect.sensed import as_measured
 from freqid.gap.simulation import Settings
 from freqid.identify.smoothing import local_derivative
 from freqid.simulate import effects as library
 from freqid.simulate import motion, multibody
-from freqid.simulate.actuators import Commands, by_kind
+from freqid.simulate.actuators import by_kind
 from freqid.simulate.atmosphere import altitude_of
-from freqid.simulate.battery import charge_rate, power
-from freqid.simulate.effects import actuator_delay, battery_sag, rate_limit
-from freqid.simulate.fly import Flight, fly, sortie
+from freqid.simulate.fly import fly, sortie
 from freqid.simulate.lq import ClosedLoop, close_loop
 from freqid.simulate.maneuver import with_effects
 from freqid.simulate.quantities import Flow, Positions
 from freqid.simulate.small_motion import HEIGHT
-from freqid.simulate.truth import truth_of
 
 Array = NDArray[np.float64]
 
 MOTION = ("state/u", "state/v", "state/w", *RATES, "air/rho", "state/alt")
-_FORCES = ("state/ax", "state/ay", "state/az")
-_ACCELERATIONS = ("state/pdot", "state/qdot", "state/rdot")
-_ELSEWHERE = 0.03  # of an effector's range
 _GRID_HZ = 10.0  # of the states at which derivatives are taken: beyond what is excited
 
 
@@ -135,53 +127,16 @@ class ScenarioSimulation:
         is that of the scenario's battery under the rotors' load. Effectors without a command
         are left out.
         """
-        names = [e.name for e in self.vehicle.effectors]
-        commanded = [n for n in names if f"command/{n}" in record]
-        if not commanded:
+        if not any(f"command/{e.name}" in record for e in self.vehicle.effectors):
             return {}
         settings = self._settings(effects)
-        time = record.time - record.time[0]
-        steps = int(np.ceil(time[-1] / servos.STEP - 1e-9)) + 1
-        fine = servos.STEP * np.arange(steps + 1, dtype=float)
         act = motion.parameters(self._scenario(effects)).actuators
-        limits = rate_limit.limits(_leaves(settings["rate_limit"]), act.surface.rate_limit)
-        act = act._replace(surface=act.surface._replace(rate_limit=limits))
-        sent, rest = np.zeros((len(names), steps)), np.zeros(len(names))
-        ratio = self._voltage_ratio(record, settings, act, fine)
-        late = actuator_delay.delays(_leaves(settings["actuator_delay"]), act.delay)
-        kinds = self.vehicle.effector_kinds
-        delays = {"surface": late.surface, "tilt": late.tilt, "rotor": late.speed}
-        for row, name in enumerate(names):
-            if name not in commanded:
-                continue
-            injected = record[f"excitation/{name}"] if f"excitation/{name}" in record else np.zeros_like(time)
-            law = record[f"command/{name}"] - injected
-            step_values = CubicSpline(time, law)(np.minimum(fine, time[-1]))
-            step_values = step_values + np.interp(fine, time, injected)
-            at = np.arange(steps) - float(delays[kinds[name]]) / servos.STEP
-            arrived = np.interp(at, np.arange(-1, steps + 1), np.concatenate([law[:1], step_values]))
-            lag = settings["motor_lag" if kinds[name] == "rotor" else "actuator_lag"]["extra"]
-            share = servos.STEP / (servos.STEP + lag)  # as in flight: implicit Euler
-            sent[row] = lfilter([share], [1.0, share - 1.0], arrived, zi=[(1 - share) * law[0]])[0]
-            held = law[0] * (ratio[0] if kinds[name] == "rotor" else 1.0)
-            rest[row] = held
-            if f"effector/{name}" in record:
-                # One sample is noise and its sensor's bias; only a start that is plainly elsewhere counts.
-                start, low, high = record[f"effector/{name}"][0], *self.vehicle.effector(name).limits
-                if abs(start - held) > _ELSEWHERE * (high - low):
-                    rest[row] = start
-        found = servos.follow(
-            act,
-            _leaves(settings["actuator_lag"]),
-            _by_kind(self.vehicle, sent.T),
-            ratio,
-            _by_kind(self.vehicle, rest),
-        )
-        rows = np.empty((steps, len(names)))
-        for columns, values in zip(by_kind(self.vehicle, np.arange(len(names))), found, strict=True):
-            rows[:, np.asarray(columns)] = values
-        spline = CubicSpline(fine[:steps], rows)(time)
-        return {n: spline[:, names.index(n)] for n in commanded}
+        ratio = np.ones(record.time.size)
+        if "rotor" in self.vehicle.effector_kinds.values():
+            ratio = actuation.voltage_ratio(
+                self._parameters.airframe, act, settings["battery_sag"], self._along(record), record.dt
+            )
+        return actuation.positions(record, self.vehicle, act, settings, ratio)
 
     def fly(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array]:
         """Return the states of its own closed-loop flight from the record's reference, by name.
@@ -210,7 +165,7 @@ class ScenarioSimulation:
                 where=self.name,
                 remedy="compare by replay on the flown states, or lower the inputs",
             )
-        return _as_measured(scenario, flight, record)
+        return as_measured(scenario, flight, record)
 
     def _settings(self, changed: Settings | None) -> dict[str, dict[str, float]]:
         """Return the settings of every effect with some of them changed."""
@@ -231,7 +186,7 @@ class ScenarioSimulation:
         if not changed:
             return self._parameters.airframe
         self._scenario(changed)  # says what is unknown
-        leaves = {i: _leaves(s) for i, s in self._settings(changed).items()}
+        leaves = {i: actuation.leaves(s) for i, s in self._settings(changed).items()}
         return self._parameters.airframe._replace(effects=leaves)
 
     def _mass(self, record: FlightRecord) -> multibody.MassModel:
@@ -258,7 +213,7 @@ class ScenarioSimulation:
         origin: Any = velocity(record, (0.0, 0.0, 0.0)).T
         rates: Any = record.matrix(RATES).T
         rows = record.matrix(f"effector/{e.name}" for e in self.vehicle.effectors)
-        surface, tilt, speed = _by_kind(self.vehicle, rows.T)
+        surface, tilt, speed = actuation.split_by_kind(self.vehicle, rows.T)
         turning: Any = tilt
         if tilt.size:
             turning = local_derivative(tilt.T, record.dt, window=9, degree=4).T
@@ -272,35 +227,6 @@ class ScenarioSimulation:
         hat /= hat.sum(axis=1, keepdims=True)
         return jax.tree.map(lambda x: hat @ x, self._along(record)), grid
 
-    def _voltage_ratio(self, record: FlightRecord, settings: Settings, act, fine: Array) -> Array:
-        """Return voltage over nominal voltage as the motors feel it, at times from the start, s."""
-        if not any(kind == "rotor" for kind in self.vehicle.effector_kinds.values()):
-            return np.ones(fine.size)
-        time = record.time - record.time[0]
-        # Not the record's voltage: its noise would pass for motion of the rotors.
-        along = self._along(record)
-        torque: Any = loads.torques(self._parameters.airframe, along)
-        charge: Any = np.full(time.size, float(act.battery.charge))
-        given = jax.vmap(power, in_axes=(None, 0, 0, 0))
-        for _ in range(2):  # what a minute takes hardly changes the voltage that tells what it takes
-            found = given(act.battery, charge, torque, along.positions.speed)
-            used = np.asarray(charge_rate(act.battery, found.current)) * record.dt
-            charge = charge[0] + np.concatenate([[0.0], np.cumsum(used[:-1])])
-        voltage: Any = np.asarray(found.voltage)
-        ratio = battery_sag.voltage_ratio(_leaves(settings["battery_sag"]), voltage, act.battery.nominal)
-        return CubicSpline(time, np.broadcast_to(ratio, time.shape))(np.minimum(fine, time[-1]))
-
-
-def _by_kind(vehicle: Vehicle, values: Array) -> Commands:
-    """Split values, shape (..., effector), by kind, as numpy arrays."""
-    return Commands(*(np.asarray(part) for part in by_kind(vehicle, values)))  # type: ignore[arg-type]
-
-
-def _leaves(settings: Mapping[str, float]) -> dict[str, Any]:
-    return {
-        name: jnp.asarray(value, dtype=float) for name, value in settings.items()
-    }  # strong: no recompiling
-
 
 def _paths(stem: str, table: Mapping[str, Any]) -> list[str]:
     """Return the dotted paths of all that a table holds, tables of tables too."""
@@ -309,22 +235,4 @@ def _paths(stem: str, table: Mapping[str, Any]) -> list[str]:
         if value:
             found.append(f"{stem}.{name}")
             found += _paths(found[-1], value) if isinstance(value, dict) else []
-    return found
-
-
-def _as_measured(scenario: Scenario, flight: Flight, record: FlightRecord) -> dict[str, Array]:
-    """Return the states of a flight as the record's sensors would tell them, without error."""
-    truth, _ = truth_of(scenario, flight, excited=(), reference=record.reference)
-    time = np.minimum(record.time - record.time[0], truth.time[-1])
-    rates, turning = truth.matrix(RATES), truth.matrix(_ACCELERATIONS)
-    found = {}
-    for name in truth.group("state"):
-        channel, values = f"state/{name}", truth[f"state/{name}"]
-        place = record.channels[channel].position_m if channel in record else None
-        if place and channel in MOTION[:3]:
-            arm = np.broadcast_to(np.array(place)[:, None], rates.shape)
-            values = values + cross(rates, arm)[MOTION.index(channel)]
-        elif place and channel in _FORCES:
-            values = specific_force_at(truth.matrix(_FORCES), rates, turning, place)[_FORCES.index(channel)]
-        found[name] = CubicSpline(truth.time, values)(time)
     return found

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.gap_map import GapMap
+from freqid.core.record import FlightRecord
 from freqid.gap.compare import Compared
 
 Array = NDArray[np.float64]
@@ -49,8 +50,12 @@ def gap_map(compared: Sequence[Compared], change: Sequence[Complex]) -> GapMap:
 
 
 def regime_of(compared: Compared) -> str:
-    """Return the reference condition of a manoeuvre, or its mean speed where none is stated."""
-    record = compared.trial.maneuver.record
+    """Return the regime of a manoeuvre's record."""
+    return regime(compared.trial.maneuver.record)
+
+
+def regime(record: FlightRecord) -> str:
+    """Return the reference condition of a record, or its mean speed where none is stated."""
     if record.reference:
         return record.reference
     for name in ("state/u", "air/V"):

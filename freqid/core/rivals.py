@@ -1,0 +1,125 @@
+"""What a comparison of two simulations on the same flights says; the shape of its ``--json``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import msgspec
+
+
+@dataclass(frozen=True)
+class Span:
+    """A number with its 90 % interval."""
+
+    value: float
+    lo: float
+    hi: float
+
+
+@dataclass(frozen=True)
+class Contest:
+    """Two simulations in one response, band and regime, or over all of them.
+
+    Attributes
+    ----------
+    response : str
+        ``M``; ``actuator/de1``; ``all``.
+    band_hz : tuple of 2 floats
+    regime : str
+        Reference condition, or ``all``.
+    count : int
+        White numbers that are compared.
+    maneuvers : int
+        That hold them.
+    misfit_a, misfit_b : Span
+        Mean whitened squared residual: 1 is what noise and tolerances make.
+    energy_a, energy_b : float
+        Explainable energy: the sum of whitened squares less what noise and tolerances make.
+    difference : Span
+        ``energy_a - energy_b``, positive where B is nearer.
+    less : float
+        Share of the farther one's explainable energy that the other does not have, 0 to 1.
+    p : float
+        How often equal simulations differ as much, for this contest alone.
+    p_adjusted : float
+        The same for all contests together (Holm).
+    nearer : str
+        ``A`` or ``B``; empty where the flights cannot tell.
+    agreeing : int
+        Manoeuvres in which the sign of the difference is that of the whole.
+    """
+
+    response: str
+    band_hz: tuple[float, float]
+    regime: str
+    count: int
+    maneuvers: int
+    misfit_a: Span
+    misfit_b: Span
+    energy_a: float
+    energy_b: float
+    difference: Span
+    less: float
+    p: float
+    p_adjusted: float
+    nearer: str
+    agreeing: int
+
+
+@dataclass(frozen=True)
+class Rivals:
+    """Two simulations compared on the same flights.
+
+    Attributes
+    ----------
+    verdict : str
+        One line.
+    simulations : tuple of 2 str
+        A and B.
+    records : tuple of str
+    level : float
+        How often equal simulations would be told apart anywhere.
+    identical : bool
+        Whether both say exactly the same.
+    overall : Contest
+    contests : tuple of Contest
+        By response, band and regime, where the two differ at all.
+    remarks : tuple of str
+    provenance : dict
+    """
+
+    verdict: str
+    simulations: tuple[str, str]
+    records: tuple[str, ...]
+    level: float
+    identical: bool
+    overall: Contest
+    contests: tuple[Contest, ...]
+    remarks: tuple[str, ...] = ()
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def nearer(self) -> str:
+        """``A``, ``B``, ``both`` where each is nearer somewhere, or empty where the flights cannot tell."""
+        found = {c.nearer for c in (self.overall, *self.contests)} - {""}
+        return "both" if len(found) > 1 else "".join(found)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return numbers, strings, lists and tables, all finite."""
+        return {**asdict(self), "nearer": self.nearer}
+
+    @classmethod
+    def from_json(cls, table: Mapping[str, Any]) -> Rivals:
+        """Return the comparison that `to_json` made a table of.
+
+        Raises
+        ------
+        ValueError
+            Where the table is none of a comparison.
+        """
+        try:
+            return msgspec.convert(dict(table), cls)
+        except msgspec.ValidationError as error:
+            raise ValueError(str(error)) from None

@@ -1,0 +1,185 @@
+"""Two simulations beside one manoeuvre: their residuals on the same lines, in the same noise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.errors import DataError, UsageError
+from freqid.core.record import Maneuver
+from freqid.gap.lines import Lines, lines_of
+from freqid.gap.locate import regime
+from freqid.gap.noise import draws, noise_of
+from freqid.gap.quiet import noisy_channels, quiet
+from freqid.gap.residual import Histories, Row, measured_part, simulated_part
+from freqid.gap.signature import Trial
+from freqid.gap.simulation import Simulation
+from freqid.gap.tolerance import form, tolerances
+from freqid.simulate.effects.effect import Effect
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """One manoeuvre and what two simulations leave of it; complex values in unit of the row times sqrt(s).
+
+    Attributes
+    ----------
+    rows : tuple of Row
+        That both simulations predict: responses, and actuators.
+    regime : str
+    lines : Lines
+    left : tuple of 2 ndarray of complex, shape (row, line)
+        Residuals of A and B.
+    covariance : ndarray of complex, shape (line, row, row)
+        Of noise and of errors of form.
+    noise : tuple of 2 ndarray of complex, shape (draw, row, line)
+        What the same draws of the sensors' noise make of each residual.
+    louder : ndarray, shape (row, line)
+        By which all noise, turbulence too, is more than the sensors'; of amplitudes.
+    tolerances : tuple of str
+    common : ndarray of complex, shape (tolerance, row, line)
+        What these do that all manoeuvres share, for one sigma: half of the power is A's, half is B's.
+    own : ndarray of complex, shape (tolerance, row, line)
+        The same of those of this manoeuvre alone.
+    """
+
+    rows: tuple[Row, ...]
+    regime: str
+    lines: Lines
+    left: tuple[Complex, Complex]
+    covariance: Complex
+    noise: tuple[Complex, Complex]
+    louder: Array
+    tolerances: tuple[str, ...]
+    common: Complex
+    own: Complex
+
+    @property
+    def names(self) -> list[str]:
+        """Of the rows."""
+        return [row.name for row in self.rows]
+
+
+def beside(
+    pair: tuple[Simulation, Simulation],
+    maneuver: Maneuver,
+    library: Mapping[str, Effect],
+    sizes: Mapping[str, float],
+    band_hz: tuple[float, float],
+    *,
+    count: int = 200,
+    seed: int = 0,
+) -> Beside:
+    """Replay two simulations on a manoeuvre.
+
+    Parameters
+    ----------
+    pair : tuple of 2 Simulation
+    maneuver : Maneuver
+    library : dict of Effect
+        Whose parameters may be a little off.
+    sizes : dict of float
+        Tolerances, of `tolerance.stated`.
+    band_hz : tuple of 2 floats
+    count : int
+        Draws of the sensors' noise.
+    seed : int
+
+    Raises
+    ------
+    UsageError
+        Where the two have no response in common.
+    DataError
+        Where the record lacks a channel that one of them needs.
+
+    Notes
+    -----
+    Noise beyond the sensors', as turbulence, is in both residuals alike: it is the lesser of what either
+    leaves unexplained, row by row.
+    """
+    record = maneuver.record
+    lines = lines_of(record, band_hz)
+    positions = [s.positions(record) for s in pair]
+    predicted = [s.predict(record) for s in pair]
+    measured = [measured_part(maneuver, s.responses, tuple(p)) for s, p in zip(pair, positions, strict=True)]
+    names = _common(pair, measured)
+    simulated = [simulated_part(m, y, p) for m, y, p in zip(measured, predicted, positions, strict=True)]
+    z = [lines.transform((m - s).select(names)) for m, s in zip(measured, simulated, strict=True)]
+    middle = (simulated[0].select(names) + simulated[1].select(names)) * 0.5
+    quieted = quiet(record, noisy_channels(record), _expected(middle, record.channels))
+    trials = [Trial.of(s, Maneuver(quieted.record, maneuver.vehicle)) for s in pair]
+    made = []
+    for s, m, y in zip(pair, measured, predicted, strict=True):
+        all_rows = draws(s, maneuver, lines, m, y, quieted.sigma, count, seed)[0]
+        made.append(all_rows[:, _at(m, names)])
+    forms = [form(t, lines, sizes)[_at(t.measured, names)] for t in trials]
+    size = np.sqrt((forms[0] + forms[1]) / 4)  # the mean of both, half of it in the real part
+    wrong = np.random.default_rng([seed, 3]).standard_normal((2, *made[0].shape))
+    own_noise = (made[0] + made[1]) / 2 + size * (wrong[0] + 1j * wrong[1])
+    like = measured[0].select(names)
+    noises = [noise_of(trials[0].maneuver, lines, like, x, own_noise, quieted.sigma) for x in z]
+    share = np.maximum(noises[0].sensor_share, noises[1].sensor_share)
+    ratio = np.sqrt(noises[0].sensor_share / share)
+    covariance = noises[0].covariance * ratio.T[:, :, None] * ratio.T[:, None, :]
+    allowed = [tolerances(t, library, sizes) for t in trials]
+
+    common, own = (
+        {
+            f"{label} {name}": lines.transform(change.select(names)) / np.sqrt(2)
+            for label, tolerated in zip("AB", allowed, strict=True)
+            for name, change in getattr(tolerated, kind).items()
+        }
+        for kind in ("common", "own")
+    )
+    return Beside(
+        rows=like.rows,
+        regime=regime(record),
+        lines=lines,
+        left=(z[0], z[1]),
+        covariance=covariance,
+        noise=(made[0], made[1]),
+        louder=1 / np.sqrt(share),
+        tolerances=tuple(common),
+        common=np.array(list(common.values())).reshape(-1, *z[0].shape),
+        own=np.array(list(own.values())).reshape(-1, *z[0].shape),
+    )
+
+
+def _common(pair: tuple[Simulation, Simulation], measured: list[Histories]) -> list[str]:
+    """Return the rows that both predict, kinematic ones left out: no simulation is in these."""
+    second = {row.name for row in measured[1].rows}
+    found = [row.name for row in measured[0].rows if row.name in second and row.kind != "kinematic"]
+    if not set(pair[0].responses) & set(pair[1].responses):
+        told = [f"{s.name} predicts {' '.join(s.responses)}" for s in pair]
+        raise UsageError(
+            f"the two simulations have no response in common: {told[0]}, {told[1]}",
+            remedy="compare simulations that predict the same responses",
+        )
+    return found
+
+
+def _expected(middle: Histories, channels: Mapping[str, object]) -> dict[str, Array]:
+    """Return what channels should be close to: half way between both simulations."""
+    found = {}
+    for row, values in zip(middle.rows, middle.direct, strict=True):
+        if row.kind == "actuator":
+            name = f"effector/{row.name.partition('/')[2]}"
+        else:
+            name = f"response/{row.name}" if f"response/{row.name}" in channels else f"state/{row.name}"
+        if name in channels:
+            found[name] = values
+    return found
+
+
+def _at(histories: Histories, names: list[str]) -> list[int]:
+    have = [row.name for row in histories.rows]
+    missing = [name for name in names if name not in have]
+    if missing:
+        raise DataError(f"'{missing[0]}' is not predicted on the record without its noise")
+    return [have.index(name) for name in names]

@@ -1,0 +1,253 @@
+"""Which of two simulations is nearer to the same flights, where, and whether the flights can tell."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from freqid.core.errors import DataError
+from freqid.core.record import Maneuver
+from freqid.core.rivals import Contest, Rivals, Span
+from freqid.gap.beside import Beside, beside
+from freqid.gap.locate import EDGES_HZ
+from freqid.gap.rivals_said import verdict
+from freqid.gap.simulation import Simulation
+from freqid.gap.weighed import holm, weigh
+from freqid.simulate.effects.effect import Effect
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+LEVEL = 0.02
+"""How often equal simulations are told apart anywhere, unless told otherwise."""
+
+_INTERVAL = float(norm.ppf(0.95))  # standard deviations of a 90 % interval
+_LEAST = 0.01  # of the farther one's explainable energy: what is nearer by less is not worth a name
+_FEWEST = 2  # lines of a contest
+_ALL = "all"
+
+
+def compare_two(
+    pair: tuple[Simulation, Simulation],
+    maneuvers: Sequence[Maneuver],
+    library: Mapping[str, Effect],
+    sizes: Mapping[str, float],
+    band_hz: tuple[float, float],
+    *,
+    level: float = LEVEL,
+    count: int = 200,
+    seed: int = 0,
+    names: Sequence[str] = (),
+    tell: Callable[[str], None] = lambda _: None,
+) -> Rivals:
+    """Compare two simulations on the same flights.
+
+    Parameters
+    ----------
+    pair : tuple of 2 Simulation
+        A and B; where they predict different responses, those in common are compared.
+    maneuvers : sequence of Maneuver
+    library : dict of Effect
+        Whose parameters may be a little off.
+    sizes : dict of float
+        Tolerances, of `tolerance.stated`.
+    band_hz : tuple of 2 floats
+    level : float
+        How often equal simulations may be told apart anywhere.
+    count : int
+        Draws of the sensors' noise.
+    seed : int
+    names : sequence of str
+        Of the manoeuvres.
+    tell : callable, optional
+        Called with what is being done.
+
+    Raises
+    ------
+    UsageError
+        Where the two have no response in common.
+    DataError
+        Where a record lacks a channel that one of them needs.
+    """
+    names = list(names) or [f"manoeuvre {i + 1}" for i in range(len(maneuvers))]
+    found = []
+    for i, (maneuver, name) in enumerate(zip(maneuvers, names, strict=True)):
+        tell(f"comparing {name} ({i + 1} of {len(names)})")
+        try:
+            found.append(beside(pair, maneuver, library, sizes, band_hz, count=count, seed=seed + 1000 * i))
+        except DataError as error:
+            raise DataError(str(error), where=name) from None
+    tell("weighing")
+    judged = judge(found, level)
+    titles = (pair[0].name, pair[1].name)
+    made = replace(judged, simulations=titles, records=tuple(names), remarks=tuple(_remarks(pair, found)))
+    return replace(made, verdict=verdict(made))
+
+
+def judge(compared: Sequence[Beside], level: float = LEVEL) -> Rivals:
+    """Return the contests of two simulations: one over all, and by response, band and regime.
+
+    Half of the level goes to the one over all, half to the others together, by Holm's procedure.
+    """
+    overall = _contest((_ALL, _span(compared), _ALL), _white_of(compared))
+    contests = [_contest((c.response, c.band_hz, c.regime), _white_of(compared, c)) for c in _cells(compared)]
+    adjusted = np.minimum(2 * holm([c.p for c in contests]), 1.0)
+    overall = _decided(overall, min(2 * overall.p, 1.0), level)
+    contests = [_decided(c, float(p), level) for c, p in zip(contests, adjusted, strict=True)]
+    identical = all(np.array_equal(*b.left) for b in compared)
+    return Rivals("", ("A", "B"), (), level, identical, overall, tuple(contests))
+
+
+@dataclass(frozen=True)
+class _Cell:
+    """One response in a band and a regime; an edge between bands belongs to the lower one."""
+
+    response: str
+    band_hz: tuple[float, float]
+    regime: str
+    lowest: bool
+
+    def of(self, one: Beside) -> tuple[int, NDArray[np.bool_]] | None:
+        """Return the row and the lines of a manoeuvre that are in the cell; None without any."""
+        names, hz, (low, high) = one.names, one.lines.hz, self.band_hz
+        if one.regime != self.regime or self.response not in names:
+            return None
+        at = ((hz > low) | (self.lowest & (hz == low))) & (hz <= high)
+        return (names.index(self.response), at) if at.any() else None
+
+
+@dataclass(frozen=True, eq=False)
+class _White:
+    """Residuals, tolerances and noise as white numbers.
+
+    Attributes
+    ----------
+    a, b : ndarray, shape (number,)
+    allowed : ndarray, shape (tolerance, number)
+        Half of the power is the tolerances' of A, half those of B.
+    noise : tuple of 2 ndarray, shape (draw, number)
+    floor : ndarray, shape (draw, number)
+    owner : ndarray of int, shape (number,)
+        Manoeuvre.
+    """
+
+    a: Array
+    b: Array
+    allowed: Array
+    noise: tuple[Array, Array]
+    floor: Array
+    owner: NDArray[np.int_]
+
+
+def _contest(place: tuple[str, tuple[float, float], str], white: _White) -> Contest:
+    w = weigh(white.a, white.b, white.allowed, *white.noise, white.floor)
+    energy_a, energy_b = (q - n for q, n in zip(w.squares, w.noise, strict=True))
+    reach = _INTERVAL * w.deviation
+    same = not (white.a - white.b).any()
+    z = abs(w.difference) / w.deviation if w.deviation > 0 else np.inf
+    each = np.array([w.parts[white.owner == k].sum() for k in np.unique(white.owner)])
+    farther = max(energy_a, energy_b, abs(w.difference))
+    return Contest(
+        response=place[0],
+        band_hz=place[1],
+        regime=place[2],
+        count=w.count,
+        maneuvers=each.size,
+        misfit_a=_misfit(w.squares[0], w.count),
+        misfit_b=_misfit(w.squares[1], w.count),
+        energy_a=energy_a,
+        energy_b=energy_b,
+        difference=Span(w.difference, w.difference - reach, w.difference + reach),
+        less=0.0 if same else abs(w.difference) / max(farther, 1e-300),
+        p=1.0 if same else float(2 * norm.sf(z)),
+        p_adjusted=1.0,
+        nearer="",
+        agreeing=0 if same else int((np.sign(each) == np.sign(w.difference)).sum()),
+    )
+
+
+def _misfit(square: float, count: int) -> Span:
+    """Return the mean whitened square with its interval: the numbers are few, and noise is beside a gap."""
+    mean = square / count
+    reach = _INTERVAL * float(np.sqrt(2 * count + 4 * max(square - count, 0.0))) / count
+    return Span(mean, max(mean - reach, 0.0), mean + reach)
+
+
+def _decided(contest: Contest, adjusted: float, level: float) -> Contest:
+    clear = adjusted < level and contest.less >= _LEAST
+    nearer = ("B" if contest.difference.value > 0 else "A") if clear else ""
+    return replace(contest, p_adjusted=adjusted, nearer=nearer)
+
+
+def _cells(compared: Sequence[Beside]) -> Iterator[_Cell]:
+    """Yield responses in bands and regimes where the two simulations differ."""
+    low, top = _span(compared)
+    bands = tuple(pairwise([low, *(e for e in EDGES_HZ if low < e < top), top]))
+    regimes = dict.fromkeys(b.regime for b in compared)
+    for response in dict.fromkeys(name for b in compared for name in b.names):
+        for regime in regimes:
+            for band in bands:
+                cell = _Cell(response, band, regime, band[0] == low)
+                at = [(b, *found) for b in compared if (found := cell.of(b))]
+                differ = any((b.left[0][i, m] != b.left[1][i, m]).any() for b, i, m in at)
+                if differ and sum(int(m.sum()) for _, _, m in at) >= _FEWEST:
+                    yield cell
+
+
+def _white_of(compared: Sequence[Beside], cell: _Cell | None = None) -> _White:
+    """Return white numbers of all that is compared, or of one cell."""
+    found = [(k, one, white) for k, one in enumerate(compared) if (white := _whitening(one, cell))]
+    names = list(dict.fromkeys(name for _, one, _ in found for name in one.tolerances))
+    alone = np.cumsum([len(names), *(len(one.own) for _, one, _ in found)])
+    parts: list[list[Array]] = [[] for _ in range(6)]
+    for (_, one, white), start in zip(found, alone, strict=False):
+        a, b, *noise = (white(z) for z in (*one.left, *one.noise))
+        allowed = np.zeros((alone[-1], a.size))
+        allowed[[names.index(name) for name in one.tolerances]] = white(one.common)
+        allowed[start : start + len(one.own)] = white(one.own)
+        floor = white((one.noise[0] + one.noise[1]) / 2 * one.louder)
+        for part, values in zip(parts, (a, b, allowed, *noise, floor), strict=True):
+            part.append(values)
+    a, b, allowed, noise_a, noise_b, floor = (np.concatenate(part, axis=-1) for part in parts)
+    owner = np.concatenate([np.full(x.size, k) for (k, _, _), x in zip(found, parts[0], strict=True)])
+    allowed = allowed[allowed.any(axis=1)]
+    return _White(a, b, allowed, (noise_a, noise_b), floor, owner)
+
+
+def _whitening(one: Beside, cell: _Cell | None) -> Callable[[Complex], Array] | None:
+    """Return what makes white numbers, shape (..., number), of rows on lines; None where none are there."""
+    if cell is None:
+        turn = np.sqrt(2) * np.linalg.inv(np.linalg.cholesky(one.covariance))
+        return lambda z: _flat(np.einsum("lij,...jl->...il", turn, z), 2)
+    found = cell.of(one)
+    if found is None:
+        return None
+    i, at = found
+    size = np.sqrt(2 / one.covariance[at, i, i].real)
+    return lambda z: _flat(z[..., i, at] * size, 1)
+
+
+def _flat(z: Complex, axes: int) -> Array:
+    """Return the real and imaginary parts of the last axes in one."""
+    flat = z.reshape(*z.shape[: z.ndim - axes], int(np.prod(z.shape[z.ndim - axes :])))
+    return np.concatenate([flat.real, flat.imag], axis=-1)
+
+
+def _span(compared: Sequence[Beside]) -> tuple[float, float]:
+    hz = [b.lines.hz for b in compared]
+    return min(float(h[0]) for h in hz), max(float(h[-1]) for h in hz)
+
+
+def _remarks(pair: tuple[Simulation, Simulation], compared: Sequence[Beside]) -> list[str]:
+    """Return what one of the two does not predict, and so is not compared."""
+    said, both = [], set().union(*(b.names for b in compared))
+    for label, simulation, other in (("A", pair[0], "B"), ("B", pair[1], "A")):
+        alone = [n for n in simulation.responses if n not in both]
+        if alone:
+            said.append(f"{label} alone predicts {', '.join(alone)}: not compared, {other} does not")
+    return said

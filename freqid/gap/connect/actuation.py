@@ -116,7 +116,7 @@ def voltage_ratio(
     torque: Any = torques(loaded, along)
     charge: Any = np.full(count, float(act.battery.charge))
     given = jax.vmap(power, in_axes=(None, 0, 0, 0))
-    for _ in range(2):  # what a minute takes hardly changes the voltage that tells what it takes
+    for _ in range(3):  # what a minute takes changes the voltage, which tells what it takes, by a percent
         found = given(act.battery, charge, torque, along.positions.speed)
         used = np.asarray(charge_rate(act.battery, found.current)) * dt
         charge = charge[0] + np.concatenate([[0.0], np.cumsum(used[:-1])])

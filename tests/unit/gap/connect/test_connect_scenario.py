@@ -74,8 +74,7 @@ def test_actuators_make_the_positions_that_were_flown(simulation, flown):
     for name, row in found.items():
         flown_there = record[f"effector/{name}"]
         error = np.abs(row - flown_there) / np.abs(flown_there).max()
-        rotor = name.startswith("n")  # the battery is discharged at the log's rate, not at the flight's
-        assert error[25:].max() < (1e-5 if rotor else 1e-6), name
+        assert error[25:].max() < 1e-6, name
         assert error.max() < 1e-4, name  # the inputs start with a kink
     late = simulation.positions(record, {"actuator_delay": {"strength": 3.0}})
     assert np.abs(late["de1"] - found["de1"]).max() > 1e-3

@@ -14,7 +14,8 @@ from freqid.gap.calibrate import APART
 from freqid.gap.diagnose import Findings, Question
 from freqid.gap.explanations import Explanation, left_standing, pairs_of
 from freqid.gap.ground_tests import TESTS, UNTESTABLE, distance
-from freqid.gap.next_flight import MOST_FLIGHTS, Bench, Pair, Proposal, next_flight
+from freqid.gap.next_bench import Bench, Pair
+from freqid.gap.next_flight import MOST_FLIGHTS, Proposal, next_flight
 from freqid.gap.simulation import Simulation
 
 _CLEARLY = 0.5  # of a pair's expected separation: what a test adds at least to be listed
@@ -75,14 +76,14 @@ def next_test(
     )
     flight = next_flight(bench, tell)
     now = flight.now if flight else bench.separations(bench.at_hand)
-    same = bench.same(bench.at_hand)
+    same = flight.same if flight else bench.same(bench.at_hand)
     tests = [_flight(flight)] if flight else []
     tests += on_ground(bench.rivals, now, question.tolerances)
     tests.sort(key=lambda t: (-len(t["separates"]), -sum(min(p["after"], 100.0) for p in t["pairs"])))
     table: dict[str, Any] = {
         "separates": [list(p) for p in _separated(flight.now, flight.after)] if flight else [],
         "gain": next((t["gain"] for t in tests if t["kind"] == "flight"), None),
-        "design": None,
+        "design": "",
         "groups": [_group(g, bench.rivals, flight, tests, same) for g in groups],
         "tests": tests,
     }
@@ -121,7 +122,7 @@ def _flight(flight: Proposal) -> dict[str, Any]:
     low, high = flight.band_hz
     how = f"excite {what} from {low:.2g} to {high:.2g} Hz for {flight.duration_s:.0f} s"
     how += f" at {flight.at}" if flight.at else ""
-    how += f", up to {flight.amplitude:.2g} times the amplitude flown" if flight.names else ""
+    how += f", up to {flight.amplitude:.2g} times as strong as flown" if flight.amplitude else ""
     table = _test("flight", "next flight", how, flight.now, flight.after)
     for one in table["pairs"]:
         one["flights"] = flight.flights[tuple(one["rivals"])]
@@ -130,7 +131,8 @@ def _flight(flight: Proposal) -> dict[str, Any]:
         "effectors": list(flight.names),
         "band_hz": list(flight.band_hz),
         "duration_s": flight.duration_s,
-        "amplitude": flight.amplitude,
+        "over_flown": flight.amplitude,
+        "rms": {x.name: float((x.amplitude**2).sum() / 2) ** 0.5 for x in flight.design.signals},
         "predicted_by": "the simulation's own flight" if flight.simulated else "the flights at hand, scaled",
     }
 
@@ -188,7 +190,7 @@ def _group(
         elif flight is not None:
             why = f"{MOST_FLIGHTS} such flights would not"
         else:
-            why = "no flight can be proposed: nothing is excited and the simulation does not fly"
+            why = "no flight is found that tells more"
         said.append(f"{names}: {why}; {on}")
     return {
         "rivals": list(group),

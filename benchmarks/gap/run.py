@@ -1,6 +1,7 @@
 """Open cases of gap diagnosis, each flown and diagnosed: one JSON a case, resumable.
 
-python benchmarks/gap/run.py FOLDER [--jobs 2] [--only null|single|outside|double] [--first N]
+python benchmarks/gap/run.py FOLDER [--vehicle la8|c172p] [--jobs 2] [--only null|single|outside|double]
+    [--first N]
 """
 
 from __future__ import annotations
@@ -10,12 +11,13 @@ import json
 import os
 import subprocess
 import time
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import cases  # first: it finds what lies beside it
 import numpy as np
-from cases import AT, BAND_HZ, DRAWS, LIBRARY, SIMULATION, TOLERANCES, flown
 
 from freqid import __version__
 from freqid.core.record import Maneuver
@@ -28,18 +30,25 @@ from freqid.gap.evidence import Evidence, Hypothesis
 from freqid.simulate import runner
 
 HERE = Path(__file__).resolve()
+VEHICLES = {"la8": "cases", "c172p": "c172p_cases"}
 CLOSED = 50  # detectability from which every third case is closed
 _STEPS = 6  # of the sparse regression
 
 
+def _flown_by(case: dict[str, Any]) -> ModuleType:
+    """Return what flies a case: cases that name no vehicle are the LA-8's."""
+    return import_module(VEHICLES[case.get("vehicle", "la8")])
+
+
 def work(path: Path, folder: str, **case: Any) -> None:
     """Fly and diagnose one case; write what was found."""
+    by = _flown_by(case)
     began = time.perf_counter()
     home = Path(folder)
-    parts = cases.parts_of(case, home / "sizes")
+    parts = by.parts_of(case, home / "sizes")
     seed = int(case["seed"])
     flights = [
-        flown(
+        by.flown(
             at,
             parts,
             noise=case["noise"],
@@ -47,10 +56,10 @@ def work(path: Path, folder: str, **case: Any) -> None:
             seed=_seed(case, i),
             scatter=seed,
         )
-        for i, at in enumerate(AT)
+        for i, at in enumerate(by.AT)
     ]
-    question = Question(LIBRARY, TOLERANCES, BAND_HZ, draws=DRAWS, seed=seed, close=False)
-    found = diagnose.diagnose(SIMULATION, [Maneuver.of(f) for f in flights], question, names=AT)
+    question = Question(by.LIBRARY, by.TOLERANCES, by.BAND_HZ, draws=by.DRAWS, seed=seed, close=False)
+    found = diagnose.diagnose(by.SIMULATION, [Maneuver.of(f) for f in flights], question, names=by.AT)
     table: dict[str, Any] = {
         "case": case,
         "version": __version__,
@@ -62,7 +71,7 @@ def work(path: Path, folder: str, **case: Any) -> None:
                 "place": p.place,
                 "size": p.size,
                 "settings": p.truth.settings(p.size, p.place) if p.truth.form == "own" else {},
-                "in_force": cases.in_force(p.truth.id) if p.truth.id in LIBRARY else {},
+                "in_force": by.in_force(p.truth.id) if p.truth.id in by.LIBRARY else {},
             }
             for p in parts
         ],
@@ -77,7 +86,7 @@ def work(path: Path, folder: str, **case: Any) -> None:
     with (home / "bench.log").open("a") as log:
         top = next(iter(found.diagnosis.which.probabilities.items()))
         log.write(
-            f"{time.strftime('%H:%M:%S')} {cases.described(case)} lambda {table.get('lambda')}: "
+            f"{time.strftime('%H:%M:%S')} {by.described(case)} lambda {table.get('lambda')}: "
             f"p {found.diagnosis.gap.p:.2g}, {top[0]} {top[1]:.2f} ({table['seconds']} s)\n"
         )
     _keep(home / "evidence" / f"{path.name.strip('.').split('.')[0]}.npz", found.evidence, case)
@@ -175,15 +184,16 @@ def _sparse(evidence: Evidence) -> list[list[Any]]:
 
 def _of_truth(found: Findings, parts: list[cases.Part], case: dict[str, Any]) -> dict[str, Any]:
     """Return what is true of the case in its own metric: detectability, places, likeness of candidates."""
+    by = _flown_by(case)
     how = {"gusts": case["gusts"], "scatter": int(case["seed"])}
     each = [
         [
-            cases.change(at, [p], c, seed=_seed(case, i), **how)
-            for i, (at, c) in enumerate(zip(AT, found.compared, strict=True))
+            by.change(at, [p], c, seed=_seed(case, i), **how)
+            for i, (at, c) in enumerate(zip(by.AT, found.compared, strict=True))
         ]
         for p in parts
     ]
-    whole = [np.sum([s[i] for s in each], axis=0) for i in range(len(AT))]
+    whole = [np.sum([s[i] for s in each], axis=0) for i in range(len(by.AT))]
     columns = [{**c.signatures, "truth": s} for c, s in zip(found.compared, whole, strict=True)]
     columns = [{**of, **{f"truth{k}": s[i] for k, s in enumerate(each)}} for i, of in enumerate(columns)]
     evidence = evidence_of(
@@ -213,14 +223,15 @@ def _of_truth(found: Findings, parts: list[cases.Part], case: dict[str, Any]) ->
 
 def _closed(found: Findings, parts: list[cases.Part], case: dict[str, Any]) -> dict[str, Any]:
     """Return how far the true effect closes manoeuvres that it was not fitted to, beside its own truth."""
-    effect = LIBRARY[parts[0].truth.id].of(found.compared[0].maneuver.vehicle)
+    by = _flown_by(case)
+    effect = by.LIBRARY[parts[0].truth.id].of(found.compared[0].maneuver.vehicle)
     judged = next((j for j in found.judged if j.name == effect.id), None)
     if judged is None:
         return {"failed": "not judged"}
-    allowed = {**cases.ALLOWED, effect.id: LIBRARY[effect.id]}
+    allowed = {**by.ALLOWED, effect.id: by.LIBRARY[effect.id]}
     kept = []
-    for i, at in enumerate(AT):
-        record = flown(
+    for i, at in enumerate(by.AT):
+        record = by.flown(
             at,
             parts,
             noise=case["noise"],
@@ -230,15 +241,23 @@ def _closed(found: Findings, parts: list[cases.Part], case: dict[str, Any]) -> d
             signals=1,
         )
         kept.append(
-            compare(SIMULATION, Maneuver.of(record), allowed, TOLERANCES, BAND_HZ, count=DRAWS, seed=70 + i)
+            compare(
+                by.SIMULATION,
+                Maneuver.of(record),
+                allowed,
+                by.TOLERANCES,
+                by.BAND_HZ,
+                count=by.DRAWS,
+                seed=70 + i,
+            )
         )
     start = diagnose._start((effect.id,), found.evidence, found.judged, {effect.id: effect}, found.compared)
     fitted = refit(found.compared, [effect], start)
     share = misfit(kept, [effect], fitted.settings).share(0.9)
     how = {"gusts": case["gusts"], "scatter": int(case["seed"]), "signals": 1}
     s = [
-        cases.change(at, parts, c, seed=_seed(case, 5 + i), **how)
-        for i, (at, c) in enumerate(zip(AT, kept, strict=True))
+        by.change(at, parts, c, seed=_seed(case, 5 + i), **how)
+        for i, (at, c) in enumerate(zip(by.AT, kept, strict=True))
     ]
     evidence = evidence_of(kept, changes=[(0 * z, {"change": z}) for z in s])
     before, shift, size = (float(evidence.metric[at]) for at in ((0, 0), (0, 1), (1, 1)))
@@ -303,13 +322,15 @@ def _code() -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
+    parser.add_argument("--vehicle", choices=tuple(VEHICLES), default="la8")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", default="")
     parser.add_argument("--first", type=int, default=None)
     given = parser.parse_args()
     folder = given.folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    wanted = [c for c in cases.planned() if given.only in ("", c["kind"])][: given.first]
+    planned = import_module(VEHICLES[given.vehicle]).planned()
+    wanted = [c for c in planned if given.only in ("", c["kind"])][: given.first]
     os.environ["BENCH_CODE"] = _code()
     told = [{"folder": str(folder), **case} for case in wanted]
     runner.run(work, told, folder / "cases", jobs=given.jobs)

@@ -51,6 +51,7 @@ def row_of(found: dict[str, Any]) -> dict[str, Any]:
     closed = found.get("closure", {})
     covered = [_covers(t, which["parameters"].get(t["id"], {})) for t in found["truth"] if t["form"] == "own"]
     return {
+        "vehicle": case.get("vehicle", "la8"),
         "kind": case["kind"],
         "truth": "+".join(truths),
         "form": "+".join(t["form"] for t in found["truth"]),

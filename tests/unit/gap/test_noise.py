@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from freqid.gap.compare import compare
+from freqid.gap.noise import _RIDGE, HALF_WIDTH
 from freqid.gap.quiet import noisy_channels, sensor_noise
 from freqid.gap.residual import residual
 
@@ -42,7 +43,8 @@ def test_noise_of_a_slow_sensor_is_that_of_its_samples():
     channel = replace(clean.channel("state/theta"), values=joined, native_rate_hz=20.0)
     found = sensor_noise(clean.with_channels(channel), ["state/theta"])["state/theta"]
     # on a line in the band its samples weigh sigma^2 / 20 Hz, as white noise sqrt(50 / 20) as large at 50 Hz
-    assert found == pytest.approx(0.003 * np.sqrt(50 / 20), rel=0.15)
+    # 1200 samples, a degree of freedom each: 4 of the estimate's sigma
+    assert found == pytest.approx(0.003 * np.sqrt(50 / 20), rel=4 / np.sqrt(2 * 1200))
 
 
 @pytest.fixture(scope="module")
@@ -53,15 +55,33 @@ def nulls():
     ]
 
 
-def test_noise_of_flights_is_white_in_the_metric_of_draws(nulls):
+def kept_by_the_ridge(noise):
+    """Return by row the variance that noise keeps in a metric that counts each row's variance once more."""
+    variance = np.einsum("lii->li", noise.covariance).real * _RIDGE / (1 + _RIDGE)
+    without = noise.covariance - variance[:, :, None] * np.eye(variance.shape[1])
+    return np.einsum("lij,ljk,lik->li", noise.whitening, without, noise.whitening.conj()).real.mean(axis=0)
+
+
+def test_noise_of_flights_is_as_strong_as_that_of_draws(nulls):
     energy = sum(float((c.white(c.residual) ** 2).sum()) for c in nulls)
     freedom = sum(2 * c.residual.size for c in nulls)
-    spread = 4 * np.sqrt(2 / freedom)
-    # rows whose noise turns with frequency are averaged over neighbours, which errs to the large side
-    assert 0.92 - spread < energy / freedom < 1 + spread
+    drawn = np.mean([(c.white_draws**2).mean() for c in nulls])
+    assert energy / freedom == pytest.approx(drawn, abs=4 * np.sqrt(2 / freedom))  # 4 sigma of chi-square
+
+
+def test_draws_are_white_but_for_what_the_ridge_and_averaging_take(nulls):
     for c in nulls[:3]:
-        drawn = float((c.white_draws**2).mean())
-        assert 0.9 < drawn < 1.01
+        rows, lines = c.residual.shape
+        by_row = (c.white_draws**2).reshape(-1, rows, lines).mean(axis=(0, 2))
+        kept = kept_by_the_ridge(c.noise)
+        level = np.array([r.kind == "actuator" or r.name in "XZ" for r in c.rows])
+        spread = 4 * np.sqrt(2 / (c.white_draws.size / rows))
+        assert by_row[level] == pytest.approx(kept[level], rel=spread)  # no rate enters: alike on all lines
+        # the rest is averaged over neighbours; were all rows rates of noise, whose power goes with f^2:
+        near = np.abs(np.subtract.outer(np.arange(lines), np.arange(lines))) <= HALF_WIDTH
+        power = c.lines.hz**2
+        averaged = np.mean(power / (near @ power / near.sum(axis=1)))
+        assert averaged * kept.mean() < by_row.mean() < 1 + spread / np.sqrt(rows)
 
 
 def test_every_response_and_actuator_has_the_noise_that_is_said(nulls):

@@ -8,7 +8,6 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
 from freqid.gap.evidence import Estimate, Evidence, Hypothesis
 from freqid.gap.signature import GIVEN
@@ -137,8 +136,10 @@ def priors(names: Sequence[str], judged: NDArray[np.bool_]) -> Array:
     judged : ndarray of bool, shape (case, name)
     """
     count = judged.sum(axis=1)
-    each = np.array([[prior(name, n) for name in names] for n in range(count.max(initial=0) + 1)])
-    return each.reshape(-1, len(names))[count]
+    found = np.zeros(judged.shape)
+    for n in np.unique(count):
+        found[count == n] = [prior(name, int(n)) for name in names]
+    return found
 
 
 def existence(judged: Sequence[Judged]) -> tuple[float, Array]:
@@ -168,7 +169,7 @@ def statistic(names: Sequence[str], evidence: Array) -> Array:
     ndarray, shape (case,)
     """
     judged = np.isfinite(evidence)
-    return np.asarray(logsumexp(np.where(judged, evidence, -np.inf) + priors(names, judged), axis=1))
+    return _log_of_sum(np.where(judged, evidence, -np.inf) + priors(names, judged), 1)
 
 
 def critical(null: Array, level: float) -> float:
@@ -205,7 +206,13 @@ def p_value(statistic: float, null: Array) -> float:
 
 def averaged(each: Array) -> Array:
     """Return the evidence of an explanation of that of its variants along the first axis, all as likely."""
-    return np.asarray(logsumexp(each, axis=0) - np.log(len(each)))
+    return _log_of_sum(each, 0) - np.log(len(each))
+
+
+def _log_of_sum(values: Array, axis: int) -> Array:
+    """Return the logarithm of a sum of exponentials of which one at least is finite."""
+    most = values.max(axis=axis, keepdims=True)
+    return np.log(np.exp(values - most).sum(axis=axis)) + most.squeeze(axis)
 
 
 def _judged(name: str, hypotheses: Sequence[Hypothesis], evidence: Evidence) -> Judged | None:

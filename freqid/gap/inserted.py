@@ -169,7 +169,8 @@ def insert(
             effect = library[wanted[i][0].effect]
             try:
                 columns[i] = [_change(effect, wanted[i][0], float(size[i]), c) for c in compared]
-            except FreqidError as error:  # a size at which the vehicle or the simulation is none
+            except (FreqidError, ValueError, ArithmeticError) as error:
+                # no vehicle or no flight is of such a size
                 columns[i], open_[i] = None, False
                 failed[effect.id] = str(error)
         kept = [i for i, column in enumerate(columns) if column is not None]

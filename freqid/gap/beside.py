@@ -15,9 +15,9 @@ from freqid.gap.locate import regime
 from freqid.gap.noise import draws, noise_of
 from freqid.gap.quiet import noisy_channels, quiet
 from freqid.gap.residual import Histories, Row, measured_part, simulated_part
-from freqid.gap.signature import Trial
 from freqid.gap.simulation import Simulation
 from freqid.gap.tolerance import form, tolerances
+from freqid.gap.trial import Trial
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]

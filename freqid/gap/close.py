@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from freqid.core.diagnosis import Share
 from freqid.gap.compare import Compared, evidence_of
 from freqid.gap.evidence import Evidence, Hypothesis
-from freqid.gap.signature import in_force_of
+from freqid.gap.testable import in_force_of
 from freqid.gap.together import together
 from freqid.simulate.effects.effect import Effect
 

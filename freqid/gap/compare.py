@@ -17,9 +17,11 @@ from freqid.gap.noise import Noise, draws, noise_of
 from freqid.gap.quiet import noisy_channels, quiet
 from freqid.gap.residual import Histories, Row, measured_part, simulated_part
 from freqid.gap.shared_noise import Shared, shared_noise
-from freqid.gap.signature import GIVEN, Trial, signature, sources_of, untestable
+from freqid.gap.signature import GIVEN, signature, sources_of
 from freqid.gap.simulation import Simulation
+from freqid.gap.testable import untestable
 from freqid.gap.tolerance import DYNAMICS, OF_EFFECT, form, tolerances
+from freqid.gap.trial import Trial
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]

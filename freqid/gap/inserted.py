@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from freqid.core.errors import FreqidError
 from freqid.gap.compare import Compared, evidence_of
 from freqid.gap.evidence import Evidence
-from freqid.gap.signature import GIVEN, in_force_of, made
+from freqid.gap.signature import GIVEN, made
+from freqid.gap.testable import in_force_of
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]

@@ -16,9 +16,11 @@ from freqid.core.record import Maneuver
 from freqid.core.scenario import Reference
 from freqid.gap.compare import Compared
 from freqid.gap.lines import Lines, lines_of
-from freqid.gap.signature import Trial, signature, untestable
+from freqid.gap.signature import signature
 from freqid.gap.simulation import Simulation
+from freqid.gap.testable import untestable
 from freqid.gap.tolerance import form, tolerances
+from freqid.gap.trial import Trial
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]

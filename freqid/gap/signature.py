@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,8 @@ from freqid.core.vehicle import Vehicle
 from freqid.gap.replay import Replay
 from freqid.gap.residual import Histories, measured_part
 from freqid.gap.simulation import Simulation
+from freqid.gap.testable import in_force_of, route_of
+from freqid.gap.trial import Trial
 from freqid.simulate.effects.along import centre
 from freqid.simulate.effects.effect import Effect, Parameter
 
@@ -23,132 +24,6 @@ Array = NDArray[np.float64]
 _SMALL = 0.25  # of a parameter's scale: the step of differences
 GIVEN = "|"
 """Between the name of a size and the value of another parameter at which it is taken."""
-
-_REMEMBERING = ("callable", "fmu")  # kinds that are asked again
-_ROUNDS = 4  # in which a log without an effect is found from one with it
-
-
-@dataclass(frozen=True, eq=False)
-class Trial:
-    """A simulation beside one manoeuvre, and what is computed of the pair once.
-
-    Attributes
-    ----------
-    simulation : Simulation
-    maneuver : Maneuver
-    measured : Histories
-    predicted : ndarray, shape (response, sample)
-    positions : dict of ndarray
-        That the simulation makes of the commands.
-    inputs : tuple of str
-        Channels by which `gradient` differentiates.
-    gradient : ndarray, shape (response, input, sample)
-    """
-
-    simulation: Simulation
-    maneuver: Maneuver
-    measured: Histories
-    predicted: Array
-    positions: dict[str, Array]
-    inputs: tuple[str, ...]
-    gradient: Array
-
-    @classmethod
-    def of(cls, simulation: Simulation, maneuver: Maneuver) -> Trial:
-        """Replay a simulation on a manoeuvre.
-
-        Raises
-        ------
-        DataError
-            Where the record lacks what either needs.
-        """
-        positions = simulation.positions(maneuver.record)
-        measured = measured_part(maneuver, simulation.responses, tuple(positions))
-        predicted = simulation.predict(maneuver.record)
-        inputs = inputs_of(simulation, maneuver.record)
-        gradient = simulation.gradient(maneuver.record, inputs)
-        return cls(simulation, maneuver, measured, predicted, positions, inputs, gradient)
-
-    def rows(self, responses: Array | None = None, positions: Mapping[str, Array] | None = None) -> Histories:
-        """Return histories in the residual's rows of responses, shape (response, sample), and positions."""
-        direct = np.zeros_like(self.measured.direct)
-        if responses is not None:
-            direct[: len(responses)] = responses
-        for i, row in enumerate(self.measured.rows):
-            name = row.name.partition("/")[2]
-            if row.kind == "actuator" and positions is not None and name in positions:
-                direct[i] = positions[name]
-        return Histories(self.measured.rows, direct, np.zeros_like(direct))
-
-    @property
-    def residual(self) -> Histories:
-        """Measured less simulated."""
-        return self.measured - self.rows(self.predicted, self.positions)
-
-    def moved(self, changes: Mapping[str, Array]) -> Array:
-        """Return what changes of input channels make of the responses.
-
-        To first order, except where a simulation may have a memory, which no derivative at one instant has.
-        """
-        if self.simulation.kind in _REMEMBERING:
-            record = self.maneuver.record
-            channels = [_replaced(record, n, record[n] + x) for n, x in changes.items() if n in record]
-            return self.simulation.predict(record.with_channels(*channels)) - self.predicted
-        known = [(j, changes[name]) for j, name in enumerate(self.inputs) if name in changes]
-        return sum((self.gradient[:, j] * x for j, x in known), np.zeros_like(self.predicted))
-
-
-def inputs_of(simulation: Simulation, record: FlightRecord) -> tuple[str, ...]:
-    """Return the channels that a simulation's responses may depend on and that move."""
-    names = [f"state/{n}" for n in ("u", "v", "w", "p", "q", "r")]
-    if simulation.kind in ("callable", "fmu") or "state/u" not in record:
-        names += [f"air/{n}" for n in ("V", "alpha", "beta")]
-    names += [f"effector/{n}" for n in record.group("effector")]
-    return tuple(n for n in names if n in record and np.ptp(record[n]) > 0)
-
-
-def untestable(effect: Effect, trial: Trial) -> str | None:
-    """Return why an effect cannot be tested here, or None where it can.
-
-    A missing field is a reason not to test, never one to rule the effect out.
-    """
-    route = route_of(effect, trial.simulation)
-    if route is None:
-        return "the simulation does not have it and it says nothing of simulations without it"
-    record = trial.maneuver.record
-    for need in effect.needs:
-        if not _there(need, trial, route):
-            return f"needs {need}, which is not there"
-    if route == "act" and not (trial.positions or record.group("effector")):
-        return "needs positions or commands of effectors, which are not there"
-    return None
-
-
-def _there(need: str, trial: Trial, route: str) -> bool:
-    """Return whether what an effect needs is there; see `Effect.needs`."""
-    record, vehicle = trial.maneuver.record, trial.maneuver.vehicle
-    head, _, rest = need.partition(".")
-    if head == "simulation":
-        return route != "own" or any(part.startswith(need) for part in trial.simulation.parts)
-    if head == "vehicle":
-        return getattr(vehicle, rest, None) is not None
-    if head in ("rotor", "wing"):
-        items = getattr(vehicle, f"{head}s")
-        return any(not rest or getattr(item, rest) for item in items)
-    if "/" in need:
-        return need in record
-    return need in vehicle.effector_kinds.values() or bool(record.group(need))
-
-
-def route_of(effect: Effect, simulation: Simulation) -> str | None:
-    """Return the hook by which an effect is tested, or ``own`` where the simulation computes it."""
-    for hook in ("distort", "load", "feel", "act"):
-        if getattr(effect, hook) is not None:
-            return hook
-    own = effect.id in simulation.effects
-    if effect.replay is not None and (effect.states or not own):
-        return "replay"
-    return "own" if own else None
 
 
 def signature(effect: Effect, trial: Trial) -> dict[str, Histories]:
@@ -257,38 +132,6 @@ def sources_of(effect: Effect, trial: Trial, name: str) -> tuple[str, ...]:
         turned = tuple(f"d/dt {n}" for n in changed)
         return (*changed, *turned, *(rates if set(felt) & set(changed) else ()))
     return trial.inputs
-
-
-def in_force_of(effect: Effect, simulation: Simulation) -> dict[str, float]:
-    """Return the settings that a simulation has an effect at: zero size where it does not have it."""
-    if route_of(effect, simulation) == "own":
-        return dict(simulation.effects[effect.id])
-    return {name: p.default for name, p in effect.parameters.items()} | {effect.size: 0.0}
-
-
-def without(effect: Effect, settings: Mapping[str, float], record: FlightRecord) -> FlightRecord:
-    """Return the log that a record would be without a sensor's or the air's effect.
-
-    Found by rounds: what the effect would make of it has to be the record.
-    """
-    if effect.distort is None:
-        return record
-    clean = record
-    for _ in range(_ROUNDS):
-        again = effect.distort(dict(settings), clean)
-        channels = [
-            _replaced(clean, name, clean[name] + record[name] - again[name])
-            for name in record.channels
-            if not np.array_equal(again[name], clean[name]) or not np.array_equal(clean[name], record[name])
-        ]
-        clean = clean.with_channels(*channels)
-    return clean
-
-
-def _replaced(record: FlightRecord, name: str, values: Array):
-    from dataclasses import replace
-
-    return replace(record.channel(name), values=values)
 
 
 def _steps(

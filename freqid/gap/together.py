@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from freqid.gap.residual import Histories
-from freqid.gap.signature import Trial, in_force_of, made, route_of
+from freqid.gap.signature import made
+from freqid.gap.testable import in_force_of, route_of
+from freqid.gap.trial import Trial
 from freqid.simulate.effects.effect import Effect
 
 

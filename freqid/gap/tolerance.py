@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from freqid.core.errors import UsageError, nearest
 from freqid.gap.lines import Lines
 from freqid.gap.residual import Histories
-from freqid.gap.signature import Trial, in_force_of, made, untestable
+from freqid.gap.signature import made
+from freqid.gap.testable import in_force_of, untestable
+from freqid.gap.trial import Trial
 from freqid.simulate.effects.effect import Effect
 from freqid.simulate.effects.signals import lagged
 

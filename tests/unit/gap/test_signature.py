@@ -9,10 +9,13 @@ import pytest
 from linear_flight import DT, LIBRARY, OWN, SLOPES, Linear, Truth, distorted, effect, fly
 
 from freqid.core.record import Maneuver
+from freqid.gap.clean_record import without
 from freqid.gap.lines import lines_of
 from freqid.gap.residual import residual
-from freqid.gap.signature import Trial, made, route_of, signature, sources_of, untestable, without
+from freqid.gap.signature import made, signature, sources_of
+from freqid.gap.testable import route_of, untestable
 from freqid.gap.together import together
+from freqid.gap.trial import Trial
 from freqid.simulate.effects.effect import Parameter
 
 

@@ -7,8 +7,8 @@ import pytest
 from linear_flight import DT, IYY, LIBRARY, SLOPES, THETA0, Linear, fly
 
 from freqid.core.errors import UsageError
-from freqid.gap.signature import Trial
 from freqid.gap.tolerance import DEFAULT, EACH_FLIGHT, stated, tolerances
+from freqid.gap.trial import Trial
 from freqid.simulate.effects.mass import EFFECT as MASS
 from freqid.simulate.effects.sensor_bias import EFFECT as BIAS
 

@@ -9,11 +9,10 @@ import pytest
 from linear_flight import DT, LIBRARY, OWN, SLOPES, Linear, Truth, distorted, effect, fly
 
 from freqid.core.record import Maneuver
-from freqid.gap.clean_record import without
 from freqid.gap.lines import lines_of
 from freqid.gap.residual import residual
 from freqid.gap.signature import made, signature, sources_of
-from freqid.gap.testable import route_of, untestable
+from freqid.gap.testable import route_of
 from freqid.gap.together import together
 from freqid.gap.trial import Trial
 from freqid.simulate.effects.effect import Parameter
@@ -136,18 +135,6 @@ def test_effects_between_command_and_airframe_follow_one_another():
     assert both.direct[2, 2:] == pytest.approx(change, abs=1e-9)
 
 
-def test_a_log_without_an_effect_gives_the_log_with_it():
-    clean = fly(noise=1.0).record
-    for size in (0.03, -0.1):
-        settings = {"scale": size}
-        logged = distorted(settings, clean)
-        found = without(LIBRARY["gyro"], settings, logged)
-        reach = np.abs(clean["state/q"]).max()
-        assert np.abs(found["state/q"] - clean["state/q"]).max() < 2 * abs(size) ** 4 * reach
-        assert (found["state/w"] == clean["state/w"]).all()
-    assert without(LIBRARY["worn"], {"share": 0.1}, clean) is clean
-
-
 def test_a_parameter_that_may_not_be_negative_is_stepped_to_one_side():
     seen = []
 
@@ -178,26 +165,6 @@ def test_a_size_is_told_at_two_places_where_its_place_says_nothing_while_it_is_z
     for name, onset in (("size", 1.0), ("size|onset=0.8", 0.8), ("size|onset=1.2", 1.2)):
         expected = np.maximum(trial.maneuver.record["state/w"] - onset, 0.0)
         assert found[name].direct[1] == pytest.approx(expected)
-
-
-@pytest.mark.parametrize(
-    ("needs", "missing"),
-    [
-        (("rotor",), "needs rotor"),
-        (("power",), "needs power"),
-        (("air/alpha",), "needs air/alpha"),
-        (("vehicle.span_m",), "needs vehicle.span_m"),
-        (("surface", "command", "state/q"), None),
-    ],
-)
-def test_what_is_missing_leaves_an_effect_untested(needs, missing):
-    reason = untestable(replace(LIBRARY["drag"], needs=needs), Trial.of(HAS_IT, fly()))
-    assert reason is None if missing is None else missing in (reason or "")
-
-
-def test_an_effect_without_a_hook_is_tested_where_the_simulation_has_it_alone():
-    assert untestable(OWN, Trial.of(HAS_IT, fly())) is None
-    assert "does not have it" in (untestable(OWN, Trial.of(Linear(), fly())) or "")
 
 
 def test_sources_are_the_channels_that_a_signature_is_computed_from():

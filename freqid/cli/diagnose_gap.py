@@ -55,6 +55,11 @@ if TYPE_CHECKING:
     default=True,
     help="Where several explanations remain, propose the tests that would tell them apart.",
 )
+@click.option(
+    "--self-test",
+    is_flag=True,
+    help="Try the diagnosis on each effect inserted into this simulation and these flights; calibrate on it.",
+)
 @click.option("--anyway", is_flag=True, help="Go on where mistakes of bookkeeping are found.")
 @options.page("the diagnosis")
 @options.as_json
@@ -72,6 +77,7 @@ def command(
     draws: int,
     seed: int,
     plan: bool,
+    self_test: bool,
     anyway: bool,
     page: bool,
     json_: bool,
@@ -143,6 +149,7 @@ def command(
         level=level,
         draws=draws,
         seed=seed,
+        self_test=self_test,
     )
     found = diagnose(simulation, used, question, held_out=kept, names=names, tell=tell)
     tell("costing margins")
@@ -165,6 +172,7 @@ def command(
         "level": level,
         "draws": draws,
         "seed": seed,
+        "self_test": self_test,
         "tolerances": tolerances,
         "freqid_version": __version__,
     }

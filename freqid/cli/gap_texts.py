@@ -7,6 +7,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from freqid.cli.next_texts import next_text
+from freqid.cli.self_test_text import self_test_text
 
 if TYPE_CHECKING:
     from freqid.core.diagnosis import Change, Closure, GapDiagnosis, Interval, Share
@@ -28,6 +29,8 @@ def diagnosis_text(d: GapDiagnosis) -> str:
     """Return the diagnosis: its verdict in one line first, then where, which, parameters, how far."""
     said = [d.verdict, _gap(d), _where(d), _which(d), _parameters(d), _how_far(d)]
     blocks = [*said, next_text(d.next_flight), _remarks(d)]
+    if d.self_test:
+        blocks.insert(len(said), self_test_text(d.self_test))
     return "\n\n".join(block for block in blocks if block)
 
 

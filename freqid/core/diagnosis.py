@@ -9,6 +9,8 @@ from typing import Any
 
 import msgspec
 
+from .gap_self_test import SelfTest
+
 _CLASSICAL = {"rmse": "rms of the response", "theil": "1", "J": "1"}
 
 
@@ -196,6 +198,8 @@ class GapDiagnosis:
         First what was asked for or found, then each effect alone.
     next_flight : dict
     remarks : tuple of str
+    self_test : SelfTest, optional
+        What the diagnosis makes of effects inserted into this simulation and these flights.
     """
 
     verdict: str
@@ -207,6 +211,7 @@ class GapDiagnosis:
     how_far: tuple[Closure, ...] = ()
     next_flight: dict[str, Any] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    self_test: SelfTest | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the diagnosis as ``diagnose-gap --json`` prints it: numbers, strings, lists and tables.
@@ -226,6 +231,8 @@ class GapDiagnosis:
             "next_flight": self.next_flight,
             "remarks": self.remarks,
         }
+        if self.self_test:
+            found["self_test"] = asdict(self.self_test)
         return _plain(found)
 
     @classmethod

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, norm
+from scipy.stats import chi2
 
 from freqid.core.diagnosis import Closure, Existence, GapDiagnosis, Which
 from freqid.core.errors import DataError, UsageError, nearest
@@ -18,6 +18,9 @@ from freqid.gap.attribute import LEAST_ODDS, NONE, OTHER, Judged
 from freqid.gap.close import Refit, starting
 from freqid.gap.compare import Compared, compare, evidence_of
 from freqid.gap.evidence import Evidence, Hypothesis
+from freqid.gap.fit_table import UNCALIBRATED
+from freqid.gap.reach import first_order_size
+from freqid.gap.self_test import Tested, self_test
 from freqid.gap.signature import GIVEN
 from freqid.gap.simulation import Simulation
 from freqid.simulate.effects.effect import Effect
@@ -52,6 +55,8 @@ class Question:
     seed : int
     close : bool
         Whether effects are refitted at all, which takes most of the time.
+    self_test : bool
+        Whether the diagnosis is first tried on each effect, inserted into this simulation and these flights.
     """
 
     candidates: Mapping[str, Effect]
@@ -62,6 +67,7 @@ class Question:
     draws: int = 200
     seed: int = 0
     close: bool = True
+    self_test: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +145,15 @@ def diagnose(
     not_tested = {i: why for c in used for i, why in c.not_tested.items()}
     seen = {j.name for j in judged}
     not_tested |= {i: _IDLE for i in library if i not in seen and i not in not_tested}
-    which = calibrate.which(judged, evidence, library, not_tested, existence.exists, INTERVAL)
+    tested = (
+        self_test(used, evidence, judged, library, UNCALIBRATED, q.level, seed=q.seed, tell=tell)
+        if q.self_test
+        else None
+    )
+    if tested:
+        existence = replace(existence, smallest_detectable=_reached(existence, tested, evidence, judged))
+    table = tested.table if tested else UNCALIBRATED
+    which = calibrate.which(judged, evidence, library, not_tested, existence.exists, INTERVAL, table)
     for name in q.named:
         if name not in library:
             raise UsageError(f"effect '{name}' is unknown", remedy=nearest(name, library))
@@ -160,6 +174,7 @@ def diagnose(
         which=which,
         how_far=tuple(closures),
         remarks=tuple(_remarks(used, simulation)),
+        self_test=tested.result if tested else None,
     )
     return Findings(diagnosis, used, kept, evidence, judged, found, refits, explained)
 
@@ -191,23 +206,32 @@ def _existence(
     """Return whether there is a gap, and what size of each effect would be found in 95 of 100 cases."""
     p = attribute.p_value(statistic, null)
     raw = sum(float((c.white(c.residual) ** 2).sum()) for c in used)
-    threshold = float(np.quantile(null, 1 - q.level))
+    threshold = attribute.critical(null, q.level)
     smallest, unit = {}, {}
     count = len([j for j in judged if "+" not in j.name])
     for j in judged:
         if j.name == OTHER or "+" in j.name:
             continue
-        column, scale = j.best.columns[0], j.best.scale[0]
-        gain = evidence.metric[column, column]
-        # found where the squared size in the metric exceeds what threshold, prior and its own share ask for
-        asked = 2 * (threshold + np.log(count)) + np.log1p(gain * scale**2)
-        need = (np.sqrt(max(asked, 0.0)) + norm.ppf(0.95)) ** 2
-        smallest[j.name] = float(np.sqrt(need / max(gain, 1e-300)))
-        parameter = evidence.signatures[column - 1].partition(":")[2].partition(GIVEN)[0]
+        options = len(attribute.variants(library[j.name], evidence))
+        smallest[j.name] = first_order_size(evidence, j.best, threshold, count, options)
+        parameter = evidence.signatures[j.best.columns[0] - 1].partition(":")[2].partition(GIVEN)[0]
         unit[j.name] = library[j.name].parameters[parameter].unit
     return Existence(
         p < q.level and statistic > LEAST_ODDS, p, q.level, float(chi2.sf(raw, evidence.rows)), smallest, unit
     )
+
+
+def _reached(
+    existence: Existence, tested: Tested, evidence: Evidence, judged: Sequence[Judged]
+) -> dict[str, float]:
+    """Return the smallest sizes found, by insertion where the effect was inserted at the place in question.
+
+    Without effects that no size within their range makes found.
+    """
+    known = {f"{r.effect}:{r.parameter}": r.size for r in tested.result.reach}
+    columns = {j.name: evidence.signatures[j.best.columns[0] - 1] for j in judged if j.name != OTHER}
+    found = {n: known.get(columns[n], size) for n, size in existence.smallest_detectable.items()}
+    return {n: size for n, size in found.items() if np.isfinite(size)}
 
 
 def _leading(judged: Sequence[Judged], which: Which) -> Judged | None:

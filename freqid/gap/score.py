@@ -245,7 +245,8 @@ def verdict(
     if closures and closures[0].consequence.get("matters"):
         it = _it(which, closures[0])
         words.append("; " + ("" if it == "it" else f"with {it} ") + closures[0].consequence["sentence"])
-    return "".join(words) + ("" if which.calibrated else " (uncalibrated)") + "."
+    how = f" (calibrated by {which.calibrated_by})" if which.calibrated_by else ""
+    return "".join(words) + (how if which.calibrated else " (uncalibrated)") + "."
 
 
 def _it(which: Which, closure: Closure) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from freqid import __version__
 from freqid.core.gap_result import BeforeAfter, GapResult, ResidualSpectra
-from freqid.report import gap_figures, gap_response_figures, gap_tables
+from freqid.report import gap_figures, gap_response_figures, gap_self_test, gap_tables
 from freqid.report.findings import Finding, finding
 from freqid.report.gap_next import next_rows
 from freqid.report.notation import percent, short
@@ -60,6 +60,8 @@ def build_gap_page(result: GapResult) -> str:
         pair=d.which.pair,
         aliases=d.which.aliases,
         untested=gap_tables.untested_rows(d),
+        self_test=gap_self_test.summary(d.self_test),
+        confusions=gap_self_test.confusions(d.self_test),
         closures=gap_tables.closures(d),
         next_tests=next_rows(d.next_flight),
         next_groups=[g["sentence"] for g in d.next_flight.get("groups", ())],

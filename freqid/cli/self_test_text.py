@@ -1,0 +1,83 @@
+"""A self-test as the terminal shows it."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import TYPE_CHECKING
+
+from freqid.core.gap_self_test import ENDS
+
+if TYPE_CHECKING:
+    from freqid.core.gap_self_test import Rate, Reach, SelfTest, Stratum
+
+_TOLD = 0.05  # share of draws from which a wrong answer is told
+
+
+def self_test_text(test: SelfTest) -> str:
+    """Return what was found of effects inserted into the simulation along the flights."""
+    lines = [
+        f"Self-test: each effect inserted into this simulation along these flights, {test.draws} draws of "
+        "noise and tolerances each:",
+        _table(
+            ("detectability", "found", "one name given", "the right one", "set holds it"),
+            [
+                (f"{s.detectability:g}", *(_percent(r) for r in (s.detected, s.named, s.right, s.covered)))
+                for s in test.strata
+            ],
+        ),
+        f"  false alarms {_percent(test.false_alarm)} of draws with nothing inserted (level {test.level:g})",
+        f"  effects taken out of the library: {_percent(test.outside['named'])} wrongly named, "
+        f"{_percent(test.outside['other'])} called other",
+        "  smallest size found in 95 of 100 draws, and what is answered at a detectability of "
+        f"{test.strata[len(test.strata) // 2].detectability:g}:",
+        _table(("effect", "smallest found", "to first order", "right", "answered instead"), _effects(test)),
+    ]
+    lines += [f"  not inserted: {name} ({why})" for name, why in test.not_inserted.items()]
+    return "\n".join(lines)
+
+
+def _effects(test: SelfTest) -> list[tuple[str, ...]]:
+    middle = test.strata[len(test.strata) // 2]
+    rows = []
+    for effect in dict.fromkeys(r.effect for r in test.reach):
+        each = sorted((r for r in test.reach if r.effect == effect), key=_rank)
+        right, instead = _answers(middle, effect)
+        for k, one in enumerate(each if len(each) < 3 else (each[0], each[-1])):
+            size = f"{one.size:.2g} {one.unit}".removesuffix(" 1") if isfinite(one.size) else "none in range"
+            first = f"{one.linear:.2g}" if isfinite(one.linear) else "-"
+            told = (right, instead) if k == 0 else ("", "")
+            rows.append((f"{effect} {one.parameter}", size, first, *told))
+    return rows
+
+
+def _rank(one: Reach) -> float:
+    return one.detectability if isfinite(one.detectability) else float("inf")
+
+
+def _answers(stratum: Stratum, effect: str) -> tuple[str, str]:
+    """Return how often an effect is named, and what is answered instead."""
+    counts = stratum.answers.get(effect)
+    if not counts:
+        return "-", "-"
+    total = max(sum(counts.values()), 1)
+    others = sorted(((n, k) for n, k in counts.items() if n != effect), key=lambda item: -item[1])
+    words = {"none": "no gap", "other": "other", "several": "several names"}
+    told = [
+        f"{words[n] if n in ENDS else n} {100 * k / total:.0f} %" for n, k in others if k / total >= _TOLD
+    ]
+    return f"{100 * counts.get(effect, 0) / total:.0f} %", ", ".join(told)
+
+
+def _percent(rate: Rate) -> str:
+    if not rate.of:
+        return "-"
+    return f"{100 * rate.share:.0f} % ({100 * rate.lo:.0f}-{100 * rate.hi:.0f})"
+
+
+def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    every = [head, *rows]
+    widths = [max(len(row[i]) for row in every) for i in range(len(head))]
+    return "\n".join(
+        "    " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in every
+    )

@@ -13,6 +13,9 @@ from freqid.report.gap_tables import with_si
 from freqid.report.notation import NONE
 from freqid.report.pictures import Picture, picture
 
+_LEAST = 0.01  # share of draws that is shown
+_BESIDE = 18  # effects whose matrices are legible side by side
+
 
 def confusions(test: SelfTest | None) -> list[Picture]:
     """Return the confusion matrices, weakest insertions first, where anything is found."""
@@ -47,6 +50,7 @@ def summary(test: SelfTest | None) -> dict[str, Any] | None:
             }
             for r in test.reach
         ],
+        "wide": len({r.effect for r in test.reach}) > _BESIDE,
         "not_inserted": list(test.not_inserted.items()),
     }
 
@@ -55,6 +59,7 @@ def _confusion(test: SelfTest, stratum: Stratum, k: int) -> Picture:
     rows, columns, shares = stratum.shares()
     names = {"none": "no gap", "other": "other", "several": "several"}
     table = np.array(shares)[None]
+    table = np.where(table < _LEAST, 0.0, table)
     size = f"{stratum.detectability:g}"
     figure = gap_figures.heat_panels(
         [f"Inserted at a detectability of {size}"],
@@ -70,7 +75,8 @@ def _confusion(test: SelfTest, stratum: Stratum, k: int) -> Picture:
         f"Confusion matrix at a detectability of {size}",
         f"What is answered, in per cent of {test.draws} draws, where the effect at the left was inserted at "
         f"a detectability of {size}. The diagonal is right; an alias that the insertion cannot be told from "
-        "counts as right. Several: the set holds names that are no group. No gap: none was called.",
+        "counts as right. Several: the set holds names that are no group. No gap: none was called. Below "
+        "1 % is left blank.",
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -18,6 +18,7 @@ from freqid.simulate.effects.effect import Effect
 Array = NDArray[np.float64]
 
 _MOST = 5  # names that are told apart: the likeliest
+_LOUDER = 10.0  # times its estimate: the most that a faint explanation is taken at
 _SAME = 1e-4  # of a change's energy: less than this left by another effect is the same change
 
 
@@ -43,6 +44,10 @@ class Explanation:
     def sizes(self) -> dict[str, float]:
         """Estimates by parameter."""
         return {n.partition(":")[2].partition(GIVEN)[0]: x for n, x in self.value.items()}
+
+    def times(self, factor: float) -> Explanation:
+        """Return the same effect at another size."""
+        return replace(self, value={n: factor * x for n, x in self.value.items()})
 
     @property
     def signatures(self) -> tuple[str, ...]:
@@ -109,6 +114,27 @@ def pairs_of(groups: Sequence[tuple[str, ...]]) -> list[tuple[str, str]]:
     return list(dict.fromkeys((a, b) for g in groups for a, b in combinations(sorted(g), 2)))
 
 
+def as_plain(evidence: Evidence, one: Explanation, other: Explanation) -> tuple[Explanation, Explanation]:
+    """Return two explanations, the fainter at the size at which it is as plain in data as the other.
+
+    A gap was seen, so whichever explanation is true makes one of that size; an estimate that is faint since
+    it fits badly would pass for an effect that nothing shows.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Of the flights in which the gap was seen.
+    one, other : Explanation
+    """
+    sizes = [_energy(evidence, x) for x in (one, other)]
+    if min(sizes) <= 0:
+        return one, other
+    return (
+        one.times(min(float(np.sqrt(max(sizes) / sizes[0])), _LOUDER)),
+        other.times(min(float(np.sqrt(max(sizes) / sizes[1])), _LOUDER)),
+    )
+
+
 def apart(evidence: Evidence, one: Explanation, other: Explanation) -> float:
     """Return how far data are expected to set two explanations apart: the lesser of both ways round.
 
@@ -140,8 +166,7 @@ def _left(evidence: Evidence, true: Explanation, claimed: Explanation) -> tuple[
         return np.inf, np.inf
     at = [evidence.column(n) for n in true.value]
     size = np.array(list(true.value.values()))
-    metric = evidence.metric
-    whole = float(size @ metric[np.ix_(at, at)] @ size)
+    metric, whole = evidence.metric, _energy(evidence, true)
     lefts = [whole]
     for way in claimed.ways:
         columns = [evidence.column(n) for n in way]
@@ -151,3 +176,10 @@ def _left(evidence: Evidence, true: Explanation, claimed: Explanation) -> tuple[
         inverse = np.linalg.pinv(scale[:, None] * gram * scale, rcond=1e-9, hermitian=True)
         lefts.append(whole - float(across @ inverse @ across))
     return 0.5 * max(min(lefts), 0.0), 0.5 * whole
+
+
+def _energy(evidence: Evidence, explanation: Explanation) -> float:
+    """Return the squared size of an explanation's change, ``lambda``."""
+    at = [evidence.column(n) for n in explanation.value]
+    size = np.array(list(explanation.value.values()))
+    return float(size @ evidence.metric[np.ix_(at, at)] @ size)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from freqid.core.scenario import Scenario
 from freqid.gap.compare import Compared
 from freqid.gap.evidence import Evidence
-from freqid.gap.explanations import Explanation, alike, apart
+from freqid.gap.explanations import Explanation, alike, apart, as_plain
 from freqid.gap.simulation import Simulation
 from freqid.simulate.effects.effect import Effect
 
@@ -49,13 +50,19 @@ class Bench:
     sizes: Mapping[str, float]
     scenario: Scenario | None = None
 
-    @property
+    @cached_property
     def columns(self) -> tuple[str, ...]:
         """Signatures of the rivals, then common tolerances."""
         signatures = dict.fromkeys(n for r in self.rivals.values() for n in r.signatures)
         return (*signatures, *self.evidence.tolerances)
 
-    @property
+    @cached_property
+    def faced(self) -> dict[Pair, tuple[Explanation, Explanation]]:
+        """Each pair at the size of the gap that was seen."""
+        seen = self.with_more(self.at_hand)
+        return {p: as_plain(seen, self.rivals[p[0]], self.rivals[p[1]]) for p in self.pairs}
+
+    @cached_property
     def at_hand(self) -> Array:
         """Products of the columns over the flights at hand, shape (column, column)."""
         at = [self.evidence.column(n) for n in self.columns]
@@ -73,9 +80,9 @@ class Bench:
     def separations(self, gram: Array) -> dict[Pair, float]:
         """Return the expected separation of each pair by an experiment."""
         evidence = self.with_more(gram)
-        return {p: apart(evidence, self.rivals[p[0]], self.rivals[p[1]]) for p in self.pairs}
+        return {p: apart(evidence, *both) for p, both in self.faced.items()}
 
     def same(self, gram: Array) -> set[Pair]:
         """Return the pairs whose changes are the same in an experiment."""
         evidence = self.with_more(gram)
-        return {p for p in self.pairs if alike(evidence, self.rivals[p[0]], self.rivals[p[1]])}
+        return {p for p, both in self.faced.items() if alike(evidence, *both)}

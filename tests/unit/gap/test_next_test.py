@@ -14,7 +14,7 @@ from freqid.gap.compare import compare
 from freqid.gap.diagnose import Question, diagnose
 from freqid.gap.evidence import Evidence
 from freqid.gap.excitations import STRONGEST, options
-from freqid.gap.explanations import Explanation, alike, apart
+from freqid.gap.explanations import Explanation, alike, apart, as_plain
 from freqid.gap.ground_tests import TESTS, UNTESTABLE, distance
 from freqid.gap.next_bench import Bench
 from freqid.gap.next_flight import next_flight
@@ -70,6 +70,18 @@ def test_two_directions_are_as_far_apart_as_their_angle_says():
     # the weaker one counts, and c = cos(angle)
     assert apart(found, one, other) == pytest.approx(0.5 * lam * np.sin(angle) ** 2)
     assert apart(found, one, Explanation("none")) == pytest.approx(0.5 * lam)
+
+
+def test_a_faint_explanation_is_taken_as_plain_as_the_other():
+    found = evidence({"a:size": np.array([3.0, 0.0]), "b:size": np.array([0.6, 0.8])}, {})
+    one = Explanation("a", {"a:size": 2.0}, (("a:size",),))
+    other = Explanation("b", {"b:size": -1.0}, (("b:size",),))
+    same, louder = as_plain(found, one, other)
+    assert same == one
+    assert louder.value == pytest.approx({"b:size": -6.0})
+    assert apart(found, same, louder) == pytest.approx(0.5 * 36 * (1 - 0.6**2))
+    none = Explanation("none")
+    assert as_plain(found, one, none) == (one, none)
 
 
 def test_tolerances_and_variants_count_as_in_the_full_covariance():

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.command("diagnose-gap")
 @click.argument("records", metavar="RECORD...", nargs=-1, required=True, type=click.Path(path_type=Path))
 @options.output("the first record's name with -gap.h5")
-@options.simulation("Vehicle, tolerances and band; without --sim, the simulation.")
+@options.simulation("Vehicle, tolerances and band; without --sim, the simulation.", several=True)
 @click.option(
     "--holdout",
     multiple=True,
@@ -66,7 +66,7 @@ if TYPE_CHECKING:
 def command(
     records: tuple[Path, ...],
     destination: Path | None,
-    sim: str | None,
+    sim: tuple[str, ...],
     predictions: tuple[Path, ...],
     scenario: Path | None,
     holdout: tuple[Path, ...],
@@ -87,9 +87,14 @@ def command(
     Says whether there is a gap beyond noise and tolerances, where it is, which effect of the library makes
     it, and how much of it goes on flights that were not used once that effect is added. Looks for mistakes
     of bookkeeping first and stops there with exit code 4 where it finds any.
+
+    With two simulations, --sim A --sim B or --sim A --predictions B.h5, says which of them is nearer to the
+    flights, where, and whether that is beyond noise and tolerances.
     """
     from dataclasses import replace
 
+    from freqid.cli import compare_simulations
+    from freqid.cli.compare_simulations import Asked
     from freqid.cli.gap_texts import bookkeeping_text, diagnosis_text
     from freqid.cli.next_texts import beside, with_next_test
     from freqid.core.errors import GateFailed, UsageError, nearest
@@ -104,7 +109,9 @@ def command(
     from freqid.gap.shown import shown
     from freqid.gap.tolerance import stated
 
-    destination = destination or records[0].with_name(f"{records[0].stem}-gap.h5")
+    rivals = compare_simulations.rivals(sim, predictions, holdout, named)
+    kind = "rivals" if rivals else "gap"
+    destination = destination or records[0].with_name(f"{records[0].stem}-{kind}.h5")
     drawn = destination.with_suffix(".html") if page else None
     for result in (destination, drawn, beside(destination)):
         if result:
@@ -115,19 +122,27 @@ def command(
     for name in named:
         if name not in library:
             raise UsageError(f"effect '{name}' is unknown", remedy=nearest(name, library))
-    if scenario is None and sim is not None and sim.endswith(".toml"):
-        scenario = Path(sim)
+    if scenario is None:
+        scenario = next((Path(s) for s in sim if s.endswith(".toml")), None)
     described, sha256 = read_scenario(scenario) if scenario else (None, "")
     tolerances = stated(described.tolerance if described else {}, library)
     span = _band(band, described)
     read = [read_record(path) for path in (*records, *holdout)]
     names = [str(path) for path in (*records, *holdout)]
-    simulation = connect(sim, scenario=scenario, predictions=predictions, record=read[0])
+    tell = _teller()
+    if rivals:
+        pair = [connect(s, scenario=scenario, predictions=p, record=read[0]) for s, p in rivals]
+        how = Asked(described, library, tolerances, span, level, draws, seed)
+        sources = {"scenario": {"file": str(scenario or ""), "sha256": sha256}, "effects": str(own or "")}
+        compare_simulations.run(
+            (pair[0], pair[1]), read, names, how, destination, drawn, sources, json_, tell
+        )
+        return
+    simulation = connect(sim[0] if sim else None, scenario=scenario, predictions=predictions, record=read[0])
     vehicle = flights.vehicle_of(read, simulation, described.aircraft() if described else None)
     every = flights.maneuvers(read, names, simulation, vehicle)
     used, kept = every[: len(records)], every[len(records) :]
 
-    tell = _teller()
     tell("looking for mistakes of bookkeeping")
     findings = check(simulation, [m.record for m in used], vehicle)
     if findings and not anyway:

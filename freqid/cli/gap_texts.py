@@ -55,7 +55,7 @@ def _where(d: GapDiagnosis) -> str:
         )
         for p in d.where
     ]
-    return "Where:\n" + _table(("response", "band", "share", "regime", "coherent with", "phase"), rows)
+    return "Where:\n" + table(("response", "band", "share", "regime", "coherent with", "phase"), rows)
 
 
 def _which(d: GapDiagnosis) -> str:
@@ -67,7 +67,7 @@ def _which(d: GapDiagnosis) -> str:
             least = "-" if size is None else f"{size:.2g} {d.gap.unit.get(name, '')}".removesuffix(" 1")
             rows.append((name, f"{100 * p:.0f} %", "*" if name in w.set else "", least))
     lines = ["Which (* in the set that holds the truth with the stated confidence):"]
-    lines.append(_table(("effect", "probability", "set", "smallest found"), rows))
+    lines.append(table(("effect", "probability", "set", "smallest found"), rows))
     if w.pair:
         lines.append(f"  together: {' and '.join(w.pair)}")
     lines += [f"  not to be told apart here: {', '.join(group)}" for group in w.aliases]
@@ -88,7 +88,7 @@ def _parameters(d: GapDiagnosis) -> str:
     ]
     if not rows:
         return ""
-    return "Parameters, to first order, as changes of the simulation:\n" + _table(
+    return "Parameters, to first order, as changes of the simulation:\n" + table(
         ("effect", "parameter", "estimate (90 %)"), rows
     )
 
@@ -110,7 +110,7 @@ def _closure(c: Closure) -> str:
     ]
     if rows:
         head = ("response", "RMSE", "after", "no change", "Theil", "after", "no change", "J", "after")
-        lines.append(_table(head, rows))
+        lines.append(table(head, rows))
     if c.consequence.get("sentence"):
         lines.append(f"  {c.consequence['sentence']}")
     if c.note:
@@ -142,7 +142,7 @@ def _ends(change: Change | None) -> tuple[str, str, str]:
     return first, second, third
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return rows below their heads, in columns as wide as what they hold."""
     every = [head, *rows]
     widths = [max(len(row[i]) for row in every) for i in range(len(head))]

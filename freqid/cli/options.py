@@ -19,8 +19,11 @@ def output(default: str) -> Callable[[Command], Command]:
     )
 
 
-def simulation(scenario: str) -> Callable[[Command], Command]:
-    """Return ``--sim``, ``--predictions`` and ``--scenario``; `scenario` is the last one's help."""
+def simulation(scenario: str, *, several: bool = False) -> Callable[[Command], Command]:
+    """Return ``--sim``, ``--predictions`` and ``--scenario``; `scenario` is the last one's help.
+
+    With `several` the first may be repeated.
+    """
     path = click.Path(path_type=Path)
 
     def add(command: Command) -> Command:
@@ -31,9 +34,9 @@ def simulation(scenario: str) -> Callable[[Command], Command]:
             type=path,
             help="Recorded predictions in place of a simulation; may be repeated.",
         )(command)
-        return click.option("--sim", help="FILE.py:NAME, MODEL.fmu, jsbsim:AIRCRAFT or SCENARIO.toml.")(
-            command
-        )
+        kinds = "FILE.py:NAME, MODEL.fmu, jsbsim:AIRCRAFT, SCENARIO.toml or predictions FILE.h5."
+        said = f"{kinds} Two are compared with each other." if several else kinds
+        return click.option("--sim", multiple=several, help=said)(command)
 
     return add
 

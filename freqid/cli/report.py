@@ -1,4 +1,4 @@
-"""``freqid report``: a point model, or the diagnosis of a gap, becomes a page that a team reviews."""
+"""``freqid report``: a point model, a gap, or two simulations compared become a page that a team reviews."""
 
 from __future__ import annotations
 
@@ -18,9 +18,20 @@ from freqid.cli.options import as_json, emit, keep_inputs, output
 def command(
     model: Path, destination: Path | None, record: Path | None, scenario: Path | None, json_: bool
 ) -> None:
-    """Write one self-contained HTML page about the point model, or the diagnosis of a gap, MODEL."""
-    from freqid.core import gap_file, store
+    """Write one self-contained HTML page about MODEL.
 
+    A point model, the diagnosis of a gap, or a comparison of two simulations.
+    """
+    from freqid.core import gap_file, rivals_file, store
+
+    if store.kind_of(model) == rivals_file.FORMAT:
+        from freqid.report.rivals_page import write_rivals_page
+
+        destination = destination or model.with_suffix(".html")
+        keep_inputs(destination, model)
+        write_rivals_page(destination, rivals_file.read_rivals(model))
+        emit(json_, {"path": str(destination)}, str(destination))
+        return
     if store.kind_of(model) == gap_file.FORMAT:
         from freqid.report.gap_page import write_gap_page
 

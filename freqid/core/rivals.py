@@ -34,7 +34,7 @@ class Contest:
     maneuvers : int
         That hold them.
     misfit_a, misfit_b : Span
-        Mean whitened squared residual: 1 is what noise and tolerances make.
+        Explainable energy by white number: 0 is noise alone, 1 as much again as noise and tolerances.
     energy_a, energy_b : float
         Explainable energy: the sum of whitened squares less what noise and tolerances make.
     difference : Span

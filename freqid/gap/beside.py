@@ -15,8 +15,9 @@ from freqid.gap.locate import regime
 from freqid.gap.noise import draws, noise_of
 from freqid.gap.quiet import noisy_channels, quiet
 from freqid.gap.residual import Histories, Row, measured_part, simulated_part
+from freqid.gap.shared_noise import left_over, shared_noise
 from freqid.gap.simulation import Simulation
-from freqid.gap.tolerance import form, tolerances
+from freqid.gap.tolerance import DYNAMICS, form, tolerances
 from freqid.gap.trial import Trial
 from freqid.simulate.effects.effect import Effect
 
@@ -47,6 +48,10 @@ class Beside:
         What these do that all manoeuvres share, for one sigma: half of the power is A's, half is B's.
     own : ndarray of complex, shape (tolerance, row, line)
         The same of those of this manoeuvre alone.
+    slopes : ndarray, shape (channel, tolerance, row)
+        How common and own tolerances depend on channels.
+    shared : tuple of 2 ndarray of complex, shape (channel, row, line)
+        Cross-spectra of the noise left in these channels with that of each residual.
     """
 
     rows: tuple[Row, ...]
@@ -59,6 +64,8 @@ class Beside:
     tolerances: tuple[str, ...]
     common: Complex
     own: Complex
+    slopes: Array
+    shared: tuple[Complex, Complex]
 
     @property
     def names(self) -> list[str]:
@@ -114,9 +121,10 @@ def beside(
     middle = (simulated[0].select(names) + simulated[1].select(names)) * 0.5
     quieted = quiet(record, noisy_channels(record), _expected(middle, record.channels))
     trials = [Trial.of(s, Maneuver(quieted.record, maneuver.vehicle)) for s in pair]
-    made = []
+    made: list[Complex] = []
+    added: Complex = np.empty(0, dtype=complex)
     for s, m, y in zip(pair, measured, predicted, strict=True):
-        all_rows = draws(s, maneuver, lines, m, y, quieted.sigma, count, seed)[0]
+        all_rows, added = draws(s, maneuver, lines, m, y, quieted.sigma, count, seed)
         made.append(all_rows[:, _at(m, names)])
     forms = [form(t, lines, sizes)[_at(t.measured, names)] for t in trials]
     size = np.sqrt((forms[0] + forms[1]) / 4)  # the mean of both, half of it in the real part
@@ -128,7 +136,6 @@ def beside(
     ratio = np.sqrt(noises[0].sensor_share / share)
     covariance = noises[0].covariance * ratio.T[:, :, None] * ratio.T[:, None, :]
     allowed = [tolerances(t, library, sizes) for t in trials]
-
     common, own = (
         {
             f"{label} {name}": lines.transform(change.select(names)) / np.sqrt(2)
@@ -137,6 +144,14 @@ def beside(
         }
         for kind in ("common", "own")
     )
+    changes = np.array([*common.values(), *own.values()]).reshape(-1, *z[0].shape)
+    both = shared_noise(quieted, lines, noises[0], made[0], added)
+    slopes = np.zeros((len(both.names), *changes.shape[:2]))
+    for label, trial in zip("AB", trials, strict=True):
+        kinds = [name.partition(":")[0] for name in (*common, *own)]
+        mine = [i for i, k in enumerate(kinds) if k.startswith(label) and k[2:] != DYNAMICS]
+        slopes[:, mine] = both.slopes(changes[mine], trial.inputs)
+    left = left_over(quieted, lines, added).conj()
     return Beside(
         rows=like.rows,
         regime=regime(record),
@@ -146,8 +161,10 @@ def beside(
         noise=(made[0], made[1]),
         louder=1 / np.sqrt(share),
         tolerances=tuple(common),
-        common=np.array(list(common.values())).reshape(-1, *z[0].shape),
-        own=np.array(list(own.values())).reshape(-1, *z[0].shape),
+        common=changes[: len(common)],
+        own=changes[len(common) :],
+        slopes=slopes,
+        shared=tuple(np.einsum("kjl,kil->jil", left, m) / count for m in made),  # type: ignore[arg-type]
     )
 
 

@@ -132,6 +132,7 @@ class _White:
         Half of the power is the tolerances' of A, half those of B.
     noise : tuple of 2 ndarray, shape (draw, number)
     floor : ndarray, shape (draw, number)
+    shared : tuple of 2 ndarray, shape (tolerance,)
     owner : ndarray of int, shape (number,)
         Manoeuvre.
     """
@@ -141,11 +142,12 @@ class _White:
     allowed: Array
     noise: tuple[Array, Array]
     floor: Array
+    shared: tuple[Array, Array]
     owner: NDArray[np.int_]
 
 
 def _contest(place: tuple[str, tuple[float, float], str], white: _White) -> Contest:
-    w = weigh(white.a, white.b, white.allowed, *white.noise, white.floor)
+    w = weigh(white.a, white.b, white.allowed, *white.noise, white.floor, white.shared)
     energy_a, energy_b = (q - n for q, n in zip(w.squares, w.noise, strict=True))
     reach = _INTERVAL * w.deviation
     same = not (white.a - white.b).any()
@@ -158,8 +160,8 @@ def _contest(place: tuple[str, tuple[float, float], str], white: _White) -> Cont
         regime=place[2],
         count=w.count,
         maneuvers=each.size,
-        misfit_a=_misfit(w.squares[0], w.count),
-        misfit_b=_misfit(w.squares[1], w.count),
+        misfit_a=_misfit(energy_a, w.count),
+        misfit_b=_misfit(energy_b, w.count),
         energy_a=energy_a,
         energy_b=energy_b,
         difference=Span(w.difference, w.difference - reach, w.difference + reach),
@@ -171,11 +173,10 @@ def _contest(place: tuple[str, tuple[float, float], str], white: _White) -> Cont
     )
 
 
-def _misfit(square: float, count: int) -> Span:
-    """Return the mean whitened square with its interval: the numbers are few, and noise is beside a gap."""
-    mean = square / count
-    reach = _INTERVAL * float(np.sqrt(2 * count + 4 * max(square - count, 0.0))) / count
-    return Span(mean, max(mean - reach, 0.0), mean + reach)
+def _misfit(energy: float, count: int) -> Span:
+    """Return explainable energy by white number, with its interval: noise is beside it, numbers are few."""
+    reach = _INTERVAL * float(np.sqrt(2 * count + 4 * max(energy, 0.0)))
+    return Span(energy / count, (energy - reach) / count, (energy + reach) / count)
 
 
 def _decided(contest: Contest, adjusted: float, level: float) -> Contest:
@@ -205,18 +206,33 @@ def _white_of(compared: Sequence[Beside], cell: _Cell | None = None) -> _White:
     names = list(dict.fromkeys(name for _, one, _ in found for name in one.tolerances))
     alone = np.cumsum([len(names), *(len(one.own) for _, one, _ in found)])
     parts: list[list[Array]] = [[] for _ in range(6)]
+    shared = np.zeros((2, alone[-1]))
     for (_, one, white), start in zip(found, alone, strict=False):
         a, b, *noise = (white(z) for z in (*one.left, *one.noise))
         allowed = np.zeros((alone[-1], a.size))
-        allowed[[names.index(name) for name in one.tolerances]] = white(one.common)
-        allowed[start : start + len(one.own)] = white(one.own)
+        at = [*map(names.index, one.tolerances), *range(start, start + len(one.own))]
+        allowed[at] = white(np.concatenate([one.common, one.own]))
+        shared[:, at] += _shared(one, cell)
         floor = white((one.noise[0] + one.noise[1]) / 2 * one.louder)
         for part, values in zip(parts, (a, b, allowed, *noise, floor), strict=True):
             part.append(values)
     a, b, allowed, noise_a, noise_b, floor = (np.concatenate(part, axis=-1) for part in parts)
     owner = np.concatenate([np.full(x.size, k) for (k, _, _), x in zip(found, parts[0], strict=True)])
-    allowed = allowed[allowed.any(axis=1)]
-    return _White(a, b, allowed, (noise_a, noise_b), floor, owner)
+    moved = allowed.any(axis=1)
+    mine = shared[0, moved], shared[1, moved]
+    return _White(a, b, allowed[moved], (noise_a, noise_b), floor, mine, owner)
+
+
+def _shared(one: Beside, cell: _Cell | None) -> Array:
+    """Return what shared noise adds to products of tolerances with residuals, shape (2, tolerance)."""
+    if cell is None:
+        metric = np.linalg.inv(one.covariance)
+    else:
+        i, at = cell.of(one) or (0, np.zeros(one.lines.hz.size, dtype=bool))
+        metric = np.zeros_like(one.covariance)
+        metric[at, i, i] = 1 / one.covariance[at, i, i].real
+    strength = [2 * np.einsum("lir,jrl->ji", metric, cross, optimize=True).real for cross in one.shared]
+    return np.einsum("jti,aji->at", one.slopes, np.array(strength), optimize=True)
 
 
 def _whitening(one: Beside, cell: _Cell | None) -> Callable[[Complex], Array] | None:

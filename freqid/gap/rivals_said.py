@@ -15,7 +15,7 @@ def verdict(found: Rivals) -> str:
     if found.identical:
         return f"A and B say exactly the same: the flights cannot tell {_names(found)} apart."
     if not found.nearer:
-        a, b = (f"{m.value:.3g}" for m in (found.overall.misfit_a, found.overall.misfit_b))
+        a, b = (f"{m.value:.2g}" for m in (found.overall.misfit_a, found.overall.misfit_b))
         return (
             f"The flights cannot tell A from B: misfits {a} of A ({found.simulations[0]}) and {b} of B "
             f"({found.simulations[1]}), which noise and tolerances could make of equal simulations."

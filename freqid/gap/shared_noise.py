@@ -54,9 +54,14 @@ class Shared:
         it carries their motion. Without this the tests of a perfect simulation are off by a few standard
         errors (errors in variables; docs/theory/gap-diagnosis.md).
         """
+        return np.einsum("jci,ji->c", self.slopes(columns, channels), self.strength)
+
+    def slopes(self, columns: Complex, channels: Sequence[str]) -> Array:
+        """Return how columns depend on channels, shape (channel, column, row); zero on those at rest."""
+        found = np.zeros((len(self.names), *columns.shape[:2]))
         at = [i for i, n in enumerate(self.names) if n in channels and self.moving[i]]
         if not at or not len(columns):
-            return np.zeros(len(columns))
+            return found
         z = self.spectra[at]
         x = np.concatenate([z.real, z.imag], axis=1)
         size = np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-300)
@@ -64,8 +69,8 @@ class Shared:
         inner = x @ x.T + 1e-5 * np.eye(len(x))
         flat = np.concatenate([columns.real, columns.imag], axis=2)
         slopes = np.linalg.solve(inner, np.einsum("it,crt->icr", x, flat).reshape(len(x), -1))
-        slopes = (slopes / size).reshape(len(x), *columns.shape[:2])  # (channel, column, row)
-        return np.einsum("jci,ji->c", slopes, self.strength[at])
+        found[at] = (slopes / size).reshape(len(x), *columns.shape[:2])
+        return found
 
 
 def shared_noise(quieted: Quiet, lines: Lines, noise: Noise, made: Complex, added: Complex) -> Shared:
@@ -80,15 +85,28 @@ def shared_noise(quieted: Quiet, lines: Lines, noise: Noise, made: Complex, adde
         Of `draws`, channels in the order of `quieted.sigma`.
     """
     names = list(quieted.sigma)
-    # what the smoothing lets through: `freqid.identify.smoothing.smooth`
-    passed = 1 / (1 + (lines.hz / np.array([quieted.cutoff_hz[n] for n in names])[:, None]) ** 6)
-    spectra, left = lines.spectrum(quieted.record.matrix(names)), added * passed
-    omega = 2j * np.pi * lines.hz
-    spectra = np.concatenate([spectra, omega * spectra])
-    left = np.concatenate([left, omega * left], axis=1)
+    spectra = lines.spectrum(quieted.record.matrix(names))
+    spectra = np.concatenate([spectra, 2j * np.pi * lines.hz * spectra])
+    left = left_over(quieted, lines, added)
     metric = np.einsum("lki,lkj->lij", noise.whitening.conj(), noise.whitening)
     weighed = np.einsum("lij,kjl->kil", metric, made)
     strength = 2 * np.einsum("kjl,kil->ji", left.conj(), weighed).real / len(made)
     heard = np.mean(np.abs(left) ** 2, axis=(0, 2))
     moving = np.mean(np.abs(spectra) ** 2, axis=1) > _HEARD * np.maximum(heard, 1e-300)
     return Shared((*names, *(f"d/dt {n}" for n in names)), spectra, strength, moving)
+
+
+def left_over(quieted: Quiet, lines: Lines, added: Complex) -> Complex:
+    """Return what a quiet record keeps of noise, shape (draw, channel, line): in channels, then in rates.
+
+    Parameters
+    ----------
+    quieted : Quiet
+    lines : Lines
+    added : ndarray of complex, shape (draw, channel, line)
+        Noise, in the order of `quieted.sigma`.
+    """
+    # what the smoothing lets through: `freqid.identify.smoothing.smooth`
+    passed = 1 / (1 + (lines.hz / np.array([quieted.cutoff_hz[n] for n in quieted.sigma])[:, None]) ** 6)
+    left = added * passed
+    return np.concatenate([left, 2j * np.pi * lines.hz * left], axis=1)

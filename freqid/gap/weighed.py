@@ -42,7 +42,7 @@ class Weighed:
     deviation : float
         Standard deviation of the difference where the two are equally good.
     parts : ndarray, shape (number,)
-        Sums to the difference of the squares.
+        Sums to the difference of the squares but for shared noise.
     """
 
     count: int
@@ -53,7 +53,15 @@ class Weighed:
     parts: Array
 
 
-def weigh(a: Array, b: Array, allowed: Array, noise_a: Array, noise_b: Array, floor: Array) -> Weighed:
+def weigh(
+    a: Array,
+    b: Array,
+    allowed: Array,
+    noise_a: Array,
+    noise_b: Array,
+    floor: Array,
+    shared: tuple[Array, Array] | None = None,
+) -> Weighed:
     """Return which of two residuals is smaller, and how far that can be trusted.
 
     Parameters
@@ -66,6 +74,8 @@ def weigh(a: Array, b: Array, allowed: Array, noise_a: Array, noise_b: Array, fl
         What the same draws of the sensors' noise make of each.
     floor : ndarray, shape (draw, number)
         What all noise, turbulence too, makes of either.
+    shared : tuple of 2 ndarray, shape (tolerance,), optional
+        What noise of the flown states adds to the products of `allowed` with a and with b.
 
     Notes
     -----
@@ -84,19 +94,23 @@ def weigh(a: Array, b: Array, allowed: Array, noise_a: Array, noise_b: Array, fl
     def weighted(x: Array) -> Array:
         return x - ((x @ basis.T) * shrink) @ basis
 
-    d = a - b
-    parts = 2 * d * weighted((a + b) / 2)
-    squares = float(a @ weighted(a)), float(b @ weighted(b))
+    d, m = a - b, (a + b) / 2
+    turned = basis @ allowed.T / np.maximum(power, 1e-300)[:, None]
+    common = shared or (np.zeros(len(allowed)), np.zeros(len(allowed)))
+    on_a, on_b = (basis @ x - turned @ extra for x, extra in zip((a, b), common, strict=True))
+    squares = tuple(float(x @ x - on**2 @ shrink) for x, on in ((a, on_a), (b, on_b)))
+    parts = 2 * d * (m - ((on_a + on_b) / 2 * shrink) @ basis)
+    between = on_a - on_b
     each = 2 * np.einsum("kn,kn->k", noise_a - noise_b, weighted((noise_a + noise_b) / 2))
     bias, scatter = (float(each.mean()), float(each.var() / each.size)) if each.size else (0.0, 0.0)
-    difference = float(parts.sum()) - bias
-    lacking = (basis @ (b if difference > 0 else a)) / (1 + power)
-    given_d = float(d @ weighted(d))
-    given_rest = float((np.minimum((basis @ d) ** 2, 2 * power) * lacking**2).sum())
+    difference = squares[0] - squares[1] - bias
+    lacking = (on_b if difference > 0 else on_a) / (1 + power)
+    given_d = float(d @ d - between**2 @ shrink)
+    given_rest = float((np.minimum(between**2, 2 * power) * lacking**2).sum())
     heard = float(np.einsum("kn,kn->", floor, weighted(floor)) / max(len(floor), 1))
     return Weighed(
         count=a.size,
-        squares=squares,
+        squares=(squares[0], squares[1]),
         noise=(heard + bias / 2, heard - bias / 2),
         difference=difference,
         deviation=float(np.sqrt(4 * max(given_d, given_rest, 0.0) + scatter)),

@@ -12,7 +12,7 @@ from freqid.core.scenario import read_scenario
 from freqid.core.vehicle import Vehicle
 from freqid.gap.simulation import Simulation
 
-KINDS = "FILE.py:NAME, MODEL.fmu, jsbsim:AIRCRAFT or SCENARIO.toml"
+KINDS = "FILE.py:NAME, MODEL.fmu, jsbsim:AIRCRAFT, SCENARIO.toml or predictions FILE.h5"
 
 
 def connect(
@@ -27,8 +27,8 @@ def connect(
     Parameters
     ----------
     sim : str, optional
-        ``FILE.py:NAME``, ``MODEL.fmu``, ``jsbsim:AIRCRAFT`` (a name or an aircraft's XML file) or
-        ``SCENARIO.toml``.
+        ``FILE.py:NAME``, ``MODEL.fmu``, ``jsbsim:AIRCRAFT`` (a name or an aircraft's XML file),
+        ``SCENARIO.toml``, or ``FILE.h5`` of recorded predictions, several with commas between.
     scenario : Path, optional
         Describes the vehicle of a simulation that does not; by itself, the simulation.
     predictions : sequence of Path, optional
@@ -62,6 +62,10 @@ def connect(
         from freqid.gap.connect import jsbsim
 
         return jsbsim.load(sim.removeprefix("jsbsim:"), beside)
+    if sim.endswith(".h5"):
+        from freqid.gap.connect import predictions as recorded
+
+        return recorded.load([Path(part) for part in sim.split(",")], beside)
     if sim.endswith(".fmu"):
         from freqid.gap.connect import fmu
 

@@ -206,6 +206,24 @@ def test_a_simulation_with_the_loss_has_no_gap(diagnose):
     assert table["which"]["probabilities"]["none"] >= 0.9
 
 
+def test_a_self_test_calibrates_the_verdict_and_tells_what_is_seen(diagnose):
+    code, out, _, path = diagnose("good", "--self-test", "--json", page=True)
+    assert code == 0
+    table = json.loads(out)
+    assert "(calibrated by self-test)" in table["verdict"]
+    assert table["which"]["calibrated"]
+    assert table["which"]["calibrated_by"] == "self-test"
+    assert next(iter(table["which"]["probabilities"])) == "surface_effectiveness"
+    tested = table["self_test"]
+    assert [s["detectability"] for s in tested["strata"]] == [15.0, 50.0, 200.0]
+    elevator = next(r for r in tested["reach"] if r["parameter"] == "de")
+    # half of it is lost, and seen at once; what is told as the smallest size is what was inserted
+    assert 0.05 < elevator["size"] < 0.4
+    assert table["gap"]["smallest_detectable"]["surface_effectiveness"] == elevator["size"]
+    assert read_gap(path).diagnosis.self_test is not None
+    assert "<h2>Self-test" in path.with_suffix(".html").read_text()
+
+
 def test_bookkeeping_is_called_so_and_stops_the_diagnosis(diagnose):
     code, out, err, path = diagnose("reversed_elevator", "--json")
     table = json.loads(out)

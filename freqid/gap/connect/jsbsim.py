@@ -21,6 +21,7 @@ from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
 from freqid.gap.connect import answers
 from freqid.gap.connect.differences import size
+from freqid.gap.connect.feedback import HEARD, law
 from freqid.gap.connect.flow import RATES, velocity
 from freqid.gap.connect.jsbsim_aircraft import SETTLED, JsbsimAircraft
 from freqid.gap.connect.jsbsim_properties import (
@@ -83,14 +84,15 @@ class JsbsimSimulation:
         Engine speeds are held; channels that JSBSim does not feel have zeros.
         """
         motion = self._motion(record)
-        steps = {name: size(record[name]) for name in inputs}
+        felt = [(i, n) for i, n in enumerate(inputs) if n in _FELT or n.startswith("effector/")]
+        steps = {name: size(record[name]) for _, name in felt}
         every = max(1, int(1 / (_GRID_HZ * record.dt)))
         grid, found = [], []
         for k, fdm in self._along(record):
             if k % every and k != record.time.size - 1:
                 continue
             slopes = np.zeros((len(WRENCH), len(inputs)))
-            for i, name in enumerate(inputs):
+            for i, name in felt:
                 effector = self.aircraft.where(name.partition("/")[2]) if name.startswith("effector/") else []
                 pair = []
                 for sign in (1, -1):
@@ -135,7 +137,10 @@ class JsbsimSimulation:
         return dict(zip(names, out, strict=True))
 
     def fly(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array]:
-        """Return the states of its own flight: from its own trim, by the commands' departures."""
+        """Return the states of its own flight: from its own trim, by the commands' departures.
+
+        Where attitude and rates tell what was added to injected signals, the law that did it flies along.
+        """
         import jsbsim
 
         self._has_none(effects)
@@ -154,9 +159,15 @@ class JsbsimSimulation:
                 remedy="compare by replay, or begin the record in steady level flight",
             ) from None
         trim = np.array([fdm[f"fcs/{effector_name(n)}-cmd-norm"] for n in names])
-        departure = commands - commands[:, :1] if commands.size else commands
+        rest = np.array([self._command(record, n, of_law=True) for n in names]).reshape(commands.shape)
+        gains, told = law(record, rest, [f"excitation/{n}" in record for n in names])
+        departure = commands - np.where(told[:, None], rest, 0.0)
+        departure = departure - departure[:, :1]
         rows = [states(fdm)]
+        heard = [STATES.index(n) for n in HEARD]
+        start = np.array(rows[0])[heard]
         for k in range(1, record.time.size):
+            departure[:, k] += gains @ (np.array(rows[-1])[heard] - start)
             for j in range(1, steps + 1):
                 between = departure[:, k - 1] + (departure[:, k] - departure[:, k - 1]) * j / steps
                 command(fdm, names, trim + between)
@@ -236,14 +247,15 @@ class JsbsimSimulation:
         described = record.vehicle or self.vehicle
         return described.mass_properties.cg_m if described else (0.0, 0.0, 0.0)
 
-    def _command(self, record: FlightRecord, name: str) -> Array:
-        """Return a command as JSBSim wants it, from -1 to 1."""
-        channel = record.channel(f"command/{name}")
+    def _command(self, record: FlightRecord, name: str, *, of_law: bool = False) -> Array:
+        """Return a command as JSBSim wants it, from -1 to 1; `of_law` without what was injected."""
+        channel, injected = record.channel(f"command/{name}"), f"excitation/{name}"
+        values = channel.values - record[injected] if of_law and injected in record else channel.values
         if channel.unit == "1":
-            return channel.values
+            return values
         norm, position = self.aircraft.travel(name)
         order = np.argsort(position)
-        return np.interp(channel.values, position[order], norm[order])
+        return np.interp(values, position[order], norm[order])
 
     def _has_none(self, effects: Settings | None) -> None:
         if effects:

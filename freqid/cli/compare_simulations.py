@@ -161,6 +161,6 @@ def _row(c: Contest) -> tuple[str, ...]:
         f"{c.misfit_b.value:.2g} ({c.misfit_b.lo:.2g} to {c.misfit_b.hi:.2g})",
         c.nearer or "-",
         f"{100 * c.less:.0f} %" if c.nearer else "-",
-        f"{c.agreeing} of {c.maneuvers}",
+        str(c.maneuvers),
         f"{c.p_adjusted:.2g}",
     )

@@ -47,8 +47,6 @@ class Contest:
         The same for all contests together (Holm).
     nearer : str
         ``A`` or ``B``; empty where the flights cannot tell.
-    agreeing : int
-        Manoeuvres in which the sign of the difference is that of the whole.
     """
 
     response: str
@@ -65,7 +63,6 @@ class Contest:
     p: float
     p_adjusted: float
     nearer: str
-    agreeing: int
 
 
 @dataclass(frozen=True)

@@ -133,8 +133,8 @@ class _White:
     noise : tuple of 2 ndarray, shape (draw, number)
     floor : ndarray, shape (draw, number)
     shared : tuple of 2 ndarray, shape (tolerance,)
-    owner : ndarray of int, shape (number,)
-        Manoeuvre.
+    maneuvers : int
+        That hold them.
     """
 
     a: Array
@@ -143,7 +143,7 @@ class _White:
     noise: tuple[Array, Array]
     floor: Array
     shared: tuple[Array, Array]
-    owner: NDArray[np.int_]
+    maneuvers: int
 
 
 def _contest(place: tuple[str, tuple[float, float], str], white: _White) -> Contest:
@@ -152,14 +152,13 @@ def _contest(place: tuple[str, tuple[float, float], str], white: _White) -> Cont
     reach = _INTERVAL * w.deviation
     same = not (white.a - white.b).any()
     z = abs(w.difference) / w.deviation if w.deviation > 0 else np.inf
-    each = np.array([w.parts[white.owner == k].sum() for k in np.unique(white.owner)])
     farther = max(energy_a, energy_b, abs(w.difference))
     return Contest(
         response=place[0],
         band_hz=place[1],
         regime=place[2],
         count=w.count,
-        maneuvers=each.size,
+        maneuvers=white.maneuvers,
         misfit_a=_misfit(energy_a, w.count),
         misfit_b=_misfit(energy_b, w.count),
         energy_a=energy_a,
@@ -169,7 +168,6 @@ def _contest(place: tuple[str, tuple[float, float], str], white: _White) -> Cont
         p=1.0 if same else float(2 * norm.sf(z)),
         p_adjusted=1.0,
         nearer="",
-        agreeing=0 if same else int((np.sign(each) == np.sign(w.difference)).sum()),
     )
 
 
@@ -202,12 +200,12 @@ def _cells(compared: Sequence[Beside]) -> Iterator[_Cell]:
 
 def _white_of(compared: Sequence[Beside], cell: _Cell | None = None) -> _White:
     """Return white numbers of all that is compared, or of one cell."""
-    found = [(k, one, white) for k, one in enumerate(compared) if (white := _whitening(one, cell))]
-    names = list(dict.fromkeys(name for _, one, _ in found for name in one.tolerances))
-    alone = np.cumsum([len(names), *(len(one.own) for _, one, _ in found)])
+    found = [(one, white) for one in compared if (white := _whitening(one, cell))]
+    names = list(dict.fromkeys(name for one, _ in found for name in one.tolerances))
+    alone = np.cumsum([len(names), *(len(one.own) for one, _ in found)])
     parts: list[list[Array]] = [[] for _ in range(6)]
     shared = np.zeros((2, alone[-1]))
-    for (_, one, white), start in zip(found, alone, strict=False):
+    for (one, white), start in zip(found, alone, strict=False):
         a, b, *noise = (white(z) for z in (*one.left, *one.noise))
         allowed = np.zeros((alone[-1], a.size))
         at = [*map(names.index, one.tolerances), *range(start, start + len(one.own))]
@@ -217,10 +215,9 @@ def _white_of(compared: Sequence[Beside], cell: _Cell | None = None) -> _White:
         for part, values in zip(parts, (a, b, allowed, *noise, floor), strict=True):
             part.append(values)
     a, b, allowed, noise_a, noise_b, floor = (np.concatenate(part, axis=-1) for part in parts)
-    owner = np.concatenate([np.full(x.size, k) for (k, _, _), x in zip(found, parts[0], strict=True)])
     moved = allowed.any(axis=1)
     mine = shared[0, moved], shared[1, moved]
-    return _White(a, b, allowed[moved], (noise_a, noise_b), floor, mine, owner)
+    return _White(a, b, allowed[moved], (noise_a, noise_b), floor, mine, len(found))
 
 
 def _shared(one: Beside, cell: _Cell | None) -> Array:

@@ -24,6 +24,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_MOST = 8.0  # of a tolerance's power: scatter between two simulations has twice of it, and two sigma are kept
+
 
 @dataclass(frozen=True)
 class Weighed:
@@ -41,8 +43,6 @@ class Weighed:
         Of the explainable energies, squares less noise, A's less B's.
     deviation : float
         Standard deviation of the difference where the two are equally good.
-    parts : ndarray, shape (number,)
-        Sums to the difference of the squares but for shared noise.
     """
 
     count: int
@@ -50,7 +50,6 @@ class Weighed:
     noise: tuple[float, float]
     difference: float
     deviation: float
-    parts: Array
 
 
 def weigh(
@@ -83,7 +82,7 @@ def weigh(
     make it without either simulation being nearer. Noise and tolerances in m, given d: variance 4 d' S^-1 d,
     where both share the errors that tolerances allow, as one simulation does with its next version. Errors
     that tolerances allow in d, given what the nearer one, r, still lacks: along directions of T, of length s
-    and shrunk by 1 + s^2, variance 4 sum(min(d_j^2, 2 s_j^2) (r_j / (1 + s_j^2))^2), so that a gap that is in
+    and shrunk by 1 + s^2, variance 4 sum(min(d_j^2, 8 s_j^2) (r_j / (1 + s_j^2))^2), so that a gap that is in
     both does not turn scatter between them into a verdict. A difference has to stand out of each (an
     intersection-union test). Noise of the flown states is in d and in m, which shifts the difference; draws
     tell by how much.
@@ -94,19 +93,18 @@ def weigh(
     def weighted(x: Array) -> Array:
         return x - ((x @ basis.T) * shrink) @ basis
 
-    d, m = a - b, (a + b) / 2
+    d = a - b
     turned = basis @ allowed.T / np.maximum(power, 1e-300)[:, None]
     common = shared or (np.zeros(len(allowed)), np.zeros(len(allowed)))
     on_a, on_b = (basis @ x - turned @ extra for x, extra in zip((a, b), common, strict=True))
     squares = tuple(float(x @ x - on**2 @ shrink) for x, on in ((a, on_a), (b, on_b)))
-    parts = 2 * d * (m - ((on_a + on_b) / 2 * shrink) @ basis)
     between = on_a - on_b
     each = 2 * np.einsum("kn,kn->k", noise_a - noise_b, weighted((noise_a + noise_b) / 2))
     bias, scatter = (float(each.mean()), float(each.var() / each.size)) if each.size else (0.0, 0.0)
     difference = squares[0] - squares[1] - bias
     lacking = (on_b if difference > 0 else on_a) / (1 + power)
     given_d = float(d @ d - between**2 @ shrink)
-    given_rest = float((np.minimum(between**2, 2 * power) * lacking**2).sum())
+    given_rest = float((np.minimum(between**2, _MOST * power) * lacking**2).sum())
     heard = float(np.einsum("kn,kn->", floor, weighted(floor)) / max(len(floor), 1))
     return Weighed(
         count=a.size,
@@ -114,7 +112,6 @@ def weigh(
         noise=(heard + bias / 2, heard - bias / 2),
         difference=difference,
         deviation=float(np.sqrt(4 * max(given_d, given_rest, 0.0) + scatter)),
-        parts=parts,
     )
 
 

@@ -106,7 +106,7 @@ def _row(c: Contest) -> dict[str, str]:
         "b": _misfit(c, "misfit_b"),
         "nearer": c.nearer or "–",
         "less": percent(c.less) if c.nearer else "–",
-        "agreeing": f"{c.agreeing} of {c.maneuvers}",
+        "maneuvers": str(c.maneuvers),
         "p": f"{c.p_adjusted:.2g}",
     }
 

@@ -89,11 +89,20 @@ def scattered(seed: int) -> tuple[Scenario, dict[str, dict[str, float]]]:
         _times(table, "motor.fall_s", speed)
         return table
 
+    def inertia() -> dict[str, float]:
+        """Return fractions that a body can have: no moment exceeds the sum of the other two."""
+        stated = SCENARIO.aircraft().mass_properties.inertia
+        while True:
+            each = {axis: off(0.03) for axis in ("xx", "yy", "zz")}
+            xx, yy, zz = (getattr(stated, axis) * (1 + x) for axis, x in each.items())
+            if zz < xx + yy:
+                return each
+
     found = _section(_section(SCENARIO, "airframe", airframe), "actuators", actuators)
     mass = {
         "mass": {"fraction": off(0.01)},
         "cg_offset": {axis: off(0.005) for axis in "xyz"},
-        "inertia": {axis: off(0.03) for axis in ("xx", "yy", "zz")},
+        "inertia": inertia(),
     }
     return found, mass
 

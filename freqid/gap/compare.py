@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.errors import DataError, UsageError
-from freqid.core.record import FlightRecord, Maneuver
+from freqid.core.record import Maneuver
+from freqid.gap.driven import driven
 from freqid.gap.evidence import Evidence, gather
 from freqid.gap.lines import Lines, lines_of
 from freqid.gap.noise import Noise, draws, noise_of
@@ -143,7 +143,7 @@ def compare(
     expected = {f"effector/{n}": x for n, x in positions.items()}
     for name, row in zip(simulation.responses, predicted, strict=True):
         expected[f"response/{name}" if f"response/{name}" in record else f"state/{name}"] = row
-    quieted = quiet(record, noisy_channels(record), expected, _own_flight(simulation, record))
+    quieted = quiet(record, noisy_channels(record), expected, driven(simulation, maneuver, lines))
     trial = Trial.of(simulation, Maneuver(quieted.record, maneuver.vehicle))
     own_noise, added = draws(simulation, maneuver, lines, measured, predicted, quieted.sigma, count, seed)
     shape = np.sqrt(form(trial, lines, sizes) / 2)
@@ -179,17 +179,6 @@ def compare(
         scales=scales,
         not_tested=not_tested,
     )
-
-
-def _own_flight(simulation: Simulation, record: FlightRecord) -> dict[str, Array]:
-    """Return the channels of the simulation's own flight of the same inputs; none where it has none."""
-    if not record.group("excitation"):
-        return {}
-    try:
-        flown = simulation.fly(record) or {}
-    except (DataError, UsageError):  # it need not fly to be replayed
-        return {}
-    return {f"state/{name}": values for name, values in flown.items()}
 
 
 def evidence_of(

@@ -75,8 +75,13 @@ def quiet(
     rates = [record.channel(n).native_rate_hz for n in names]
     found = _smoothed(values - base, record.dt, rates)
     kept, cutoff = base + found.x, found.cutoff_hz.copy()
-    for i, own in _standing_in(record, names, values, flown or {}).items():
+    instead = _standing_in(record, names, values, flown or {})
+    for i, own in instead.items():
         kept[i], cutoff[i] = own, _NO_NOISE
+    if instead:  # feedback sends noise and gusts on to commands
+        known = [n for n in (f"command/{n}" for n in record.group("command")) if n in (flown or {})]
+        sent = _standing_in(record, known, record.matrix(known), flown or {}) if known else {}
+        record = record.with_channels(*(replace(record.channel(known[i]), values=x) for i, x in sent.items()))
     channels = [replace(record.channel(n), values=x) for n, x in zip(names, kept, strict=True)]
     floor = [
         _floor(x, rate, record.dt, c)

@@ -210,15 +210,9 @@ def _kinematics(record: FlightRecord) -> list[Histories]:
     found = []
     if all(n in record for n in (*_RATES, *_ATTITUDE)):
         rates, (phi, theta) = record.matrix(_RATES), record.matrix(_ATTITUDE)
-        sine, cosine = np.sin(phi), np.cos(phi)
         if all(n in record for n in (*_VELOCITY, *_FELT)):
             found.append(_velocity_rows(record, rates, phi, theta))
-        p, q, r = rates
-        angles = {
-            "phi": p + np.tan(theta) * (q * sine + r * cosine),
-            "theta": q * cosine - r * sine,
-            "psi": (q * sine + r * cosine) / np.cos(theta),
-        }
+        angles = angle_rates(rates, phi, theta)
         names = [n for n in angles if f"state/{n}" in record]
         found.append(
             Histories(
@@ -232,13 +226,33 @@ def _kinematics(record: FlightRecord) -> list[Histories]:
 
 def _velocity_rows(record: FlightRecord, rates: Array, phi: Array, theta: Array) -> Histories:
     """Return what is left of the velocity's kinematics at the accelerometers, m/s2."""
-    gravity = STANDARD_GRAVITY * np.stack(
+    velocity = record.matrix(_VELOCITY) + cross(rates, np.broadcast_to(sensor_lever(record), rates.shape))
+    rows = tuple(Row(f"kinematic/{n}", "m/s2", "kinematic") for n in "uvw")
+    felt = record.matrix(_FELT) + gravity_of(phi, theta)
+    return Histories(rows, cross(rates, velocity) - felt, velocity)
+
+
+def angle_rates(rates: Array, phi: Array, theta: Array) -> dict[str, Array]:
+    """Return the derivatives of phi, theta and psi, rad/s, of p q r, shape (3, sample), rad/s."""
+    p, q, r = rates
+    sine, cosine = np.sin(phi), np.cos(phi)
+    return {
+        "phi": p + np.tan(theta) * (q * sine + r * cosine),
+        "theta": q * cosine - r * sine,
+        "psi": (q * sine + r * cosine) / np.cos(theta),
+    }
+
+
+def gravity_of(phi: Array, theta: Array) -> Array:
+    """Return gravity in body axes, shape (3, sample), m/s2."""
+    return STANDARD_GRAVITY * np.stack(
         [-np.sin(theta), np.sin(phi) * np.cos(theta), np.cos(phi) * np.cos(theta)]
     )
-    lever = np.subtract(_place(record.channel("state/ax")), _place(record.channel("state/u")))[:, None]
-    velocity = record.matrix(_VELOCITY) + cross(rates, np.broadcast_to(lever, rates.shape))
-    rows = tuple(Row(f"kinematic/{n}", "m/s2", "kinematic") for n in "uvw")
-    return Histories(rows, cross(rates, velocity) - record.matrix(_FELT) - gravity, velocity)
+
+
+def sensor_lever(record: FlightRecord) -> Array:
+    """Return the place of the accelerometers from where velocity is measured, m, shape (3, 1)."""
+    return np.subtract(_place(record.channel("state/ax")), _place(record.channel("state/u")))[:, None]
 
 
 def _place(channel: Channel) -> tuple[float, float, float]:

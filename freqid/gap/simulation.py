@@ -105,7 +105,8 @@ class Simulation(Protocol):
     def fly(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array] | None:
         """Return the state channels of its own flight under the record's injected signals, by name.
 
-        None where it cannot fly. In closed loop where the simulation has a control law.
+        None where it cannot fly. In closed loop where the simulation has a control law: then what the law
+        made of it too, as ``effector/NAME`` and ``command/NAME``.
 
         Raises
         ------

@@ -139,7 +139,7 @@ class ScenarioSimulation:
         return actuation.positions(record, self.vehicle, act, settings, ratio)
 
     def fly(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array]:
-        """Return the states of its own closed-loop flight from the record's reference, by name.
+        """Return its own closed-loop flight from the record's reference; effectors and commands too.
 
         Calm air; velocities and specific forces where the record's sensors are.
         """

@@ -21,7 +21,7 @@ _ACCELERATIONS = ("state/pdot", "state/qdot", "state/rdot")
 
 
 def as_measured(scenario: Scenario, flight: Flight, record: FlightRecord) -> dict[str, Array]:
-    """Return the states of a flight as the record's sensors would tell them, without error."""
+    """Return a flight's states as the record's sensors would tell them, effectors and commands; no error."""
     truth, _ = truth_of(scenario, flight, excited=(), reference=record.reference)
     time = np.minimum(record.time - record.time[0], truth.time[-1])
     rates, turning = truth.matrix(RATES), truth.matrix(_ACCELERATIONS)
@@ -35,4 +35,6 @@ def as_measured(scenario: Scenario, flight: Flight, record: FlightRecord) -> dic
         elif place and channel in _FORCES:
             values = specific_force_at(truth.matrix(_FORCES), rates, turning, place)[_FORCES.index(channel)]
         found[name] = CubicSpline(truth.time, values)(time)
+    for name in (f"{group}/{n}" for group in ("effector", "command") for n in truth.group(group)):
+        found[name] = CubicSpline(truth.time, truth[name])(time)
     return found

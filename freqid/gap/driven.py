@@ -1,0 +1,89 @@
+"""What the injected signals alone would have made of a flight: motion that owes nothing to noise and gusts.
+
+Gusts move an aircraft, and feedback sends that motion on to its effectors: a signature that is computed from
+them goes with what the gusts did, and passes for an effect. The injected signals do not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+
+from freqid.core.errors import DataError, UsageError
+from freqid.core.frames import cross
+from freqid.core.identification import Identification
+from freqid.core.record import FlightRecord, Maneuver
+from freqid.gap.lines import Lines
+from freqid.gap.quiet import MOTION
+from freqid.gap.residual import angle_rates, gravity_of, sensor_lever
+from freqid.gap.simulation import Simulation
+from freqid.identify.instruments import driven_maneuvers
+
+Array = NDArray[np.float64]
+
+_RATES = ("state/p", "state/q", "state/r")
+_VELOCITY = ("state/u", "state/v", "state/w")
+_FELT = ("state/ax", "state/ay", "state/az")
+
+
+def driven(simulation: Simulation, maneuver: Maneuver, lines: Lines) -> dict[str, Array]:
+    """Return what the injected signals alone would have made of a manoeuvre, by channel.
+
+    The simulation's own flight; of one that does not fly, the response of a closed loop that is fitted to
+    the record. Nothing where neither is to be had.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    maneuver : Maneuver
+    lines : Lines
+        On which a closed loop is fitted.
+    """
+    record = maneuver.record
+    if not record.group("excitation"):
+        return {}
+    try:
+        flown = simulation.fly(record)
+    except (DataError, UsageError):  # it need not fly to be replayed
+        flown = None
+    if flown:
+        return {name if "/" in name else f"state/{name}": values for name, values in flown.items()}
+    return _by_fitted_loop(maneuver, lines)
+
+
+def _by_fitted_loop(maneuver: Maneuver, lines: Lines) -> dict[str, Array]:
+    """Return motion and effectors of a fitted closed loop, with the attitude and forces felt of that motion.
+
+    Nothing where the record has too little for a loop (`freqid.identify.instruments`).
+    """
+    record = maneuver.record
+    moving = tuple(n for n in record.group("effector") if np.ptp(record[f"effector/{n}"]) > 0)
+    try:
+        (found,) = driven_maneuvers([maneuver], lines.hz, Identification(regressors=(*MOTION, *moving)))
+    except (DataError, UsageError, ValueError, np.linalg.LinAlgError):
+        return {}
+    names = [*(f"state/{n}" for n in MOTION), *(f"effector/{n}" for n in moving)]
+    return {name: found.record[name] for name in names} | _of_motion(record, found.record)
+
+
+def _of_motion(record: FlightRecord, moved: FlightRecord) -> dict[str, Array]:
+    """Return the attitude and the specific force, where they were measured, that go with a motion."""
+    attitude = {n: f"state/{n}" for n in ("phi", "theta", "psi") if f"state/{n}" in record}
+    if not {"phi", "theta"} <= set(attitude):
+        return {}
+    rates, dt = moved.matrix(_RATES), record.dt
+    slopes = angle_rates(rates, record["state/phi"], record["state/theta"])
+    time = record.time - record.time.mean()
+    found = {}
+    for name, path in attitude.items():
+        angle = cumulative_trapezoid(slopes[name], dx=dt, initial=0.0)
+        level = np.unwrap(record[path]).mean()
+        found[path] = level + angle - np.polyval(np.polyfit(time, angle, 1), time)
+    if all(n in record for n in (*_VELOCITY, *_FELT)):
+        lever = np.broadcast_to(sensor_lever(record), rates.shape)
+        velocity = moved.matrix(_VELOCITY) + cross(rates, lever)
+        gravity = gravity_of(found["state/phi"], found["state/theta"])
+        felt = np.gradient(velocity, dt, axis=1) + cross(rates, velocity) - gravity
+        found |= dict(zip(_FELT, felt, strict=True))
+    return found

@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 PLACES = 4  # of one effect that are tried
+FAR = 100.0
+"""Times the size that is expected of a parameter: beyond it nothing is inserted."""
+
 _ROUNDS = 4  # in which a size is found
 _CLOSE = 0.25  # of the logarithm of a detectability that is good enough: what is left is linear
 _COLUMN = "inserted/"
@@ -40,7 +43,7 @@ class Place:
     expected : float
         Size expected before any data.
     largest : float
-        That the parameter's range allows.
+        That the parameter's range allows, or that is plausible at all.
     """
 
     effect: str
@@ -122,7 +125,8 @@ def places(
             force = in_force_of(effect, compared[0].trial.simulation)[name.partition(GIVEN)[0]]
             up, down = parameter.high - force, force - parameter.low
             sign = -1 if down > 0.9 * up and (len(known) % 2 or up <= 0) else 1
-            known.append(Place(effect.id, name, sign, gain, parameter.scale, up if sign > 0 else down))
+            largest = min(up if sign > 0 else down, FAR * parameter.scale)
+            known.append(Place(effect.id, name, sign, gain, parameter.scale, largest))
         known.sort(key=lambda p: -p.gain * p.expected**2)
         spread = np.unique(np.linspace(0, len(known) - 1, min(PLACES, len(known))).round().astype(int))
         chosen = {int(i) for i in spread} | {i for i, p in enumerate(known) if p.column in told}

@@ -121,7 +121,7 @@ def reach(
     found = []
     for place, at in by_place.items():
         shapes = [insertions[i] for i in at]
-        power = np.array([_power(grown, at, shapes, goal, threshold) for goal in _GRID])
+        power = np.array([power_at(grown, at, shapes, goal, threshold) for goal in _GRID])
         least = _crossing(power)
         size = _size(shapes, least)
         parameter = place.name.partition(GIVEN)[0]
@@ -139,10 +139,22 @@ def reach(
     return found
 
 
-def _power(
+def power_at(
     grown: Grown, at: Sequence[int], shapes: Sequence[Insertion], goal: float, threshold: float
 ) -> float:
-    """Return how many draws are found at a detectability."""
+    """Return the share of draws in which an effect is found.
+
+    Parameters
+    ----------
+    grown : Grown
+    at : sequence of int
+        Of the effect's insertions at one place, in `grown`.
+    shapes : sequence of Insertion
+        These.
+    goal : float
+        Detectability at which the effect is.
+    threshold : float
+    """
     near = int(np.argmin([abs(np.log(one.detectability / goal)) for one in shapes]))
     factor = float(np.sqrt(goal / shapes[near].detectability))
     return float((grown.statistic(at[near], factor) >= threshold).mean())

@@ -218,5 +218,5 @@ def _outside(
 def _left(library: Mapping[str, Effect], inserted: Inserted) -> dict[str, str]:
     """Return why effects were not inserted."""
     there = {one.place.effect for one in inserted.insertions}
-    why = "nothing within its range changes these manoeuvres"
+    why = "no size within its range changes these manoeuvres"
     return {n: inserted.failed.get(n, why) for n in library if n not in there}

@@ -18,7 +18,6 @@ from freqid.simulate.effects.effect import Effect
 Array = NDArray[np.float64]
 
 _MOST = 5  # names that are told apart: the likeliest
-_LOUDER = 10.0  # times its estimate: the most that a faint explanation is taken at
 _SAME = 1e-4  # of a change's energy: less than this left by another effect is the same change
 
 
@@ -129,10 +128,8 @@ def as_plain(evidence: Evidence, one: Explanation, other: Explanation) -> tuple[
     sizes = [_energy(evidence, x) for x in (one, other)]
     if min(sizes) <= 0:
         return one, other
-    return (
-        one.times(min(float(np.sqrt(max(sizes) / sizes[0])), _LOUDER)),
-        other.times(min(float(np.sqrt(max(sizes) / sizes[1])), _LOUDER)),
-    )
+    factors = [float(np.sqrt(max(sizes) / size)) for size in sizes]
+    return one.times(factors[0]), other.times(factors[1])
 
 
 def apart(evidence: Evidence, one: Explanation, other: Explanation) -> float:

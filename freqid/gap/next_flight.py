@@ -25,7 +25,7 @@ MOST_FLIGHTS = 64
 
 _MORE = 1.05  # times the separation at hand: what a flight that is worth a proposal gives at least
 _LEAST = 0.1  # expected separation below which nothing is told
-_TRIED = 3  # designs that are made, the best option's first
+_TRIED = 3  # designs that are made, of the best options
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ def next_flight(bench: Bench, tell: Callable[[str], None] = lambda _: None) -> P
     """Return the flight that separates the rivals best together with those at hand.
 
     Rehearsed are the flights at hand, and where the simulation flies, conditions that nobody has flown and
-    tilt drives that nobody has moved. Parts of each are judged, with other power; the best is designed, and
+    tilt drives that nobody has moved. Parts of each are judged, with other power; the best are designed, and
     flown in the simulation once more where it flies.
 
     Parameters
@@ -100,12 +100,11 @@ def next_flight(bench: Bench, tell: Callable[[str], None] = lambda _: None) -> P
             gram = rehearsal.gram(bench.columns, option.power) * _longer(rehearsal, stated)
             judged.append((_worth(bench.separations(hand + gram)), option, gram))
     judged.sort(key=lambda one: -one[0])
-    for _, option, gram in judged[:_TRIED]:
-        found = _designed(bench, option, gram, now, stated)
-        if found is not None:
-            more = [p for p, x in found.after.items() if x > max(_MORE * found.now[p], _LEAST)]
-            return found if more else None
-    return None
+    made = [_designed(bench, option, gram, now, stated) for _, option, gram in judged[:_TRIED]]
+    found = max((p for p in made if p is not None), key=lambda p: _worth(p.after), default=None)
+    if found is None or not any(x > max(_MORE * found.now[p], _LEAST) for p, x in found.after.items()):
+        return None
+    return found
 
 
 def _designed(

@@ -190,7 +190,7 @@ def _group(
         elif flight is not None:
             why = f"{MOST_FLIGHTS} such flights would not"
         else:
-            why = "no flight is found that tells more"
+            why = "no flight within limits tells more than tolerances allow"
         said.append(f"{names}: {why}; {on}")
     return {
         "rivals": list(group),

@@ -99,10 +99,9 @@ class Stratum:
     def shares(self) -> tuple[list[str], list[str], list[list[float]]]:
         """Return effects inserted, answers given, and the share of each answer, by effect."""
         rows = list(self.answers)
-        answers = [n for n in rows if any(n in row for row in self.answers.values())]
         seen = {a for row in self.answers.values() for a in row}
-        rest = [a for a in seen if a not in answers and a not in ENDS]
-        columns = [*answers, *sorted(rest), *(a for a in ENDS if a in seen)]
+        rest = sorted(a for a in seen if a not in rows and a not in ENDS)
+        columns = [*rows, *rest, *(a for a in ENDS if a in seen)]
         total = {n: max(sum(row.values()), 1) for n, row in self.answers.items()}
         return rows, columns, [[self.answers[n].get(a, 0) / total[n] for a in columns] for n in rows]
 

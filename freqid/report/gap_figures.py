@@ -40,6 +40,7 @@ def heat_panels(
     values: Array,
     highest: float,
     label: str,
+    width: float = WIDTH,
 ) -> Figure:
     """Draw tables of numbers as coloured cells, one below the other, with the numbers in them.
 
@@ -52,14 +53,17 @@ def heat_panels(
     highest : float
     label : str
         Of the columns' axis.
+    width : float
+        Inches, of the whole figure.
     """
-    steep = max(map(len, columns)) * len(columns) > 46  # labels side by side would touch
-    bottom = 0.42 + (0.07 * max(map(len, columns)) if steep else 0.1)
+    longest = max(len(literal(c, 14)) for c in columns)
+    steep = longest * len(columns) > 46 * width / WIDTH  # labels side by side would touch
+    bottom = 0.42 + (0.07 * longest if steep else 0.1)
     left = 0.3 + 0.075 * max(len(literal(r, 18)) for r in rows)
     figure, panels = stacked_panels(
-        [_CELL * len(rows)] * len(titles), left=left, bottom=bottom, right=0.15, width=WIDTH
+        [_CELL * len(rows)] * len(titles), left=left, bottom=bottom, right=0.15, width=width
     )
-    small = 7.0 if len(columns) <= 10 else 5.8
+    small = 7.0 if len(columns) <= 10 * width / WIDTH else 5.8
     for axes, title, table in zip(panels, titles, values, strict=True):
         axes.pcolormesh(
             np.arange(len(columns) + 1) - 0.5,

@@ -9,11 +9,13 @@ import numpy as np
 
 from freqid.core.gap_self_test import ENDS, Rate, SelfTest, Stratum
 from freqid.report import gap_figures
+from freqid.report.drawing import WIDTH
 from freqid.report.gap_tables import with_si
 from freqid.report.notation import NONE
 from freqid.report.pictures import Picture, picture
 
 _LEAST = 0.01  # share of draws that is shown
+_WIDE = 9.6  # inches, of a matrix by itself
 _BESIDE = 18  # effects whose matrices are legible side by side
 
 
@@ -50,7 +52,7 @@ def summary(test: SelfTest | None) -> dict[str, Any] | None:
             }
             for r in test.reach
         ],
-        "wide": len({r.effect for r in test.reach}) > _BESIDE,
+        "wide": len(test.strata[-1].answers) > _BESIDE,
         "not_inserted": list(test.not_inserted.items()),
     }
 
@@ -68,6 +70,7 @@ def _confusion(test: SelfTest, stratum: Stratum, k: int) -> Picture:
         table,
         1.0,
         "Answered",
+        _WIDE if len(rows) > _BESIDE else WIDTH,
     )
     return picture(
         figure,

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from linear_flight import LIBRARY, SIZES, Linear, Truth, effect, fly
 from scipy.signal import butter, sosfiltfilt
 from scipy.stats import norm
 
+from freqid.cli.next_texts import beside, next_text, with_next_test
+from freqid.core.design_file import read_design, read_inputs
 from freqid.design.multisine import sampled
 from freqid.gap.calibrate import APART
 from freqid.gap.compare import compare
@@ -278,3 +282,29 @@ def test_a_rehearsal_without_a_column_has_zeros_there():
     at = evidence({"a:x": np.array([1.0]), "b:x": np.array([2.0])}, {})
     twins = [Explanation(n, {f"{n}:x": 1.0}, ((f"{n}:x",),)) for n in "ab"]
     assert alike(at, *twins)
+
+
+def test_a_design_is_written_that_can_be_flown_and_the_result_names_it(truth, tmp_path):
+    # a log whose positions are 3 % larger than commanded: a gain, or one of slow motion
+    more = {f"effector/d{i}": 0.03 * truth[0].record[f"command/d{i}"] for i in (1, 2)}
+    record = truth[0].record
+    channels = [replace(record.channel(n), values=record[n] + x) for n, x in more.items()]
+    larger = replace(truth[0], record=record.with_channels(*channels))
+    found, question = found_in([larger], BANDS, {**SIZES, "form": 0.0})
+    which = replace(found.diagnosis.which, set=("wide", "slow"))
+    unsure = replace(found, diagnosis=replace(found.diagnosis, which=which))
+    assert unsure.diagnosis.gap.exists
+    path = beside(tmp_path / "gap.h5")
+    planned = with_next_test(unsure, Linear(), question, None, path, "", lambda _: None)
+    table = planned.diagnosis.next_flight
+    flight = next(t for t in table["tests"] if t["kind"] == "flight")
+    assert table["design"] == str(path)
+    design = read_design(path)
+    assert set(design.names) == set(flight["effectors"])
+    assert design.period_s == pytest.approx(20.0)
+    signals = read_inputs(path)
+    for name, values in zip(signals.names, signals.values, strict=True):
+        assert np.std(values) == pytest.approx(flight["rms"][name], rel=0.02)
+    assert table["gain"] == pytest.approx(min(p["after"] / p["now"] for p in flight["pairs"]))
+    assert "designed in" in next_text(table)
+    assert planned.diagnosis.to_json()["next_flight"]["separates"] == [["slow", "wide"]]

@@ -31,7 +31,8 @@ from freqid.gap.rivals import LEVEL, compare_two
 SIGMA = 0.05  # of each derivative
 TOLERANCES = {"derivatives": SIGMA, "responses": 0.02, "dynamics": 0.05, "form": 0.0}
 BAND_HZ = (0.1, 2.0)
-DRAWS = 40
+DRAWS = 25
+DURATION = 14.0  # s, of linear flights
 _ELEVATOR = INPUTS.index("effector/d1")
 
 
@@ -77,7 +78,14 @@ def linear(kind: str, seed: int) -> Rivals:
     elif kind.startswith("loss of"):
         lost = knows = float(kind.split()[2]) / 100
     flights = [
-        fly(Truth(loss=lost), noise=noise, seed=1000 + 2 * seed + k, phases=k, reference=f"u{k}")
+        fly(
+            Truth(loss=lost),
+            noise=noise,
+            seed=1000 + 2 * seed + k,
+            duration=DURATION,
+            phases=k,
+            reference=f"u{k}",
+        )
         for k in (1, 2)
     ]
     pair = (off(rng), off(rng, knows))
@@ -114,12 +122,12 @@ def la8(kind: str, seed: int) -> Rivals:
 EQUAL = ("same", "equal", "strong noise", "both lack a loss")
 PLAN = [
     ("linear", "same", 25, linear),
-    ("linear", "equal", 200, linear),
-    ("linear", "strong noise", 200, linear),
-    ("linear", "both lack a loss", 200, linear),
-    ("linear", "loss of 10 %", 60, linear),
-    ("linear", "loss of 20 %", 60, linear),
-    ("linear", "loss of 40 %", 60, linear),
+    ("linear", "equal", 100, linear),
+    ("linear", "strong noise", 60, linear),
+    ("linear", "both lack a loss", 60, linear),
+    ("linear", "loss of 10 %", 20, linear),
+    ("linear", "loss of 20 %", 20, linear),
+    ("linear", "loss of 40 %", 20, linear),
     ("LA-8", "equal", 20, la8),
     ("LA-8", "half the wake", 6, la8),
 ]
@@ -141,6 +149,7 @@ def row(simulation: str, kind: str, count: int, judged: Callable[[str, int], Riv
         one = judged(kind, seed)
         right = "A" if simulation == "linear" and seed % 2 else "B"
         found.append((one.nearer, right, one.overall.p))
+        print(f"{simulation} {kind} {seed}: {one.nearer or '='} p {one.overall.p:.2g}", file=sys.stderr)
     equal = sum(not n for n, _, _ in found)
     right = sum(n == r for n, r, _ in found)
     low, high = wilson(equal if kind in EQUAL else right, count)

@@ -22,6 +22,9 @@ from freqid.identify.instruments import driven_maneuvers
 
 Array = NDArray[np.float64]
 
+_ALIKE = 0.5  # of the rates' motion, that a simulation's own flight may miss and still stand for the record
+_DRIVEN = 0.95  # the same of a loop that is fitted to the record: what it misses are gusts
+_FED_BACK = 0.05  # of the injected signals, that commands may hold beside them
 _RATES = ("state/p", "state/q", "state/r")
 _VELOCITY = ("state/u", "state/v", "state/w")
 _FELT = ("state/ax", "state/ay", "state/az")
@@ -30,8 +33,8 @@ _FELT = ("state/ax", "state/ay", "state/az")
 def driven(simulation: Simulation, maneuver: Maneuver, lines: Lines) -> dict[str, Array]:
     """Return what the injected signals alone would have made of a manoeuvre, by channel.
 
-    The simulation's own flight; of one that does not fly, the response of a closed loop that is fitted to
-    the record. Nothing where neither is to be had.
+    The simulation's own flight where that is close; else, and of a simulation that does not fly, the
+    response of a closed loop that is fitted to the record. Nothing where neither is to be had.
 
     Parameters
     ----------
@@ -47,9 +50,34 @@ def driven(simulation: Simulation, maneuver: Maneuver, lines: Lines) -> dict[str
         flown = simulation.fly(record)
     except (DataError, UsageError):  # it need not fly to be replayed
         flown = None
-    if flown:
-        return {name if "/" in name else f"state/{name}": values for name, values in flown.items()}
-    return _by_fitted_loop(maneuver, lines)
+    own = {name if "/" in name else f"state/{name}": x for name, x in (flown or {}).items()}
+    if own and not any(name.startswith("effector/") for name in own) and _fed_back(record):
+        own = {}  # it flew the record's commands, and with them what the law made of gusts
+    for found, miss in ((own, _ALIKE), (_by_fitted_loop(maneuver, lines), _DRIVEN)):
+        if found and _missed(record, found) < miss:
+            return found
+    return {}
+
+
+def _missed(record: FlightRecord, found: dict[str, Array]) -> float:
+    """Return the largest share of a rate's motion that is not in what stands for it."""
+    time, shares = record.time - record.time.mean(), [0.0]
+    for name in (n for n in _RATES if n in record and n in found):
+        both = (record[name], record[name] - found[name])
+        moved, left = (np.std(x - np.polyval(np.polyfit(time, x, 1), time)) for x in both)
+        shares.append(float(left / max(moved, 1e-300)))
+    return max(shares)
+
+
+def _fed_back(record: FlightRecord) -> bool:
+    """Return whether commands hold more than the injected signals."""
+    for name in record.group("excitation"):
+        injected = record[f"excitation/{name}"]
+        sent = f"command/{name}" if f"command/{name}" in record else ""
+        if sent and np.std(record[sent] - injected) > _FED_BACK * np.std(injected):
+            return True
+    others = (n for n in record.group("command") if n not in record.group("excitation"))
+    return any(np.ptp(record[f"command/{n}"]) > 0 for n in others)
 
 
 def _by_fitted_loop(maneuver: Maneuver, lines: Lines) -> dict[str, Array]:

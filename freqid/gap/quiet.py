@@ -17,7 +17,6 @@ MOTION = ("u", "v", "w", "p", "q", "r")
 FELT = ("ax", "ay", "az")
 ATTITUDE = ("phi", "theta", "psi")
 
-_ALIKE = 0.5  # of a rate's motion, that the simulation's own flight may miss and still stand in for it
 _NO_NOISE = 1e-3  # Hz: cutoff of a channel in which no noise is left
 _LINES_OF_FLOOR = 100
 _SLOW = 0.9  # of the record's rate: a sensor below it was joined by straight lines
@@ -62,8 +61,8 @@ def quiet(
         Histories without noise that some channels should be close to; only what they differ by is smoothed,
         and of noise within the band next to nothing stays.
     flown : dict of ndarray, optional
-        The simulation's own flight of the same inputs, by channel: what stands in for the log where the two
-        are close, but for a straight line. Neither noise nor gusts are in it.
+        What the injected signals alone would have made, by channel (`freqid.gap.driven`): it stands in for
+        the log, but for a straight line. Neither noise nor gusts are in it.
     """
     names, expected = list(names), expected or {}
     values = record.matrix(names)
@@ -98,18 +97,13 @@ def quiet(
 def _standing_in(
     record: FlightRecord, names: Sequence[str], values: Array, flown: Mapping[str, Array]
 ) -> dict[int, Array]:
-    """Return what stands in for rows of values, by row; nothing where the flights are not alike."""
+    """Return what stands in for rows of values, by row, about the straight lines of the log."""
     time = record.time - record.time.mean()
     found: dict[int, Array] = {}
     for i, name in enumerate(names):
-        if name not in flown:
-            continue
-        own = np.unwrap(flown[name]) if name in ("state/phi", "state/psi") else flown[name]
-        found[i] = own + np.polyval(np.polyfit(time, values[i] - own, 1), time)
-        line = np.polyval(np.polyfit(time, values[i], 1), time)
-        rates = name.rpartition("/")[2] in ("p", "q", "r")
-        if rates and np.std(values[i] - found[i]) > _ALIKE * np.std(values[i] - line):
-            return {}
+        if name in flown:
+            own = np.unwrap(flown[name]) if name in ("state/phi", "state/psi") else flown[name]
+            found[i] = own + np.polyval(np.polyfit(time, values[i] - own, 1), time)
     return found
 
 

@@ -58,7 +58,9 @@ def rehearsed(bench: Bench, inputs: SampledInputs, reference: Reference) -> Rehe
         bench.compared, key=lambda c: abs(known.get(c.maneuver.record.reference, np.inf) - reference.u)
     )
     rivals = {n: bench.library[n] for n in bench.rivals if n in bench.library}
-    return simulated(bench.simulation, inputs, reference, like, rivals, bench.library, bench.sizes)
+    return simulated(
+        bench.simulation, inputs, reference, like, rivals, bench.library, bench.sizes, bench.loops
+    )
 
 
 def reference_of(bench: Bench, identifier: str) -> Reference | None:

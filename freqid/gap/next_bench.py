@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,8 @@ class Bench:
         Tolerances.
     scenario : Scenario or None
         Where one describes excitation and conditions.
+    loops : dict
+        Trims and law of the simulation by density, as they are needed.
     """
 
     simulation: Simulation
@@ -49,6 +52,7 @@ class Bench:
     library: Mapping[str, Effect]
     sizes: Mapping[str, float]
     scenario: Scenario | None = None
+    loops: dict[float, Any] = field(default_factory=dict)
 
     @cached_property
     def columns(self) -> tuple[str, ...]:

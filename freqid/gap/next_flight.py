@@ -25,7 +25,7 @@ MOST_FLIGHTS = 64
 
 _MORE = 1.05  # times the separation at hand: what a flight that is worth a proposal gives at least
 _LEAST = 0.1  # expected separation below which nothing is told
-_TRIED = 3  # designs that are made, of the best options
+_TRIED = 2  # designs that are made, of the best options
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -121,6 +122,7 @@ def simulated(
     rivals: Mapping[str, Effect],
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
+    loops: dict[float, Any],
 ) -> Rehearsal | None:
     """Return a flight in the simulation, with the noise of one that was flown.
 
@@ -137,13 +139,15 @@ def simulated(
         That signatures are wanted of, and whose parameters may be a little off.
     sizes : dict of float
         Tolerances.
+    loops : dict
+        Trims and law by density; what is missing is added.
 
     Returns
     -------
     Rehearsal or None
         None where the simulation cannot fly, fails, or has other sensors.
     """
-    maneuver = _fly(simulation, inputs, reference, like)
+    maneuver = _fly(simulation, inputs, reference, like, loops)
     if maneuver is None:
         return None
     try:
@@ -169,11 +173,16 @@ def simulated(
 
 
 def _fly(
-    simulation: Simulation, inputs: SampledInputs, reference: Reference, like: Compared
+    simulation: Simulation,
+    inputs: SampledInputs,
+    reference: Reference,
+    like: Compared,
+    loops: dict[float, Any],
 ) -> Maneuver | None:
     """Fly in calm air, sensors where those of a manoeuvre are, without their errors."""
     from freqid.gap.connect.scenario import ScenarioSimulation
     from freqid.simulate import sensors
+    from freqid.simulate.lq import close_loop
     from freqid.simulate.maneuver import Conditions, fly_maneuver
 
     if not isinstance(simulation, ScenarioSimulation):
@@ -189,7 +198,8 @@ def _fly(
     calm = msgspec.structs.replace(scenario, simulation=msgspec.structs.replace(scenario.simulation, wind={}))
     conditions = Conditions(sensors=carried, log_rate=1 / record.dt)
     try:
-        made = fly_maneuver(calm, reference, inputs, conditions, duration=record.duration)
+        loop = loops[reference.rho] = loops.get(reference.rho) or close_loop(calm, reference)
+        made = fly_maneuver(calm, reference, inputs, conditions, loop=loop, duration=record.duration)
     except (DataError, UsageError):
         return None
     if made.divergence:

@@ -137,7 +137,7 @@ class JsbsimSimulation:
         return dict(zip(names, out, strict=True))
 
     def fly(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array]:
-        """Return the states of its own flight: from its own trim, by the commands' departures.
+        """Return states, and positions of effectors, of its own flight: from its own trim, by departures.
 
         Where attitude and rates tell what was added to injected signals, the law that did it flies along.
         """
@@ -161,9 +161,8 @@ class JsbsimSimulation:
         trim = np.array([fdm[f"fcs/{effector_name(n)}-cmd-norm"] for n in names])
         rest = np.array([self._command(record, n, of_law=True) for n in names]).reshape(commands.shape)
         gains, told = law(record, rest, [f"excitation/{n}" in record for n in names])
-        departure = commands - np.where(told[:, None], rest, 0.0)
-        departure = departure - departure[:, :1]
-        rows = [states(fdm)]
+        departure = commands - np.where(told[:, None], rest, commands[:, :1])
+        rows, moved = [states(fdm)], [self._placed(fdm, names)]
         heard = [STATES.index(n) for n in HEARD]
         start = np.array(rows[0])[heard]
         for k in range(1, record.time.size):
@@ -173,13 +172,23 @@ class JsbsimSimulation:
                 command(fdm, names, trim + between)
                 fdm.run()
             rows.append(states(fdm))
+            moved.append(self._placed(fdm, names))
             if not np.isfinite(rows[-1]).all() or abs(rows[-1][7]) > 1.4 or rows[-1][-1] < -500:
                 raise DataError(
                     f"JSBSim's own flight diverges at t = {record.time[k]:.4g} s",
                     where=self.name,
                     remedy="compare by replay on the flown states",
                 )
-        return dict(zip(STATES, np.array(rows).T, strict=True))
+        positions = zip((f"effector/{n}" for n in names), np.array(moved).T, strict=True)
+        sent = {
+            f"command/{n}": bias + x
+            for n, bias, x in zip(names, trim, departure, strict=True)
+            if record.channel(f"command/{n}").unit == "1"
+        }
+        return {**dict(zip(STATES, np.array(rows).T, strict=True)), **dict(positions), **sent}
+
+    def _placed(self, fdm: Any, names: Sequence[str]) -> list[float]:
+        return [fdm[self.aircraft.where(n)[0][0]] for n in names]
 
     def _ready(self, record: FlightRecord, prescribed: tuple[str, ...]) -> tuple[Any, int]:
         """Return JSBSim at the record's start with running engines, and its steps for each sample."""

@@ -17,6 +17,7 @@ from freqid.gap.rehearsal import Rehearsal, simulated
 
 _CONDITIONS = 2  # that nobody has flown
 _SAME_DENSITY = 0.03
+_SLOWEST = 1.0  # m/s: below it flow angles are undefined, and what was seen in forward flight says nothing
 
 
 def elsewhere(bench: Bench, tell: Callable[[str], None]) -> list[Rehearsal]:
@@ -74,7 +75,7 @@ def _unflown(references: Sequence[Reference], known: Sequence[Reference]) -> lis
     """Return the conditions that are furthest in speed from those flown, at the same density."""
     if not known:
         return []
-    density = known[0].rho
+    density, slowest = known[0].rho, min(_SLOWEST, *(k.u for k in known))
     left = [
         r for r in references if r not in known and abs(r.rho - density) <= _SAME_DENSITY * max(density, 1e-9)
     ]

@@ -39,7 +39,7 @@ def elsewhere(bench: Bench, tell: Callable[[str], None]) -> list[Rehearsal]:
     plans: list[tuple[SampledInputs, Reference]] = []
     if not excited:
         plans += [(inputs, r) for r in known]
-    plans += [(inputs, r) for r in _unflown(bench.scenario.reference, known)]
+    plans += [(inputs, r) for r in unflown(bench.scenario.reference, known)]
     tilts = tilting(bench.scenario.aircraft(), stated, records[0].duration) if stated and known else None
     if tilts is not None:
         middle = sorted(known, key=lambda r: r.u)[len(known) // 2]
@@ -71,14 +71,13 @@ def reference_of(bench: Bench, identifier: str) -> Reference | None:
     return next((r for r in bench.scenario.reference if r.id == identifier), None)
 
 
-def _unflown(references: Sequence[Reference], known: Sequence[Reference]) -> list[Reference]:
+def unflown(references: Sequence[Reference], known: Sequence[Reference]) -> list[Reference]:
     """Return the conditions that are furthest in speed from those flown, at the same density."""
     if not known:
         return []
     density, slowest = known[0].rho, min(_SLOWEST, *(k.u for k in known))
-    left = [
-        r for r in references if r not in known and abs(r.rho - density) <= _SAME_DENSITY * max(density, 1e-9)
-    ]
+    near = _SAME_DENSITY * max(density, 1e-9)
+    left = [r for r in references if r not in known and r.u >= slowest and abs(r.rho - density) <= near]
     found: list[Reference] = []
     while left and len(found) < _CONDITIONS:
         far = max(left, key=lambda r: min(abs(r.u - k.u) for k in (*known, *found)))

@@ -12,10 +12,12 @@ from scipy.stats import norm
 
 from freqid.cli.next_texts import beside, next_text, with_next_test
 from freqid.core.design_file import read_design, read_inputs
+from freqid.core.scenario import Reference
 from freqid.design.multisine import sampled
 from freqid.gap.calibrate import APART
 from freqid.gap.compare import compare
 from freqid.gap.diagnose import Question, diagnose
+from freqid.gap.elsewhere import unflown
 from freqid.gap.evidence import Evidence
 from freqid.gap.excitations import STRONGEST, options
 from freqid.gap.explanations import Explanation, alike, apart, as_plain
@@ -196,6 +198,16 @@ def test_proposed_signals_stay_within_what_effectors_and_states_may_do(truth):
     whole = next(o for o in options(rehearsal, {"q": limit}) if o.kinds == "all")
     # 80 % of the limit where the flown peak is twice of it
     assert max(whole.gain.values()) == pytest.approx(0.4, rel=0.05)
+
+
+def test_conditions_furthest_from_those_flown_are_rehearsed_and_hover_only_beside_hover():
+    at = {u: Reference(id=f"u{u}", u=u, rho=1.2) for u in (0, 5, 10, 15, 20, 30)}
+    high = Reference(id="high", u=25, rho=1.0)
+    every = [*at.values(), high]
+    assert [r.id for r in unflown(every, [at[10]])] == ["u30", "u20"]
+    assert [r.id for r in unflown(every, [at[5], at[30]])] == ["u15", "u20"]
+    assert "u5" in [r.id for r in unflown([at[0], at[5], high], [at[0]])]
+    assert unflown(every, []) == []
 
 
 def test_more_flights_of_noise_alone_separate_in_proportion(truth):

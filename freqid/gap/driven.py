@@ -23,7 +23,7 @@ from freqid.identify.instruments import driven_maneuvers
 Array = NDArray[np.float64]
 
 _ALIKE = 0.5  # of the rates' motion, that a simulation's own flight may miss and still stand for the record
-_DRIVEN = 0.95  # the same of a loop that is fitted to the record: what it misses are gusts
+_NO_CLOSER = 1.15  # times what a fitted loop misses
 _FED_BACK = 0.05  # of the injected signals, that commands may hold beside them
 _RATES = ("state/p", "state/q", "state/r")
 _VELOCITY = ("state/u", "state/v", "state/w")
@@ -33,8 +33,8 @@ _FELT = ("state/ax", "state/ay", "state/az")
 def driven(simulation: Simulation, maneuver: Maneuver, lines: Lines) -> dict[str, Array]:
     """Return what the injected signals alone would have made of a manoeuvre, by channel.
 
-    The simulation's own flight where that is close; else, and of a simulation that does not fly, the
-    response of a closed loop that is fitted to the record. Nothing where neither is to be had.
+    The simulation's own flight, unless the response of a closed loop that is fitted to the record is closer
+    by far; that response where the simulation does not fly. Nothing where neither resembles the record.
 
     Parameters
     ----------
@@ -53,15 +53,18 @@ def driven(simulation: Simulation, maneuver: Maneuver, lines: Lines) -> dict[str
     own = {name if "/" in name else f"state/{name}": x for name, x in (flown or {}).items()}
     if own and not any(name.startswith("effector/") for name in own) and _fed_back(record):
         own = {}  # it flew the record's commands, and with them what the law made of gusts
-    for found, miss in ((own, _ALIKE), (_by_fitted_loop(maneuver, lines), _DRIVEN)):
-        if found and _missed(record, found) < miss:
-            return found
-    return {}
+    missed = _missed(record, own)
+    if missed < _ALIKE:
+        return own
+    loop = _by_fitted_loop(maneuver, lines)
+    # where a loop fitted to the record hardly comes closer, gusts are what is missed
+    found = own if missed < _NO_CLOSER * _missed(record, loop) else loop
+    return found if _missed(record, found) < 1 else {}
 
 
 def _missed(record: FlightRecord, found: dict[str, Array]) -> float:
-    """Return the largest share of a rate's motion that is not in what stands for it."""
-    time, shares = record.time - record.time.mean(), [0.0]
+    """Return the largest share of a rate's motion that is not in what stands for it; infinite of nothing."""
+    time, shares = record.time - record.time.mean(), [0.0 if found else np.inf]
     for name in (n for n in _RATES if n in record and n in found):
         both = (record[name], record[name] - found[name])
         moved, left = (np.std(x - np.polyval(np.polyfit(time, x, 1), time)) for x in both)

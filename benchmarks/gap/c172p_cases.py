@@ -187,7 +187,7 @@ def _next(tried: Mapping[float, float], one: float, target: float, most: float, 
     if not tried:
         return one if one < too_much else 0.4 * too_much
     near = sorted(tried, key=lambda x: abs(np.log(max(tried[x], 1e-9) / target)))[:2]
-    if abs(tried[near[0]] / target - 1) < 1.5 * CLOSE:
+    if 1 / CLOSE < tried[near[0]] / target < CLOSE:
         return near[0]
     power = 2.0
     if len(near) == 2 and min(tried[n] for n in near) > 0:

@@ -35,7 +35,7 @@ BAND_HZ = (0.05, 1.9)
 STRATA = (15, 50, 200)
 GUSTS = 1.5  # m/s at 20 ft, in every fifth case
 DRAWS = 40
-CLOSE = 0.15  # of a stratum's detectability, that a size may miss it by
+CLOSE = 1.6  # times a stratum's detectability, or so much less, that a size may miss it by
 
 Complex = np.ndarray
 
@@ -197,7 +197,7 @@ def sized(truth: Truth, place: str, target: float, noise: float, folder: Path) -
     if path.is_file():
         return float(path.read_text())
     tried: dict[float, float] = {}
-    size = truth.one
+    size = _begin(truth, place, target, folder)
     for _ in range(7):
         size = min(size, truth.most)
         try:
@@ -211,7 +211,7 @@ def sized(truth: Truth, place: str, target: float, noise: float, folder: Path) -
             size = 0.5 * (size + max(smaller)) if smaller else 0.3 * size
             continue
         got = tried[size] = detectability(with_it, s)
-        if abs(got / target - 1) < CLOSE or (got < target and size >= truth.most):
+        if 1 / CLOSE < got / target < CLOSE or (got < target and size >= truth.most):
             break
         # in logarithms: where two are known, through both, else as the square of the size
         known = sorted(tried, key=lambda x: abs(np.log(max(tried[x], 1e-9) / target)))[:2]
@@ -230,6 +230,14 @@ def sized(truth: Truth, place: str, target: float, noise: float, folder: Path) -
     with replacing(path) as partial:
         partial.write_text(f"{size!r}\n")
     return size
+
+
+def _begin(truth: Truth, place: str, target: float, folder: Path) -> float:
+    """Return where a search begins: at a size that was found at another detectability, or a plausible one."""
+    for path in sorted(folder.glob(f"{truth.id}-{truth.form}-{place or 'all'}-*.txt".replace(" ", "_"))):
+        at = float(path.stem.rsplit("-", 2)[1])
+        return float(path.read_text()) * float(np.sqrt(target / at))
+    return truth.one
 
 
 def nuisance(number: int) -> dict[str, float]:

@@ -132,9 +132,8 @@ def beside(
     own_noise = (made[0] + made[1]) / 2 + size * (wrong[0] + 1j * wrong[1])
     like = measured[0].select(names)
     noises = [noise_of(trials[0].maneuver, lines, like, x, own_noise, quieted.sigma) for x in z]
-    share = np.maximum(noises[0].sensor_share, noises[1].sensor_share)
-    ratio = np.sqrt(noises[0].sensor_share / share)
-    covariance = noises[0].covariance * ratio.T[:, :, None] * ratio.T[:, None, :]
+    less = np.minimum(noises[0].beyond, noises[1].beyond) - noises[0].beyond
+    covariance = noises[0].covariance + less.T[:, :, None] * np.eye(len(less))
     allowed = [tolerances(t, library, sizes) for t in trials]
     common, own = (
         {
@@ -159,7 +158,7 @@ def beside(
         left=(z[0], z[1]),
         covariance=covariance,
         noise=(made[0], made[1]),
-        louder=1 / np.sqrt(share),
+        louder=1 / np.sqrt(np.maximum(noises[0].sensor_share, noises[1].sensor_share)),
         tolerances=tuple(common),
         common=changes[: len(common)],
         own=changes[len(common) :],

@@ -173,7 +173,7 @@ def compare(
         signatures=signatures,
         common={name: lines.transform(change) for name, change in allowed.common.items()},
         own={name: lines.transform(change) for name, change in allowed.own.items()},
-        draws=own_noise / np.sqrt(noise.sensor_share),
+        draws=noise.louder(own_noise, seed),
         shared=shared_noise(quieted, lines, noise, own_noise, added),
         sources=sources,
         scales=scales,

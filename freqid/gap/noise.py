@@ -25,6 +25,7 @@ HALF_WIDTH = 10
 _MOST = 1e4  # power ratio of the flown noise to the sensors' own
 _PLAIN = 1.4  # mean ratio from which noise is plainly more than the sensors'
 _MOVING = 30.0  # power ratio of a channel to its noise from which it moves at all
+_ASKED_ONCE = ("predictions", "jsbsim")  # kinds that cannot be replayed on every draw, or take too long
 _RIDGE = 0.01  # of a row's variance: how far rows that share noise are trusted to cancel it
 
 
@@ -40,11 +41,20 @@ class Noise:
         W with ``W covariance W^H = 1``, lower triangular.
     sensor_share : ndarray, shape (row, line)
         Of the sensors' own noise in the whole; below one where turbulence or anything else is left.
+    beyond : ndarray, shape (row, line)
+        Power spectral density of that rest, which no rows share.
     """
 
     covariance: Complex
     whitening: Complex
     sensor_share: Array
+    beyond: Array
+
+    def louder(self, made: Complex, seed: int) -> Complex:
+        """Return draws of the sensors' noise, shape (draw, row, line), with what is beyond it."""
+        rng = np.random.default_rng([seed, 5])
+        more = rng.standard_normal((2, *made.shape))
+        return made + np.sqrt(self.beyond / 2) * (more[0] + 1j * more[1])
 
     def white(self, z: Complex) -> Array:
         """Return rows on lines, shape (..., row, line), as independent real numbers of variance one.
@@ -98,7 +108,7 @@ def draws(
     found = np.empty((count, len(like.rows), lines.hz.size), dtype=complex)
     noise = np.empty((count, len(sigma), lines.hz.size), dtype=complex)
     # a log cannot be asked again, but what it was driven through held the sensors' noise
-    slopes = simulation.gradient(record, list(sigma)) if simulation.kind == "predictions" else None
+    slopes = simulation.gradient(record, list(sigma)) if simulation.kind in _ASKED_ONCE else None
     for k in range(count):
         added = {name: size * rng.standard_normal(record.time.size) for name, size in sigma.items()}
         channels = [replace(record.channel(n), values=record[n] + x) for n, x in added.items()]
@@ -149,12 +159,14 @@ def noise_of(
     level = np.einsum("lii->il", covariance).real
     ratio = _smooth_ratio(lines.hz, left / np.maximum(level * freedom[:, None], 1e-300))
     plain = ratio.mean(axis=1, keepdims=True) > _PLAIN
-    size = np.sqrt(np.where(plain, np.clip(ratio, 1.0, _MOST), 1.0))
-    covariance = covariance * size.T[:, :, None] * size.T[:, None, :]
+    power = np.where(plain, np.clip(ratio, 1.0, _MOST), 1.0)
+    # what is beyond the sensors' noise is not in the channels whose noise rows share
+    beyond = (power - 1) * level
+    covariance = covariance + beyond.T[:, :, None] * np.eye(len(like.rows))
     diagonal = np.einsum("lii->li", covariance).real
     covariance = covariance + _RIDGE * diagonal[:, :, None] * np.eye(len(like.rows))
     whitening = np.linalg.inv(np.linalg.cholesky(covariance))
-    return Noise(covariance, whitening, 1 / size**2)
+    return Noise(covariance, whitening, 1 / power, beyond)
 
 
 def _averaged(values: Complex) -> Complex:

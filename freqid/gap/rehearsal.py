@@ -106,7 +106,7 @@ def flown(compared: Compared, sizes: Mapping[str, float]) -> Rehearsal:
     c, covariance = compared, compared.noise.covariance
     wrong = form(c.trial, c.lines, sizes)
     diagonal = np.einsum("lii->il", covariance).real
-    left = np.maximum(1 - wrong / c.noise.sensor_share / diagonal, _LEAST)
+    left = np.maximum(1 - wrong / diagonal, _LEAST)
     root = np.sqrt(left).T
     own = np.array(list(c.own.values())).reshape(-1, *c.residual.shape)
     columns = {**c.signatures, **c.common}

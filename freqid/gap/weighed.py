@@ -24,6 +24,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+UNSTATED = 1.5
+"""By which a difference is less certain than noise and stated tolerances make it.
+
+Errors of a whole airframe are more than tolerances state: between LA-8 class airframes that were equally far
+off, differences scattered by 1.3 times what noise and tolerances account for.
+"""
+
 _MOST = 8.0  # of a tolerance's power: scatter between two simulations has twice of it, and two sigma are kept
 
 
@@ -84,8 +91,8 @@ def weigh(
     that tolerances allow in d, given what the nearer one, r, still lacks: along directions of T, of length s
     and shrunk by 1 + s^2, variance 4 sum(min(d_j^2, 8 s_j^2) (r_j / (1 + s_j^2))^2), so that a gap that is in
     both does not turn scatter between them into a verdict. A difference has to stand out of each (an
-    intersection-union test). Noise of the flown states is in d and in m, which shifts the difference; draws
-    tell by how much.
+    intersection-union test), the larger deviation taken `UNSTATED` times. Noise of the flown states is in d
+    and in m, which shifts the difference; draws tell by how much.
     """
     basis, power = _directions(allowed)
     shrink = power / (1 + power)
@@ -111,7 +118,7 @@ def weigh(
         squares=(squares[0], squares[1]),
         noise=(heard + bias / 2, heard - bias / 2),
         difference=difference,
-        deviation=float(np.sqrt(4 * max(given_d, given_rest, 0.0) + scatter)),
+        deviation=float(np.sqrt(4 * UNSTATED**2 * max(given_d, given_rest, 0.0) + scatter)),
     )
 
 

@@ -82,7 +82,7 @@ class Rivals:
         Whether both say exactly the same.
     overall : Contest
     contests : tuple of Contest
-        By response, band and regime, where the two differ at all.
+        Each response as a whole, then by band and regime, where the two differ at all.
     remarks : tuple of str
     provenance : dict
     """

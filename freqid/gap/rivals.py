@@ -15,7 +15,7 @@ from freqid.core.record import Maneuver
 from freqid.core.rivals import Contest, Rivals, Span
 from freqid.gap.beside import Beside, beside
 from freqid.gap.locate import EDGES_HZ
-from freqid.gap.rivals_said import verdict
+from freqid.gap.rivals_said import ALL, verdict
 from freqid.gap.simulation import Simulation
 from freqid.gap.weighed import holm, weigh
 from freqid.simulate.effects.effect import Effect
@@ -29,7 +29,6 @@ LEVEL = 0.02
 _INTERVAL = float(norm.ppf(0.95))  # standard deviations of a 90 % interval
 _LEAST = 0.01  # of the farther one's explainable energy: what is nearer by less is not worth a name
 _FEWEST = 2  # lines of a contest
-_ALL = "all"
 
 
 def compare_two(
@@ -94,7 +93,7 @@ def judge(compared: Sequence[Beside], level: float = LEVEL) -> Rivals:
 
     Half of the level goes to the one over all, half to the others together, by Holm's procedure.
     """
-    overall = _contest((_ALL, _span(compared), _ALL), _white_of(compared))
+    overall = _contest((ALL, _span(compared), ALL), _white_of(compared))
     contests = [_contest((c.response, c.band_hz, c.regime), _white_of(compared, c)) for c in _cells(compared)]
     adjusted = np.minimum(2 * holm([c.p for c in contests]), 1.0)
     overall = _decided(overall, min(2 * overall.p, 1.0), level)
@@ -115,7 +114,7 @@ class _Cell:
     def of(self, one: Beside) -> tuple[int, NDArray[np.bool_]] | None:
         """Return the row and the lines of a manoeuvre that are in the cell; None without any."""
         names, hz, (low, high) = one.names, one.lines.hz, self.band_hz
-        if one.regime != self.regime or self.response not in names:
+        if self.regime not in (one.regime, ALL) or self.response not in names:
             return None
         at = ((hz > low) | (self.lowest & (hz == low))) & (hz <= high)
         return (names.index(self.response), at) if at.any() else None
@@ -184,18 +183,21 @@ def _decided(contest: Contest, adjusted: float, level: float) -> Contest:
 
 
 def _cells(compared: Sequence[Beside]) -> Iterator[_Cell]:
-    """Yield responses in bands and regimes where the two simulations differ."""
+    """Yield responses as a whole, and in bands and regimes, where the two simulations differ."""
     low, top = _span(compared)
     bands = tuple(pairwise([low, *(e for e in EDGES_HZ if low < e < top), top]))
     regimes = dict.fromkeys(b.regime for b in compared)
     for response in dict.fromkeys(name for b in compared for name in b.names):
-        for regime in regimes:
-            for band in bands:
-                cell = _Cell(response, band, regime, band[0] == low)
-                at = [(b, *found) for b in compared if (found := cell.of(b))]
-                differ = any((b.left[0][i, m] != b.left[1][i, m]).any() for b, i, m in at)
-                if differ and sum(int(m.sum()) for _, _, m in at) >= _FEWEST:
-                    yield cell
+        cells = [_Cell(response, band, regime, band[0] == low) for regime in regimes for band in bands]
+        found = [cell for cell in cells if _differs(compared, cell)]
+        yield from [_Cell(response, (low, top), ALL, True)] if len(found) > 1 else []
+        yield from found
+
+
+def _differs(compared: Sequence[Beside], cell: _Cell) -> bool:
+    at = [(b, *found) for b in compared if (found := cell.of(b))]
+    differ = any((b.left[0][i, m] != b.left[1][i, m]).any() for b, i, m in at)
+    return differ and sum(int(m.sum()) for _, _, m in at) >= _FEWEST
 
 
 def _white_of(compared: Sequence[Beside], cell: _Cell | None = None) -> _White:

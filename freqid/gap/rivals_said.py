@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from freqid.core.rivals import Contest, Rivals
 
+ALL = "all"
 _TOLD = 2  # responses that are named
 _SHOWN = 4  # regimes that are named
 
@@ -37,9 +38,8 @@ def verdict(found: Rivals) -> str:
 
 
 def _less(where: Sequence[Contest]) -> float:
-    """Return the share of the explainable energy that is less in some contests together."""
-    gone = sum(abs(c.difference.value) for c in where)
-    return gone / max(gone, sum(max(c.energy_a, c.energy_b) for c in where))
+    """Return the share of the explainable energy that is less where the difference is largest."""
+    return max(where, key=lambda c: abs(c.difference.value)).less
 
 
 def _places(where: Sequence[Contest]) -> str:
@@ -50,10 +50,15 @@ def _places(where: Sequence[Contest]) -> str:
     ranked = sorted(held, key=lambda name: -held[name])
     told = []
     for name in ranked[:_TOLD]:
-        mine = [c for c in where if c.response == name]
+        every = [c for c in where if c.response == name]
+        mine = [c for c in every if c.regime != ALL] or every
         low, high = min(c.band_hz[0] for c in mine), max(c.band_hz[1] for c in mine)
         regimes = list(dict.fromkeys(c.regime for c in mine))
-        place = " ".join(regimes[:_SHOWN]) + (" ..." if len(regimes) > _SHOWN else "")
+        place = (
+            "all regimes"
+            if regimes == [ALL]
+            else " ".join(regimes[:_SHOWN]) + (" ..." if len(regimes) > _SHOWN else "")
+        )
         told.append(f"{name}, {low:.2g}-{high:.2g} Hz, {place}")
     rest = len(ranked) - len(told)
     return "in " + " and ".join(told) + (f", and {rest} more" if rest else "")

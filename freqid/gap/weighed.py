@@ -91,7 +91,7 @@ def weigh(
     that tolerances allow in d, given what the nearer one, r, still lacks: along directions of T, of length s
     and shrunk by 1 + s^2, variance 4 sum(min(d_j^2, 8 s_j^2) (r_j / (1 + s_j^2))^2), so that a gap that is in
     both does not turn scatter between them into a verdict. A difference has to stand out of each (an
-    intersection-union test), the larger deviation taken `UNSTATED` times. Noise of the flown states is in d
+    intersection-union test), the first deviation taken `UNSTATED` times. Noise of the flown states is in d
     and in m, which shifts the difference; draws tell by how much.
     """
     basis, power = _directions(allowed)
@@ -118,7 +118,7 @@ def weigh(
         squares=(squares[0], squares[1]),
         noise=(heard + bias / 2, heard - bias / 2),
         difference=difference,
-        deviation=float(np.sqrt(4 * UNSTATED**2 * max(given_d, given_rest, 0.0) + scatter)),
+        deviation=float(np.sqrt(4 * max(UNSTATED**2 * given_d, given_rest, 0.0) + scatter)),
     )
 
 

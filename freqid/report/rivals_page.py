@@ -62,26 +62,28 @@ def _facts(found: Rivals) -> list[tuple[str, str]]:
         ("Misfit of B over all", _misfit(over, "misfit_b")),
         ("p of equal simulations, over all", f"{over.p:.2g}"),
         ("Level, of all contests together", short(found.level)),
-        ("Contests by response, band and regime", str(len(found.contests))),
+        ("Contests: responses, and by band and regime", str(len(found.contests))),
     ]
 
 
 def _pictures(found: Rivals) -> list[Picture]:
-    if not found.contests:
+    parted = [c for c in found.contests if c.regime != "all" or c.band_hz != found.overall.band_hz]
+    cells = parted or list(found.contests)
+    if not cells:
         return []
     weight: dict[str, float] = {}
-    for c in found.contests:
+    for c in cells:
         weight[c.response] = weight.get(c.response, 0.0) + abs(c.difference.value)
     kept = sorted(weight, key=lambda name: -weight[name])[:_PANELS]
-    shown = {n: [c for c in found.contests if c.response == n] for n in weight if n in kept}
+    shown = {n: [c for c in cells if c.response == n] for n in weight if n in kept}
     held: dict[str, float] = {}
-    for c in found.contests:
+    for c in cells:
         held[c.regime] = held.get(c.regime, 0.0) + abs(c.difference.value)
     top = sorted(held, key=lambda name: -held[name])[:_REGIMES]
     regimes = [r for r in held if r in top]
     shown = {n: [c for c in each if c.regime in regimes] for n, each in shown.items()}
     shown = {n: each for n, each in shown.items() if each}
-    bands = sorted({c.band_hz for c in found.contests})
+    bands = sorted({c.band_hz for c in cells})
     less = len(weight) - len(shown)
     return [
         picture(

@@ -13,7 +13,7 @@ from freqid.core.record import Channel
 from freqid.core.record_file import read_record, write_record
 from freqid.core.rivals_file import read_rivals
 
-LOSS = 0.5
+LOSS = 0.8
 MODELS = f"""
 from linear_simulation import wrench
 
@@ -91,7 +91,7 @@ def test_the_nearer_one_is_told_first_then_where_and_in_a_file_and_a_page(compar
     found = read_rivals(path)
     assert found.nearer == "B"
     assert found.verdict == first
-    assert next(c.response for c in found.contests if c.nearer) in ("M", "Z")
+    assert {c.response for c in found.contests if c.nearer} <= {"X", "Z", "M"}  # the elevator makes no other
     page = path.with_suffix(".html").read_text()
     assert "Misfits of A and B by response" in page
     code, _, _ = freqid("report", path, "-o", tmp_path / "again.html")

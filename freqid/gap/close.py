@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from freqid.gap.compare import Compared, evidence_of
 from freqid.gap.evidence import Evidence, Hypothesis
 from freqid.gap.testable import in_force_of
 from freqid.gap.together import together
+from freqid.gap.tolerance import OF_EFFECT
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
@@ -78,8 +79,11 @@ def refit(compared: Sequence[Compared], effects: Sequence[Effect], start: Values
 
     Notes
     -----
-    Gauss-Newton in the metric of noise and tolerances.
+    Gauss-Newton in the metric of noise and tolerances. What an effect may be off by without being one is part
+    of what its parameters are fitted to.
     """
+    own = tuple(f"{OF_EFFECT}{effect.id}:" for effect in effects)
+    compared = [_without(c, own) for c in compared]
     names = tuple((effect.id, name) for effect in effects for name in start[effect.id])
     described = [next(e for e in effects if e.id == i).parameters[n] for i, n in names]
     scale = np.array([p.scale for p in described])
@@ -110,6 +114,12 @@ def refit(compared: Sequence[Compared], effects: Sequence[Effect], start: Values
     undetermined = tuple(n for n, s, p in zip(names, sigma, scale, strict=True) if s > _UNKNOWN * _WIDE * p)
     bound = tuple(n for n, v, a, b in zip(names, value, low, high, strict=True) if v in (a, b))
     return Refit(tuple(effects), names, value, covariance, bound, undetermined)
+
+
+def _without(compared: Compared, tolerances: tuple[str, ...]) -> Compared:
+    """Return the same without common tolerances whose names begin so; scatter between flights stays."""
+    left = {n: z for n, z in compared.common.items() if not n.startswith(tolerances)}
+    return compared if len(left) == len(compared.common) else replace(compared, common=left)
 
 
 def changes(compared: Compared, effects: Sequence[Effect], settings: Values) -> Complex:

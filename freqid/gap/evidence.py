@@ -13,7 +13,7 @@ and Occam factors); C. E. Rasmussen and C. K. I. Williams, *Gaussian Processes f
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -94,6 +94,16 @@ class Evidence:
         return Evidence(
             self.gram[list(maneuvers)], self.signatures, self.tolerances, self.null, int(self.rows * share)
         )
+
+    def without(self, tolerances: Collection[str]) -> Evidence:
+        """Return the evidence where some tolerances are not allowed for."""
+        first = 1 + len(self.signatures)
+        left = np.array([name not in tolerances for name in self.tolerances], dtype=bool)
+        at = np.ones(self.gram.shape[1], dtype=bool)
+        at[first : first + left.size] = left
+        names = tuple(name for name in self.tolerances if name not in tolerances)
+        gram = self.gram[:, at][:, :, at]
+        return Evidence(gram, self.signatures, names, self.null[:, left], self.rows)
 
     @cached_property
     def metric(self) -> Array:

@@ -7,11 +7,13 @@ from scipy.stats import norm
 
 from freqid.core.gap_result import Increment
 from freqid.gap.evidence import Evidence, Hypothesis
-from freqid.gap.tolerance import DERIVATIVES
+from freqid.gap.tolerance import DERIVATIVES, OF_EFFECT, TOGETHER
 
 LEVEL = 0.95
 WIDE = 1.0
 """One sigma of an increment before any data, of the derivative itself."""
+
+_OF_DERIVATIVES = (f"{TOGETHER}:", f"{OF_EFFECT}surface_effectiveness:", f"{OF_EFFECT}weak_rotor:")
 
 
 def increments(evidence: Evidence, tolerance: float) -> tuple[Increment, ...]:
@@ -28,8 +30,10 @@ def increments(evidence: Evidence, tolerance: float) -> tuple[Increment, ...]:
     The metric already has each derivative's tolerance integrated over a prior a of one sigma; here it gets a
     part b more, of prior s sigma. What is asked for is their sum c, whose prior is ``1 + s^2``. Given c, b is
     ``k c`` with variance k, ``k = s^2 / (1 + s^2)``, so mean and covariance of c follow from those of b:
-    ``E c = E b / k`` and ``cov c = (cov b - k I) / k^2``.
+    ``E c = E b / k`` and ``cov c = (cov b - k I) / k^2``. Tolerances by which derivatives are off
+    together are part of what is asked for, so nothing is left to them.
     """
+    evidence = evidence.without([n for n in evidence.tolerances if n.startswith(_OF_DERIVATIVES)])
     names = [n for n in evidence.tolerances if n.startswith(f"{DERIVATIVES}:")]
     if not names or tolerance <= 0:
         return ()

@@ -43,6 +43,20 @@ def test_a_refit_finds_the_size_within_its_standard_error(worn):
     assert found.undetermined == ()
 
 
+def test_what_an_effect_may_be_off_by_is_part_of_its_refit(worn):
+    """A tolerance of the very parameter would widen its interval by as much; that of a derivative stays."""
+    flights = [fly(Truth(loss=0.15), noise=1.0, seed=s, phases=s, reference=f"u{s}") for s in (1, 2)]
+    tolerant = [
+        compare(Linear(), m, LIBRARY, {**TOLERANT, "worn": 0.05}, (0.1, 2.0), count=60, seed=s)
+        for s, m in zip((1, 2), flights, strict=True)
+    ]
+    assert "tolerance:worn:share" in tolerant[0].common
+    start = {"worn": {"share": 0.1}}
+    with_it, without = (refit(used, [LIBRARY["worn"]], start) for used in (tolerant, worn[0]))
+    assert with_it.value[0] == pytest.approx(without.value[0], rel=1e-6)
+    assert with_it.covariance == pytest.approx(without.covariance, rel=1e-6)
+
+
 def test_a_delay_is_found_though_it_is_no_straight_line():
     used = compared(Truth(late=0.04), (1, 2))
     found = refit(used, [LIBRARY["late"]], {"late": {"by": 0.0}})

@@ -47,5 +47,16 @@ def test_clear_ones_come_first_and_what_is_not_excited_is_not_clear(columns):
     assert not next(i for i in found if i.response == "Z").clear
 
 
+def test_what_derivatives_are_off_by_together_is_part_of_them(columns):
+    """The whole change of a derivative is asked for: a common factor may not hide in its own tolerance."""
+    made, data = columns
+    rng = np.random.default_rng(2)
+    shared = [made[1] + made[2], 0.9 * made[1] + 0.1 * rng.standard_normal(60)]
+    names = (*NAMES, "together:surface", "tolerance:surface_effectiveness:loss")
+    white = {**dict(zip(names, (*made, *shared), strict=True)), "data": data, "draws": np.zeros((25, 60))}
+    evidence = gather([white], [np.zeros((0, 60))], [], names, [(np.zeros(6), np.zeros(0))], 25, 0)
+    assert increments(evidence, SIGMA) == pytest.approx(increments(evidence_of(made, data), SIGMA))
+
+
 def test_without_tolerances_there_is_nothing_to_estimate_with(columns):
     assert increments(evidence_of(*columns), 0.0) == ()

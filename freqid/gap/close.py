@@ -124,7 +124,7 @@ def _without(compared: Compared, tolerances: tuple[str, ...]) -> Compared:
 
 def changes(compared: Compared, effects: Sequence[Effect], settings: Values) -> Complex:
     """Return what effects at some settings make of a residual, shape (row, line)."""
-    return compared.lines.transform(together(effects, compared.trial, settings))
+    return compared.lines.transform(together(effects, compared.flown, settings))
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,7 +233,11 @@ def _about(
     value: Array,
     scale: Array,
 ) -> Evidence:
-    """Return the evidence of small departures from settings."""
+    """Return the evidence of small departures from settings.
+
+    What the settings make is told by the flight as it was, with the motion that the gap itself made; small
+    departures by what the injected signals made, which no noise is in (instrumental variables).
+    """
     taken = []
     for c in compared:
         settings = _settings(names, value)
@@ -245,8 +249,7 @@ def _about(
             other = {**settings, identifier: {**settings[identifier], name: float(up)}}
             moved = together(effects, c.trial, other) - at
             columns[f"{identifier}:{name}"] = c.lines.transform(moved) / (up - value[k])
-        here = c.lines.transform(at)
-        taken.append((here, columns))
+        taken.append((changes(c, effects, settings), columns))
     return evidence_of(compared, changes=taken)
 
 

@@ -39,7 +39,10 @@ class Compared:
     measured : Histories
     predicted : ndarray, shape (response, sample)
     trial : Trial
-        Of the same manoeuvre without its noise; signatures and changes come from it.
+        Of what the injected signals alone would have made of the manoeuvre, where that is known, else of the
+        manoeuvre without its noise; signatures and tolerances come from it.
+    smoothed : Maneuver
+        Without its noise, as it was flown.
     lines : Lines
     residual : ndarray of complex, shape (row, line)
         Units of the rows times sqrt(s).
@@ -66,6 +69,7 @@ class Compared:
     measured: Histories
     predicted: Array
     trial: Trial
+    smoothed: Maneuver
     lines: Lines
     residual: Complex
     noise: Noise
@@ -82,6 +86,12 @@ class Compared:
     def rows(self) -> tuple[Row, ...]:
         """Of residual, signatures and tolerances."""
         return self.trial.measured.rows
+
+    @cached_property
+    def flown(self) -> Trial:
+        """Of the manoeuvre as it was flown, by which large changes are told: the gap moved the flight too."""
+        same = self.smoothed is self.trial.maneuver
+        return self.trial if same else Trial.of(self.trial.simulation, self.smoothed)
 
     @cached_property
     def white_common(self) -> dict[str, Array]:
@@ -143,8 +153,12 @@ def compare(
     expected = {f"effector/{n}": x for n, x in positions.items()}
     for name, row in zip(simulation.responses, predicted, strict=True):
         expected[f"response/{name}" if f"response/{name}" in record else f"state/{name}"] = row
-    quieted = quiet(record, noisy_channels(record), expected, driven(simulation, maneuver, lines))
+    alone = driven(simulation, maneuver, lines)
+    quieted = quiet(record, noisy_channels(record), expected, alone)
     trial = Trial.of(simulation, Maneuver(quieted.record, maneuver.vehicle))
+    smoothed = trial.maneuver
+    if alone:
+        smoothed = Maneuver(quiet(record, noisy_channels(record), expected).record, maneuver.vehicle)
     own_noise, added = draws(simulation, maneuver, lines, measured, predicted, quieted.sigma, count, seed)
     shape = np.sqrt(form(trial, lines, sizes) / 2)
     rng = np.random.default_rng([seed, 3])
@@ -167,6 +181,7 @@ def compare(
         measured=measured,
         predicted=predicted,
         trial=trial,
+        smoothed=smoothed,
         lines=lines,
         residual=z,
         noise=noise,

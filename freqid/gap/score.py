@@ -144,7 +144,7 @@ def followed(c: Compared, effects: Sequence[Effect], settings: Settings) -> tupl
 
     Without what lies above the band; each of shape (row, sample).
     """
-    trial, dt, top = c.trial, c.lines.dt, float(c.lines.hz[-1])
+    trial, dt, top = c.flown, c.lines.dt, float(c.lines.hz[-1])
     total = together(effects, trial, settings)
     before = trial.rows(c.predicted, trial.positions)
     found = []

@@ -89,7 +89,7 @@ def _history(
     time = c.maneuver.record.time
     every = max(1, time.size // _COLUMNS)
     measured, before, after = (h[:, ::every] for h in histories)
-    simulated = c.lines.transform(c.trial.rows(c.predicted, c.trial.positions))
+    simulated = c.lines.transform(c.flown.rows(c.predicted, c.flown.positions))
     return BeforeAfter(
         maneuver=name,
         held_out=held_out,

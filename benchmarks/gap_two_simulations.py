@@ -109,11 +109,11 @@ def la8(kind: str, seed: int) -> Rivals:
     from freqid.gap.connect.scenario import ScenarioSimulation
     from freqid.simulate.maneuver import with_effects
 
-    flights = [Maneuver.of(flown(at, (), noise=1.0, seed=7000 + seed, signals=seed % 3)) for at in AT]
+    flights = [Maneuver.of(flown(at, (), noise=1.0, seed=8000 + seed, signals=seed % 3)) for at in AT]
     if kind == "equal":
-        a, b = (scattered(5000 + 2 * seed + k)[0] for k in (0, 1))
+        a, b = (scattered(6000 + 2 * seed + k)[0] for k in (0, 1))
     else:  # the same airframe, with the wake that was flown and with half of it
-        b = scattered(5000 + seed)[0]
+        b = scattered(6000 + seed)[0]
         a = with_effects(b, {"wing_wake": {"strength": 0.5}})
     pair = (ScenarioSimulation(a, name="A"), ScenarioSimulation(b, name="B"))
     return compare_two(pair, flights, ALLOWED, STATED, BAND, count=DRAWS, seed=seed)

@@ -100,7 +100,7 @@ def before_and_after(findings: Findings, data: FlightRecord) -> tuple[float, flo
     compared = (findings.held_out or findings.compared)[0]
     refit = findings.refits[EFFECT]
     left = data["response/CZ"] - compared.predicted[0]
-    change = together(refit.effects, compared.trial, refit.settings)
+    change = together(refit.effects, compared.flown, refit.settings)
     return rms(left, data.dt), rms(left - change.direct[0], data.dt)
 
 

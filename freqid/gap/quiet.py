@@ -147,8 +147,18 @@ def sensor_noise(record: FlightRecord, names: Sequence[str]) -> dict[str, float]
 
 
 def noisy_channels(record: FlightRecord) -> list[str]:
-    """Return the measured channels that a residual may depend on."""
+    """Return the measured channels that a residual may depend on.
+
+    An effector that is logged exactly as it was commanded has no sensor: what looks like noise in it was
+    flown, by feedback of noise or by quick commands.
+    """
     states = [f"state/{n}" for n in (*MOTION, *FELT, *ATTITUDE)]
     air = [f"air/{n}" for n in ("V", "alpha", "beta")]
     given = [f"{group}/{n}" for group in ("effector", "response") for n in record.group(group)]
-    return [n for n in (*states, *air) if n in record] + given
+    return [n for n in (*states, *air, *given) if n in record and not _as_commanded(record, n)]
+
+
+def _as_commanded(record: FlightRecord, name: str) -> bool:
+    group, _, effector = name.partition("/")
+    sent = f"command/{effector}"
+    return group == "effector" and sent in record and np.array_equal(record[name], record[sent])

@@ -38,12 +38,11 @@ def drone(script, shared_data):
         pytest.skip("the nano-drone's logs are not in ../shared/data/nanodrone")
     used = {n: benchmark.record(n) for n in benchmark.USED}
     kept = {n: benchmark.record(n) for n in (benchmark.KEPT[0], benchmark.KEPT[3])}
-    return benchmark, benchmark.diagnosed(used, kept), kept
+    return benchmark, benchmark.diagnosed(used, kept), used, kept
 
 
-@pytest.mark.xfail(reason="tolerances of derivatives move the thrust constant 10 % off its known value")
 def test_thrust_is_nearer_with_the_battery_and_nearest_with_motor_speeds(drone):
-    benchmark, found, _ = drone
+    benchmark, found, used, _ = drone
     effects = benchmark.load_file(benchmark.EFFECTS)
     (command, battery), (same, speed) = (
         benchmark.rms(found.compared, effects[name], found.refits[name].settings, "Z")
@@ -51,15 +50,22 @@ def test_thrust_is_nearer_with_the_battery_and_nearest_with_motor_speeds(drone):
     )
     assert command == same
     assert battery < 0.85 * command
-    assert speed < battery
+    assert speed < 0.75 * battery
     assert speed < 0.65 * command  # published 0.0440 N and 0.0257 N, with other filters: 0.58
     alone = next(c for c in found.diagnosis.how_far if c.effects == ("measured_speed",))
     measured = alone.settings["measured_speed"]
-    assert measured["thrust_constant"].lo < 3.72e-8 < measured["thrust_constant"].hi
+    constant = measured["thrust_constant"]
+    # lines leave out the mean, so the interval is about the slope of a straight line; published is the ratio
+    for flight in used.values():
+        turning = benchmark.squares(flight.matrix(f"effector/n{i}" for i in (1, 2, 3, 4)))
+        assert constant.lo < np.polyfit(turning, -flight["response/Z"], 1)[0] < constant.hi
+    assert constant.estimate == pytest.approx(3.72e-8, rel=0.05)
+    # motors' speeds make all of the thrust, commands none
+    assert measured["share"].lo < 1 < measured["share"].hi
 
 
 def test_rotor_drag_is_said_not_to_transfer_to_the_square(drone):
-    benchmark, found, kept = drone
+    benchmark, found, _, kept = drone
     effect = benchmark.load_file(benchmark.EFFECTS)["rotor_drag"]
     settings = found.refits["rotor_drag"].settings
     said = []

@@ -33,6 +33,16 @@ def test_noise_of_each_sensor_is_found(noise):
         assert sigma == pytest.approx(noise * SIGMA[name], rel=4 / np.sqrt(2 * 1200)), name
 
 
+def test_an_effector_logged_as_it_was_commanded_has_no_sensor():
+    record = fly(noise=1.0, duration=20.0, seed=5).record
+    surface = next(n for n in noisy_channels(record) if n.startswith("effector/"))
+    sent = replace(record.channel(surface), name=surface.replace("effector/", "command/"))
+    known = noisy_channels(record.with_channels(sent))
+    assert known == [n for n in noisy_channels(record) if n != surface]
+    other = replace(sent, values=np.roll(sent.values, 1))  # as commanded, a sample late: it was measured
+    assert noisy_channels(record.with_channels(other)) == noisy_channels(record)
+
+
 def test_noise_of_a_slow_sensor_is_that_of_its_samples():
     """Logged 20 times a second, joined by straight lines on a clock of 50: what lies between is no noise."""
     clean = fly(duration=60.0).record

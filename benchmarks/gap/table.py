@@ -1,53 +1,56 @@
 """The table of open cases: how often a gap is found, named, placed and closed, with Wilson intervals.
 
-    python benchmarks/gap/table.py FOLDER
+    python benchmarks/gap/table.py FOLDER...
 
-FOLDER is that of run.py; ``cases.csv`` beside this script gets one row a case. Without a folder the table
-is made of that file.
+Folders are those of run.py; ``cases.csv`` beside this script gets one row a case. Without a folder the table
+is made of that file. Probabilities are cross-fitted: each case is told by a calibration that has not seen it.
 """
 
 from __future__ import annotations
 
 import csv
-import json
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from known import alike, known_cases, read, told_by, top_group
+
+from freqid.gap.calibrate import Table, filled
+from freqid.gap.fit_table import cross_fitted
 
 CSV = Path(__file__).resolve().with_name("cases.csv")
 STRATA = (15, 50, 200)
-ALIKE = 5.4  # lambda (1 - c) below which two names count as one
+FOLDS = 5
 LISTED = 0.1
 _AXES = ("row", "band", "input")
 NOT_EFFECTS = ("none", "other")
 
 
-def row_of(found: dict[str, Any]) -> dict[str, Any]:
-    """Return one case as a row."""
+def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
+    """Return one case, as a calibration tells it, as a row."""
     case, which = found["case"], found["which"]
     truths = [t["id"] for t in found["truth"]]
-    chances = which["probabilities"]
-    top = max(chances, key=chances.get)
+    chances = told_by(found, table)
+    top = max(chances, key=lambda n: chances[n])
     lam = found.get("lambda") or 0.0
-    like = found.get("likeness", {})
-    same = set(truths) | {n for n, c in like.items() if case["kind"] == "single" and lam * (1 - c) < ALIKE}
-    group = next((set(g) for g in which["aliases"] if top in g), {top})
-    exists, names = found["gap"]["exists"], set(which["set"])
+    same = alike(found)
+    exists, names = found["gap"]["exists"], set(filled(chances, table.set_level))
+    group = top_group(found, top)
     named = exists and top not in NOT_EFFECTS and names <= group
     judged = {j["name"]: j for j in found["judged"] if "+" not in j["name"]}
     effects = {n: j for n, j in judged.items() if n not in NOT_EFFECTS}
     sparse = [n.partition(":")[0] for n, _ in found["sparse"]]
     by = {
-        "bic": max(effects, key=lambda n: effects[n]["evidence"]),
+        "bic": max(effects, key=lambda n: _bic(effects[n], found["rows"])),
         "gain": max(effects, key=lambda n: effects[n]["gain"] or 0.0),
         "sparse": sparse[0] if sparse else "none",
     }
     where = (
         {f"f1_{a}": _f1(found["where"][a], found["truth_where"][a]) for a in found["where"]} if truths else {}
     )
+    right = same if truths else {"none"}
     closed = found.get("closure", {})
     covered = [_covers(t, which["parameters"].get(t["id"], {})) for t in found["truth"] if t["form"] == "own"]
     return {
@@ -69,13 +72,15 @@ def row_of(found: dict[str, Any]) -> dict[str, Any]:
         "p_top": f"{chances[top]:.3f}",
         "p_truth": f"{sum(chances.get(t, 0.0) for t in truths):.3f}",
         "p_class": f"{sum(chances.get(t, 0.0) for t in same):.3f}",
-        "brier": f"{_brier(chances, same if truths else {'none'}):.3f}",
+        "brier": f"{_brier(chances, right):.3f}",
         "named": int(named),
         "right": int(bool(same & group)) if named else "",
         "set": " ".join(sorted(names)),
-        "set_covers": int(bool(names & (same if truths else {"none"}))),
+        "set_covers": int(bool(names & right)),
         "pair": "+".join(sorted(which["pair"])),
         **{f"{how}_right": int(name in same) for how, name in by.items()},
+        **{f"{how}_brier": f"{_brier({name: 1.0}, right):.3f}" for how, name in by.items() if how != "bic"},
+        "bic_brier": f"{_brier(_by_bic(effects, found['rows']), right):.3f}",
         **{f"{how}_top": name for how, name in by.items()},
         **{f"f1_{a}": where.get(f"f1_{a}", "") for a in ("row", "band", "input")},
         "interval_covers": covered[0] if len(covered) == 1 and case["kind"] == "single" else "",
@@ -85,6 +90,19 @@ def row_of(found: dict[str, Any]) -> dict[str, Any]:
         "version": found["version"],
         "code": found["code"],
     }
+
+
+def _bic(judged: dict[str, Any], rows: int) -> float:
+    """Return half the fall of the Bayesian information criterion."""
+    return (judged["gain"] or 0.0) - 0.5 * judged["parameters"] * np.log(rows)
+
+
+def _by_bic(effects: dict[str, Any], rows: int) -> dict[str, float]:
+    """Return probabilities by the criterion alone, none among them."""
+    logs = {n: _bic(j, rows) for n, j in effects.items()} | {"none": 0.0}
+    most = max(logs.values())
+    weight = {n: float(np.exp(x - most)) for n, x in logs.items()}
+    return {n: w / sum(weight.values()) for n, w in weight.items()}
 
 
 def _brier(chances: dict[str, float], same: set[str]) -> float:
@@ -209,16 +227,20 @@ def _number(value: Any) -> bool:
 
 def main() -> None:
     if len(sys.argv) > 1:
-        files = sorted((Path(sys.argv[1]) / "cases").glob("*.json"))
-        rows = [row_of(json.loads(f.read_text())) for f in files if f.name != "units.json"]
-        rows.sort(key=lambda r: (r["kind"], r["truth"], r["form"], r["stratum"], r["seed"]))
+        found = read(sys.argv[1:])
+        fold = np.array([f["case"]["seed"] % FOLDS for f in found])
+        tables = cross_fitted(known_cases(found), fold=fold)
+        rows = [row_of(f, tables[k]) for f, k in zip(found, fold, strict=True)]
+        rows.sort(key=lambda r: (r["vehicle"], r["kind"], r["truth"], r["form"], r["stratum"], r["seed"]))
         with CSV.open("w", newline="") as file:
             writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
             writer.writeheader()
             writer.writerows(rows)
     with CSV.open(newline="") as file:
-        read = list(csv.DictReader(file))
-    print("\n".join(table(read)))
+        known = list(csv.DictReader(file))
+    print("\n".join(table(known)))
+    for vehicle in sorted({r["vehicle"] for r in known}):
+        print(f"\n{vehicle} alone\n" + "\n".join(table([r for r in known if r["vehicle"] == vehicle])))
 
 
 if __name__ == "__main__":

@@ -268,16 +268,6 @@ def _pade(delay: float) -> Callable[[np.ndarray], np.ndarray]:
     return lambda s: (1 - s * delay / 2) / (1 + s * delay / 2)
 
 
-def _commands_ahead(record: FlightRecord, size: float, place: str) -> FlightRecord:
-    """Commands logged earlier than they arrive, by a first-order Pade form in place of a pure delay."""
-    del place
-    names = [n for g in ("command", "excitation") for n in (f"{g}/{e}" for e in record.group(g))]
-    earlier = [
-        replace(record.channel(n), values=_filtered(record[n], record.dt, _pade(-size))) for n in names
-    ]
-    return record.with_channels(*earlier)
-
-
 _SKEWED = {
     "velocity": ("state/u", "state/v", "state/w", "air/V", "air/alpha", "air/beta"),
     "rates": ("state/p", "state/q", "state/r"),
@@ -549,7 +539,7 @@ def _flown(effect: str, *names: str) -> Callable[[float, str], Settings]:
 
 
 OTHER = (
-    Truth("actuator_delay", "pade", 0.01, 0.1, record=_commands_ahead),
+    Truth("actuator_delay", "by kind", 1.0, 12.0, settings=_flown("actuator_delay", "strength")),
     Truth("actuator_lag", "damped", 0.01, 0.5, scenario=_damped_servos),
     Truth("motor_lag", "uneven", 0.02, 0.5, scenario=_slow_motors),
     Truth("rate_limit", "apart", 3.0, 30.0, scenario=_limits_apart),

@@ -25,6 +25,7 @@ APART = 5.4
 CONSIDERED = 0.005
 """Probability from which an effect can share a name with the likeliest."""
 
+_AS_GOOD = 2.0  # half misfit, beyond one for each parameter, by which a fit may be the worse and yet as good
 _KEPT = 0.1  # probability that effects have at most where no gap is called
 
 
@@ -121,6 +122,22 @@ def aliases(
     return joined(list(known), apart)
 
 
+def _as_good(
+    judged: Sequence[Judged], evidence: Evidence, leading: str, besides: Sequence[str]
+) -> list[str]:
+    """Return further effects that fit as well as the leading one, for each of their parameters.
+
+    What is unlikely only because its size would be unusual is not told apart by data.
+    """
+    gain = {
+        j.name: float(evidence.likelihood_gain(j.best)[0]) - len(j.best.columns)
+        for j in judged
+        if "+" not in j.name and j.name != OTHER
+    }
+    close = [n for n, x in gain.items() if x > gain.get(leading, np.inf) - _AS_GOOD and n not in besides]
+    return [n for n in close if aliases(judged, evidence, (leading, n))]
+
+
 def joined(names: Sequence[str], apart: Callable[[str, str], float]) -> tuple[tuple[str, ...], ...]:
     """Return groups of names whose expected separation is below `APART`."""
     groups: list[set[str]] = []
@@ -154,7 +171,8 @@ def which(
     table : Table
     """
     chances = probabilities(judged, table, exists)
-    considered = [n for n, p in chances.items() if p > CONSIDERED and n not in (NONE, OTHER)]
+    likely = {n: p for n, p in chances.items() if p > CONSIDERED and n not in (NONE, OTHER)}
+    considered = [*likely, *_as_good(judged, evidence, next(iter(likely), ""), tuple(likely))]
     groups = aliases(judged, evidence, considered) if exists else ()
     return Which(
         probabilities=chances,

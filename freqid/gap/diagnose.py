@@ -13,12 +13,11 @@ from freqid.core.diagnosis import Closure, Existence, GapDiagnosis, Which
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.gap_map import GapMap
 from freqid.core.record import Maneuver
-from freqid.gap import attribute, calibrate, locate, score
+from freqid.gap import attribute, calibrate, calibration, locate, score
 from freqid.gap.attribute import LEAST_ODDS, NONE, OTHER, Judged
 from freqid.gap.close import Refit, starting
 from freqid.gap.compare import Compared, compare, evidence_of
 from freqid.gap.evidence import Evidence, Hypothesis
-from freqid.gap.fit_table import UNCALIBRATED
 from freqid.gap.reach import first_order_size
 from freqid.gap.self_test import Tested, self_test
 from freqid.gap.signature import GIVEN
@@ -145,14 +144,15 @@ def diagnose(
     not_tested = {i: why for c in used for i, why in c.not_tested.items()}
     seen = {j.name for j in judged}
     not_tested |= {i: _IDLE for i in library if i not in seen and i not in not_tested}
+    table, why = calibration.table_for(used, q.tolerances)
     tested = (
-        self_test(used, evidence, judged, library, UNCALIBRATED, q.level, seed=q.seed, tell=tell)
+        self_test(used, evidence, judged, library, table, q.level, seed=q.seed, tell=tell)
         if q.self_test
         else None
     )
     if tested:
         existence = replace(existence, smallest_detectable=_reached(existence, tested, evidence, judged))
-    table = tested.table if tested else UNCALIBRATED
+    table = tested.table if tested else table
     which = calibrate.which(judged, evidence, library, not_tested, existence.exists, INTERVAL, table)
     for name in q.named:
         if name not in library:
@@ -173,7 +173,7 @@ def diagnose(
         where=where,
         which=which,
         how_far=tuple(closures),
-        remarks=tuple(_remarks(used, simulation)),
+        remarks=(*_remarks(used, simulation), *_of_calibration(which, why)),
         self_test=tested.result if tested else None,
     )
     return Findings(diagnosis, used, kept, evidence, judged, found, refits, explained)
@@ -306,6 +306,12 @@ def _start(
     )
     value = evidence.estimate(joint).value
     return {n: starting(library[n], evidence, joint, value, used[0].trial) for n in group}
+
+
+def _of_calibration(which: Which, why: str) -> list[str]:
+    if which.calibrated:
+        return []
+    return [f"the probabilities are not calibrated here: {why}; --self-test calibrates them on these flights"]
 
 
 def _remarks(used: Sequence[Compared], simulation: Simulation) -> list[str]:

@@ -196,8 +196,11 @@ def sized(truth: Truth, place: str, target: float, noise: float, folder: Path) -
     path = folder / f"{name}.txt"
     if path.is_file():
         return float(path.read_text())
+    known = _scaled(truth, place, target, folder)
+    if known:
+        return min(known, truth.most)
     tried: dict[float, float] = {}
-    size = _begin(truth, place, target, folder)
+    size = truth.one
     for _ in range(7):
         size = min(size, truth.most)
         try:
@@ -232,12 +235,12 @@ def sized(truth: Truth, place: str, target: float, noise: float, folder: Path) -
     return size
 
 
-def _begin(truth: Truth, place: str, target: float, folder: Path) -> float:
-    """Return where a search begins: at a size that was found at another detectability, or a plausible one."""
+def _scaled(truth: Truth, place: str, target: float, folder: Path) -> float | None:
+    """Return the size that goes with one found at another detectability; what a case has is measured in it."""
     for path in sorted(folder.glob(f"{truth.id}-{truth.form}-{place or 'all'}-*.txt".replace(" ", "_"))):
         at = float(path.stem.rsplit("-", 2)[1])
         return float(path.read_text()) * float(np.sqrt(target / at))
-    return truth.one
+    return None
 
 
 def nuisance(number: int) -> dict[str, float]:

@@ -60,7 +60,8 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
         "form": "+".join(t["form"] for t in found["truth"]),
         "place": "+".join(t["place"] for t in found["truth"]),
         "size": " ".join(f"{t['size']:.4g}" for t in found["truth"]),
-        "stratum": case["lam"],
+        "stratum": _stratum(case, lam),
+        "asked": case["lam"],
         "lambda": f"{lam:.4g}",
         "seed": case["seed"],
         "noise": case["noise"],
@@ -90,6 +91,17 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
         "version": found["version"],
         "code": found["code"],
     }
+
+
+def _stratum(case: dict[str, Any], lam: float) -> int:
+    """Return the stratum that the detectability measured in a case is nearest to, 0 where it is below all.
+
+    In gusts two flights are not alike but for the truth: there it is the one that was asked for.
+    """
+    if case["kind"] not in ("single", "outside") or case["gusts"]:
+        return case["lam"]
+    near = min(STRATA, key=lambda s: abs(np.log(max(lam, 1e-9) / s)))
+    return near if lam > STRATA[0] / 2 else 0
 
 
 def _bic(judged: dict[str, Any], rows: int) -> float:

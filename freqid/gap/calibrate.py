@@ -122,9 +122,7 @@ def aliases(
     return joined(list(known), apart)
 
 
-def _as_good(
-    judged: Sequence[Judged], evidence: Evidence, leading: str, besides: Sequence[str]
-) -> list[str]:
+def _as_good(judged: Sequence[Judged], evidence: Evidence, leading: str, besides: Sequence[str]) -> list[str]:
     """Return further effects that fit as well as the leading one, for each of their parameters.
 
     What is unlikely only because its size would be unusual is not told apart by data.

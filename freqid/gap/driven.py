@@ -23,6 +23,7 @@ from freqid.identify.instruments import driven_maneuvers
 Array = NDArray[np.float64]
 
 _ALIKE = 0.5  # of the rates' motion, that a simulation's own flight may miss and still stand for the record
+_USELESS = 1.5  # from which it is no flight of the kind; gusts alone make about one
 _NO_CLOSER = 1.15  # times what a fitted loop misses
 _FED_BACK = 0.05  # of the injected signals, that commands may hold beside them
 _RATES = ("state/p", "state/q", "state/r")
@@ -59,7 +60,7 @@ def driven(simulation: Simulation, maneuver: Maneuver, lines: Lines) -> dict[str
     loop = _by_fitted_loop(maneuver, lines)
     # where a loop fitted to the record hardly comes closer, gusts are what is missed
     found = own if missed < _NO_CLOSER * _missed(record, loop) else loop
-    return found if _missed(record, found) < 1 else {}
+    return found if _missed(record, found) < _USELESS else {}
 
 
 def _missed(record: FlightRecord, found: dict[str, Array]) -> float:

@@ -236,7 +236,7 @@ def sized(truth: Truth, place: str, target: float, noise: float, folder: Path) -
 
 
 def _scaled(truth: Truth, place: str, target: float, folder: Path) -> float | None:
-    """Return the size that goes with one found at another detectability; what a case has is measured in it."""
+    """Return the size that goes with one found at another detectability; each case measures its own."""
     for path in sorted(folder.glob(f"{truth.id}-{truth.form}-{place or 'all'}-*.txt".replace(" ", "_"))):
         at = float(path.stem.rsplit("-", 2)[1])
         return float(path.read_text()) * float(np.sqrt(target / at))

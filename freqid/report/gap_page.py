@@ -73,8 +73,6 @@ def build_gap_page(result: GapResult) -> str:
 def _findings(result: GapResult) -> list[Finding]:
     d = result.diagnosis
     said = [finding("bad" if d.gap.exists else "good", "{}", d.verdict)]
-    if not d.which.calibrated and d.gap.exists:
-        said.append(finding("note", "The probabilities are not calibrated for this simulation and flights."))
     said += [finding("note", "These data cannot separate {}.", ", ".join(group)) for group in d.which.aliases]
     said += [finding("note", "{}.", remark) for remark in d.remarks]
     return said

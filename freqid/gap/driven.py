@@ -60,7 +60,8 @@ def driven(simulation: Simulation, maneuver: Maneuver, lines: Lines) -> dict[str
     loop = _by_fitted_loop(maneuver, lines)
     # where a loop fitted to the record hardly comes closer, gusts are what is missed
     found = own if missed < _NO_CLOSER * _missed(record, loop) else loop
-    return found if _missed(record, found) < _USELESS else {}
+    # a fitted loop holds no slow motion: it stands for the record where it explains every rate
+    return found if _missed(record, found) < (_USELESS if found is own else 1) else {}
 
 
 def _missed(record: FlightRecord, found: dict[str, Array]) -> float:
@@ -109,7 +110,7 @@ def _of_motion(record: FlightRecord, moved: FlightRecord) -> dict[str, Array]:
     time = record.time - record.time.mean()
     found = {}
     for name, path in attitude.items():
-        angle = cumulative_trapezoid(slopes[name], dx=dt, initial=0.0)
+        angle = cumulative_trapezoid(slopes[name], dx=dt, initial=0)
         level = np.unwrap(record[path]).mean()
         found[path] = level + angle - np.polyval(np.polyfit(time, angle, 1), time)
     if all(n in record for n in (*_VELOCITY, *_FELT)):

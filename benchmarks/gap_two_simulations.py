@@ -139,7 +139,7 @@ def wilson(k: int, n: int) -> tuple[float, float]:
     z, rate = 1.96, k / n
     centre = (rate + z * z / (2 * n)) / (1 + z * z / n)
     half = z * np.sqrt(rate * (1 - rate) / n + z * z / (4 * n * n)) / (1 + z * z / n)
-    return centre - half, centre + half
+    return max(centre - half, 0.0), min(centre + half, 1.0)
 
 
 def row(simulation: str, kind: str, count: int, judged: Callable[[str, int], Rivals]) -> list[str]:

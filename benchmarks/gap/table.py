@@ -172,7 +172,7 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
     """Return the lines of the table."""
     of = {k: [r for r in rows if r["kind"] == k] for k in ("null", "single", "double", "outside")}
     calm = [r for r in of["null"] if not float(r["gusts"])]
-    single = of["single"]
+    single = [r for r in of["single"] if int(r["stratum"])]
     found = [r for r in single if int(r["detected"])]
     both = [int(r["pair"] == "+".join(sorted(r["truth"].split("+")))) for r in of["double"]]
     either = [int(r["top"] in r["truth"].split("+")) for r in of["double"]]
@@ -217,9 +217,14 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
         f"doubles: top is one of them      {rate(either)}",
         "comparators, right name of all singles (aliases merged):",
         f"  this tool's likeliest          {rate(int(_top_right(r)) for r in single)}",
-        f"  evidence alone                 {rate(r['bic_right'] for r in single)}",
+        f"  criterion alone (BIC)          {rate(r['bic_right'] for r in single)}",
         f"  largest residual reduction     {rate(r['gain_right'] for r in single)}",
         f"  sparse regression's first      {rate(r['sparse_right'] for r in single)}",
+        "Brier score of singles:",
+        f"  this tool                      {_mean(r['brier'] for r in single)}",
+        f"  criterion alone (BIC)          {_mean(r['bic_brier'] for r in single)}",
+        f"  largest residual reduction     {_mean(r['gain_brier'] for r in single)}",
+        f"  sparse regression's first      {_mean(r['sparse_brier'] for r in single)}",
         "by effect: found, top name right, of",
     ]
     for name in sorted({r["truth"] for r in single}):

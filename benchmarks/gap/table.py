@@ -50,7 +50,7 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
     where = (
         {f"f1_{a}": _f1(found["where"][a], found["truth_where"][a]) for a in found["where"]} if truths else {}
     )
-    right = same if truths else {"none"}
+    right = {"null": {"none"}, "outside": {"other"}}.get(case["kind"], same)
     closed = found.get("closure", {})
     covered = [_covers(t, which["parameters"].get(t["id"], {})) for t in found["truth"] if t["form"] == "own"]
     return {
@@ -220,6 +220,16 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
         f"  criterion alone (BIC)          {rate(r['bic_right'] for r in single)}",
         f"  largest residual reduction     {rate(r['gain_right'] for r in single)}",
         f"  sparse regression's first      {rate(r['sparse_right'] for r in single)}",
+        "Brier score of singles and nulls, each by half:",
+        *(
+            f"  {label:<30} {np.mean([np.mean([float(r[c]) for r in k]) for k in (single, of['null']) if k]):.3f}"
+            for label, c in (
+                ("this tool", "brier"),
+                ("criterion alone (BIC)", "bic_brier"),
+                ("largest residual reduction", "gain_brier"),
+                ("sparse regression's first", "sparse_brier"),
+            )
+        ),
         "Brier score of singles:",
         f"  this tool                      {_mean(r['brier'] for r in single)}",
         f"  criterion alone (BIC)          {_mean(r['bic_brier'] for r in single)}",

@@ -221,15 +221,7 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
         f"  largest residual reduction     {rate(r['gain_right'] for r in single)}",
         f"  sparse regression's first      {rate(r['sparse_right'] for r in single)}",
         "Brier score of singles and nulls, each by half:",
-        *(
-            f"  {label:<30} {np.mean([np.mean([float(r[c]) for r in k]) for k in (single, of['null']) if k]):.3f}"
-            for label, c in (
-                ("this tool", "brier"),
-                ("criterion alone (BIC)", "bic_brier"),
-                ("largest residual reduction", "gain_brier"),
-                ("sparse regression's first", "sparse_brier"),
-            )
-        ),
+        *(f"  {label:<30} {_halved(single, of['null'], column):.3f}" for label, column in _TOOLS),
         "Brier score of singles:",
         f"  this tool                      {_mean(r['brier'] for r in single)}",
         f"  criterion alone (BIC)          {_mean(r['bic_brier'] for r in single)}",
@@ -242,6 +234,19 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
         tops = " ".join(r["top"] if int(r["detected"]) else "-" for r in here)
         lines.append(f"  {name:<22} {sum(int(r['detected']) for r in here)}/{len(here)}  {tops}")
     return lines
+
+
+_TOOLS = (
+    ("this tool", "brier"),
+    ("criterion alone (BIC)", "bic_brier"),
+    ("largest residual reduction", "gain_brier"),
+    ("sparse regression's first", "sparse_brier"),
+)
+
+
+def _halved(single: Sequence[dict[str, Any]], null: Sequence[dict[str, Any]], column: str) -> float:
+    """Return the mean of a score over both kinds, each by half."""
+    return float(np.mean([np.mean([float(r[column]) for r in k]) for k in (single, null) if k]))
 
 
 def _top_right(row: dict[str, Any]) -> bool:

@@ -24,6 +24,7 @@ from freqid.core.record import Maneuver
 from freqid.gap import attribute, diagnose, locate
 from freqid.gap.attribute import OTHER
 from freqid.gap.close import Misfit, misfit, refit
+from freqid.gap.closures import start_of
 from freqid.gap.compare import compare, evidence_of
 from freqid.gap.diagnose import Findings, Question
 from freqid.gap.evidence import Evidence, Hypothesis
@@ -251,7 +252,7 @@ def _closed(found: Findings, parts: list[cases.Part], case: dict[str, Any]) -> d
                 seed=70 + i,
             )
         )
-    start = diagnose._start((effect.id,), found.evidence, found.judged, {effect.id: effect}, found.compared)
+    start = start_of((effect.id,), found.evidence, found.judged, {effect.id: effect}, found.compared)
     fitted = refit(found.compared, [effect], start)
     share = misfit(kept, [effect], fitted.settings).share(0.9)
     how = {"gusts": case["gusts"], "scatter": int(case["seed"]), "signals": 1}

@@ -181,6 +181,15 @@ def critical(null: Array, level: float) -> float:
     return max(high, LEAST_ODDS)
 
 
+def coefficients(judged: Judged, evidence: Evidence) -> dict[str, float]:
+    """Return the estimates of an explanation's best variant, by signature or tolerance."""
+    every = (*evidence.signatures, *evidence.tolerances)
+    return {
+        every[column - 1]: float(value)
+        for column, value in zip(judged.best.columns, judged.estimate.value, strict=True)
+    }
+
+
 def p_value(statistic: float, null: Array) -> float:
     """Return how often no gap gives this much or more, of null draws as `existence` makes them.
 

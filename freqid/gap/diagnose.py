@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
-from freqid.core.diagnosis import Closure, Existence, GapDiagnosis, Which
+from freqid.core.diagnosis import GapDiagnosis, Which
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.gap_map import GapMap
 from freqid.core.record import Maneuver
-from freqid.gap import attribute, calibrate, calibration, locate, score
-from freqid.gap.attribute import LEAST_ODDS, NONE, OTHER, Judged
-from freqid.gap.close import Refit, starting
+from freqid.gap import attribute, calibrate, calibration, locate, remarks, score
+from freqid.gap.attribute import NONE, Judged
+from freqid.gap.close import Refit
+from freqid.gap.closures import closures_of
 from freqid.gap.compare import Compared, compare, evidence_of
-from freqid.gap.evidence import Evidence, Hypothesis
-from freqid.gap.reach import first_order_size
-from freqid.gap.self_test import Tested, self_test
-from freqid.gap.signature import GIVEN
+from freqid.gap.evidence import Evidence
+from freqid.gap.existence import existence_of, with_reached
+from freqid.gap.self_test import self_test
 from freqid.gap.simulation import Simulation
 from freqid.simulate.effects.effect import Effect
 
@@ -31,8 +30,6 @@ LEVEL = 0.02
 
 INTERVAL = 0.90
 _IDLE = "it changes nothing in these manoeuvres"
-_SOUGHT = ("none", "other")
-_TOLD = 3  # effects that are closed without being asked for
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +137,7 @@ def diagnose(
     evidence = evidence_of(used, seed=q.seed)
     judged = attribute.judge(evidence, library)
     statistic, null = attribute.existence(judged)
-    existence = _existence(statistic, null, used, evidence, judged, library, q)
+    existence = existence_of(statistic, null, used, evidence, judged, library, q.level)
     not_tested = {i: why for c in used for i, why in c.not_tested.items()}
     seen = {j.name for j in judged}
     not_tested |= {i: _IDLE for i in library if i not in seen and i not in not_tested}
@@ -151,7 +148,7 @@ def diagnose(
         else None
     )
     if tested:
-        existence = replace(existence, smallest_detectable=_reached(existence, tested, evidence, judged))
+        existence = with_reached(existence, tested, evidence, judged)
     table = tested.table if tested else table
     which = calibrate.which(judged, evidence, library, not_tested, existence.exists, INTERVAL, table)
     for name in q.named:
@@ -160,11 +157,15 @@ def diagnose(
         if name in not_tested:
             raise UsageError(f"effect '{name}' cannot be tested here: {not_tested[name]}")
     leading = _leading(judged, which)
-    explained = locate.explained(used, (leading and _coefficients(leading, evidence)) or {})
+    explained = locate.explained(used, (leading and attribute.coefficients(leading, evidence)) or {})
     found = locate.gap_map(used, explained)
     where = tuple(found.places()) if existence.exists else ()
     tell("closing")
-    closures, refits = _closures(used, kept, names, evidence, judged, library, which, existence.exists, q)
+    closures, refits = (
+        closures_of(used, kept, names, evidence, judged, library, which, existence.exists, q.named, INTERVAL)
+        if q.close
+        else ([], {})
+    )
     diagnosis = GapDiagnosis(
         verdict=score.verdict(existence, where, found, which, closures),
         simulation=simulation.name,
@@ -173,7 +174,7 @@ def diagnose(
         where=where,
         which=which,
         how_far=tuple(closures),
-        remarks=(*_remarks(used, simulation), *_of_calibration(which, why)),
+        remarks=(*remarks.of_records(used, simulation), *remarks.of_calibration(which, why)),
         self_test=tested.result if tested else None,
     )
     return Findings(diagnosis, used, kept, evidence, judged, found, refits, explained)
@@ -194,46 +195,6 @@ def _compared(simulation: Simulation, maneuver: Maneuver, q: Question, i: int, n
         raise DataError(str(error), where=name) from None
 
 
-def _existence(
-    statistic: float,
-    null: Array,
-    used: Sequence[Compared],
-    evidence: Evidence,
-    judged: Sequence[Judged],
-    library: Mapping[str, Effect],
-    q: Question,
-) -> Existence:
-    """Return whether there is a gap, and what size of each effect would be found in 95 of 100 cases."""
-    p = attribute.p_value(statistic, null)
-    raw = sum(float((c.white(c.residual) ** 2).sum()) for c in used)
-    threshold = attribute.critical(null, q.level)
-    smallest, unit = {}, {}
-    count = len([j for j in judged if "+" not in j.name])
-    for j in judged:
-        if j.name == OTHER or "+" in j.name:
-            continue
-        options = len(attribute.variants(library[j.name], evidence))
-        smallest[j.name] = first_order_size(evidence, j.best, threshold, count, options)
-        parameter = evidence.signatures[j.best.columns[0] - 1].partition(":")[2].partition(GIVEN)[0]
-        unit[j.name] = library[j.name].parameters[parameter].unit
-    return Existence(
-        p < q.level and statistic > LEAST_ODDS, p, q.level, float(chi2.sf(raw, evidence.rows)), smallest, unit
-    )
-
-
-def _reached(
-    existence: Existence, tested: Tested, evidence: Evidence, judged: Sequence[Judged]
-) -> dict[str, float]:
-    """Return the smallest sizes found, by insertion where the effect was inserted at the place in question.
-
-    Without effects that no size within their range makes found.
-    """
-    known = {f"{r.effect}:{r.parameter}": r.size for r in tested.result.reach}
-    columns = {j.name: evidence.signatures[j.best.columns[0] - 1] for j in judged if j.name != OTHER}
-    found = {n: known.get(columns[n], size) for n, size in existence.smallest_detectable.items()}
-    return {n: size for n, size in found.items() if np.isfinite(size)}
-
-
 def _leading(judged: Sequence[Judged], which: Which) -> Judged | None:
     """Return the explanation that the gap is drawn by: the pair where one is called, else the likeliest."""
     if which.pair:
@@ -243,102 +204,3 @@ def _leading(judged: Sequence[Judged], which: Which) -> Judged | None:
         if name != NONE:
             return next((j for j in judged if j.name == name), None)
     return None
-
-
-def _coefficients(judged: Judged, evidence: Evidence) -> dict[str, float]:
-    every = (*evidence.signatures, *evidence.tolerances)
-    return {
-        every[column - 1]: float(value)
-        for column, value in zip(judged.best.columns, judged.estimate.value, strict=True)
-    }
-
-
-def _closures(
-    used: list[Compared],
-    kept: list[Compared],
-    names: Sequence[str],
-    evidence: Evidence,
-    judged: Sequence[Judged],
-    library: Mapping[str, Effect],
-    which: Which,
-    exists: bool,
-    q: Question,
-) -> tuple[list[Closure], dict[str, Refit]]:
-    """Return the closures asked for, or those of what was found."""
-    groups: list[tuple[str, ...]] = []
-    if not q.close:
-        return [], {}
-    if q.named:
-        groups = [q.named, *((n,) for n in q.named if len(q.named) > 1)]
-    elif exists:
-        if which.pair:
-            groups.append(which.pair)
-        likely = sorted(which.probabilities.items(), key=lambda item: -item[1])
-        groups += [(n,) for n, p in likely if n not in _SOUGHT and p > 0.02][:_TOLD]
-    closures, refits = [], {}
-    for group in groups:
-        closure, fitted = score.closure(
-            used,
-            kept,
-            names,
-            [library[n] for n in group],
-            _start(group, evidence, judged, library, used),
-            INTERVAL,
-        )
-        closures.append(closure)
-        refits["+".join(group)] = fitted
-    return closures, refits
-
-
-def _start(
-    group: Sequence[str],
-    evidence: Evidence,
-    judged: Sequence[Judged],
-    library: Mapping[str, Effect],
-    used: Sequence[Compared],
-) -> dict[str, dict[str, float]]:
-    """Return where the refit of effects begins: their linear estimates, jointly."""
-    best = [next(j for j in judged if j.name == n).best for n in group]
-    joint = Hypothesis(
-        "+".join(group),
-        tuple(dict.fromkeys(c for b in best for c in b.columns)),
-        tuple({c: s for b in best for c, s in zip(b.columns, b.scale, strict=True)}.values()),
-    )
-    value = evidence.estimate(joint).value
-    return {n: starting(library[n], evidence, joint, value, used[0].trial) for n in group}
-
-
-def _of_calibration(which: Which, why: str) -> list[str]:
-    if which.calibrated:
-        return []
-    return [f"the probabilities are not calibrated here: {why}; --self-test calibrates them on these flights"]
-
-
-def _remarks(used: Sequence[Compared], simulation: Simulation) -> list[str]:
-    said = []
-    if not any(c.lines.inputs for c in used):
-        said.append(
-            "the records hold no injected signals: where a gap lies by input cannot be told, and feedback "
-            "may make one effect look like another"
-        )
-    silent = {row.name for c in used for row in c.rows if row.kind == "kinematic"}
-    if not silent:
-        said.append(
-            "without velocities, specific forces and attitude, faults of the sensors cannot be told apart"
-        )
-    if all(not c.trial.positions and "actuator_delay" in c.not_tested for c in used):
-        said.append(
-            f"{simulation.name} has no actuators: what happens between command and position is not tested"
-        )
-    loud = [
-        c.rows[i].name
-        for c in used
-        for i in range(len(c.rows))
-        if c.rows[i].kind == "response" and np.median(c.noise.sensor_share[i]) < 0.25
-    ]
-    if loud:
-        told = ", ".join(dict.fromkeys(loud))
-        said.append(
-            f"in {told} most noise is not the sensors': turbulence, vibration or a strongly nonlinear gap"
-        )
-    return said

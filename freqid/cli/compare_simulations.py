@@ -25,7 +25,7 @@ class Asked:
     """How simulations are compared: scenario, effects, tolerances, band, level, draws and seed."""
 
     described: Scenario | None
-    library: Mapping[str, Effect]
+    candidates: Mapping[str, Effect]
     tolerances: Mapping[str, float]
     band_hz: tuple[float, float] | None
     level: float
@@ -97,7 +97,7 @@ def run(
     compared = compare_two(
         pair,
         every,
-        asked.library,
+        asked.candidates,
         asked.tolerances,
         band,
         level=asked.level,

@@ -58,9 +58,9 @@ def rehearsed(bench: Bench, inputs: SampledInputs, reference: Reference) -> Rehe
     like = min(
         bench.compared, key=lambda c: abs(known.get(c.maneuver.record.reference, np.inf) - reference.u)
     )
-    rivals = {n: bench.library[n] for n in bench.rivals if n in bench.library}
+    rivals = {n: bench.candidates[n] for n in bench.rivals if n in bench.candidates}
     return simulated(
-        bench.simulation, inputs, reference, like, rivals, bench.library, bench.sizes, bench.loops
+        bench.simulation, inputs, reference, like, rivals, bench.candidates, bench.sizes, bench.loops
     )
 
 

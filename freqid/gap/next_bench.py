@@ -35,7 +35,7 @@ class Bench:
     rivals : dict of Explanation
     pairs : tuple of tuple of str
         That are to be told apart.
-    library : dict of Effect
+    candidates : dict of Effect
     sizes : dict of float
         Tolerances.
     scenario : Scenario or None
@@ -49,7 +49,7 @@ class Bench:
     evidence: Evidence
     rivals: Mapping[str, Explanation]
     pairs: tuple[Pair, ...]
-    library: Mapping[str, Effect]
+    candidates: Mapping[str, Effect]
     sizes: Mapping[str, float]
     scenario: Scenario | None = None
     loops: dict[float, Any] = field(default_factory=dict)

@@ -70,7 +70,7 @@ def next_test(
         evidence=found.evidence,
         rivals={r.name: r for r in rivals},
         pairs=tuple(pairs_of(groups)),
-        library=library,
+        candidates=library,
         sizes=question.tolerances,
         scenario=scenario,
     )

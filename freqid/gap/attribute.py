@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
@@ -44,6 +44,8 @@ class Judged:
         The variant that data prefer.
     estimate : Estimate
         Its coefficients.
+    settings : dict of dict of float
+        Parameters by effect where it was weighed in full (`freqid.gap.finalists`), else nothing.
     """
 
     name: str
@@ -51,6 +53,7 @@ class Judged:
     null: Array
     best: Hypothesis
     estimate: Estimate
+    settings: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
 
 def variants(effect: Effect, evidence: Evidence) -> tuple[Hypothesis, ...]:

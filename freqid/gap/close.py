@@ -59,7 +59,7 @@ class Refit:
     @property
     def settings(self) -> dict[str, dict[str, float]]:
         """Refitted parameters by effect."""
-        return _settings(self.names, self.value)
+        return settings_of(self.names, self.value)
 
 
 def refit(compared: Sequence[Compared], effects: Sequence[Effect], start: Values) -> Refit:
@@ -92,7 +92,7 @@ def refit(compared: Sequence[Compared], effects: Sequence[Effect], start: Values
     covariance, undetermined = np.diag(scale**2), ()
     best, least = value, np.inf
     for _ in range(_ROUNDS):
-        evidence = _about(compared, effects, names, value, scale)
+        evidence = about(compared, effects, names, value, scale)
         left = float(evidence.metric[0, 0])
         if left > least + _WORSE:
             # too far: tolerances take up a delay's straight line, and its curve misleads
@@ -226,21 +226,36 @@ def _expected(compared: Compared, name: str) -> float:
     return _GENEROUS * compared.scales[name]
 
 
-def _about(
+def about(
     compared: Sequence[Compared],
     effects: Sequence[Effect],
     names: Sequence[tuple[str, str]],
     value: Array,
     scale: Array,
+    *,
+    null: bool = True,
 ) -> Evidence:
     """Return the evidence of small departures from settings.
 
+    Parameters
+    ----------
+    compared : sequence of Compared
+    effects : sequence of Effect
+    names : sequence of tuple of str
+        Effect id and parameter.
+    value, scale : ndarray, shape (parameter,)
+        Settings, and what is expected of them.
+    null : bool
+        Whether null draws are wanted too.
+
+    Notes
+    -----
     What the settings make is told by the flight as it was, with the motion that the gap itself made; small
     departures by what the injected signals made, which no noise is in (instrumental variables).
     """
     taken = []
     for c in compared:
-        settings = _settings(names, value)
+        settings = settings_of(names, value)
         at, columns = together(effects, c.trial, settings), {}
         for k, (identifier, name) in enumerate(names):
             parameter = next(e for e in effects if e.id == identifier).parameters[name]
@@ -250,7 +265,7 @@ def _about(
             moved = together(effects, c.trial, other) - at
             columns[f"{identifier}:{name}"] = c.lines.transform(moved) / (up - value[k])
         taken.append((changes(c, effects, settings), columns))
-    return evidence_of(compared, changes=taken)
+    return evidence_of(compared, changes=taken, null=null)
 
 
 def starting(effect: Effect, evidence: Evidence, best: Hypothesis, value: Array, trial) -> dict[str, float]:
@@ -274,7 +289,8 @@ def starting(effect: Effect, evidence: Evidence, best: Hypothesis, value: Array,
     return found
 
 
-def _settings(names: Sequence[tuple[str, str]], value: Array) -> dict[str, dict[str, float]]:
+def settings_of(names: Sequence[tuple[str, str]], value: Array) -> dict[str, dict[str, float]]:
+    """Return parameters by effect."""
     found: dict[str, dict[str, float]] = {}
     for (identifier, name), x in zip(names, value, strict=True):
         found.setdefault(identifier, {})[name] = float(x)

@@ -58,7 +58,10 @@ def start_of(
     library: Mapping[str, Effect],
     used: Sequence[Compared],
 ) -> dict[str, dict[str, float]]:
-    """Return where the refit of effects begins: their linear estimates, jointly."""
+    """Return where the refit of effects begins: where they fit best, or their linear estimates, jointly."""
+    known = next((j.settings for j in judged if set(j.name.split("+")) == set(group)), {})
+    if known:
+        return {n: dict(known[n]) for n in group}
     best = [next(j for j in judged if j.name == n).best for n in group]
     joint = Hypothesis(
         "+".join(group),

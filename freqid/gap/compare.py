@@ -201,6 +201,7 @@ def evidence_of(
     *,
     changes: Sequence[tuple[Complex, Mapping[str, Complex]]] | None = None,
     sources: Mapping[str, tuple[str, ...]] | None = None,
+    null: bool = True,
     seed: int = 0,
 ) -> Evidence:
     """Reduce manoeuvres to the inner products of their white columns.
@@ -212,6 +213,8 @@ def evidence_of(
         For each manoeuvre what is taken from its residual, and columns by name in place of its signatures.
     sources : dict of tuple of str, optional
         Channels that columns beside the signatures are computed from, by name.
+    null : bool
+        Whether null draws are reduced too.
     seed : int
         Of the tolerances in the null draws.
     """
@@ -220,7 +223,7 @@ def evidence_of(
     common = list(dict.fromkeys(n for c in compared for n in c.common))
     white = [
         {**{n: c.white(z) for n, z in columns.items()}, **c.white_common}
-        | {"data": c.white(c.residual - change), "draws": c.white_draws}
+        | {"data": c.white(c.residual - change), "draws": c.white_draws[: None if null else 0]}
         for c, (change, columns) in zip(compared, taken, strict=True)
     ]
     names = (*signatures, *common)

@@ -14,11 +14,12 @@ from freqid.core.gap_map import GapMap
 from freqid.core.record import Maneuver
 from freqid.gap import attribute, calibrate, calibration, locate, remarks, score
 from freqid.gap.attribute import NONE, Judged
-from freqid.gap.close import Refit
+from freqid.gap.close import Refit, changes
 from freqid.gap.closures import closures_of
 from freqid.gap.compare import Compared, compare, evidence_of
 from freqid.gap.evidence import Evidence
 from freqid.gap.existence import existence_of, with_reached
+from freqid.gap.finalists import weighed_in_full
 from freqid.gap.self_test import self_test
 from freqid.gap.simulation import Simulation
 from freqid.simulate.effects.effect import Effect
@@ -138,6 +139,9 @@ def diagnose(
     judged = attribute.judge(evidence, library)
     statistic, null = attribute.existence(judged)
     existence = existence_of(statistic, null, used, evidence, judged, library, q.level)
+    if existence.exists:
+        tell("weighing finalists in full")
+        judged = weighed_in_full(judged, evidence, library, used)
     not_tested = {i: why for c in used for i, why in c.not_tested.items()}
     seen = {j.name for j in judged}
     not_tested |= {i: _IDLE for i in library if i not in seen and i not in not_tested}
@@ -157,7 +161,7 @@ def diagnose(
         if name in not_tested:
             raise UsageError(f"effect '{name}' cannot be tested here: {not_tested[name]}")
     leading = _leading(judged, which)
-    explained = locate.explained(used, (leading and attribute.coefficients(leading, evidence)) or {})
+    explained = _explained(leading, evidence, library, used)
     found = locate.gap_map(used, explained)
     where = tuple(found.places()) if existence.exists else ()
     tell("closing")
@@ -204,3 +208,13 @@ def _leading(judged: Sequence[Judged], which: Which) -> Judged | None:
         if name != NONE:
             return next((j for j in judged if j.name == name), None)
     return None
+
+
+def _explained(
+    leading: Judged | None, evidence: Evidence, library: Mapping[str, Effect], used: Sequence[Compared]
+) -> list[NDArray[np.complex128]]:
+    """Return what an explanation makes of each manoeuvre's residual, in full where it was weighed so."""
+    if leading and leading.settings:
+        effects = [library[i] for i in leading.settings]
+        return [changes(c, effects, leading.settings) for c in used]
+    return locate.explained(used, attribute.coefficients(leading, evidence) if leading else {})

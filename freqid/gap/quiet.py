@@ -62,7 +62,8 @@ def quiet(
         and of noise within the band next to nothing stays.
     flown : dict of ndarray, optional
         What the injected signals alone would have made, by channel (`freqid.gap.driven`): it stands in for
-        the log, but for a straight line. Neither noise nor gusts are in it.
+        the log, but for a straight line. Neither noise nor gusts are in it. Commands stay as they were sent:
+        they are known, and what an actuator makes of them is no noise.
     """
     names, expected = list(names), expected or {}
     values = record.matrix(names)
@@ -77,10 +78,6 @@ def quiet(
     instead = _standing_in(record, names, values, flown or {})
     for i, own in instead.items():
         kept[i], cutoff[i] = own, _NO_NOISE
-    if instead:  # feedback sends noise and gusts on to commands
-        known = [n for n in (f"command/{n}" for n in record.group("command")) if n in (flown or {})]
-        sent = _standing_in(record, known, record.matrix(known), flown or {}) if known else {}
-        record = record.with_channels(*(replace(record.channel(known[i]), values=x) for i, x in sent.items()))
     channels = [replace(record.channel(n), values=x) for n, x in zip(names, kept, strict=True)]
     floor = [
         _floor(x, rate, record.dt, c)

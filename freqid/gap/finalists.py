@@ -1,0 +1,148 @@
+"""The likeliest explanations weighed in full, where they fit best: first order misleads about large effects.
+
+A delay of half a cycle is no straight line, and what first order leaves of it, another effect may explain. So
+before a name is given, finalists are fitted as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.gap.attribute import LEAST_ODDS, OTHER, Judged
+from freqid.gap.close import Values, about, settings_of, starting
+from freqid.gap.compare import Compared
+from freqid.gap.evidence import Estimate, Evidence
+from freqid.gap.testable import in_force_of
+from freqid.simulate.effects.effect import Effect
+
+Array = NDArray[np.float64]
+
+_SINGLES = 5
+_PAIRS = 2  # with the likeliest effect
+_MORE = 4.0  # logarithm of odds by which two effects must be likelier than either, to be weighed in full
+_ROUNDS = 8
+_SETTLED = 0.1  # standard errors
+_HALVINGS = 4  # of a step that makes things worse
+
+
+def weighed_in_full(
+    judged: Sequence[Judged],
+    evidence: Evidence,
+    library: Mapping[str, Effect],
+    compared: Sequence[Compared],
+) -> list[Judged]:
+    """Return explanations, the finalists among them as they fit best, strongest first.
+
+    Parameters
+    ----------
+    judged : sequence of Judged
+        To first order.
+    evidence : Evidence
+        That they come from.
+    library : dict of Effect
+        As on the vehicle.
+    compared : sequence of Compared
+
+    Returns
+    -------
+    list of Judged
+        Null draws, which are small, stay as they are to first order.
+
+    Notes
+    -----
+    Laplace's approximation: the logarithm of the Bayes factor against no effect is what the mode lowers half
+    the misfit by, less half its squared distance from the prior's mean in standard deviations and the
+    logarithm of how far data narrow the prior (D. J. C. MacKay, *Information Theory, Inference, and Learning
+    Algorithms*, Cambridge, 2003, ch. 27).
+    """
+    singles = [j for j in judged if "+" not in j.name and j.name != OTHER and j.evidence > LEAST_ODDS]
+    if not singles:
+        return list(judged)
+    first = {j.name: j.evidence for j in singles}
+    found = {j.name: _in_full(j, evidence, library, compared, {}) for j in singles[:_SINGLES]}
+    leading = max(found.values(), key=lambda j: j.evidence)
+    pairs = [j for j in judged if leading.name in j.name.split("+") and "+" in j.name]
+    pairs = [j for j in pairs if j.evidence > _MORE + max(first.get(n, 0.0) for n in j.name.split("+"))]
+    for pair in pairs[:_PAIRS]:
+        found[pair.name] = _in_full(pair, evidence, library, compared, leading.settings)
+    return sorted((found.get(j.name, j) for j in judged), key=lambda j: -j.evidence)
+
+
+@dataclass(frozen=True, eq=False)
+class _Mode:
+    """Where an explanation fits best: its settings, their covariance, and the log Bayes factor."""
+
+    names: tuple[tuple[str, str], ...]
+    centre: Array
+    value: Array
+    covariance: Array
+    evidence: float
+
+
+def _in_full(
+    judged: Judged,
+    evidence: Evidence,
+    library: Mapping[str, Effect],
+    compared: Sequence[Compared],
+    known: Values,
+) -> Judged:
+    """Return an explanation where it fits best, begun at settings that are known of some of its effects.
+
+    As it was, where first order fits as well.
+    """
+    effects = [library[n] for n in judged.name.split("+")]
+    trial = compared[0].trial
+    start = {e.id: starting(e, evidence, judged.best, judged.estimate.value, trial) for e in effects}
+    mode = _mode(effects, {**start, **{i: v for i, v in known.items() if i in start}}, evidence, compared)
+    at_first = float(evidence.evidences(judged.best)[0])
+    if mode.evidence <= at_first:
+        return judged
+    columns = [evidence.signatures[c - 1] for c in judged.best.columns]
+    estimate = judged.estimate
+    if columns == [f"{i}:{n}" for i, n in mode.names]:
+        size = estimate.detectability
+        estimate = Estimate(mode.value - mode.centre, mode.covariance, mode.evidence, size)
+    return replace(
+        judged,
+        evidence=judged.evidence + mode.evidence - at_first,
+        estimate=estimate,
+        settings=settings_of(mode.names, mode.value),
+    )
+
+
+def _mode(
+    effects: Sequence[Effect], start: Values, evidence: Evidence, compared: Sequence[Compared]
+) -> _Mode:
+    """Return where data and prior agree best, by Gauss-Newton steps that are halved where they overshoot."""
+    names = tuple((e.id, n) for e in effects for n in start[e.id])
+    by_id = {e.id: e for e in effects}
+    described = [by_id[i].parameters[n] for i, n in names]
+    force = {e.id: in_force_of(e, compared[0].trial.simulation) for e in effects}
+    centre, scale = np.array([force[i][n] for i, n in names]), np.array([p.scale for p in described])
+    bounds = np.array([(p.low, p.high) for p in described]).T
+    value = np.clip([start[i][n] for i, n in names], *bounds)
+    found = _Mode(names, centre, value, np.diag(scale**2), -np.inf)
+    least, halved, at = np.inf, 0, slice(1, 1 + len(names))
+    for _ in range(_ROUNDS):
+        there = about(compared, effects, names, value, scale, null=False)
+        off = (value - centre) / scale
+        left = float(there.metric[0, 0] + off @ off)
+        if left > least:
+            if halved == _HALVINGS:
+                break
+            value, halved = (value + found.value) / 2, halved + 1
+            continue
+        gram = there.metric[at, at] + np.diag(1 / scale**2)
+        covariance = np.linalg.inv(gram)
+        narrowed = 0.5 * float(np.linalg.slogdet(gram * np.outer(scale, scale))[1])
+        weight = 0.5 * (float(evidence.metric[0, 0]) - left) - narrowed
+        found, least, halved = _Mode(names, centre, value, covariance, weight), left, 0
+        after = np.clip(value + covariance @ (there.metric[at, 0] - off / scale), *bounds)
+        if np.max(np.abs(after - value) / np.sqrt(np.diag(covariance))) < _SETTLED:
+            break
+        value = after
+    return found

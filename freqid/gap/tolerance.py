@@ -45,8 +45,6 @@ DEFAULT: dict[str, float] = {
     FORM: 0.03,  # of what the parts of a model make of a response at each frequency: its formulas' own error
     "battery_sag": 0.05,
     "actuator_delay": 0.002,
-    "actuator_lag": 0.002,
-    "motor_lag": 0.005,
     "mass": 0.01,
     "cg_offset": 0.005,
     "inertia": 0.03,

@@ -15,28 +15,36 @@ from .signals import delayed
 
 Signals = dict[str, NDArray[np.float64]]
 
+_KINDS = ("surface", "tilt", "rotor")
+"""In the order of `Commands`."""
+
 
 def delays(settings: dict[str, jax.Array], described: Commands) -> Commands:
-    """Return the delay of each kind of command, s; flights delay all effectors of a kind alike."""
-    return Commands(*(settings["strength"] * delay + settings["extra"] for delay in described))
+    """Return the delay of each kind of command, s; a flight delays all effectors of a kind alike."""
+    extra = (settings["extra"] + settings.get(kind, 0.0) for kind in _KINDS)
+    return Commands(*(settings["strength"] * d + e for d, e in zip(described, extra, strict=True)))
 
 
 def _act(settings: Mapping[str, float], signals: Signals, dt: float, kinds: dict[str, str]) -> Signals:
     """Return the positions late by what no description says; linear actuators pass a delay on."""
-    del kinds
-    return {n: delayed(x, dt, settings["extra"] + settings.get(n, 0.0)) for n, x in signals.items()}
+
+    def late(name: str) -> float:
+        return settings["extra"] + settings.get(kinds.get(name, ""), 0.0) + settings.get(name, 0.0)
+
+    return {n: delayed(x, dt, late(n)) for n, x in signals.items()}
 
 
 def _for_vehicle(vehicle: Vehicle) -> dict[str, Parameter]:
-    """Return a delay for each effector."""
-    return {
-        e.name: Parameter(0.0, "s", f"delay of {e.name} alone", 0.02, -0.1, 0.1) for e in vehicle.effectors
-    }
+    """Return a delay for each kind of effector, where there are several of it, and for each effector."""
+    kinds = [e.kind for e in vehicle.effectors]
+    several = {k: f"all of kind {k}" for k in _KINDS if kinds.count(k) > 1 and len(set(kinds)) > 1}
+    places = {**several, **{e.name: f"{e.name} alone" for e in vehicle.effectors}}
+    return {name: Parameter(0.0, "s", f"delay of {place}", 0.02, -0.1, 0.1) for name, place in places.items()}
 
 
 def alone(settings: Mapping[str, float]) -> list[str]:
     """Return the effectors that have a delay of their own."""
-    return [name for name, late in settings.items() if late and name not in EFFECT.parameters]
+    return [name for name, late in settings.items() if late and name not in (*EFFECT.parameters, *_KINDS)]
 
 
 EFFECT = Effect(

@@ -1,0 +1,103 @@
+"""What is true of a case that was diagnosed: detectability, places, and how far the true effect closes it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from bench import Bench, Case
+from truth import Part
+
+from freqid.gap import locate
+from freqid.gap.attribute import OTHER
+from freqid.gap.close import Misfit, misfit, refit
+from freqid.gap.closures import start_of
+from freqid.gap.compare import evidence_of
+from freqid.gap.diagnose import Findings
+from freqid.gap.evidence import Hypothesis
+
+
+def seed_of(case: Case, manoeuvre: int) -> int:
+    """Return the seed of noise and gusts of one of a case's manoeuvres."""
+    return 10 * int(case["seed"]) + manoeuvre
+
+
+def of_truth(by: Bench, found: Findings, parts: list[Part], case: Case) -> dict[str, Any]:
+    """Return what is true of the case in its own metric: detectability, places, likeness of candidates."""
+    how = {"gusts": case["gusts"], "scatter": int(case["seed"])}
+    each = [
+        [
+            by.change(at, [p], c, seed=seed_of(case, i), **how)
+            for i, (at, c) in enumerate(zip(by.at, found.compared, strict=True))
+        ]
+        for p in parts
+    ]
+    whole = [np.sum([s[i] for s in each], axis=0) for i in range(len(by.at))]
+    columns = [{**c.signatures, "truth": s} for c, s in zip(found.compared, whole, strict=True)]
+    columns = [{**of, **{f"truth{k}": s[i] for k, s in enumerate(each)}} for i, of in enumerate(columns)]
+    evidence = evidence_of(
+        found.compared, changes=[(0 * z, of) for z, of in zip(whole, columns, strict=True)]
+    )
+    at = evidence.column("truth")
+    truth = Hypothesis("truth", (at,), (1.0,))
+    likeness = {}
+    for j in found.judged:
+        if "+" in j.name or j.name == OTHER:
+            continue
+        known = tuple(evidence.column(found.evidence.signatures[c - 1]) for c in j.best.columns)
+        likeness[j.name] = evidence.alignment(truth, Hypothesis(j.name, known, j.best.scale))
+    mine = locate.gap_map(found.compared, whole)
+    return {
+        "lambda": float(evidence.metric[at, at]),
+        "lambda_each": [
+            float(evidence.metric[evidence.column(f"truth{k}"), evidence.column(f"truth{k}")])
+            for k in range(len(each))
+        ],
+        "likeness": likeness,
+        "truth_where": {axis: mine.share(axis) for axis in ("row", "band", "input")},
+        "truth_cells": [[p.response, *p.band_hz, p.input, p.share] for p in mine.places()],
+        "oracle": {"statistic": float(evidence.metric[at, 0]), "size": float(evidence.metric[at, at])},
+    }
+
+
+def closed(by: Bench, found: Findings, parts: list[Part], case: Case) -> dict[str, Any]:
+    """Return how far the true effect closes manoeuvres that it was not fitted to, beside its own truth."""
+    effect = by.library[parts[0].truth.id].of(found.compared[0].maneuver.vehicle)
+    judged = next((j for j in found.judged if j.name == effect.id), None)
+    if judged is None:
+        return {"failed": "not judged"}
+    kept = []
+    for i, at in enumerate(by.at):
+        record = by.fly(
+            at,
+            parts,
+            noise=case["noise"],
+            gusts=case["gusts"],
+            seed=seed_of(case, 5 + i),
+            scatter=int(case["seed"]),
+            signals=1,
+        )
+        kept.append(by.measured(record, 70 + i, **{effect.id: by.library[effect.id]}))
+    start = start_of((effect.id,), found.evidence, found.judged, {effect.id: effect}, found.compared)
+    fitted = refit(found.compared, [effect], start)
+    share = misfit(kept, [effect], fitted.settings).share(0.9)
+    how = {"gusts": case["gusts"], "scatter": int(case["seed"]), "signals": 1}
+    s = [
+        by.change(at, parts, c, seed=seed_of(case, 5 + i), **how)
+        for i, (at, c) in enumerate(zip(by.at, kept, strict=True))
+    ]
+    evidence = evidence_of(kept, changes=[(0 * z, {"change": z}) for z in s])
+    before, shift, size = (float(evidence.metric[at]) for at in ((0, 0), (0, 1), (1, 1)))
+    across = 2 * evidence.null_products(1)
+    best = Misfit(evidence.rows, before, before + size - 2 * shift, evidence.null_energy, across).share(0.9)
+    sigma = np.sqrt(np.diag(fitted.covariance))
+    return {
+        "G": [share.G, share.lo, share.hi],
+        "oracle_G": [best.G, best.lo, best.hi],
+        "settings": {
+            f"{i}.{n}": [float(v), float(e)]
+            for (i, n), v, e in zip(fitted.names, fitted.value, sigma, strict=True)
+        },
+        "at_bound": fitted.at_bound,
+        "undetermined": fitted.undetermined,
+    }

@@ -1,0 +1,111 @@
+"""At which size a truth has a detectability: found by flying it, kept as a curve of what was tried."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from bench import Bench, Case, detectability
+from truth import Part, Truth
+
+from freqid.core.errors import FreqidError
+from freqid.core.store import replacing
+
+CLOSE = 1.6  # times the detectability that was asked for, or so much less, that a size may miss it by
+TRIES = 5  # new sizes for each detectability
+_SEED = 900
+
+
+def parts_of(bench: Bench, case: Case, folder: Path) -> list[Part]:
+    """Return a case's truths at their sizes, which are kept in a folder."""
+    found = []
+    for identifier, form, place in case["parts"]:
+        truth = bench.find(identifier, form)
+        size = sized(
+            bench, truth, place, float(case["lam"]), float(case["noise"]), float(case["gusts"]), folder
+        )
+        found.append(Part(truth, place, size))
+    return found
+
+
+def sized(
+    bench: Bench, truth: Truth, place: str, target: float, noise: float, gusts: float, folder: Path
+) -> float:
+    """Return the size at which a truth has a detectability on the nominal aircraft, in noise and gusts.
+
+    Where its largest size has less, that one is returned: a case measures its own detectability. All that is
+    found on the way is kept in the folder, so that other detectabilities begin from it.
+
+    Raises
+    ------
+    ArithmeticError
+        Where no size flies.
+    """
+    air = f"-gusts-{gusts:g}" if gusts else ""
+    name = f"{bench.name}-{truth.id}-{truth.form}-{place or 'all'}-{noise:g}{air}".replace(" ", "_")
+    path = folder / f"{name}.json"
+    known = dict(json.loads(path.read_text())) if path.is_file() else {}
+    tried = {float(size): float(found) for size, found in known.items()}
+    too_much = truth.most * 1.0001
+    for _ in range(TRIES):
+        size = step(tried, truth.one, target, truth.most, too_much)
+        if size in tried:
+            break
+        try:
+            tried[size] = _detectability_at(bench, Part(truth, place, size), noise, gusts)
+        except (FreqidError, ArithmeticError, ValueError):
+            too_much = size
+            continue
+        folder.mkdir(parents=True, exist_ok=True)
+        with replacing(path) as partial:
+            partial.write_text(json.dumps({repr(k): v for k, v in tried.items()}) + "\n")
+    if not tried:
+        raise ArithmeticError(f"{name}: no size flies")
+    size = min(tried, key=lambda x: _off(tried[x], target))
+    if _off(tried[size], target) > np.log(CLOSE):
+        return size
+    return min(size * float(np.sqrt(target / tried[size])), truth.most)
+
+
+def _detectability_at(bench: Bench, part: Part, noise: float, gusts: float) -> float:
+    flights = [bench.fly(at, [part], noise=noise, gusts=gusts, seed=_SEED) for at in bench.at]
+    compared = [bench.measured(flight, 5) for flight in flights]
+    pairs = zip(bench.at, compared, strict=True)
+    return detectability(compared, [bench.change(at, [part], c, gusts=gusts, seed=_SEED) for at, c in pairs])
+
+
+def _off(found: float, target: float) -> float:
+    return abs(float(np.log(max(found, 1e-9) / target)))
+
+
+def step(tried: Mapping[float, float], one: float, target: float, most: float, too_much: float) -> float:
+    """Return what size to try next: one that was tried where it is good enough or nothing is beyond.
+
+    Detectability grows with the size by a power, which is read off two sizes that were tried and is two
+    before; where the lower of two sizes about the target has next to none, as below a limit or a width,
+    the next is between them.
+    """
+    if not tried:
+        return one if one < too_much else 0.4 * too_much
+    near = min(tried, key=lambda x: _off(tried[x], target))
+    if _off(tried[near], target) < np.log(CLOSE):
+        return near
+    less = max((x for x in tried if tried[x] < target), default=None)
+    more = min((x for x in tried if tried[x] >= target), default=None)
+    if less is not None and more is not None and less < more:
+        if tried[less] < 1e-2 * target:
+            return float(np.sqrt(less * more))
+        return less * (target / tried[less]) ** (np.log(more / less) / np.log(tried[more] / tried[less]))
+    size = near * float(np.clip((target / max(tried[near], 1e-9)) ** (1 / _power(tried, target)), 0.05, 8.0))
+    size = min(size, most)
+    return size if size < too_much else 0.5 * (near + too_much)
+
+
+def _power(tried: Mapping[float, float], target: float) -> float:
+    near = sorted(tried, key=lambda x: _off(tried[x], target))[:2]
+    if len(near) < 2 or min(tried[n] for n in near) <= 1e-6:
+        return 2.0
+    rise = np.log(tried[near[0]] / tried[near[1]]) / np.log(near[0] / near[1])
+    return float(np.clip(rise, 0.7, 8.0)) if np.isfinite(rise) else 2.0

@@ -14,7 +14,7 @@ from freqid.core.errors import FreqidError
 from freqid.core.store import replacing
 
 CLOSE = 1.6  # times the detectability that was asked for, or so much less, that a size may miss it by
-TRIES = 5  # new sizes for each detectability
+TRIES = 6  # new sizes for each detectability
 _SEED = 900
 
 

@@ -95,9 +95,11 @@ def step(tried: Mapping[float, float], one: float, target: float, most: float, t
     less = max((x for x in tried if tried[x] < target), default=None)
     more = min((x for x in tried if tried[x] >= target), default=None)
     if less is not None and more is not None and less < more:
-        if tried[less] < 1e-2 * target:
-            return float(np.sqrt(less * more))
-        return less * (target / tried[less]) ** (np.log(more / less) / np.log(tried[more] / tried[less]))
+        size = float(np.sqrt(less * more))
+        if tried[less] > 1e-2 * target:
+            rise = np.log(tried[more] / tried[less]) / np.log(more / less)
+            size = less * float((target / tried[less]) ** (1 / rise))
+        return size if size < too_much else 0.5 * (less + too_much)
     size = near * float(np.clip((target / max(tried[near], 1e-9)) ** (1 / _power(tried, target)), 0.05, 8.0))
     size = min(size, most)
     return size if size < too_much else 0.5 * (near + too_much)

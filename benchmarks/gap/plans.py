@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import bench  # first: it finds what lies beside it
 import c172p_truths
 import la8_truths
 import numpy as np
-from bench import Case
 from truth import Truth
 
 STRATA = (15, 50, 200)
@@ -27,12 +27,14 @@ def _place(truth: Truth, number: int) -> str:
     return truth.places[number % len(truth.places)]
 
 
-def nulls(count: int) -> list[Case]:
+def nulls(count: int) -> list[bench.Case]:
     """Return cases without an effect."""
     return [{"kind": "null", "parts": [], "lam": 0, "seed": k, **nuisance(k)} for k in range(count)]
 
 
-def singles(truths: Sequence[Truth], seeds: Sequence[int], strata: Sequence[int] = STRATA) -> list[Case]:
+def singles(
+    truths: Sequence[Truth], seeds: Sequence[int], strata: Sequence[int] = STRATA
+) -> list[bench.Case]:
     """Return cases of one effect each: every truth, stratum and seed."""
     found = []
     for seed in seeds:
@@ -54,7 +56,7 @@ def singles(truths: Sequence[Truth], seeds: Sequence[int], strata: Sequence[int]
     return found
 
 
-def doubles(truths: Sequence[Truth], count: int) -> list[Case]:
+def doubles(truths: Sequence[Truth], count: int) -> list[bench.Case]:
     """Return cases of two effects, each at 50 or 200."""
     rng = np.random.default_rng(3)
     found = []
@@ -82,7 +84,7 @@ SECOND = tuple(t for t in la8_truths.OWN if t.id in _OTHERWISE)
 """The library's own formulas of the others."""
 
 
-def la8(nulls_: int = 60, seeds: int = 3, outside: int = 30, pairs: int = 30) -> list[Case]:
+def la8(nulls_: int = 60, seeds: int = 3, outside: int = 30, pairs: int = 30) -> list[bench.Case]:
     """Return all cases of the LA-8, the most wanted first."""
     rest = singles(la8_truths.OUTSIDE, range(5), (50, 200))
     return [
@@ -99,7 +101,7 @@ def la8(nulls_: int = 60, seeds: int = 3, outside: int = 30, pairs: int = 30) ->
     ]
 
 
-def c172p(nulls_: int = 40, seeds: int = 2, outside: int = 24, pairs: int = 12) -> list[Case]:
+def c172p(nulls_: int = 40, seeds: int = 2, outside: int = 24, pairs: int = 12) -> list[bench.Case]:
     """Return all cases of the c172p, the most wanted first."""
     inside = c172p_truths.INSIDE
     first = singles(inside, [0])

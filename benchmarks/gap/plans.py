@@ -12,7 +12,7 @@ import numpy as np
 from truth import Truth
 
 STRATA = (15, 50, 200)
-GUSTS = 1.5  # m/s at 20 ft, in every fifth case
+GUSTS = 1.5  # m/s at 20 ft, in every fifth case; for the c172p only that there are any
 
 
 def nuisance(number: int) -> dict[str, float]:

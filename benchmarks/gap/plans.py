@@ -41,7 +41,7 @@ def singles(
         for i, truth in enumerate(truths):
             for j, lam in enumerate(strata):
                 number = 7 * i + 3 * j + 5 * seed
-                part = [truth.id, truth.form, _place(truth, i + j + seed)]
+                part = [truth.id, truth.form, _place(truth, i + seed)]
                 kind = "outside" if truth.id.startswith("outside") else "single"
                 found.append(
                     {
@@ -61,9 +61,9 @@ def doubles(truths: Sequence[Truth], count: int) -> list[bench.Case]:
     rng = np.random.default_rng(3)
     found = []
     while len(found) < count:
-        a, b = (truths[i] for i in rng.choice(len(truths), 2, replace=False))
+        both = rng.choice(len(truths), 2, replace=False)
         number = len(found)
-        parts = [[t.id, t.form, _place(t, int(rng.integers(10)))] for t in (a, b)]
+        parts = [[truths[i].id, truths[i].form, _place(truths[i], i)] for i in both]
         found.append(
             {
                 "kind": "double",

@@ -84,7 +84,7 @@ def build_study_page(results: StudyResults) -> str:
         histories=history_pictures(results, middle),
         other_histories=[{"id": p.id, "pictures": history_pictures(results, p)} for p in others if p.history],
         inputs=_inputs(results),
-        provenance=dict(results.design.provenance),
+        provenance={**results.design.provenance, **results.provenance},
     )
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,6 +125,8 @@ class StudyResults:
         One or more, all with the same responses; held-out conditions may be among them.
     model : GlobalModel, optional
     held_out : tuple of HeldOut
+    provenance : mapping
+        What the study was made from, for the page.
     """
 
     vehicle: Vehicle
@@ -134,6 +137,7 @@ class StudyResults:
     points: tuple[StudiedPoint, ...]
     model: GlobalModel | None = None
     held_out: tuple[HeldOut, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def responses(self) -> tuple[str, ...]:
@@ -148,16 +152,10 @@ class StudyResults:
     def followed(self) -> list[StudiedPoint]:
         """Return up to three points to show in detail, by ascending speed.
 
-        The slowest, the middle and the fastest of those with a history, or of all at the densest air
-        where none has one.
+        Of those with a history, or of all where none has one, as `spread` takes them.
         """
-        points = [p for p in self.points if p.history]
-        if not points:
-            dense = densities(self.points)[0]
-            points = [p for p in self.points if same_density(p.model.reference.rho, dense)]
-        points.sort(key=lambda p: p.model.reference.u)
-        chosen = dict.fromkeys((0, len(points) // 2, len(points) - 1))
-        return [points[i] for i in chosen]
+        points = [p for p in self.points if p.history] or self.points
+        return [points[i] for i in spread([p.model.reference for p in points])]
 
 
 def rmse_inside(fit: Fit, highest_hz: float = float("inf")) -> float:
@@ -181,8 +179,26 @@ def rmse_inside(fit: Fit, highest_hz: float = float("inf")) -> float:
 
 def densities(points: tuple[StudiedPoint, ...]) -> list[float]:
     """Return the air densities of some points, the densest first; those within 2 % are one. kg/m3."""
+    return _levels(p.model.reference.rho for p in points)
+
+
+def spread(references: Sequence[Reference]) -> list[int]:
+    """Return which of some conditions stand for all: up to three, by ascending speed.
+
+    The slowest, the middle and the fastest at the densest air, so that speed alone tells them apart; of
+    all where fewer than three are there.
+    """
+    dense = _levels(at.rho for at in references)[0]
+    among = [i for i, at in enumerate(references) if same_density(at.rho, dense)]
+    if len(among) < 3:
+        among = list(range(len(references)))
+    among.sort(key=lambda i: references[i].u)
+    return [among[k] for k in dict.fromkeys((0, len(among) // 2, len(among) - 1))]
+
+
+def _levels(rhos: Iterable[float]) -> list[float]:
     levels: list[float] = []
-    for rho in sorted((p.model.reference.rho for p in points), reverse=True):
+    for rho in sorted(rhos, reverse=True):
         if not any(same_density(rho, level) for level in levels):
             levels.append(rho)
     return levels

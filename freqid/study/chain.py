@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from ..core.scenario import Scenario, read_scenario
 from ..core.store import replacing
 from ..identify.parameter_history import parameter_history
 from ..identify.point import Estimator, predict
-from ..report.study_results import HeldOut, StudiedPoint, StudyResults, rmse_inside
+from ..report.study_results import HeldOut, StudiedPoint, StudyResults, rmse_inside, spread
 from ..simulate import runner, sensors
 from . import work
 from .convergence import validation_rmse
@@ -120,7 +121,7 @@ def study(campaign: Campaign, say: Progress = lambda text: None) -> StudyResults
     write_global(campaign.folder / "model.h5", corridor)
     model = GlobalModel(corridor)
     say("page")
-    shown = {used[0], used[len(used) // 2], used[-1]}
+    shown = {used[k] for k in spread([scenario.reference_of(i) for i in used])}
     return StudyResults(
         vehicle=scenario.aircraft(),
         sensors=campaign.sensors,
@@ -132,6 +133,7 @@ def study(campaign: Campaign, say: Progress = lambda text: None) -> StudyResults
         ),
         model=model,
         held_out=tuple(_held_out(scenario, model, points[i], flights, i) for i in campaign.held_out),
+        provenance=_provenance(campaign, sha256, ids),
     )
 
 
@@ -194,6 +196,17 @@ def _run(
 ) -> list[Path]:
     folder = campaign.folder / "units" / unit.__name__
     return runner.run(unit, inputs, folder, scenario_sha256=sha256, suffix=suffix, jobs=campaign.jobs)
+
+
+def _provenance(campaign: Campaign, sha256: str, ids: Sequence[str]) -> dict[str, Any]:
+    """Return what another needs to make the same study, beside what the page states anyway."""
+    return {
+        "scenario": str(campaign.scenario),
+        "SHA-256": sha256,
+        "seed": campaign.seed,
+        "conditions": list(ids),
+        "held out": list(campaign.held_out),
+    }
 
 
 def _studied(

@@ -40,6 +40,7 @@ def test_a_study_leaves_models_and_a_page_and_is_not_done_twice(freqid, scenario
     page = (folder / "index.html").read_text()
     assert "<svg" in page
     assert "u45" in page
+    assert "<dt>held out</dt>" in page
 
     made = {path: path.stat().st_mtime_ns for path in (folder / "units").rglob("*.h5")}
     assert len(made) == 2 + 6 + 3

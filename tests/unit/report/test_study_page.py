@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from dataclasses import replace
 from functools import cache
@@ -253,6 +254,13 @@ def test_real_flights_need_no_truth_no_global_model_and_no_history():
     assert "No manoeuvre was predicted" in text
     _, _, first, _ = table(page, "Condition")
     assert [first[6], first[7]] == [("– ", None), ("–", None)]
+
+
+def test_what_a_study_was_made_from_is_told():
+    made = {"scenario": "tilt.toml", "conditions": ["u8", "u14"], "held out": []}
+    told = build_study_page(replace(results(), provenance=made)).partition('id="provenance">')[2]
+    words = re.sub(r"<[^>]*>", " ", told.partition("</section>")[0]).split()
+    assert " ".join(words) == "Provenance scenario tilt.toml conditions u8, u14 held out –"
 
 
 def test_hostile_names_stay_text():

@@ -18,6 +18,7 @@ from freqid.report.study_results import (
     same_density,
     settled,
     settled_share,
+    spread,
 )
 
 
@@ -109,6 +110,20 @@ def test_three_conditions_are_followed_and_those_with_a_history_first():
     assert followed == [(u, DENSITIES[0]) for u in (8.0, 14.0, 20.0)]
     one = replace(made, points=(made.points[1], *made.points[3:]))
     assert [p.id for p in one.followed()] == ["u14-1.225"]
+
+
+def test_conditions_in_detail_differ_in_speed_and_not_in_density():
+    speeds = (0.0, 20.0, 5.0, 10.0, 15.0)
+    sea = [Reference(id=f"s{u:g}", u=u, rho=1.225) for u in speeds]
+    high = [Reference(id=f"h{u:g}", u=u, rho=1.058) for u in speeds]
+
+    def chosen(references):
+        return [references[i].id for i in spread(references)]
+
+    assert chosen([*high, *sea]) == ["s0", "s10", "s20"]
+    assert chosen([*sea[:2], *high]) == ["s0", "h10", "h20"]  # two at the densest air are too few
+    assert chosen(sea[3:4]) == ["s10"]
+    assert chosen(sea[1:3]) == ["s5", "s20"]
 
 
 def test_the_distance_from_the_linearised_simulation_is_in_standard_errors():

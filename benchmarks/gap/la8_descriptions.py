@@ -44,12 +44,12 @@ def damped_servos(scenario: Scenario, size: float, place: str) -> Scenario:
 
 
 def slow_motors(scenario: Scenario, size: float, place: str) -> Scenario:
-    """Motors with longer time constants, more so in braking, in place of a lag before them."""
+    """Return motors with longer time constants, in place of a lag before them."""
     del place
 
     def change(table: dict[str, Any]) -> dict[str, Any]:
-        table["motor"]["rise_s"] += 0.7 * size
-        table["motor"]["fall_s"] += 1.3 * size
+        table["motor"]["rise_s"] += size
+        table["motor"]["fall_s"] += size
         return table
 
     return section(scenario, "actuators", change)

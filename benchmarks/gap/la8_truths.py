@@ -23,7 +23,7 @@ from truth import Truth
 OTHER = (
     Truth("actuator_delay", "by kind", 1.0, 12.0, settings=flown_as("actuator_delay", "strength")),
     Truth("actuator_lag", "damped", 0.01, 0.5, scenario=damped_servos),
-    Truth("motor_lag", "uneven", 0.02, 0.5, scenario=slow_motors),
+    Truth("motor_lag", "slower", 0.02, 0.5, scenario=slow_motors),
     Truth("rate_limit", "apart", 3.0, 30.0, scenario=limits_apart),
     Truth("surface_effectiveness", "cut", 0.15, 0.95, ("de2", "df1", "df3", "de4"), scenario=cut_surface),
     Truth("weak_rotor", "worn", 0.05, 0.6, ("n2", "n4", "n5", "n7"), settings=flown_as("case_worn", "loss")),

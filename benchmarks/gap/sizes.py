@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from truth import Part, Truth
 
 from freqid.core.errors import FreqidError
 from freqid.core.store import replacing
+from freqid.gap.compare import Compared
 
 CLOSE = 1.6  # times the detectability that was asked for, or so much less, that a size may miss it by
 TRIES = 4  # new sizes for each detectability
@@ -65,10 +67,15 @@ def sized(bench: Bench, truth: Truth, place: str, target: float, folder: Path) -
 
 
 def _detectability_at(bench: Bench, part: Part) -> float:
-    flights = [bench.fly(at, [part], noise=1.0, seed=_SEED) for at in bench.at]
-    compared = [bench.measured(flight, 5) for flight in flights]
-    pairs = zip(bench.at, compared, strict=True)
-    return detectability(compared, [bench.change(at, [part], c, seed=_SEED) for at, c in pairs])
+    """Return the detectability in the metric of flights without the truth, near enough for a size."""
+    compared = _nominal(bench)
+    changes = [bench.change(at, [part], c, seed=_SEED) for at, c in zip(bench.at, compared, strict=True)]
+    return detectability(compared, changes)
+
+
+@lru_cache(maxsize=2)
+def _nominal(bench: Bench) -> tuple[Compared, ...]:
+    return tuple(bench.measured(bench.fly(at, (), noise=1.0, seed=_SEED), 5) for at in bench.at)
 
 
 def _off(found: float, target: float) -> float:

@@ -57,14 +57,15 @@ class Judged:
 
 
 def variants(effect: Effect, evidence: Evidence) -> tuple[Hypothesis, ...]:
-    """Return the ways in which an effect may show: all its parameters, or one place of several."""
+    """Return the ways in which an effect may show: all its parameters, or one place of several, or some."""
     prefix = f"{effect.id}:"
     names = [n for n in evidence.signatures if n.startswith(prefix) and _known(evidence, n)]
     scales = {n: effect.parameters[n[len(prefix) :].partition(GIVEN)[0]].scale for n in names}
     if not names:
         return ()
     if effect.alternatives:
-        groups = [[n] for n in names]
+        both = [n for n in names if n[len(prefix) :] in effect.jointly]
+        groups = [[n] for n in names] + ([both] if len(both) > 1 else [])
     else:
         plain = [n for n in names if GIVEN not in n]
         size = f"{prefix}{effect.size}"

@@ -58,6 +58,7 @@ EFFECT = Effect(
     needs=("command",),
     states={"command": "rad or rad/s"},
     alternatives=True,
+    jointly=_KINDS,
     act=_act,
     for_vehicle=_for_vehicle,
 )

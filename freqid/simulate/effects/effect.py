@@ -68,6 +68,8 @@ class Effect:
     alternatives : bool
         Whether the parameters are places of which one is expected at fault, rather than numbers that are
         all free together.
+    jointly : tuple of str
+        Of such places those that may be at fault at once, each in its own way, as all kinds of effector.
     add : callable, optional
         ``add(settings, situation) -> Wrench`` of an airframe effect that comes on top of the airframe's
         loads at one instant, in jax.numpy; `situation` is an `airframe.Situation`, with the effect's memory.
@@ -104,6 +106,7 @@ class Effect:
     needs: tuple[str, ...] = ()
     states: dict[str, str] = field(default_factory=dict)
     alternatives: bool = False
+    jointly: tuple[str, ...] = ()
     add: Callable[[dict[str, Any], Any], Any] | None = None
     start: Callable[[dict[str, Any], Any], dict[str, Any]] | None = None
     rate: Callable[[dict[str, Any], Any], dict[str, Any]] | None = None

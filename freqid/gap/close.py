@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.diagnosis import Share
+from freqid.core.errors import FreqidError
 from freqid.gap.compare import Compared, evidence_of
 from freqid.gap.evidence import Evidence, Hypothesis
 from freqid.gap.testable import in_force_of
@@ -19,6 +20,9 @@ from freqid.simulate.effects.effect import Effect
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Values = Mapping[str, Mapping[str, float]]
+
+IMPOSSIBLE = (FreqidError, ValueError, ArithmeticError)
+"""What effects raise at settings that nothing can have, as one moment of inertia beyond the others' sum."""
 
 _ROUNDS = 12
 _WORSE = 0.5  # of misfit, which is of noise alone
@@ -90,9 +94,14 @@ def refit(compared: Sequence[Compared], effects: Sequence[Effect], start: Values
     low, high = np.array([p.low for p in described]), np.array([p.high for p in described])
     value = np.clip([start[i][n] for i, n in names], low, high)
     covariance, undetermined = np.diag(scale**2), ()
-    best, least = value, np.inf
+    force = {e.id: in_force_of(e, compared[0].trial.simulation) for e in effects}
+    best, least = np.clip([force[i][n] for i, n in names], low, high), np.inf
     for _ in range(_ROUNDS):
-        evidence = about(compared, effects, names, value, scale)
+        try:
+            evidence = about(compared, effects, names, value, scale)
+        except IMPOSSIBLE:
+            value = (value + best) / 2
+            continue
         left = float(evidence.metric[0, 0])
         if left > least + _WORSE:
             # too far: tolerances take up a delay's straight line, and its curve misleads

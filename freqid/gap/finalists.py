@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.gap.attribute import LEAST_ODDS, OTHER, Judged
-from freqid.gap.close import Values, about, settings_of, starting
+from freqid.gap.close import IMPOSSIBLE, Values, about, settings_of, starting
 from freqid.gap.compare import Compared
 from freqid.gap.evidence import Estimate, Evidence
 from freqid.gap.testable import in_force_of
@@ -125,10 +125,14 @@ def _mode(
     centre, scale = np.array([force[i][n] for i, n in names]), np.array([p.scale for p in described])
     bounds = np.array([(p.low, p.high) for p in described]).T
     value = np.clip([start[i][n] for i, n in names], *bounds)
-    found = _Mode(names, centre, value, np.diag(scale**2), -np.inf)
+    found = _Mode(names, centre, centre, np.diag(scale**2), -np.inf)
     least, halved, at = np.inf, 0, slice(1, 1 + len(names))
     for _ in range(_ROUNDS):
-        there = about(compared, effects, names, value, scale, null=False)
+        try:
+            there = about(compared, effects, names, value, scale, null=False)
+        except IMPOSSIBLE:
+            value = (value + found.value) / 2
+            continue
         off = (value - centre) / scale
         left = float(there.metric[0, 0] + off @ off)
         if left > least:

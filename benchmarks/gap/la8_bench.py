@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import msgspec
 import numpy as np
-from _la8 import SCENARIO, inputs
+from _la8 import SCENARIO as WHOLE
+from _la8 import inputs
 from bench import DURATION, Bench
 from la8_descriptions import section, times
 from la8_truths import find
@@ -18,7 +20,11 @@ from freqid.core.scenario import Scenario
 from freqid.gap.connect.scenario import ScenarioSimulation
 from freqid.simulate.maneuver import Conditions, fly_maneuver, with_effects
 
-REFERENCE = {r.id: r for r in SCENARIO.reference}
+AT = ("u20", "u45")
+REFERENCE = {r.id: r for r in WHOLE.reference if r.id in AT}
+SCENARIO = msgspec.structs.replace(WHOLE, reference=tuple(REFERENCE.values()))
+"""With the conditions that are flown: the control law is designed for all that a scenario has, each time."""
+
 SIMULATION = ScenarioSimulation(SCENARIO)
 
 
@@ -108,7 +114,7 @@ def flown(
 
 LA8 = Bench(
     name="la8",
-    at=("u20", "u45"),
+    at=AT,
     simulation=SIMULATION,
     fly=flown,
     find=find,

@@ -143,7 +143,7 @@ def parameters(scenario: Scenario) -> Parameters:
     if single:
         raise UsageError(
             f"effect actuator_delay: flights have no delay of {single[0]} alone",
-            remedy="set extra, the delay of all effectors",
+            remedy="set extra, the delay of all effectors, or that of a kind: surface, tilt, rotor",
         )
     delays = actuator_delay.delays(built.airframe.effects["actuator_delay"], built.actuators.delay)
     if max(delays) > LONGEST_DELAY:

@@ -162,6 +162,8 @@ def test_drag_is_along_the_velocity_and_stall_takes_lift(flown):
 
 OPEN_LOOP = {
     "actuator_delay": ({"extra": 0.04}, ("de1", "dr2", "n3"), 2e-3),
+    "actuator_delay of surfaces": ({"surface": 0.04}, ("de1", "dr2"), 2e-3),
+    "actuator_delay of rotors": ({"rotor": 0.04}, ("n3", "n6"), 2e-3),
     "actuator_lag": ({"extra": 0.05}, ("de1", "dr2"), 0.03),
     # motors that rise faster than they fall do not commute with a lag
     "motor_lag": ({"extra": 0.05}, ("n3", "n6"), 0.08),
@@ -169,10 +171,11 @@ OPEN_LOOP = {
 }
 
 
-@pytest.mark.parametrize("identifier", OPEN_LOOP)
-def test_positions_in_flight_are_those_that_act_makes_of_them(flown, identifier):
+@pytest.mark.parametrize("case", OPEN_LOOP)
+def test_positions_in_flight_are_those_that_act_makes_of_them(flown, case):
     """With the commands held but for the excitation, so that both flights are commanded alike."""
-    settings, names, tolerance = OPEN_LOOP[identifier]
+    settings, names, tolerance = OPEN_LOOP[case]
+    identifier = case.partition(" ")[0]
     steady = {"battery_sag": 0.0}
     _, base, _ = flown(feedback=False, **steady)
     _, moved, _ = flown(feedback=False, **steady, **{identifier: settings})

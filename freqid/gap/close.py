@@ -28,7 +28,9 @@ _ROUNDS = 12
 _WORSE = 0.5  # of misfit, which is of noise alone
 _SETTLED = 0.02  # standard errors
 _WIDE = 10.0  # times what is expected of a parameter: a refit goes where the data send it
-_CHANGE = "change"
+CHANGE = "change"
+"""Name of the column of what effects make at some settings."""
+
 _GENEROUS = 3.0  # times what is expected of a parameter
 _STEP = 0.1  # of a parameter's scale, of differences
 _UNKNOWN = (
@@ -98,7 +100,7 @@ def refit(compared: Sequence[Compared], effects: Sequence[Effect], start: Values
     best, least = np.clip([force[i][n] for i, n in names], low, high), np.inf
     for _ in range(_ROUNDS):
         try:
-            evidence = about(compared, effects, names, value, scale)
+            evidence = _about(compared, effects, names, value, scale)
         except IMPOSSIBLE:
             value = (value + best) / 2
             continue
@@ -204,12 +206,8 @@ def misfit(compared: Sequence[Compared], effects: Sequence[Effect], settings: Va
         Of a `Refit`.
     """
     made_here = [changes(c, effects, settings) for c in compared]
-    named = [(0 * z, {_CHANGE: z, **c.signatures}) for c, z in zip(compared, made_here, strict=True)]
-    ids = {e.id for e in effects}
-    sources = [s for name, s in compared[0].sources.items() if name.partition(":")[0] in ids]
-    evidence = evidence_of(
-        compared, changes=named, sources={_CHANGE: tuple(dict.fromkeys(n for s in sources for n in s))}
-    )
+    named = [(0 * z, {CHANGE: z, **c.signatures}) for c, z in zip(compared, made_here, strict=True)]
+    evidence = evidence_of(compared, changes=named, sources={CHANGE: sources_of_all(effects, compared[0])})
     last = 1 + len(evidence.signatures)
     gram = evidence.metric[1:last, 1:last]
     expected = np.array([_expected(compared[0], name) for name in evidence.signatures])
@@ -217,7 +215,7 @@ def misfit(compared: Sequence[Compared], effects: Sequence[Effect], settings: Va
     lengths, directions = np.linalg.eigh(expected[:, None] * gram * expected)
     onto = (directions / np.sqrt(1 + np.maximum(lengths, 0.0))).T * expected
     data = onto @ evidence.metric[1:last, 0]
-    change = onto @ gram[:, evidence.signatures.index(_CHANGE)]
+    change = onto @ gram[:, evidence.signatures.index(CHANGE)]
     null = onto @ np.array([evidence.null_products(k) for k in range(1, last)])
     return Misfit(
         count=int((lengths > 1).sum()),
@@ -228,53 +226,73 @@ def misfit(compared: Sequence[Compared], effects: Sequence[Effect], settings: Va
     )
 
 
+def sources_of_all(effects: Sequence[Effect], compared: Compared) -> tuple[str, ...]:
+    """Return the channels that anything effects make is computed from."""
+    ids = {e.id for e in effects}
+    each = [s for name, s in compared.sources.items() if name.partition(":")[0] in ids]
+    return tuple(dict.fromkeys(n for s in each for n in s))
+
+
 def _expected(compared: Compared, name: str) -> float:
     """Return by how much a candidate's parameter may be off, generously; the change itself by its all."""
-    if name == _CHANGE:
+    if name == CHANGE:
         return 1.0
     return _GENEROUS * compared.scales[name]
 
 
-def about(
+def _about(
     compared: Sequence[Compared],
     effects: Sequence[Effect],
     names: Sequence[tuple[str, str]],
     value: Array,
     scale: Array,
-    *,
-    null: bool = True,
 ) -> Evidence:
     """Return the evidence of small departures from settings.
 
+    What the settings make is told by the flight as it was, with the motion that the gap itself made; small
+    departures by what the injected signals made, which no noise is in (instrumental variables).
+    """
+    settings = settings_of(names, value)
+    taken = [
+        (changes(c, effects, settings), departures(c, effects, names, value, scale)[1]) for c in compared
+    ]
+    return evidence_of(compared, changes=taken)
+
+
+def departures(
+    compared: Compared,
+    effects: Sequence[Effect],
+    names: Sequence[tuple[str, str]],
+    value: Array,
+    scale: Array,
+) -> tuple[Complex, dict[str, Complex]]:
+    """Return what settings make of a residual, and its derivatives by them, by what injected signals made.
+
     Parameters
     ----------
-    compared : sequence of Compared
+    compared : Compared
     effects : sequence of Effect
     names : sequence of tuple of str
         Effect id and parameter.
     value, scale : ndarray, shape (parameter,)
         Settings, and what is expected of them.
-    null : bool
-        Whether null draws are wanted too.
 
-    Notes
-    -----
-    What the settings make is told by the flight as it was, with the motion that the gap itself made; small
-    departures by what the injected signals made, which no noise is in (instrumental variables).
+    Returns
+    -------
+    change : ndarray of complex, shape (row, line)
+    derivatives : dict of ndarray of complex, shape (row, line)
+        By ``effect:parameter``.
     """
-    taken = []
-    for c in compared:
-        settings = settings_of(names, value)
-        at, columns = together(effects, c.trial, settings), {}
-        for k, (identifier, name) in enumerate(names):
-            parameter = next(e for e in effects if e.id == identifier).parameters[name]
-            step = _STEP * scale[k]
-            up = value[k] + step if value[k] + step <= parameter.high else value[k] - step
-            other = {**settings, identifier: {**settings[identifier], name: float(up)}}
-            moved = together(effects, c.trial, other) - at
-            columns[f"{identifier}:{name}"] = c.lines.transform(moved) / (up - value[k])
-        taken.append((changes(c, effects, settings), columns))
-    return evidence_of(compared, changes=taken, null=null)
+    settings = settings_of(names, value)
+    at, columns = together(effects, compared.trial, settings), {}
+    for k, (identifier, name) in enumerate(names):
+        parameter = next(e for e in effects if e.id == identifier).parameters[name]
+        step = _STEP * scale[k]
+        up = value[k] + step if value[k] + step <= parameter.high else value[k] - step
+        other = {**settings, identifier: {**settings[identifier], name: float(up)}}
+        moved = together(effects, compared.trial, other) - at
+        columns[f"{identifier}:{name}"] = compared.lines.transform(moved) / (up - value[k])
+    return compared.lines.transform(at), columns
 
 
 def starting(effect: Effect, evidence: Evidence, best: Hypothesis, value: Array, trial) -> dict[str, float]:

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.gap.attribute import LEAST_ODDS, OTHER, Judged
-from freqid.gap.close import IMPOSSIBLE, Values, about, settings_of, starting
-from freqid.gap.compare import Compared
+from freqid.gap.close import CHANGE, IMPOSSIBLE, Values, departures, settings_of, sources_of_all, starting
+from freqid.gap.compare import Compared, evidence_of
 from freqid.gap.evidence import Estimate, Evidence
 from freqid.gap.testable import in_force_of
 from freqid.simulate.effects.effect import Effect
@@ -126,27 +126,49 @@ def _mode(
     bounds = np.array([(p.low, p.high) for p in described]).T
     value = np.clip([start[i][n] for i, n in names], *bounds)
     found = _Mode(names, centre, centre, np.diag(scale**2), -np.inf)
-    least, halved, at = np.inf, 0, slice(1, 1 + len(names))
+    least, halved, at = np.inf, 0, slice(2, 2 + len(names))
     for _ in range(_ROUNDS):
         try:
-            there = about(compared, effects, names, value, scale, null=False)
+            metric = _metric(compared, effects, names, value, scale)
         except IMPOSSIBLE:
             value = (value + found.value) / 2
             continue
         off = (value - centre) / scale
-        left = float(there.metric[0, 0] + off @ off)
+        left = float(metric[0, 0] - 2 * metric[0, 1] + metric[1, 1] + off @ off)
         if left > least:
             if halved == _HALVINGS:
                 break
             value, halved = (value + found.value) / 2, halved + 1
             continue
-        gram = there.metric[at, at] + np.diag(1 / scale**2)
+        gram = metric[at, at] + np.diag(1 / scale**2)
         covariance = np.linalg.inv(gram)
         narrowed = 0.5 * float(np.linalg.slogdet(gram * np.outer(scale, scale))[1])
         weight = 0.5 * (float(evidence.metric[0, 0]) - left) - narrowed
         found, least, halved = _Mode(names, centre, value, covariance, weight), left, 0
-        after = np.clip(value + covariance @ (there.metric[at, 0] - off / scale), *bounds)
+        after = np.clip(value + covariance @ (metric[at, 0] - metric[at, 1] - off / scale), *bounds)
         if np.max(np.abs(after - value) / np.sqrt(np.diag(covariance))) < _SETTLED:
             break
         value = after
     return found
+
+
+def _metric(
+    compared: Sequence[Compared],
+    effects: Sequence[Effect],
+    names: Sequence[tuple[str, str]],
+    value: Array,
+    scale: Array,
+) -> Array:
+    """Return inner products of the data, what settings make, and its derivatives by them.
+
+    All by what the injected signals made: an effect that scales what was measured, as another mass does,
+    scales the noise in it too, and would be the better the less it leaves of that.
+    """
+    taken = []
+    for c in compared:
+        made, columns = departures(c, effects, names, value, scale)
+        taken.append((np.zeros(()), {CHANGE: made, **columns}))
+    sources = {CHANGE: sources_of_all(effects, compared[0])}
+    return evidence_of(compared, changes=taken, sources=sources, null=False).metric[
+        : 2 + len(names), : 2 + len(names)
+    ]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 import pytest
-from linear_flight import LIBRARY, SIZES, Linear, Truth, fly
+from linear_flight import LIBRARY, SIZES, Linear, Truth, fly, motion
 
+from freqid.gap import finalists
 from freqid.gap.attribute import judge
 from freqid.gap.compare import compare, evidence_of
 from freqid.gap.finalists import weighed_in_full
@@ -14,10 +17,13 @@ from freqid.simulate.effects import shipped
 TOLERANT = {**SIZES, "derivatives": 0.02, "responses": 0.01, "dynamics": 0.05}
 
 
-def judged(truth, library):
-    flights = [fly(truth, noise=1.0, seed=s, phases=s, reference=f"u{s}") for s in (1, 2)]
+def judged(truth, library, noise=1.0, flying=False):
+    flights = [fly(truth, noise=noise, seed=s, phases=s, reference=f"u{s}") for s in (1, 2)]
+    if flying:
+        flights = [upright(flight) for flight in flights]
     used = [
-        compare(Linear(), m, library, TOLERANT, (0.1, 2.0), count=60, seed=k) for k, m in enumerate(flights)
+        compare(Flying(phases=s) if flying else Linear(), m, library, TOLERANT, (0.1, 2.0), count=60, seed=s)
+        for s, m in zip((1, 2), flights, strict=True)
     ]
     evidence = evidence_of(used)
     known = {i: e.of(flights[0].vehicle) for i, e in library.items()}
@@ -54,3 +60,28 @@ def test_nothing_is_weighed_again_where_nothing_is_there():
     first, full = judged(Truth(), LIBRARY)
     assert [j.evidence for j in full] == [j.evidence for j in first]
     assert all(not j.settings for j in full)
+
+
+def upright(flight):
+    """Return a flight whose gyros of roll and yaw are perfect: these do not move, and noise is no motion."""
+    record = flight.record
+    still = [replace(record.channel(f"state/{n}"), values=0 * record.time) for n in ("p", "r")]
+    return replace(flight, record=record.with_channels(*still))
+
+
+@dataclass(frozen=True, eq=False)
+class Flying(Linear):
+    """The simulation with a flight of its own."""
+
+    phases: int = 1
+
+    def fly(self, record, effects=None):
+        alone = motion(Truth(), 20.0, 20.0, self.phases)
+        return {n: x for n, x in alone.items() if n.startswith(("state/", "effector/"))}
+
+
+def test_less_noise_is_no_explanation(monkeypatch):
+    """A lighter aircraft scales the noise of what was measured too: along the flight as it was, that gains 0.5."""
+    monkeypatch.setattr(finalists, "LEAST_ODDS", -np.inf)
+    first, full = judged(Truth(loss=0.15), LIBRARY, noise=4.0, flying=True)
+    assert of(full, "heavy").evidence == pytest.approx(of(first, "heavy").evidence, abs=0.1)

@@ -28,8 +28,9 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
     judged = {j["name"]: j for j in found["judged"] if "+" not in j["name"]}
     effects = {n: j for n, j in judged.items() if n not in NOT_EFFECTS}
     sparse = [n.partition(":")[0] for n, _ in found["sparse"]]
+    criterion = {n: _bic(j, found["rows"]) for n, j in effects.items()}
     by = {
-        "bic": max(effects, key=lambda n: _bic(effects[n], found["rows"])),
+        "bic": max(criterion, key=lambda n: criterion[n]),
         "gain": max(effects, key=lambda n: effects[n]["gain"] or 0.0),
         "sparse": sparse[0] if sparse else "none",
     }
@@ -69,6 +70,9 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
         **{f"{how}_brier": f"{_brier({name: 1.0}, right):.3f}" for how, name in by.items() if how != "bic"},
         "bic_brier": f"{_brier(_by_bic(effects, found['rows']), right):.3f}",
         **{f"{how}_top": name for how, name in by.items()},
+        "bic_named": int(criterion[by["bic"]] > 0),
+        "gain_named": 1,
+        "sparse_named": int(bool(sparse)),
         **{f"f1_{a}": where.get(f"f1_{a}", "") for a in ("row", "band", "input")},
         "interval_covers": covered[0] if len(covered) == 1 and case["kind"] == "single" else "",
         "G": closed.get("G", [""])[0],

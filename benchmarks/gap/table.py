@@ -105,6 +105,8 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
         f"  criterion alone (BIC)          {rate(r['bic_right'] for r in single)}",
         f"  largest residual reduction     {rate(r['gain_right'] for r in single)}",
         f"  sparse regression's first      {rate(r['sparse_right'] for r in single)}",
+        "right name when one is given, and names given to nulls:",
+        *(_when_named(label, how, single, of["null"]) for label, how in _NAMERS),
         "Brier score of singles and nulls, each by half:",
         *(f"  {label:<30} {_halved(single, of['null'], column):.3f}" for label, column in _TOOLS),
         "Brier score of singles:",
@@ -127,6 +129,22 @@ _TOOLS = (
     ("largest residual reduction", "gain_brier"),
     ("sparse regression's first", "sparse_brier"),
 )
+
+
+_NAMERS = (
+    ("this tool", ""),
+    ("criterion alone (BIC)", "bic_"),
+    ("largest residual reduction", "gain_"),
+    ("sparse regression's first", "sparse_"),
+)
+
+
+def _when_named(
+    label: str, how: str, single: Sequence[dict[str, Any]], null: Sequence[dict[str, Any]]
+) -> str:
+    """Return how often a name that is given is right, and how often one is given where there is nothing."""
+    right = rate(r[f"{how}right"] for r in single if int(r[f"{how}named"]))
+    return f"  {label:<30} {right}; nulls {rate(r[f'{how}named'] for r in null)}"
 
 
 def _halved(single: Sequence[dict[str, Any]], null: Sequence[dict[str, Any]], column: str) -> float:

@@ -81,7 +81,7 @@ class Flying(Linear):
 
 
 def test_less_noise_is_no_explanation(monkeypatch):
-    """A lighter aircraft scales the noise of what was measured: along the flight as it was, that gains 0.5."""
+    """A lighter aircraft scales the noise of what was measured: along the flight itself that gains 0.5."""
     monkeypatch.setattr(finalists, "LEAST_ODDS", -np.inf)
     first, full = judged(Truth(loss=0.15), LIBRARY, noise=4.0, flying=True)
     assert of(full, "heavy").evidence == pytest.approx(of(first, "heavy").evidence, abs=0.1)

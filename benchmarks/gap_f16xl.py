@@ -29,9 +29,9 @@ from scipy.io import loadmat
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.gap.connect.callable import CallableSimulation
 from freqid.gap.diagnose import Findings, Question, diagnose
-from freqid.gap.residual import without_vehicle
 from freqid.gap.together import together
 from freqid.gap.tolerance import stated
+from freqid.gap.undescribed import without_vehicle
 from freqid.identify.fourier import FourierPlan
 from freqid.identify.trend import remove_trend
 from freqid.simulate.effects import library

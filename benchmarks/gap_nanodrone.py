@@ -32,10 +32,10 @@ from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.gap.compare import Compared
 from freqid.gap.connect.callable import CallableSimulation
 from freqid.gap.diagnose import Findings, Question, diagnose
-from freqid.gap.residual import without_vehicle
 from freqid.gap.score import closure, followed
 from freqid.gap.simulation import Settings
 from freqid.gap.tolerance import stated
+from freqid.gap.undescribed import without_vehicle
 from freqid.simulate.effects.effect import Effect
 from freqid.simulate.effects.files import load_file
 

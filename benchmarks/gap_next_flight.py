@@ -21,10 +21,11 @@ from freqid.core.design import SampledInputs
 from freqid.core.record import Maneuver
 from freqid.design.multisine import sampled
 from freqid.gap.attribute import variants
-from freqid.gap.compare import Compared, compare, evidence_of
+from freqid.gap.compare import Compared, compare
 from freqid.gap.connect.scenario import ScenarioSimulation
 from freqid.gap.evidence import Evidence
 from freqid.gap.explanations import Explanation
+from freqid.gap.gather import evidence_of
 from freqid.gap.next_bench import Bench
 from freqid.gap.next_flight import next_flight
 from freqid.gap.next_test import on_ground

@@ -22,7 +22,8 @@ from linear_flight import LIBRARY, MASS, SIZES, SLOPES, Linear, Truth, fly
 
 from freqid.core.gap_self_test import Rate
 from freqid.gap.attribute import LEAST_ODDS, critical, existence, judge, p_value
-from freqid.gap.compare import compare, evidence_of
+from freqid.gap.compare import compare
+from freqid.gap.gather import evidence_of
 from freqid.gap.inserted import insert, places
 from freqid.gap.reach import Grown, power_at, reach
 from freqid.gap.self_test import STRATA

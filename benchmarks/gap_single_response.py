@@ -20,8 +20,8 @@ from stick_to_pitch_rate import DELAY_S, LAG_S, fly, pitch_rate
 from freqid.core.record import Maneuver
 from freqid.gap.connect.callable import CallableSimulation
 from freqid.gap.diagnose import Question, diagnose
-from freqid.gap.residual import without_vehicle
 from freqid.gap.tolerance import stated
+from freqid.gap.undescribed import without_vehicle
 from freqid.simulate.effects import shipped
 
 EFFECTS = ("actuator_delay", "actuator_lag")

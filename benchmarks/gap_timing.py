@@ -18,8 +18,9 @@ from _la8 import SCENARIO, inputs
 from freqid.core.record import Maneuver
 from freqid.gap import attribute, locate, score
 from freqid.gap.closures import start_of
-from freqid.gap.compare import compare, evidence_of
+from freqid.gap.compare import compare
 from freqid.gap.connect.scenario import ScenarioSimulation
+from freqid.gap.gather import evidence_of
 from freqid.gap.tolerance import stated
 from freqid.simulate.effects import shipped
 from freqid.simulate.maneuver import Conditions, fly_maneuver, with_effects

@@ -10,11 +10,12 @@ from truth import Part
 
 from freqid.gap import locate
 from freqid.gap.attribute import OTHER
-from freqid.gap.close import Misfit, misfit, refit
+from freqid.gap.close import Misfit, misfit
 from freqid.gap.closures import start_of
-from freqid.gap.compare import evidence_of
 from freqid.gap.diagnose import Findings
 from freqid.gap.evidence import Hypothesis
+from freqid.gap.gather import evidence_of
+from freqid.gap.refit import refit
 
 
 def seed_of(case: Case, manoeuvre: int) -> int:

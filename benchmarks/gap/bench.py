@@ -21,7 +21,8 @@ import numpy as np
 from truth import Part, Truth
 
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.gap.compare import Compared, compare, evidence_of
+from freqid.gap.compare import Compared, compare
+from freqid.gap.gather import evidence_of
 from freqid.gap.residual import residual
 from freqid.gap.simulation import Simulation
 from freqid.gap.tolerance import stated

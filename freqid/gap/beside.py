@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Maneuver
+from freqid.gap.histories import Histories, Row
 from freqid.gap.lines import Lines, lines_of
 from freqid.gap.locate import regime
 from freqid.gap.noise import draws, noise_of
 from freqid.gap.quiet import noisy_channels, quiet
-from freqid.gap.residual import Histories, Row, measured_part, simulated_part
+from freqid.gap.residual import measured_part, simulated_part
 from freqid.gap.shared_noise import left_over, shared_noise
 from freqid.gap.simulation import Simulation
 from freqid.gap.tolerance import DYNAMICS, form, tolerances

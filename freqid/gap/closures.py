@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from freqid.core.diagnosis import Closure, Which
 from freqid.gap import score
 from freqid.gap.attribute import NONE, OTHER, Judged
-from freqid.gap.close import Refit, starting
 from freqid.gap.compare import Compared
 from freqid.gap.evidence import Evidence, Hypothesis
+from freqid.gap.refit import Refit, starting
 from freqid.simulate.effects.effect import Effect
 
 _TOLD = 3  # effects that are closed without being asked for

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from freqid.core.record import Maneuver
 from freqid.gap.driven import driven
-from freqid.gap.evidence import Evidence, gather
+from freqid.gap.histories import Histories, Row
 from freqid.gap.lines import Lines, lines_of
 from freqid.gap.noise import Noise, draws, noise_of
 from freqid.gap.quiet import noisy_channels, quiet
-from freqid.gap.residual import Histories, Row, measured_part, simulated_part
+from freqid.gap.residual import measured_part, simulated_part
 from freqid.gap.shared_noise import Shared, shared_noise
 from freqid.gap.signature import GIVEN, signature, sources_of
 from freqid.gap.simulation import Simulation
 from freqid.gap.testable import untestable
-from freqid.gap.tolerance import DYNAMICS, OF_EFFECT, form, tolerances
+from freqid.gap.tolerance import form, tolerances
 from freqid.gap.trial import Trial
 from freqid.simulate.effects.effect import Effect
 
@@ -194,61 +194,3 @@ def compare(
         scales=scales,
         not_tested=not_tested,
     )
-
-
-def evidence_of(
-    compared: Sequence[Compared],
-    *,
-    changes: Sequence[tuple[Complex, Mapping[str, Complex]]] | None = None,
-    sources: Mapping[str, tuple[str, ...]] | None = None,
-    null: bool = True,
-    seed: int = 0,
-) -> Evidence:
-    """Reduce manoeuvres to the inner products of their white columns.
-
-    Parameters
-    ----------
-    compared : sequence of Compared
-    changes : sequence of tuple, optional
-        For each manoeuvre what is taken from its residual, and columns by name in place of its signatures.
-    sources : dict of tuple of str, optional
-        Channels that columns beside the signatures are computed from, by name.
-    null : bool
-        Whether null draws are reduced too.
-    seed : int
-        Of the tolerances in the null draws.
-    """
-    taken = changes or [(np.zeros(()), c.signatures) for c in compared]
-    signatures = list(dict.fromkeys(n for _, columns in taken for n in columns))
-    common = list(dict.fromkeys(n for c in compared for n in c.common))
-    white = [
-        {**{n: c.white(z) for n, z in columns.items()}, **c.white_common}
-        | {"data": c.white(c.residual - change), "draws": c.white_draws[: None if null else 0]}
-        for c, (change, columns) in zip(compared, taken, strict=True)
-    ]
-    names = (*signatures, *common)
-    shared = []
-    for c, (_, columns) in zip(compared, taken, strict=True):
-        extra = _attenuation(c, {**columns, **c.common}, sources or {})
-        own = np.array(list(_attenuation(c, c.own, {}).values()))
-        shared.append((np.array([extra.get(name, 0.0) for name in names]), own))
-    alone = [c.white_own for c in compared]
-    return gather(white, alone, signatures, common, shared, len(white[0]["draws"]), seed)
-
-
-def _attenuation(
-    compared: Compared, columns: Mapping[str, Complex], sources: Mapping[str, tuple[str, ...]]
-) -> dict[str, float]:
-    """Return what noise adds to the products of columns with the residual, by name."""
-    groups: dict[tuple[str, ...], list[str]] = {}
-    for name in columns:
-        kind = name.partition(":")[0]
-        usual = () if kind == DYNAMICS else compared.trial.inputs  # actuators follow commands: no noise
-        known = {**compared.sources, **sources}
-        source = known.get(name.removeprefix(OF_EFFECT), usual)
-        groups.setdefault(source, []).append(name)
-    found: dict[str, float] = {}
-    for channels, names in groups.items():
-        extra = compared.shared.attenuation(np.array([columns[n] for n in names]), channels)
-        found |= dict(zip(names, extra.tolist(), strict=True))
-    return {name: found[name] for name in columns}

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from freqid.core.errors import FreqidError
-from freqid.gap.close import Refit
 from freqid.gap.consequence import Consequence
 from freqid.gap.diagnose import Findings
-from freqid.gap.score import verdict
+from freqid.gap.refit import Refit
 from freqid.gap.simulation import Simulation
 from freqid.gap.testable import in_force_of
+from freqid.gap.verdict import verdict
 
 LEVEL = 0.9
 _DRAWS = 60

@@ -12,16 +12,18 @@ from freqid.core.diagnosis import GapDiagnosis, Which
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.gap_map import GapMap
 from freqid.core.record import Maneuver
-from freqid.gap import attribute, calibrate, calibration, locate, remarks, score
+from freqid.gap import attribute, calibrate, calibration, locate, remarks
 from freqid.gap.attribute import NONE, Judged
-from freqid.gap.close import Refit, changes
 from freqid.gap.closures import closures_of
-from freqid.gap.compare import Compared, compare, evidence_of
+from freqid.gap.compare import Compared, compare
 from freqid.gap.evidence import Evidence
 from freqid.gap.existence import existence_of, with_reached
 from freqid.gap.finalists import weighed_in_full
+from freqid.gap.gather import evidence_of
+from freqid.gap.refit import Refit, changes
 from freqid.gap.self_test import self_test
 from freqid.gap.simulation import Simulation
+from freqid.gap.verdict import verdict
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
@@ -171,7 +173,7 @@ def diagnose(
         else ([], {})
     )
     diagnosis = GapDiagnosis(
-        verdict=score.verdict(existence, where, found, which, closures),
+        verdict=verdict(existence, where, found, which, closures),
         simulation=simulation.name,
         records=tuple(names),
         gap=existence,

@@ -13,7 +13,7 @@ and Occam factors); C. E. Rasmussen and C. K. I. Williams, *Gaussian Processes f
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -232,73 +232,6 @@ class _Added(Evidence):
     @cached_property
     def _with_data(self) -> Array:
         return self.products
-
-
-def gather(
-    white: Sequence[Mapping[str, Array]],
-    own: Sequence[Array],
-    signatures: Sequence[str],
-    tolerances: Sequence[str],
-    shared: Sequence[tuple[Array, Array]],
-    draws: int,
-    seed: int,
-) -> Evidence:
-    """Reduce white columns to inner products.
-
-    Parameters
-    ----------
-    white : sequence of dict
-        For each manoeuvre, white numbers by name: ``data``, shape (row,); signatures and tolerances by name,
-        shape (row,), absent where they do nothing; ``draws``, shape (draw, row).
-    own : sequence of ndarray, shape (tolerance, row)
-        What each manoeuvre alone may be wrong by, in sigma.
-    signatures, tolerances : sequence of str
-    shared : sequence of tuple of 2 ndarray
-        For each manoeuvre what noise that is in both adds to the products of the data with signatures and
-        tolerances, and with its own tolerances.
-    draws : int
-    seed : int
-        Of the tolerances in the null draws.
-    """
-    grams, rows = [], 0
-    for columns, alone, (common, mine) in zip(white, own, shared, strict=True):
-        size = columns["data"].size
-        rows += size
-        stack = np.zeros((1 + len(signatures) + len(tolerances) + draws, size))
-        stack[0] = columns["data"]
-        for i, name in enumerate((*signatures, *tolerances), start=1):
-            if name in columns:
-                stack[i] = columns[name]
-        if draws:
-            stack[-draws:] = columns["draws"]
-        gram = stack @ stack.T
-        gram[1 : 1 + common.size, 0] -= common
-        gram[0, 1 : 1 + common.size] -= common
-        if len(alone):
-            across = alone @ stack.T
-            across[:, 0] -= mine
-            inner = alone @ alone.T + np.eye(len(alone))
-            gram -= across.T @ cho_solve(cho_factor(inner), across)
-            if draws:
-                _shake(gram, across, inner, draws, seed + len(grams))
-        grams.append(gram)
-    null = np.random.default_rng(seed).standard_normal((draws, len(tolerances)))
-    return Evidence(np.array(grams), tuple(signatures), tuple(tolerances), null, rows)
-
-
-def _shake(gram: Array, across: Array, inner: Array, draws: int, seed: int) -> None:
-    """Add to the null draws what the manoeuvre alone may be wrong by."""
-    rng = np.random.default_rng([seed, 7])
-    size = rng.standard_normal((len(inner), draws))
-    # products of every column with `alone`, in the metric: across minus what is integrated over
-    alone = inner - np.eye(len(inner))
-    solved = cho_solve(cho_factor(inner), np.concatenate([across, alone], axis=1))
-    left = np.concatenate([across, alone], axis=1) - alone @ solved
-    kept, count = gram.shape[0] - draws, gram.shape[0]
-    gram[:kept, kept:] += left[:, :kept].T @ size
-    gram[kept:, :kept] = gram[:kept, kept:].T
-    both = left[:, kept:count].T @ size
-    gram[kept:, kept:] += both + both.T + size.T @ left[:, count:] @ size
 
 
 def _inverse_root(gram: Array) -> Array:

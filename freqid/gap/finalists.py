@@ -13,10 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.gap.attribute import LEAST_ODDS, OTHER, Judged
-from freqid.gap.close import CHANGE, IMPOSSIBLE, Values, departures, settings_of, sources_of_all, starting
-from freqid.gap.compare import Compared, evidence_of
+from freqid.gap.compare import Compared
 from freqid.gap.evidence import Estimate, Evidence
-from freqid.gap.testable import in_force_of
+from freqid.gap.gather import evidence_of
+from freqid.gap.refit import (
+    CHANGE,
+    IMPOSSIBLE,
+    Sought,
+    Values,
+    departures,
+    settings_of,
+    sources_of_all,
+    starting,
+)
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
@@ -118,13 +127,9 @@ def _mode(
     effects: Sequence[Effect], start: Values, evidence: Evidence, compared: Sequence[Compared]
 ) -> _Mode:
     """Return where data and prior agree best, by Gauss-Newton steps that are halved where they overshoot."""
-    names = tuple((e.id, n) for e in effects for n in start[e.id])
-    by_id = {e.id: e for e in effects}
-    described = [by_id[i].parameters[n] for i, n in names]
-    force = {e.id: in_force_of(e, compared[0].trial.simulation) for e in effects}
-    centre, scale = np.array([force[i][n] for i, n in names]), np.array([p.scale for p in described])
-    bounds = np.array([(p.low, p.high) for p in described]).T
-    value = np.clip([start[i][n] for i, n in names], *bounds)
+    sought = Sought.of(effects, start, compared[0].trial.simulation)
+    names, centre, scale, value = sought.names, sought.centre, sought.scale, sought.start
+    bounds = sought.low, sought.high
     found = _Mode(names, centre, centre, np.diag(scale**2), -np.inf)
     least, halved, at = np.inf, 0, slice(2, 2 + len(names))
     for _ in range(_ROUNDS):
@@ -141,7 +146,7 @@ def _mode(
             value, halved = (value + found.value) / 2, halved + 1
             continue
         gram = metric[at, at] + np.diag(1 / scale**2)
-        covariance = np.linalg.inv(gram)
+        covariance = np.asarray(np.linalg.inv(gram), dtype=float)
         narrowed = 0.5 * float(np.linalg.slogdet(gram * np.outer(scale, scale))[1])
         weight = 0.5 * (float(evidence.metric[0, 0]) - left) - narrowed
         found, least, halved = _Mode(names, centre, value, covariance, weight), left, 0

@@ -11,8 +11,8 @@ from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.vehicle import Vehicle
 from freqid.gap.lines import lines_of
-from freqid.gap.residual import without_vehicle
 from freqid.gap.simulation import Simulation
+from freqid.gap.undescribed import without_vehicle
 
 BAND_HZ = (0.05, 2.0)
 """Where nothing was injected and no band is stated."""

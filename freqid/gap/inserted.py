@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.errors import FreqidError
-from freqid.gap.compare import Compared, evidence_of
+from freqid.gap.compare import Compared
 from freqid.gap.evidence import Evidence
+from freqid.gap.gather import evidence_of
 from freqid.gap.signature import GIVEN, made
 from freqid.gap.testable import in_force_of
 from freqid.simulate.effects.effect import Effect

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.record import FlightRecord
-from freqid.gap.residual import Histories
+from freqid.gap.histories import Histories
 from freqid.identify.fourier import FourierPlan, harmonics
 from freqid.identify.line_equations import plan_of
 from freqid.identify.trend import remove_trend, trend_columns

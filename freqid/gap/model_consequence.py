@@ -13,7 +13,8 @@ from freqid.core.errors import DataError, UsageError
 from freqid.core.models import PointModel
 from freqid.core.vehicle import Vehicle
 from freqid.gap.closed_loop import Actuation, LinearLoop
-from freqid.gap.consequence import DRAWS, Condition, Consequence, compare
+from freqid.gap.condition import Condition
+from freqid.gap.consequence import DRAWS, Consequence, compare
 from freqid.gap.modes import MOTION
 from freqid.gap.rigid_body import inertia_and_spin, rigid_body_matrices
 

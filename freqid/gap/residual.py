@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,67 +12,16 @@ from freqid.core.errors import DataError
 from freqid.core.frames import cross
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.units import STANDARD_GRAVITY
-from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
+from freqid.gap.histories import Histories, Row
 from freqid.gap.simulation import Settings, Simulation
 from freqid.identify.wrench import applied_wrench
 
 Array = NDArray[np.float64]
-Kind = Literal["response", "actuator", "kinematic"]
 
 _VELOCITY = ("state/u", "state/v", "state/w")
 _RATES = ("state/p", "state/q", "state/r")
 _FELT = ("state/ax", "state/ay", "state/az")
 _ATTITUDE = ("state/phi", "state/theta")
-
-
-@dataclass(frozen=True)
-class Row:
-    """One channel of a residual.
-
-    Attributes
-    ----------
-    name : str
-        ``M``; ``actuator/de1``; ``kinematic/w``.
-    unit : str
-    kind : {"response", "actuator", "kinematic"}
-        Where a gap in it acts: in the loads, between command and position, or in the sensors.
-    """
-
-    name: str
-    unit: str
-    kind: Kind
-
-
-@dataclass(frozen=True, eq=False)
-class Histories:
-    """Rows over one manoeuvre as ``direct + d(momentum)/dt``: nothing measured need be differentiated.
-
-    Attributes
-    ----------
-    rows : tuple of Row
-    direct : ndarray, shape (row, sample)
-    momentum : ndarray, shape (row, sample)
-        Unit of the row times s.
-    """
-
-    rows: tuple[Row, ...]
-    direct: Array
-    momentum: Array
-
-    def __sub__(self, other: Histories) -> Histories:
-        return Histories(self.rows, self.direct - other.direct, self.momentum - other.momentum)
-
-    def __add__(self, other: Histories) -> Histories:
-        return Histories(self.rows, self.direct + other.direct, self.momentum + other.momentum)
-
-    def __mul__(self, factor: float) -> Histories:
-        return Histories(self.rows, factor * self.direct, factor * self.momentum)
-
-    def select(self, names: Sequence[str]) -> Histories:
-        """Return some rows, in the order of `names`."""
-        have = [row.name for row in self.rows]
-        at = [have.index(name) for name in names]
-        return Histories(tuple(self.rows[i] for i in at), self.direct[at], self.momentum[at])
 
 
 def measured_part(maneuver: Maneuver, responses: Sequence[str], actuators: Sequence[str]) -> Histories:
@@ -149,31 +96,6 @@ def residual(simulation: Simulation, maneuver: Maneuver, effects: Settings | Non
     positions = simulation.positions(maneuver.record, effects)
     measured = measured_part(maneuver, simulation.responses, tuple(positions))
     return measured - simulated_part(measured, simulation.predict(maneuver.record, effects), positions)
-
-
-def without_vehicle(name: str, record: FlightRecord | None = None) -> Vehicle:
-    """Return a vehicle for records and simulations that describe none and need none: unit mass, no rotors.
-
-    A record's inputs, its own or those that were commanded, become effectors: of speeds rotors, of forces
-    thrusts, all others surfaces, sticks among them.
-    """
-    one = Inertia(xx=1.0, yy=1.0, zz=1.0)
-    kinds = {"rad/s": "rotor", "N": "thrust"}
-    found: dict[str, Channel] = {}
-    if record is not None:
-        for group in ("command", "effector"):
-            found |= {n: record.channel(f"{group}/{n}") for n in record.group(group)}
-    effectors = [
-        Effector(
-            name=n,
-            kind=kinds.get(c.unit, "surface"),  # type: ignore[arg-type]
-            limits=(float(c.values.min()) - 1.0, float(c.values.max()) + 1.0),
-        )
-        for n, c in found.items()
-    ]
-    return Vehicle(
-        name=name, mass_properties=MassProperties(mass_kg=1.0, inertia=one), effectors=tuple(effectors)
-    )
 
 
 def _responses(maneuver: Maneuver, responses: Sequence[str]) -> Histories:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,13 +15,13 @@ from freqid.core.record import Maneuver
 from freqid.core.rivals import Contest, Rivals, Span
 from freqid.gap.beside import Beside, beside
 from freqid.gap.locate import EDGES_HZ
+from freqid.gap.rivals_cells import Cell, White, white_of
 from freqid.gap.rivals_said import ALL, verdict
 from freqid.gap.simulation import Simulation
 from freqid.gap.weighed import holm, weigh
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 LEVEL = 0.02
 """How often equal simulations are told apart anywhere, unless told otherwise."""
@@ -93,8 +93,8 @@ def judge(compared: Sequence[Beside], level: float = LEVEL) -> Rivals:
 
     Half of the level goes to the one over all, half to the others together, by Holm's procedure.
     """
-    overall = _contest((ALL, _span(compared), ALL), _white_of(compared))
-    contests = [_contest((c.response, c.band_hz, c.regime), _white_of(compared, c)) for c in _cells(compared)]
+    overall = _contest((ALL, _span(compared), ALL), white_of(compared))
+    contests = [_contest((c.response, c.band_hz, c.regime), white_of(compared, c)) for c in _cells(compared)]
     adjusted = np.minimum(2 * holm([c.p for c in contests]), 1.0)
     overall = _decided(overall, min(2 * overall.p, 1.0), level)
     contests = [_decided(c, float(p), level) for c, p in zip(contests, adjusted, strict=True)]
@@ -102,50 +102,7 @@ def judge(compared: Sequence[Beside], level: float = LEVEL) -> Rivals:
     return Rivals("", ("A", "B"), (), level, identical, overall, tuple(contests))
 
 
-@dataclass(frozen=True)
-class _Cell:
-    """One response in a band and a regime; an edge between bands belongs to the lower one."""
-
-    response: str
-    band_hz: tuple[float, float]
-    regime: str
-    lowest: bool
-
-    def of(self, one: Beside) -> tuple[int, NDArray[np.bool_]] | None:
-        """Return the row and the lines of a manoeuvre that are in the cell; None without any."""
-        names, hz, (low, high) = one.names, one.lines.hz, self.band_hz
-        if self.regime not in (one.regime, ALL) or self.response not in names:
-            return None
-        at = ((hz > low) | (self.lowest & (hz == low))) & (hz <= high)
-        return (names.index(self.response), at) if at.any() else None
-
-
-@dataclass(frozen=True, eq=False)
-class _White:
-    """Residuals, tolerances and noise as white numbers.
-
-    Attributes
-    ----------
-    a, b : ndarray, shape (number,)
-    allowed : ndarray, shape (tolerance, number)
-        Half of the power is the tolerances' of A, half those of B.
-    noise : tuple of 2 ndarray, shape (draw, number)
-    floor : ndarray, shape (draw, number)
-    shared : tuple of 2 ndarray, shape (tolerance,)
-    maneuvers : int
-        That hold them.
-    """
-
-    a: Array
-    b: Array
-    allowed: Array
-    noise: tuple[Array, Array]
-    floor: Array
-    shared: tuple[Array, Array]
-    maneuvers: int
-
-
-def _contest(place: tuple[str, tuple[float, float], str], white: _White) -> Contest:
+def _contest(place: tuple[str, tuple[float, float], str], white: White) -> Contest:
     w = weigh(white.a, white.b, white.allowed, *white.noise, white.floor, white.shared)
     energy_a, energy_b = (q - n for q, n in zip(w.squares, w.noise, strict=True))
     reach = _INTERVAL * w.deviation
@@ -182,75 +139,22 @@ def _decided(contest: Contest, adjusted: float, level: float) -> Contest:
     return replace(contest, p_adjusted=adjusted, nearer=nearer)
 
 
-def _cells(compared: Sequence[Beside]) -> Iterator[_Cell]:
+def _cells(compared: Sequence[Beside]) -> Iterator[Cell]:
     """Yield responses as a whole, and in bands and regimes, where the two simulations differ."""
     low, top = _span(compared)
     bands = tuple(pairwise([low, *(e for e in EDGES_HZ if low < e < top), top]))
     regimes = dict.fromkeys(b.regime for b in compared)
     for response in dict.fromkeys(name for b in compared for name in b.names):
-        cells = [_Cell(response, band, regime, band[0] == low) for regime in regimes for band in bands]
+        cells = [Cell(response, band, regime, band[0] == low) for regime in regimes for band in bands]
         found = [cell for cell in cells if _differs(compared, cell)]
-        yield from [_Cell(response, (low, top), ALL, True)] if len(found) > 1 else []
+        yield from [Cell(response, (low, top), ALL, True)] if len(found) > 1 else []
         yield from found
 
 
-def _differs(compared: Sequence[Beside], cell: _Cell) -> bool:
+def _differs(compared: Sequence[Beside], cell: Cell) -> bool:
     at = [(b, *found) for b in compared if (found := cell.of(b))]
     differ = any((b.left[0][i, m] != b.left[1][i, m]).any() for b, i, m in at)
     return differ and sum(int(m.sum()) for _, _, m in at) >= _FEWEST
-
-
-def _white_of(compared: Sequence[Beside], cell: _Cell | None = None) -> _White:
-    """Return white numbers of all that is compared, or of one cell."""
-    found = [(one, white) for one in compared if (white := _whitening(one, cell))]
-    names = list(dict.fromkeys(name for one, _ in found for name in one.tolerances))
-    alone = np.cumsum([len(names), *(len(one.own) for one, _ in found)])
-    parts: list[list[Array]] = [[] for _ in range(6)]
-    shared = np.zeros((2, alone[-1]))
-    for (one, white), start in zip(found, alone, strict=False):
-        a, b, *noise = (white(z) for z in (*one.left, *one.noise))
-        allowed = np.zeros((alone[-1], a.size))
-        at = [*map(names.index, one.tolerances), *range(start, start + len(one.own))]
-        allowed[at] = white(np.concatenate([one.common, one.own]))
-        shared[:, at] += _shared(one, cell)
-        floor = white((one.noise[0] + one.noise[1]) / 2 * one.louder)
-        for part, values in zip(parts, (a, b, allowed, *noise, floor), strict=True):
-            part.append(values)
-    a, b, allowed, noise_a, noise_b, floor = (np.concatenate(part, axis=-1) for part in parts)
-    moved = allowed.any(axis=1)
-    mine = shared[0, moved], shared[1, moved]
-    return _White(a, b, allowed[moved], (noise_a, noise_b), floor, mine, len(found))
-
-
-def _shared(one: Beside, cell: _Cell | None) -> Array:
-    """Return what shared noise adds to products of tolerances with residuals, shape (2, tolerance)."""
-    if cell is None:
-        metric = np.linalg.inv(one.covariance)
-    else:
-        i, at = cell.of(one) or (0, np.zeros(one.lines.hz.size, dtype=bool))
-        metric = np.zeros_like(one.covariance)
-        metric[at, i, i] = 1 / one.covariance[at, i, i].real
-    strength = [2 * np.einsum("lir,jrl->ji", metric, cross, optimize=True).real for cross in one.shared]
-    return np.einsum("jti,aji->at", one.slopes, np.array(strength), optimize=True)
-
-
-def _whitening(one: Beside, cell: _Cell | None) -> Callable[[Complex], Array] | None:
-    """Return what makes white numbers, shape (..., number), of rows on lines; None where none are there."""
-    if cell is None:
-        turn = np.sqrt(2) * np.linalg.inv(np.linalg.cholesky(one.covariance))
-        return lambda z: _flat(np.einsum("lij,...jl->...il", turn, z), 2)
-    found = cell.of(one)
-    if found is None:
-        return None
-    i, at = found
-    size = np.sqrt(2 / one.covariance[at, i, i].real)
-    return lambda z: _flat(z[..., i, at] * size, 1)
-
-
-def _flat(z: Complex, axes: int) -> Array:
-    """Return the real and imaginary parts of the last axes in one."""
-    flat = z.reshape(*z.shape[: z.ndim - axes], int(np.prod(z.shape[z.ndim - axes :])))
-    return np.concatenate([flat.real, flat.imag], axis=-1)
 
 
 def _span(compared: Sequence[Beside]) -> tuple[float, float]:

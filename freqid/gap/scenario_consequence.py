@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from freqid.core.errors import UsageError
 from freqid.core.scenario import Reference, Scenario
 from freqid.gap.closed_loop import Actuation, LinearLoop
-from freqid.gap.consequence import DRAWS, Condition, Consequence, compare
+from freqid.gap.condition import Condition
+from freqid.gap.consequence import DRAWS, Consequence, compare
 from freqid.simulate import effects as library
 from freqid.simulate import motion
 from freqid.simulate.actuators import by_kind

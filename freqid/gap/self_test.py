@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from freqid.core.errors import DataError
 from freqid.core.gap_self_test import SEVERAL, Rate, SelfTest
-from freqid.gap.answers import Answers, Teller, Weighed, stratum, weigh
+from freqid.gap.answers import Answers, Teller, stratum
 from freqid.gap.attribute import NONE, OTHER, Judged, critical, existence, variants
 from freqid.gap.calibrate import Table
 from freqid.gap.compare import Compared
@@ -28,6 +28,7 @@ from freqid.gap.evidence import Evidence, Hypothesis
 from freqid.gap.fit_table import KnownCases, cross_fitted, fit_table
 from freqid.gap.inserted import Inserted, Place, insert, places
 from freqid.gap.reach import explanations, first_order_size, reach
+from freqid.gap.weighed_draws import Weighed, weigh
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]

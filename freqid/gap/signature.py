@@ -11,8 +11,9 @@ from freqid.core.channels import COEFFICIENT, WRENCH
 from freqid.core.frames import cross
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.vehicle import Vehicle
+from freqid.gap.histories import Histories
 from freqid.gap.replay import Replay
-from freqid.gap.residual import Histories, measured_part
+from freqid.gap.residual import measured_part
 from freqid.gap.simulation import Simulation
 from freqid.gap.testable import in_force_of, route_of
 from freqid.gap.trial import Trial

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from freqid.gap.residual import Histories
+from freqid.gap.histories import Histories
 from freqid.gap.signature import made
 from freqid.gap.testable import in_force_of, route_of
 from freqid.gap.trial import Trial

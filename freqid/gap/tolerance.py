@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.errors import UsageError, nearest
+from freqid.gap.histories import Histories
 from freqid.gap.lines import Lines
-from freqid.gap.residual import Histories
 from freqid.gap.signature import made
 from freqid.gap.testable import in_force_of, untestable
 from freqid.gap.trial import Trial

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.gap.residual import Histories, measured_part
+from freqid.gap.histories import Histories
+from freqid.gap.residual import measured_part
 from freqid.gap.simulation import Simulation
 
 Array = NDArray[np.float64]

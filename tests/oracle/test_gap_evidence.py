@@ -7,7 +7,8 @@ import pytest
 from scipy.linalg import block_diag, subspace_angles
 from scipy.stats import chi2, multivariate_normal
 
-from freqid.gap.evidence import Hypothesis, gather
+from freqid.gap.evidence import Hypothesis
+from freqid.gap.gather import gather
 
 SIZES = (40, 55)  # white numbers of each manoeuvre
 SIGNATURES = ("worn:share", "late:by", "late:d1")

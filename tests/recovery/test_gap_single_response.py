@@ -5,8 +5,8 @@ import pytest
 from freqid.core.record import Maneuver
 from freqid.gap.connect.callable import CallableSimulation
 from freqid.gap.diagnose import Question, diagnose
-from freqid.gap.residual import without_vehicle
 from freqid.gap.tolerance import stated
+from freqid.gap.undescribed import without_vehicle
 from freqid.simulate.effects import shipped
 
 EFFECTS = ("actuator_delay", "actuator_lag")

@@ -8,7 +8,7 @@ ones are taken out of a working copy of the aircraft.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -22,7 +22,7 @@ from freqid.core.vehicle import Vehicle
 from freqid.gap.connect import answers
 from freqid.gap.connect.differences import size
 from freqid.gap.connect.feedback import HEARD, law
-from freqid.gap.connect.flow import RATES, velocity
+from freqid.gap.connect.flow import RATES
 from freqid.gap.connect.jsbsim_aircraft import SETTLED, JsbsimAircraft
 from freqid.gap.connect.jsbsim_properties import (
     FOOT,
@@ -34,15 +34,12 @@ from freqid.gap.connect.jsbsim_properties import (
     put,
     states,
 )
+from freqid.gap.connect.jsbsim_run import INTEGRATORS, JsbsimRun
 from freqid.gap.simulation import Settings
 
 Array = NDArray[np.float64]
 
-_STEP = 1 / 120  # s, the longest of JSBSim's own steps
-_ENGINES = 15.0  # s, the same of engines
 _GRID_HZ = 10.0  # of derivatives
-_CLEARANCE = 1000.0  # m, above ground: manoeuvres are flown high
-_INTEGRATORS = ("rate/rotational", "rate/translational", "position/rotational", "position/translational")
 _FELT = ("state/u", "state/v", "state/w", *RATES)
 
 
@@ -73,7 +70,7 @@ class JsbsimSimulation:
     def predict(self, record: FlightRecord, effects: Settings | None = None) -> Array:
         """Return the wrench about the centre of gravity, shape (6, sample)."""
         self._has_none(effects)
-        rows = [loads(fdm) for _, fdm in self._along(record)]
+        rows = [loads(fdm) for _, fdm in self._run(record).along()]
         if not np.isfinite(rows).all():
             self.aircraft.forget()
         return answers.stacked(dict(zip(WRENCH, np.array(rows).T, strict=True)), record.time, self.name)[1]
@@ -83,12 +80,12 @@ class JsbsimSimulation:
 
         Engine speeds are held; channels that JSBSim does not feel have zeros.
         """
-        motion = self._motion(record)
+        run = self._run(record)
         felt = [(i, n) for i, n in enumerate(inputs) if n in _FELT or n.startswith("effector/")]
         steps = {name: size(record[name]) for _, name in felt}
         every = max(1, int(1 / (_GRID_HZ * record.dt)))
         grid, found = [], []
-        for k, fdm in self._along(record):
+        for k, fdm in run.along():
             if k % every and k != record.time.size - 1:
                 continue
             slopes = np.zeros((len(WRENCH), len(inputs)))
@@ -96,7 +93,7 @@ class JsbsimSimulation:
                 effector = self.aircraft.where(name.partition("/")[2]) if name.startswith("effector/") else []
                 pair = []
                 for sign in (1, -1):
-                    there = motion[:, k].copy()
+                    there = run.motion[:, k].copy()
                     if name in _FELT:
                         there[_FELT.index(name)] += sign * steps[name]
                     put(fdm, there)
@@ -105,7 +102,7 @@ class JsbsimSimulation:
                     pair.append(loads(fdm))
                 place(fdm, effector, record[name][k])
                 slopes[:, i] = np.subtract(*pair) / (2 * steps[name])
-            put(fdm, motion[:, k])
+            put(fdm, run.motion[:, k])
             fdm.run_ic()
             grid.append(record.time[k])
             found.append(slopes)
@@ -120,9 +117,10 @@ class JsbsimSimulation:
         names = [n for n in record.group("command") if self.aircraft.where(n)]
         if not names:
             return {}
-        commands = np.array([self._command(record, n) for n in names])
-        fdm, steps = self._ready(record, ())
-        for what in _INTEGRATORS:
+        run = self._run(record)
+        commands = np.array([run.command(n) for n in names])
+        fdm, steps = run.ready(())
+        for what in INTEGRATORS:
             fdm[f"simulation/integrator/{what}"] = 0
         command(fdm, names, commands[:, 0])
         for _ in range(int(SETTLED / fdm.get_delta_t())):
@@ -145,9 +143,10 @@ class JsbsimSimulation:
 
         self._has_none(effects)
         names = [n for n in record.group("command") if self.aircraft.where(n)]
-        commands = np.array([self._command(record, n) for n in names]).reshape(len(names), -1)
-        fdm, steps = self._ready(record, ())
-        start = velocity(record, self._centre(record))[:, 0]
+        run = self._run(record)
+        commands = np.array([run.command(n) for n in names]).reshape(len(names), -1)
+        fdm, steps = run.ready(())
+        start = run.velocity[:, 0]
         fdm["ic/vt-fps"], fdm["ic/gamma-deg"] = float(np.linalg.norm(start)) / FOOT, 0.0
         fdm.run_ic()
         try:
@@ -159,7 +158,7 @@ class JsbsimSimulation:
                 remedy="compare by replay, or begin the record in steady level flight",
             ) from None
         trim = np.array([fdm[f"fcs/{effector_name(n)}-cmd-norm"] for n in names])
-        rest = np.array([self._command(record, n, of_law=True) for n in names]).reshape(commands.shape)
+        rest = np.array([run.command(n, of_law=True) for n in names]).reshape(commands.shape)
         gains, told = law(record, rest, [f"excitation/{n}" in record for n in names])
         departure = commands - np.where(told[:, None], rest, commands[:, :1])
         rows, moved = [states(fdm)], [self._placed(fdm, names)]
@@ -190,81 +189,10 @@ class JsbsimSimulation:
     def _placed(self, fdm: Any, names: Sequence[str]) -> list[float]:
         return [fdm[self.aircraft.where(n)[0][0]] for n in names]
 
-    def _ready(self, record: FlightRecord, prescribed: tuple[str, ...]) -> tuple[Any, int]:
-        """Return JSBSim at the record's start with running engines, and its steps for each sample."""
-        fdm = self.aircraft.model(prescribed)
-        steps = max(1, int(np.ceil(record.dt / _STEP - 1e-6)))
-        fdm.reset_to_initial_conditions(1)
-        fdm.set_dt(record.dt / steps)
-        for what, how in zip(_INTEGRATORS, (3, 4, 2, 3), strict=True):
-            fdm[f"simulation/integrator/{what}"] = how
-        motion = self._motion(record)
-        fdm["ic/terrain-elevation-ft"] = (float(motion[9].min()) - _CLEARANCE) / FOOT
-        put(fdm, motion[:, 0])
-        fdm["fcs/mixture-cmd-norm"] = 1.0
-        fdm["propulsion/set-running"] = -1
-        fdm.run_ic()
-        return fdm, steps
-
-    def _along(self, record: FlightRecord) -> Iterator[tuple[int, Any]]:
-        """Yield JSBSim in the motion and with the effectors of every sample."""
-        names, prescribed = [], []
-        for name in record.group("effector"):
-            found = self.aircraft.where(name)
-            if not found:
-                raise DataError(
-                    f"the aircraft has no effector '{name}'",
-                    where=self.name,
-                    remedy="name effectors as in fcs/<name>-pos-rad: elevator, aileron, rudder, throttle",
-                )
-            names.append(name)
-            prescribed += [p for p, _ in found]
-        motion = self._motion(record)
-        fdm, steps = self._ready(record, tuple(prescribed))
-        places = record.matrix(f"effector/{n}" for n in names).reshape(len(names), -1)
-
-        def move(k: int) -> None:
-            put(fdm, motion[:, k])
-            for name, value in zip(names, places[:, k], strict=True):
-                place(fdm, self.aircraft.where(name), value)
-            fdm.run_ic()
-
-        move(0)
-        for _ in range(int(_ENGINES / fdm.get_delta_t())):  # to the speed they start with
-            move(0)
-            fdm.run()
-        for k in range(record.time.size):
-            move(k)
-            yield k, fdm
-            for _ in range(steps):
-                fdm.run()
-
-    def _motion(self, record: FlightRecord) -> Array:
-        """Return u v w p q r, phi theta psi and the altitude of the record's density, shape (10, sample)."""
-        angles = [
-            record[f"state/{n}"] if f"state/{n}" in record else 0 * record.time
-            for n in ("phi", "theta", "psi")
-        ]
-        if "air/rho" in record:  # the standard troposphere's altitude for a density
-            altitude = (1 - (record["air/rho"] / 1.225) ** (1 / 4.25588)) / 2.25577e-5
-        else:
-            altitude = record["state/alt"] if "state/alt" in record else np.full(record.time.size, 300.0)
-        moving = velocity(record, self._centre(record))
-        return np.concatenate([moving, record.matrix(RATES), angles, np.array(altitude)[None]])
-
-    def _centre(self, record: FlightRecord) -> tuple[float, float, float]:
+    def _run(self, record: FlightRecord) -> JsbsimRun:
         described = record.vehicle or self.vehicle
-        return described.mass_properties.cg_m if described else (0.0, 0.0, 0.0)
-
-    def _command(self, record: FlightRecord, name: str, *, of_law: bool = False) -> Array:
-        """Return a command as JSBSim wants it, from -1 to 1; `of_law` without what was injected."""
-        channel, injected = record.channel(f"command/{name}"), f"excitation/{name}"
-        values = channel.values - record[injected] if of_law and injected in record else channel.values
-        if channel.unit == "1":
-            return values
-        norm, position = self.aircraft.travel(name)
-        order = np.argsort(position)
-        return np.interp(values, position[order], norm[order])
+        centre = described.mass_properties.cg_m if described else (0.0, 0.0, 0.0)
+        return JsbsimRun(self.aircraft, record, centre, self.name)
 
     def _has_none(self, effects: Settings | None) -> None:
         if effects:

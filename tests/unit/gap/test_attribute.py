@@ -9,7 +9,7 @@ from scipy.stats import kstest
 
 from freqid.gap.attribute import NONE, OTHER, existence, judge, p_value, prior
 from freqid.gap.calibrate import Table, aliases, filled, probabilities, which
-from freqid.gap.evidence import gather
+from freqid.gap.gather import gather
 
 ROWS, DRAWS = 400, 300
 LIBRARY = {n: effect(n, "size", 1.0) for n in ("a", "b", "c", "twin", "d", "e")}

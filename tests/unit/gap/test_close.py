@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from linear_flight import LIBRARY, SIZES, Linear, Truth, fly, motion
 
-from freqid.gap.close import Misfit, misfit, refit
+from freqid.gap.close import Misfit, misfit
 from freqid.gap.compare import compare
 from freqid.gap.locate import coherence, gap_map
+from freqid.gap.refit import refit
 
 TOLERANT = {**SIZES, "derivatives": 0.02, "responses": 0.01, "dynamics": 0.02}
 

@@ -12,7 +12,8 @@ from freqid.core.errors import UsageError
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.gap.closed_loop import Actuation, LinearLoop
-from freqid.gap.consequence import Condition, compare, peak_excursions, trim_authority
+from freqid.gap.condition import Condition, trim_authority
+from freqid.gap.consequence import compare, peak_excursions
 from freqid.gap.model_consequence import model_condition, model_consequence
 from freqid.gap.modes import MOTION
 

@@ -12,12 +12,13 @@ from freqid.core.diagnosis import Closure, Existence, GapDiagnosis, Share, Which
 from freqid.core.gap_map import GapMap
 from freqid.core.scenario import read_scenario
 from freqid.gap import scenario_consequence
-from freqid.gap.close import Refit
 from freqid.gap.closed_loop import Actuation, LinearLoop
+from freqid.gap.condition import Condition
 from freqid.gap.connect.scenario import ScenarioSimulation
-from freqid.gap.consequence import Condition, compare
+from freqid.gap.consequence import compare
 from freqid.gap.cost import with_cost
 from freqid.gap.diagnose import Findings
+from freqid.gap.refit import Refit
 from freqid.simulate.effects import library
 
 DELAY = 0.05

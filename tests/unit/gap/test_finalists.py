@@ -10,8 +10,9 @@ from linear_flight import LIBRARY, SIZES, Linear, Truth, fly, motion
 
 from freqid.gap import finalists
 from freqid.gap.attribute import judge
-from freqid.gap.compare import compare, evidence_of
+from freqid.gap.compare import compare
 from freqid.gap.finalists import weighed_in_full
+from freqid.gap.gather import evidence_of
 from freqid.simulate.effects import shipped
 
 TOLERANT = {**SIZES, "derivatives": 0.02, "responses": 0.01, "dynamics": 0.05}

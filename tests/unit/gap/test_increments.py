@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from freqid.gap.evidence import gather
+from freqid.gap.gather import gather
 from freqid.gap.increments import WIDE, increments
 
 SIGMA = 0.05

@@ -9,8 +9,8 @@ import pytest
 from linear_flight import DT, fly
 from scipy.stats import chi2
 
+from freqid.gap.histories import Histories, Row
 from freqid.gap.lines import MOST_LINES, lines_of
-from freqid.gap.residual import Histories, Row
 
 BAND = (0.05, 2.0)
 

@@ -11,14 +11,15 @@ from scipy.stats import ncx2
 
 from freqid.core.errors import DataError
 from freqid.core.gap_self_test import Rate
-from freqid.gap.answers import weigh
 from freqid.gap.attribute import LEAST_ODDS, NONE, OTHER, critical, existence, judge, p_value, variants
 from freqid.gap.calibrate import Table
-from freqid.gap.compare import compare, evidence_of
+from freqid.gap.compare import compare
+from freqid.gap.gather import evidence_of
 from freqid.gap.inserted import insert, places
 from freqid.gap.reach import reach
 from freqid.gap.self_test import STRATA, self_test
 from freqid.gap.signature import made
+from freqid.gap.weighed_draws import weigh
 
 DRAWS = 200
 TOLERANT = {**SIZES, "derivatives": 0.02, "dynamics": 0.02}

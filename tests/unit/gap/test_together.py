@@ -10,10 +10,10 @@ from freqid.gap.compare import compare
 from freqid.gap.connect.callable import CallableSimulation
 from freqid.gap.diagnose import Question, diagnose
 from freqid.gap.replay import Replay
-from freqid.gap.residual import without_vehicle
 from freqid.gap.together import together
 from freqid.gap.tolerance import stated
 from freqid.gap.trial import Trial
+from freqid.gap.undescribed import without_vehicle
 from freqid.simulate.effects import shipped
 
 RATE, DURATION = 50.0, 20.0

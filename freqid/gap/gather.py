@@ -1,0 +1,141 @@
+"""Manoeuvres reduced to the inner products of their white columns, which are what evidence is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from freqid.gap.compare import Compared
+from freqid.gap.evidence import Evidence
+from freqid.gap.tolerance import DYNAMICS, OF_EFFECT
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+def evidence_of(
+    compared: Sequence[Compared],
+    *,
+    changes: Sequence[tuple[Complex, Mapping[str, Complex]]] | None = None,
+    sources: Mapping[str, tuple[str, ...]] | None = None,
+    null: bool = True,
+    seed: int = 0,
+) -> Evidence:
+    """Reduce manoeuvres to the inner products of their white columns.
+
+    Parameters
+    ----------
+    compared : sequence of Compared
+    changes : sequence of tuple, optional
+        For each manoeuvre what is taken from its residual, and columns by name in place of its signatures.
+    sources : dict of tuple of str, optional
+        Channels that columns beside the signatures are computed from, by name.
+    null : bool
+        Whether null draws are reduced too.
+    seed : int
+        Of the tolerances in the null draws.
+    """
+    taken = changes or [(np.zeros(()), c.signatures) for c in compared]
+    signatures = list(dict.fromkeys(n for _, columns in taken for n in columns))
+    common = list(dict.fromkeys(n for c in compared for n in c.common))
+    white = [
+        {**{n: c.white(z) for n, z in columns.items()}, **c.white_common}
+        | {"data": c.white(c.residual - change), "draws": c.white_draws[: None if null else 0]}
+        for c, (change, columns) in zip(compared, taken, strict=True)
+    ]
+    names = (*signatures, *common)
+    shared = []
+    for c, (_, columns) in zip(compared, taken, strict=True):
+        extra = _attenuation(c, {**columns, **c.common}, sources or {})
+        own = np.array(list(_attenuation(c, c.own, {}).values()))
+        shared.append((np.array([extra.get(name, 0.0) for name in names]), own))
+    alone = [c.white_own for c in compared]
+    return gather(white, alone, signatures, common, shared, len(white[0]["draws"]), seed)
+
+
+def _attenuation(
+    compared: Compared, columns: Mapping[str, Complex], sources: Mapping[str, tuple[str, ...]]
+) -> dict[str, float]:
+    """Return what noise adds to the products of columns with the residual, by name."""
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name in columns:
+        kind = name.partition(":")[0]
+        usual = () if kind == DYNAMICS else compared.trial.inputs  # actuators follow commands: no noise
+        known = {**compared.sources, **sources}
+        source = known.get(name.removeprefix(OF_EFFECT), usual)
+        groups.setdefault(source, []).append(name)
+    found: dict[str, float] = {}
+    for channels, names in groups.items():
+        extra = compared.shared.attenuation(np.array([columns[n] for n in names]), channels)
+        found |= dict(zip(names, extra.tolist(), strict=True))
+    return {name: found[name] for name in columns}
+
+
+def gather(
+    white: Sequence[Mapping[str, Array]],
+    own: Sequence[Array],
+    signatures: Sequence[str],
+    tolerances: Sequence[str],
+    shared: Sequence[tuple[Array, Array]],
+    draws: int,
+    seed: int,
+) -> Evidence:
+    """Reduce white columns to inner products.
+
+    Parameters
+    ----------
+    white : sequence of dict
+        For each manoeuvre, white numbers by name: ``data``, shape (row,); signatures and tolerances by name,
+        shape (row,), absent where they do nothing; ``draws``, shape (draw, row).
+    own : sequence of ndarray, shape (tolerance, row)
+        What each manoeuvre alone may be wrong by, in sigma.
+    signatures, tolerances : sequence of str
+    shared : sequence of tuple of 2 ndarray
+        For each manoeuvre what noise that is in both adds to the products of the data with signatures and
+        tolerances, and with its own tolerances.
+    draws : int
+    seed : int
+        Of the tolerances in the null draws.
+    """
+    grams, rows = [], 0
+    for columns, alone, (common, mine) in zip(white, own, shared, strict=True):
+        size = columns["data"].size
+        rows += size
+        stack = np.zeros((1 + len(signatures) + len(tolerances) + draws, size))
+        stack[0] = columns["data"]
+        for i, name in enumerate((*signatures, *tolerances), start=1):
+            if name in columns:
+                stack[i] = columns[name]
+        if draws:
+            stack[-draws:] = columns["draws"]
+        gram = stack @ stack.T
+        gram[1 : 1 + common.size, 0] -= common
+        gram[0, 1 : 1 + common.size] -= common
+        if len(alone):
+            across = alone @ stack.T
+            across[:, 0] -= mine
+            inner = alone @ alone.T + np.eye(len(alone))
+            gram -= across.T @ cho_solve(cho_factor(inner), across)
+            if draws:
+                _shake(gram, across, inner, draws, seed + len(grams))
+        grams.append(gram)
+    null = np.random.default_rng(seed).standard_normal((draws, len(tolerances)))
+    return Evidence(np.array(grams), tuple(signatures), tuple(tolerances), null, rows)
+
+
+def _shake(gram: Array, across: Array, inner: Array, draws: int, seed: int) -> None:
+    """Add to the null draws what the manoeuvre alone may be wrong by."""
+    rng = np.random.default_rng([seed, 7])
+    size = rng.standard_normal((len(inner), draws))
+    # products of every column with `alone`, in the metric: across minus what is integrated over
+    alone = inner - np.eye(len(inner))
+    solved = cho_solve(cho_factor(inner), np.concatenate([across, alone], axis=1))
+    left = np.concatenate([across, alone], axis=1) - alone @ solved
+    kept, count = gram.shape[0] - draws, gram.shape[0]
+    gram[:kept, kept:] += left[:, :kept].T @ size
+    gram[kept:, :kept] = gram[:kept, kept:].T
+    both = left[:, kept:count].T @ size
+    gram[kept:, kept:] += both + both.T + size.T @ left[:, count:] @ size

@@ -1,0 +1,67 @@
+"""The verdict of a diagnosis, in one line."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from freqid.core.diagnosis import Closure, Existence, Place, Which
+from freqid.core.gap_map import GapMap
+from freqid.gap.attribute import NONE, OTHER
+from freqid.gap.score import ITSELF
+
+
+def verdict(
+    gap: Existence, where: Sequence[Place], cells: GapMap, which: Which, closures: Sequence[Closure]
+) -> str:
+    """Return the verdict in one line."""
+    if not gap.exists:
+        return (
+            f"No gap that can be resolved: noise and tolerances make as much in {100 * gap.p:.3g} % of cases."
+        )
+    words = ["A gap beyond noise"]
+    if where:
+        place = where[0]
+        row = next(iter(cells.share("row").items()))
+        words.append(
+            f": {100 * row[1]:.0f} % of what is explained is in {row[0]}, mostly {place.band_hz[0]:.2g}-"
+            f"{place.band_hz[1]:.2g} Hz"
+        )
+        if place.regime:
+            words.append(f", at {place.regime}")
+        if place.input:
+            words.append(f", coherent with {place.input}")
+    words.append("; " + _name(which))
+    if closures and np.isfinite(closures[0].wrench.G):
+        gone = 100 * min(closures[0].wrench.G, 1.0)
+        itself = ITSELF in closures[0].note
+        there = "the manoeuvre that it was fitted to" if itself else "manoeuvres that were not used"
+        words.append(f"; adding {_it(which, closures[0])} removes {gone:.0f} % on {there}")
+    if closures and closures[0].consequence.get("matters"):
+        it = _it(which, closures[0])
+        words.append("; " + ("" if it == "it" else f"with {it} ") + closures[0].consequence["sentence"])
+    how = f" (calibrated by {which.calibrated_by})" if which.calibrated_by else ""
+    return "".join(words) + (how if which.calibrated else " (uncalibrated)") + "."
+
+
+def _it(which: Which, closure: Closure) -> str:
+    """Return what a closure adds: *it* where that is what the verdict has just named."""
+    named = which.pair or tuple(which.probabilities)[:1]
+    return "it" if set(named) == set(closure.effects) else " and ".join(closure.effects)
+
+
+def _name(which: Which) -> str:
+    if which.pair:
+        return f"most likely {which.pair[0]} and {which.pair[1]} together"
+    name, chance = next(iter(which.probabilities.items()))
+    group = next((g for g in which.aliases if name in g), ())
+    if name == OTHER:
+        return f"none of the library's effects explains it ({100 * chance:.0f} %)"
+    if name == NONE:
+        return "no effect of the library explains it better than chance"
+    if group:
+        return f"one of {', '.join(group)}, which these data cannot separate"
+    if len(which.set) > 1:
+        return f"most likely {name} ({100 * chance:.0f} %), among {', '.join(which.set)}"
+    return f"{name} ({100 * chance:.0f} %)"

@@ -18,6 +18,7 @@ import os
 import re
 import shutil
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -138,12 +139,13 @@ def _trimmed(folder: Path, speed: float) -> tuple[Any, Array]:
     fdm.set_debug_level(0)
     fdm.set_dt(1 / (STEPS * RATE_HZ))
     fdm.load_model_with_paths("c172p", str(folder), str(root / "engine"), str(root / "systems"))
-    for name, value in {
-        "h-sl-ft": 3000.0,
-        "vt-fps": speed / FOOT,
-        "gamma-deg": 0.0,
-        "psi-true-deg": 90.0,
-    }.items():
+    given = {"h-sl-ft": 3000.0, "vt-fps": speed / FOOT, "gamma-deg": 0.0, "psi-true-deg": 90.0}
+    return fdm, in_trim(fdm, given)
+
+
+def in_trim(fdm: Any, given: Mapping[str, float]) -> Array:
+    """Start JSBSim from initial conditions, by name, and return the commands that hold it in trim."""
+    for name, value in given.items():
         fdm[f"ic/{name}"] = value
     fdm["fcs/mixture-cmd-norm"] = 1.0
     fdm["propulsion/set-running"] = -1
@@ -154,7 +156,7 @@ def _trimmed(folder: Path, speed: float) -> tuple[Any, Array]:
     trim = np.array([fdm[f"fcs/{n}-cmd-norm"] for n in CONTROLS])
     trim[0] += fdm["fcs/pitch-trim-cmd-norm"]
     fdm["fcs/pitch-trim-cmd-norm"] = 0.0
-    return fdm, trim
+    return trim
 
 
 def _seen(fdm: Any, command: Array, injected: Array) -> dict[str, float]:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from c172p_craft import RATE_HZ, STEPS, Craft
-from gap_c172p import AMPLITUDE, CONTROLS, FOOT, INTEGRATORS, SLUG
+from gap_c172p import AMPLITUDE, CONTROLS, FOOT, SLUG, in_trim
 
 ALTITUDE = 3000.0  # ft
 _HEADING = 90.0  # deg
@@ -60,21 +60,12 @@ def fly(craft: Craft, speed: float, signals: Array, *, gusts: float, seed: int) 
         "terrain-elevation-ft": _TERRAIN,
         "vt-fps": speed / FOOT,
         "psi-true-deg": _HEADING,
+        "gamma-deg": 0.0,
     }
-    for name, value in (given | {"gamma-deg": 0.0}).items():
-        fdm[f"ic/{name}"] = value
-    fdm["fcs/mixture-cmd-norm"] = 1.0
-    fdm["propulsion/set-running"] = -1
-    for what, how in INTEGRATORS.items():
-        fdm[f"simulation/integrator/{what}"] = how
-    fdm.run_ic()
     try:
-        fdm["simulation/do_simple_trim"] = 1
+        trim = in_trim(fdm, given)
     except jsbsim.TrimFailureError:
         raise ArithmeticError(f"no trim at {speed:g} m/s") from None
-    trim = np.array([fdm[f"fcs/{n}-cmd-norm"] for n in CONTROLS])
-    trim[0] += fdm["fcs/pitch-trim-cmd-norm"]
-    fdm["fcs/pitch-trim-cmd-norm"] = 0.0
     level, bank, before, rows = fdm["attitude/theta-rad"], fdm["attitude/phi-rad"], trim, []
 
     def held(command: Array) -> Array:

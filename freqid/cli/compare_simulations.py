@@ -121,10 +121,11 @@ def run(
     compared = replace(compared, remarks=(*remarks, *compared.remarks), provenance=provenance)
     write_rivals(destination, compared, str(sources.get("scenario", {}).get("sha256", "")))
     if drawn:
-        from freqid.report.rivals_page import write_rivals_page
+        from freqid.report.rendering import write_text
+        from freqid.report.rivals_page import build_rivals_page
 
         tell("drawing")
-        write_rivals_page(drawn, compared)
+        write_text(drawn, build_rivals_page(compared))
     tell("")
     table = compared.to_json() | {"file": str(destination), "page": str(drawn or "")}
     text = rivals_text(compared) + f"\n\n{destination}" + (f"\n{drawn}" if drawn else "")
@@ -133,7 +134,7 @@ def run(
 
 def rivals_text(found: Rivals) -> str:
     """Return the comparison: its verdict in one line first, then a table, then remarks."""
-    from freqid.cli.gap_texts import table
+    from freqid.cli.columns import table
 
     blocks = [found.verdict]
     if not found.identical:

@@ -194,10 +194,11 @@ def command(
     result = shown(found, tolerances, provenance)
     write_gap(destination, result, sha256)
     if drawn:
-        from freqid.report.gap_page import write_gap_page
+        from freqid.report.gap_page import build_gap_page
+        from freqid.report.rendering import write_text
 
         tell("drawing")
-        write_gap_page(drawn, result)
+        write_text(drawn, build_gap_page(result))
     tell("")
     table = result.diagnosis.to_json() | {
         "bookkeeping": [asdict(f) for f in findings],

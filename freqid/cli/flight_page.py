@@ -40,7 +40,8 @@ def write_page(
     """
     import numpy as np
 
-    from freqid.report.simulation_page import write_simulation_page
+    from freqid.report.rendering import write_text
+    from freqid.report.simulation_page import build_simulation_page
     from freqid.report.simulation_tables import SimulatedFlight
 
     flight = SimulatedFlight(
@@ -54,7 +55,7 @@ def write_page(
         diverged=str(flown.divergence or ""),
         **named,
     )
-    write_simulation_page(path, flight)
+    write_text(path, build_simulation_page(flight))
 
 
 def _others(scenario: Scenario, loop: ClosedLoop) -> list[list[Trim]]:

@@ -119,9 +119,10 @@ def command(
             options.keep_inputs(result, *records, scenario)
     write_frequency_response(destination, response, sha256)
     if drawn:
-        from freqid.report.frequency_response_page import write_frequency_response_page
+        from freqid.report.frequency_response_page import build_frequency_response_page
+        from freqid.report.rendering import write_text
 
-        write_frequency_response_page(drawn, response, maneuvers[0].vehicle.name)
+        write_text(drawn, build_frequency_response_page(response, maneuvers[0].vehicle.name))
     for remark in response.remarks:
         click.echo(f"warning: {remark}", err=True)
     options.emit(json_, _for_machines(response), f"{_table(response)}\n{destination}")

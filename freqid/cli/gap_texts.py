@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import TYPE_CHECKING
 
+from freqid.cli.columns import table
 from freqid.cli.next_texts import next_text
 from freqid.cli.self_test_text import self_test_text
 
@@ -140,13 +141,3 @@ def _ends(change: Change | None) -> tuple[str, str, str]:
         f"{v:.3g}" if isfinite(v) else "-" for v in (change.before, change.after, change.zero)
     )
     return first, second, third
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return rows below their heads, in columns as wide as what they hold."""
-    every = [head, *rows]
-    widths = [max(len(row[i]) for row in every) for i in range(len(head))]
-    return "\n".join(
-        "  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in every
-    )

@@ -23,34 +23,32 @@ def command(
     A point model, the diagnosis of a gap, or a comparison of two simulations.
     """
     from freqid.core import gap_file, rivals_file, store
+    from freqid.report.rendering import write_text
 
-    if store.kind_of(model) == rivals_file.FORMAT:
-        from freqid.report.rivals_page import write_rivals_page
-
-        destination = destination or model.with_suffix(".html")
-        keep_inputs(destination, model)
-        write_rivals_page(destination, rivals_file.read_rivals(model))
-        emit(json_, {"path": str(destination)}, str(destination))
-        return
-    if store.kind_of(model) == gap_file.FORMAT:
-        from freqid.report.gap_page import write_gap_page
-
-        destination = destination or model.with_suffix(".html")
-        keep_inputs(destination, model)
-        write_gap_page(destination, gap_file.read_gap(model))
-        emit(json_, {"path": str(destination)}, str(destination))
-        return
-    from freqid.core.point_file import read_point
-    from freqid.core.record_file import read_record
-    from freqid.core.scenario import read_scenario
-    from freqid.report.page import write_report
-
-    point = read_point(model)
-    if record is None:
-        used = point.provenance.get("record")
-        record = Path(used) if isinstance(used, str) and Path(used).is_file() else None
-    gates = read_scenario(scenario)[0].gates if scenario else None
     destination = destination or model.with_suffix(".html")
-    keep_inputs(destination, model, record, scenario)
-    write_report(destination, point, read_record(record) if record else None, gates=gates)
+    kind = store.kind_of(model)
+    if kind == rivals_file.FORMAT:
+        from freqid.report.rivals_page import build_rivals_page
+
+        keep_inputs(destination, model)
+        text = build_rivals_page(rivals_file.read_rivals(model))
+    elif kind == gap_file.FORMAT:
+        from freqid.report.gap_page import build_gap_page
+
+        keep_inputs(destination, model)
+        text = build_gap_page(gap_file.read_gap(model))
+    else:
+        from freqid.core.point_file import read_point
+        from freqid.core.record_file import read_record
+        from freqid.core.scenario import read_scenario
+        from freqid.report.page import build_page
+
+        point = read_point(model)
+        if record is None:
+            used = point.provenance.get("record")
+            record = Path(used) if isinstance(used, str) and Path(used).is_file() else None
+        gates = read_scenario(scenario)[0].gates if scenario else None
+        keep_inputs(destination, model, record, scenario)
+        text = build_page(point, read_record(record) if record else None, gates=gates)
+    write_text(destination, text)
     emit(json_, {"path": str(destination)}, str(destination))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING
 
+from freqid.cli.columns import table
 from freqid.core.gap_self_test import ENDS
 
 if TYPE_CHECKING:
@@ -18,19 +19,24 @@ def self_test_text(test: SelfTest) -> str:
     lines = [
         f"Self-test: each effect inserted into this simulation along these flights, {test.draws} draws of "
         "noise and tolerances each:",
-        _table(
+        table(
             ("detectability", "found", "one name given", "the right one", "set holds it"),
             [
                 (f"{s.detectability:g}", *(_percent(r) for r in (s.detected, s.named, s.right, s.covered)))
                 for s in test.strata
             ],
+            indent=4,
         ),
         f"  false alarms {_percent(test.false_alarm)} of draws with nothing inserted (level {test.level:g})",
         f"  effects taken out of the library: {_percent(test.outside['named'])} wrongly named, "
         f"{_percent(test.outside['other'])} called other",
         "  smallest size found in 95 of 100 draws, and what is answered at a detectability of "
         f"{test.strata[len(test.strata) // 2].detectability:g}:",
-        _table(("effect", "smallest found", "to first order", "right", "answered instead"), _effects(test)),
+        table(
+            ("effect", "smallest found", "to first order", "right", "answered instead"),
+            _effects(test),
+            indent=4,
+        ),
     ]
     lines += [f"  not inserted: {name} ({why})" for name, why in test.not_inserted.items()]
     return "\n".join(lines)
@@ -72,12 +78,3 @@ def _percent(rate: Rate) -> str:
     if not rate.of:
         return "-"
     return f"{100 * rate.share:.0f} % ({100 * rate.lo:.0f}-{100 * rate.hi:.0f})"
-
-
-def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    every = [head, *rows]
-    widths = [max(len(row[i]) for row in every) for i in range(len(head))]
-    return "\n".join(
-        "    " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in every
-    )

@@ -53,7 +53,8 @@ def command(
 
     What is done is kept: a second run, or one after a stop, goes on from there.
     """
-    from freqid.report.study_page import write_study_page
+    from freqid.report.rendering import write_text
+    from freqid.report.study_page import build_study_page
     from freqid.study.chain import Campaign, study
 
     folder = folder or Path("reports") / f"{scenario.stem}-study"
@@ -71,7 +72,7 @@ def command(
     )
     results = study(campaign, say=lambda text: click.echo(f"{text} ...", err=True))
     page = folder / "index.html"
-    write_study_page(page, results)
+    write_text(page, build_study_page(results))
     emit(json_, _for_machines(results, folder), f"{_table(results)}\nThe report is {page}")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,27 +12,10 @@ from freqid.report.bode_figures import BELIEVED, LEVEL, bode
 from freqid.report.findings import Finding, finding
 from freqid.report.notation import percent, short
 from freqid.report.pictures import Picture, picture
-from freqid.report.rendering import render, write_text
+from freqid.report.rendering import render
 
 MOST_PICTURES = 24  # with the highest coherence: more make a page that nobody reads
 SMOOTH = 2.0  # misfit from which a response is not linear, or not smooth across its windows
-
-
-def write_frequency_response_page(path: Path, response: FrequencyResponse, title: str) -> None:
-    """Write the page of frequency responses.
-
-    Parameters
-    ----------
-    path : Path
-    response : FrequencyResponse
-    title : str
-
-    Raises
-    ------
-    DataError
-        Where the folder cannot be written.
-    """
-    write_text(path, build_frequency_response_page(response, title))
 
 
 def build_frequency_response_page(response: FrequencyResponse, title: str) -> str:

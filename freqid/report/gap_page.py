@@ -13,30 +13,13 @@ from freqid.report.findings import Finding, finding
 from freqid.report.gap_next import next_rows
 from freqid.report.notation import percent, short
 from freqid.report.pictures import Picture, picture
-from freqid.report.rendering import render, write_text
+from freqid.report.rendering import render
 
 _ROWS = 12  # of a map
 _REGIMES = 4
 _PANELS = 4  # of a figure
 _BARS = 16
 _LEAST = 0.005  # of the gap, from which a row is drawn
-
-
-def write_gap_page(path: Path, result: GapResult) -> None:
-    """Write the page of a diagnosis, whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-        Of the HTML file.
-    result : GapResult
-
-    Raises
-    ------
-    DataError
-        Where the folder cannot be written.
-    """
-    write_text(path, build_gap_page(result))
 
 
 def build_gap_page(result: GapResult) -> str:

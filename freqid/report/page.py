@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from freqid import __version__
@@ -13,7 +12,7 @@ from freqid.core.scenario import Gates
 from freqid.report import notation
 from freqid.report.estimator_tables import difference_table
 from freqid.report.pictures import collinearity_pictures, data_pictures
-from freqid.report.rendering import render, write_text
+from freqid.report.rendering import render
 from freqid.report.response_pictures import (
     fit_pictures,
     maneuvers_of,
@@ -23,27 +22,6 @@ from freqid.report.response_pictures import (
 from freqid.report.sensor_tables import longest_cut, sensor_accounts, sensor_tables
 from freqid.report.tables import channels, facts, parameters, scores, summary
 from freqid.report.verdict import verdict
-
-
-def write_report(
-    path: Path, model: PointModel, record: FlightRecord | None = None, *, gates: Gates | None = None
-) -> None:
-    """Write the page of a point model, whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-        Of the HTML file.
-    model : PointModel
-    record, gates
-        As for `build_page`.
-
-    Raises
-    ------
-    DataError
-        Where the folder cannot be written.
-    """
-    write_text(path, build_page(model, record, gates=gates))
 
 
 def build_page(model: PointModel, record: FlightRecord | None = None, *, gates: Gates | None = None) -> str:

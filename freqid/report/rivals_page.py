@@ -2,35 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from freqid import __version__
 from freqid.core.rivals import Contest, Rivals
 from freqid.report import rivals_figures
 from freqid.report.findings import Finding, finding
 from freqid.report.notation import percent, short
 from freqid.report.pictures import Picture, picture
-from freqid.report.rendering import render, write_text
+from freqid.report.rendering import render
 
 _PANELS = 8  # responses that are drawn
 _REGIMES = 5
-
-
-def write_rivals_page(path: Path, found: Rivals) -> None:
-    """Write the page of a comparison, whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-        Of the HTML file.
-    found : Rivals
-
-    Raises
-    ------
-    DataError
-        Where the folder cannot be written.
-    """
-    write_text(path, build_rivals_page(found))
 
 
 def build_rivals_page(found: Rivals) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Self
 
 import numpy as np
@@ -18,7 +17,7 @@ from freqid.report.design_figures import GROUP_COLOURS, signal_rows
 from freqid.report.effectors import engineering, groups_of
 from freqid.report.notation import number, pretty_unit, short
 from freqid.report.pictures import Picture, picture
-from freqid.report.rendering import render, write_text
+from freqid.report.rendering import render
 from freqid.report.simulation_film import FRAMES, filmstrip, largest_thrust
 from freqid.report.simulation_tables import SimulatedFlight
 from freqid.report.simulation_trims import trim_curves
@@ -28,17 +27,6 @@ Array = NDArray[np.float64]
 
 _ROWS = 10  # signals in one figure at most, where one is enough
 _STATES = ("u v w p q r", "phi theta psi alt")
-
-
-def write_simulation_page(path: Path, flight: SimulatedFlight) -> None:
-    """Write the page of a simulated flight, whole or not at all.
-
-    Raises
-    ------
-    DataError
-        Where the folder cannot be written.
-    """
-    write_text(path, build_simulation_page(flight))
 
 
 def build_simulation_page(flight: SimulatedFlight) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 
 from freqid import __version__
@@ -11,7 +9,7 @@ from freqid.design.signals import sample, samples_per_period
 from freqid.report import design_figures, study_tables
 from freqid.report.effectors import groups_of
 from freqid.report.pictures import Picture, picture
-from freqid.report.rendering import render, write_text
+from freqid.report.rendering import render
 from freqid.report.signal_pictures import signal_pictures
 from freqid.report.study_corridor_pictures import error_pictures, parameter_pictures, remaining_pictures
 from freqid.report.study_pictures import (
@@ -23,26 +21,9 @@ from freqid.report.study_pictures import (
 from freqid.report.study_results import HeldOut, StudiedPoint, StudyResults
 from freqid.report.study_verdict import MOST_HELD_OUT, MOST_NEW_DENSITY, MOST_VALIDATION, study_verdict
 
-__all__ = ["HeldOut", "StudiedPoint", "StudyResults", "build_study_page", "write_study_page"]
+__all__ = ["HeldOut", "StudiedPoint", "StudyResults", "build_study_page"]
 
 _POINTS = 16  # samples per shortest period: drawn, not judged
-
-
-def write_study_page(path: Path, results: StudyResults) -> None:
-    """Write the page of a study, whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-        Of the HTML file.
-    results : StudyResults
-
-    Raises
-    ------
-    DataError
-        Where the folder cannot be written.
-    """
-    write_text(path, build_study_page(results))
 
 
 def build_study_page(results: StudyResults) -> str:

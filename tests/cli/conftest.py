@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+
 import pytest
 
 from freqid.cli.main import run
@@ -18,3 +20,26 @@ def freqid(capsys):
         return left.value.code, captured.out, captured.err
 
     return call
+
+
+@pytest.fixture(scope="session")
+def fly_worn(linear_aircraft):
+    """Put flights of the linear aircraft with a worn elevator, and its sound simulation, into a folder."""
+    project = linear_aircraft.__file__.rpartition("/examples/")[0]
+
+    def fly(folder, loss, seeds):
+        worn = {
+            r: {n: c * (1 - loss * (n == "de")) for n, c in row.items()}
+            for r, row in linear_aircraft.DERIVATIVES.items()
+        }
+        shutil.copy(f"{project}/examples/linear_simulation.py", folder)
+        for seed in seeds:
+            log = folder / f"flight{seed}.csv"
+            linear_aircraft.fly(seed=seed, period=30.0, periods=1, derivatives=worn).to_csv(log, index=False)
+            words = f"import-log {log} --scenario {project}/scenarios/linear.toml --at u20 "
+            words += f"--map {project}/scenarios/maps/linear.toml -o {folder}/flight{seed}.h5"
+            with pytest.raises(SystemExit) as left:
+                run(words.split())
+            assert left.value.code == 0
+
+    return fly

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import shutil
 from dataclasses import replace
 
 import pytest
 
-from freqid.cli.main import run
 from freqid.core.record import Channel
 from freqid.core.record_file import read_record, write_record
 from freqid.core.rivals_file import read_rivals
@@ -35,24 +33,13 @@ good.responses = worn.responses = wrench.responses
 
 
 @pytest.fixture(scope="module")
-def folder(script, tmp_path_factory):
+def folder(script, fly_worn, tmp_path_factory):
     """Two flights of the worn aircraft, models, and recorded predictions of the model that knows it."""
-    there, example = tmp_path_factory.mktemp("rivals"), script("examples/linear_record.py")
-    project = example.__file__.rpartition("/examples/")[0]
-    shutil.copy(f"{project}/examples/linear_simulation.py", there)
+    there = tmp_path_factory.mktemp("rivals")
     (there / "models.py").write_text(MODELS)
-    worn = {
-        r: {n: c * (1 - LOSS * (n == "de")) for n, c in row.items()} for r, row in example.DERIVATIVES.items()
-    }
+    fly_worn(there, LOSS, (1, 2))
     model = script("examples/linear_simulation.py").wrench
     for seed in (1, 2):
-        log = there / f"flight{seed}.csv"
-        example.fly(seed=seed, period=30.0, periods=1, derivatives=worn).to_csv(log, index=False)
-        words = f"import-log {log} --scenario {project}/scenarios/linear.toml --at u20 "
-        words += f"--map {project}/scenarios/maps/linear.toml -o {there}/flight{seed}.h5"
-        with pytest.raises(SystemExit) as left:
-            run(words.split())
-        assert left.value.code == 0
         record = read_record(there / f"flight{seed}.h5")
         state, effector = ({n: record[f"{g}/{n}"] for n in record.group(g)} for g in ("state", "effector"))
         effector["de"] = 0.02 + (1 - LOSS) * (effector["de"] - 0.02)

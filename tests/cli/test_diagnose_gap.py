@@ -66,22 +66,10 @@ EFFECT = Effect(
 
 
 @pytest.fixture(scope="module")
-def folder(script, tmp_path_factory):
+def folder(fly_worn, tmp_path_factory):
     """Flights of the aircraft with the loss, models of it, and an effect of one's own."""
-    there, example = tmp_path_factory.mktemp("gap"), script("examples/linear_record.py")
-    project = example.__file__.rpartition("/examples/")[0]
-    worn = {
-        r: {n: c * (1 - LOSS * (n == "de")) for n, c in row.items()} for r, row in example.DERIVATIVES.items()
-    }
-    for seed in (1, 2, 3):
-        log = there / f"flight{seed}.csv"
-        example.fly(seed=seed, period=30.0, periods=1, derivatives=worn).to_csv(log, index=False)
-        words = f"import-log {log} --scenario {project}/scenarios/linear.toml --at u20 "
-        words += f"--map {project}/scenarios/maps/linear.toml -o {there}/flight{seed}.h5"
-        with pytest.raises(SystemExit) as left:
-            run(words.split())
-        assert left.value.code == 0
-    shutil.copy(f"{project}/examples/linear_simulation.py", there)
+    there = tmp_path_factory.mktemp("gap")
+    fly_worn(there, LOSS, (1, 2, 3))
     (there / "models.py").write_text(MODELS)
     (there / "own.py").write_text(OWN)
     record = read_record(there / "flight1.h5")

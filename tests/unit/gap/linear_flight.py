@@ -41,6 +41,9 @@ UNITS |= dict.fromkeys("pqr", "rad/s") | dict.fromkeys(("phi", "theta", "psi"), 
 SIZES = {"derivatives": 0.0, "responses": 0.0, "dynamics": 0.0}
 """Tolerances of a simulation that is perfect."""
 
+TOLERANT = {**SIZES, "derivatives": 0.02, "responses": 0.01, "dynamics": 0.02}
+"""Those of one that is nearly so."""
+
 
 def vehicle(mass: float = MASS) -> Vehicle:
     surfaces = tuple(Effector(name=n, kind="surface", limits=(-0.5, 0.5)) for n in ("d1", "d2"))

@@ -13,7 +13,8 @@ import pytest
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord
 from freqid.core.scenario import Gates
-from freqid.report.page import build_page, write_report
+from freqid.report.page import build_page
+from freqid.report.rendering import write_text
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
 PLAIN = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")
@@ -240,13 +241,13 @@ def test_the_record_is_shown_as_far_as_it_was_used(model, record):
 def test_it_is_written_whole_or_not_at_all(tmp_path, model, monkeypatch):
     small = replace(model, responses={"N": model["N"]}, prediction={})
     path = tmp_path / "new" / "page.html"
-    write_report(path, small)
+    write_text(path, build_page(small))
     assert path.read_text(encoding="utf-8") == build_page(small)
     assert [p.name for p in path.parent.iterdir()] == ["page.html"]
     blocked = tmp_path / "file"
     blocked.write_text("")
     with pytest.raises(DataError, match="cannot be written"):
-        write_report(blocked / "page.html", small)
+        write_text(blocked / "page.html", build_page(small))
 
 
 def test_a_long_record_makes_a_small_page(model, record):

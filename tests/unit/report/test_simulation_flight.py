@@ -43,9 +43,11 @@ def written(tmp_path_factory) -> Written:
     )
     flights = []
     with pytest.MonkeyPatch.context() as patch:
-        original = simulation_page.write_simulation_page
+        original = simulation_page.build_simulation_page
         patch.setattr(
-            simulation_page, "write_simulation_page", lambda *a: (flights.append(a[1]), original(*a))
+            simulation_page,
+            "build_simulation_page",
+            lambda flight: (flights.append(flight), original(flight))[1],
         )
         options = ["--at", "u45", "--to", "u50", "--duration", "2", "--json", "-o", str(folder / "r.h5")]
         ran = CliRunner().invoke(command, [str(path), *options], catch_exceptions=False)

@@ -12,7 +12,8 @@ import pytest
 from simulated_flights import film_record, scenario_of
 from test_page import HOSTILE, Page
 
-from freqid.report.simulation_page import build_simulation_page, write_simulation_page
+from freqid.report.rendering import write_text
+from freqid.report.simulation_page import build_simulation_page
 from freqid.report.simulation_tables import SimulatedFlight, effector_rows, excursion_rows, facts, findings
 from freqid.report.simulation_trims import TrimCurve
 
@@ -52,7 +53,7 @@ def test_page_is_well_formed_and_fetches_nothing(text):
 
 
 def test_page_is_the_same_for_the_same_flight_and_is_written_whole(flight, text, tmp_path):
-    write_simulation_page(tmp_path / "page.html", flight)
+    write_text(tmp_path / "page.html", build_simulation_page(flight))
     assert (tmp_path / "page.html").read_text(encoding="utf-8") == text
 
 

@@ -23,7 +23,8 @@ from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 from freqid.design.signals import sample
 from freqid.identify.parameter_history import parameter_history
 from freqid.identify.point import identify_point, predict
-from freqid.report.study_page import HeldOut, StudiedPoint, StudyResults, build_study_page, write_study_page
+from freqid.report.rendering import write_text
+from freqid.report.study_page import HeldOut, StudiedPoint, StudyResults, build_study_page
 from freqid.report.study_tables import condition_rows, held_out_rows
 
 EFFECTORS = ("de1", "de2", "dr1", "n1")
@@ -231,7 +232,7 @@ def test_a_density_of_its_own_may_be_farther_off():
 
 
 def test_the_same_results_give_the_same_bytes(text, tmp_path):
-    write_study_page(tmp_path / "page.html", results())
+    write_text(tmp_path / "page.html", build_study_page(results()))
     assert (tmp_path / "page.html").read_text(encoding="utf-8") == text
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.diagnosis import Share
+from freqid.gap.changes import CHANGE, Values, changes, sources_of_all
 from freqid.gap.compare import Compared
 from freqid.gap.gather import evidence_of
-from freqid.gap.refit import CHANGE, Values, changes, sources_of_all
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]

@@ -14,13 +14,14 @@ from freqid.core.gap_map import GapMap
 from freqid.core.record import Maneuver
 from freqid.gap import attribute, calibrate, calibration, locate, remarks
 from freqid.gap.attribute import NONE, Judged
+from freqid.gap.changes import changes
 from freqid.gap.closures import closures_of
 from freqid.gap.compare import Compared, compare
 from freqid.gap.evidence import Evidence
 from freqid.gap.existence import existence_of, with_reached
 from freqid.gap.finalists import weighed_in_full
 from freqid.gap.gather import evidence_of
-from freqid.gap.refit import Refit, changes
+from freqid.gap.refit import Refit
 from freqid.gap.self_test import self_test
 from freqid.gap.simulation import Simulation
 from freqid.gap.verdict import verdict

@@ -13,19 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.gap.attribute import LEAST_ODDS, OTHER, Judged
+from freqid.gap.changes import CHANGE, IMPOSSIBLE, Values, departures, settings_of, sources_of_all
 from freqid.gap.compare import Compared
 from freqid.gap.evidence import Estimate, Evidence
 from freqid.gap.gather import evidence_of
-from freqid.gap.refit import (
-    CHANGE,
-    IMPOSSIBLE,
-    Sought,
-    Values,
-    departures,
-    settings_of,
-    sources_of_all,
-    starting,
-)
+from freqid.gap.refit import Sought, starting
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]

@@ -1,38 +1,28 @@
-"""Effects fitted to manoeuvres, and what they make of a residual at some settings."""
+"""Effects fitted to manoeuvres, and where such fits begin."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.errors import FreqidError
+from freqid.gap.changes import IMPOSSIBLE, Values, changes, departures, settings_of
 from freqid.gap.compare import Compared
 from freqid.gap.evidence import Evidence, Hypothesis
 from freqid.gap.gather import evidence_of
 from freqid.gap.simulation import Simulation
 from freqid.gap.testable import in_force_of
-from freqid.gap.together import together
 from freqid.gap.tolerance import OF_EFFECT
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Values = Mapping[str, Mapping[str, float]]
-
-IMPOSSIBLE = (FreqidError, ValueError, ArithmeticError)
-"""What effects raise at settings that nothing can have, as one moment of inertia beyond the others' sum."""
-
-CHANGE = "change"
-"""Name of the column of what effects make at some settings."""
 
 _ROUNDS = 12
 _WORSE = 0.5  # of misfit, which is of noise alone
 _SETTLED = 0.02  # standard errors
 _WIDE = 10.0  # times what is expected of a parameter: a refit goes where the data send it
-_STEP = 0.1  # of a parameter's scale, of differences
 _UNKNOWN = (
     0.7  # of what was expected beforehand: a parameter that data do not narrow further is not determined
 )
@@ -167,11 +157,6 @@ def _without(compared: Compared, tolerances: tuple[str, ...]) -> Compared:
     return compared if len(left) == len(compared.common) else replace(compared, common=left)
 
 
-def changes(compared: Compared, effects: Sequence[Effect], settings: Values) -> Complex:
-    """Return what effects at some settings make of a residual, shape (row, line)."""
-    return compared.lines.transform(together(effects, compared.flown, settings))
-
-
 def _about(
     compared: Sequence[Compared],
     effects: Sequence[Effect],
@@ -189,49 +174,6 @@ def _about(
         (changes(c, effects, settings), departures(c, effects, names, value, scale)[1]) for c in compared
     ]
     return evidence_of(compared, changes=taken)
-
-
-def departures(
-    compared: Compared,
-    effects: Sequence[Effect],
-    names: Sequence[tuple[str, str]],
-    value: Array,
-    scale: Array,
-) -> tuple[Complex, dict[str, Complex]]:
-    """Return what settings make of a residual, and its derivatives by them, by what injected signals made.
-
-    Parameters
-    ----------
-    compared : Compared
-    effects : sequence of Effect
-    names : sequence of tuple of str
-        Effect id and parameter.
-    value, scale : ndarray, shape (parameter,)
-        Settings, and what is expected of them.
-
-    Returns
-    -------
-    change : ndarray of complex, shape (row, line)
-    derivatives : dict of ndarray of complex, shape (row, line)
-        By ``effect:parameter``.
-    """
-    settings = settings_of(names, value)
-    at, columns = together(effects, compared.trial, settings), {}
-    for k, (identifier, name) in enumerate(names):
-        parameter = next(e for e in effects if e.id == identifier).parameters[name]
-        step = _STEP * scale[k]
-        up = value[k] + step if value[k] + step <= parameter.high else value[k] - step
-        other = {**settings, identifier: {**settings[identifier], name: float(up)}}
-        moved = together(effects, compared.trial, other) - at
-        columns[f"{identifier}:{name}"] = compared.lines.transform(moved) / (up - value[k])
-    return compared.lines.transform(at), columns
-
-
-def sources_of_all(effects: Sequence[Effect], compared: Compared) -> tuple[str, ...]:
-    """Return the channels that anything effects make is computed from."""
-    ids = {e.id for e in effects}
-    each = [s for name, s in compared.sources.items() if name.partition(":")[0] in ids]
-    return tuple(dict.fromkeys(n for s in each for n in s))
 
 
 def starting(effect: Effect, evidence: Evidence, best: Hypothesis, value: Array, trial) -> dict[str, float]:
@@ -252,12 +194,4 @@ def starting(effect: Effect, evidence: Evidence, best: Hypothesis, value: Array,
         for name, parameter in effect.parameters.items():
             if name not in found and parameter.scale > 0:
                 found[name] = force[name]
-    return found
-
-
-def settings_of(names: Sequence[tuple[str, str]], value: Array) -> dict[str, dict[str, float]]:
-    """Return parameters by effect."""
-    found: dict[str, dict[str, float]] = {}
-    for (identifier, name), x in zip(names, value, strict=True):
-        found.setdefault(identifier, {})[name] = float(x)
     return found

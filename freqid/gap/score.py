@@ -10,12 +10,13 @@ from scipy.stats import norm
 
 from freqid.core.diagnosis import Change, Closure, Interval, Share
 from freqid.core.errors import FreqidError
+from freqid.gap.changes import changes
 from freqid.gap.close import Misfit, misfit
 from freqid.gap.compare import Compared
 from freqid.gap.fidelity import frequency_cost, rmse, theil
 from freqid.gap.locate import regime_of
 from freqid.gap.quiet import sensor_noise
-from freqid.gap.refit import Refit, changes, refit
+from freqid.gap.refit import Refit, refit
 from freqid.gap.together import together
 from freqid.identify.smoothing import local_derivative
 from freqid.identify.trend import up_to

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from freqid.core.gap_result import BeforeAfter, GapResult, ResidualSpectra
+from freqid.gap.changes import changes
 from freqid.gap.compare import Compared
 from freqid.gap.diagnose import Findings
 from freqid.gap.increments import increments
 from freqid.gap.locate import coherence
-from freqid.gap.refit import changes
 from freqid.gap.score import followed
 from freqid.gap.tolerance import DERIVATIVES
 

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.gap.evidence import Estimate, Evidence, Hypothesis
+from freqid.gap.evidence import IN, Estimate, Evidence, Hypothesis
 from freqid.gap.signature import GIVEN
 from freqid.gap.tolerance import DERIVATIVES, DYNAMICS
 from freqid.simulate.effects.effect import Effect
@@ -24,6 +24,7 @@ LEAST_ODDS = 2.0
 """Logarithm of the odds for a gap below which none is called, however narrow the null draws are: what they
 do not know of, the baseline's own formulas and gusts, is worth as much."""
 
+_APART = 0.5  # of what is expected of a size: how far it may differ between manoeuvres
 _STRONGEST = 8  # single effects that pairs are made of
 _PAIR_PENALTY = 3.0  # two effects at once are this much less expected, in logarithms
 
@@ -41,7 +42,7 @@ class Judged:
     null : ndarray, shape (draw,)
         The same of draws without an effect.
     best : Hypothesis
-        The variant that data prefer.
+        The variant that data prefer among those of one size in all manoeuvres.
     estimate : Estimate
         Its coefficients.
     settings : dict of dict of float
@@ -57,9 +58,14 @@ class Judged:
 
 
 def variants(effect: Effect, evidence: Evidence) -> tuple[Hypothesis, ...]:
-    """Return the ways in which an effect may show: all its parameters, or one place of several, or some."""
+    """Return the ways in which an effect may show: all its parameters, or one place of several, or some.
+
+    Each of them again with a size that differs between manoeuvres, where the evidence has columns for that:
+    a truth of another formula than the candidate's is of another size in another regime.
+    """
     prefix = f"{effect.id}:"
-    names = [n for n in evidence.signatures if n.startswith(prefix) and _known(evidence, n)]
+    known = [n for n in evidence.signatures if n.startswith(prefix) and _known(evidence, n)]
+    names = [n for n in known if IN not in n]
     scales = {n: effect.parameters[n[len(prefix) :].partition(GIVEN)[0]].scale for n in names}
     if not names:
         return ()
@@ -71,10 +77,13 @@ def variants(effect: Effect, evidence: Evidence) -> tuple[Hypothesis, ...]:
         size = f"{prefix}{effect.size}"
         rest = [n for n in plain if n != size]
         groups = [plain, *([n, *rest] for n in names if GIVEN in n)]
+    own = {n: [m for m in known if m.startswith(f"{n}{IN}")] for n in names}
+    scales |= {m: _APART * scales[n] for n, each in own.items() for m in each}
+    groups = [g for g in groups if g]
+    groups += [[*g, *own[g[0]]] for g in groups if len(own[g[0]]) > 1]
     return tuple(
         Hypothesis(effect.id, tuple(evidence.column(n) for n in g), tuple(scales[n] for n in g))
         for g in groups
-        if g
     )
 
 
@@ -233,7 +242,9 @@ def _judged(name: str, hypotheses: Sequence[Hypothesis], evidence: Evidence) -> 
         return None
     each = np.array([evidence.evidences(h) for h in hypotheses])
     whole = averaged(each)
-    best = hypotheses[int(np.argmax(each[:, 0]))]
+    # what is shown, refitted and paired has one size
+    likely = [e if evidence.whole(h) else -np.inf for e, h in zip(each[:, 0], hypotheses, strict=True)]
+    best = hypotheses[int(np.argmax(likely))]
     return Judged(name, float(whole[0]), whole[1:], best, evidence.estimate(best))
 
 

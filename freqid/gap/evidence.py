@@ -24,6 +24,10 @@ from scipy.linalg import cho_factor, cho_solve
 Array = NDArray[np.float64]
 
 
+IN = "@"
+"""Between the name of a signature and the number of the one manoeuvre in which a column has it."""
+
+
 @dataclass(frozen=True)
 class Hypothesis:
     """An explanation: columns that may be needed, and what is expected of their coefficients.
@@ -94,6 +98,25 @@ class Evidence:
         return Evidence(
             self.gram[list(maneuvers)], self.signatures, self.tolerances, self.null, int(self.rows * share)
         )
+
+    def by_maneuver(self, names: Sequence[str]) -> Evidence:
+        """Return the evidence with columns of some signatures in each manoeuvre alone, ``name@number``."""
+        count, size, first = len(self.gram), self.gram.shape[1], 1 + len(self.signatures)
+        if count < 2:
+            return self
+        at, extra = [self.column(n) for n in names], count * len(names)
+        kept = np.r_[0:first, first + extra : size + extra]
+        gram = np.zeros((count, size + extra, size + extra))
+        before = np.concatenate([np.arange(size), at]).astype(int)
+        for k in range(count):
+            after = np.concatenate([kept, first + k * len(names) + np.arange(len(names))])
+            gram[k][np.ix_(after, after)] = self.gram[k][np.ix_(before, before)]
+        own = [f"{n}{IN}{k}" for k in range(count) for n in names]
+        return Evidence(gram, (*self.signatures, *own), self.tolerances, self.null, self.rows)
+
+    def whole(self, hypothesis: Hypothesis) -> bool:
+        """Return whether a hypothesis has one size in all manoeuvres."""
+        return not any(IN in n for c in hypothesis.columns for n in self.signatures[c - 1 : c])
 
     def without(self, tolerances: Collection[str]) -> Evidence:
         """Return the evidence where some tolerances are not allowed for."""

@@ -104,7 +104,9 @@ def at_its_size(
         every[column - 1]: float(x)
         for column, x in zip(judged.best.columns, judged.estimate.value, strict=True)
     }
-    ways = tuple(tuple(every[c - 1] for c in h.columns) for h in variants(library[name], evidence))
+    ways = tuple(
+        tuple(every[c - 1] for c in h.columns) for h in variants(library[name], evidence) if evidence.whole(h)
+    )
     return Explanation(name, value, ways)
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.gap.attribute import LEAST_ODDS, OTHER, Judged
+from freqid.gap.attribute import LEAST_ODDS, OTHER, Judged, variants
 from freqid.gap.changes import CHANGE, IMPOSSIBLE, Values, departures, settings_of, sources_of_all
 from freqid.gap.compare import Compared
 from freqid.gap.evidence import Estimate, Evidence
@@ -102,6 +102,7 @@ def _in_full(
     at_first = float(evidence.evidences(judged.best)[0])
     if mode.evidence <= at_first:
         return judged
+    ways = 1 if len(effects) > 1 else len(variants(effects[0], evidence))
     columns = [evidence.signatures[c - 1] for c in judged.best.columns]
     estimate = judged.estimate
     if columns == [f"{i}:{n}" for i, n in mode.names]:
@@ -109,10 +110,16 @@ def _in_full(
         estimate = Estimate(mode.value - mode.centre, mode.covariance, mode.evidence, size)
     return replace(
         judged,
-        evidence=judged.evidence + mode.evidence - at_first,
+        evidence=_averaged(judged.evidence, at_first, mode.evidence, ways),
         estimate=estimate,
         settings=settings_of(mode.names, mode.value),
     )
+
+
+def _averaged(whole: float, before: float, after: float, ways: int) -> float:
+    """Return the evidence of an explanation, the mean over its ways, once that of one of them has changed."""
+    others = np.log(max(-np.expm1(before - np.log(ways) - whole), 1e-300))
+    return float(np.logaddexp(whole + others, after - np.log(ways)))
 
 
 def _mode(

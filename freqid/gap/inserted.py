@@ -229,7 +229,8 @@ def _with_columns(
         (0 * c.residual, {**c.signatures, **{f"{_COLUMN}{i}": z[k] for i, z in columns.items()}})
         for k, c in enumerate(compared)
     ]
-    return evidence_of(compared, changes=taken, seed=seed)
+    evidence = evidence_of(compared, changes=taken, seed=seed)
+    return evidence.by_maneuver([n for n in evidence.signatures if not n.startswith(_COLUMN)])
 
 
 def _once(found: Sequence[Insertion]) -> list[Insertion]:

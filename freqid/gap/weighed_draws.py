@@ -127,7 +127,8 @@ def weigh(
     whole, best, size = [], [], []
     for name, hypotheses in options.items():
         each = np.array([evidence.evidences(h)[1:] for h in hypotheses])
-        first = each.argmax(axis=0)
+        one_size = np.array([evidence.whole(h) for h in hypotheses])
+        first = np.where(one_size[:, None], each, -np.inf).argmax(axis=0)
         whole.append(averaged(each))
         best.append(first)
         if name == OTHER:  # is no alias of anything
@@ -159,7 +160,7 @@ def _alike(
     for i, (name, hypotheses) in enumerate(options.items()):
         if name == OTHER:
             continue
-        for h in hypotheses:
+        for h in (h for h in hypotheses if evidence.whole(h)):
             columns = list(h.columns)
             across = evidence.metric[np.ix_(columns, at)]
             solved = np.linalg.pinv(evidence.metric[np.ix_(columns, columns)], rcond=1e-9, hermitian=True)

@@ -10,7 +10,7 @@ from truth import Part
 
 from freqid.gap import locate
 from freqid.gap.attribute import OTHER
-from freqid.gap.close import Misfit, misfit
+from freqid.gap.close import misfit, misfit_with
 from freqid.gap.closures import start_of
 from freqid.gap.diagnose import Findings
 from freqid.gap.evidence import Hypothesis
@@ -87,10 +87,7 @@ def closed(by: Bench, found: Findings, parts: list[Part], case: Case) -> dict[st
         by.change(at, parts, c, seed=seed_of(case, 5 + i), **how)
         for i, (at, c) in enumerate(zip(by.at, kept, strict=True))
     ]
-    evidence = evidence_of(kept, changes=[(0 * z, {"change": z}) for z in s])
-    before, shift, size = (float(evidence.metric[at]) for at in ((0, 0), (0, 1), (1, 1)))
-    across = 2 * evidence.null_products(1)
-    best = Misfit(evidence.rows, before, before + size - 2 * shift, evidence.null_energy, across).share(0.9)
+    best = misfit_with(kept, s).share(0.9)
     sigma = np.sqrt(np.diag(fitted.covariance))
     return {
         "G": [share.G, share.lo, share.hi],

@@ -15,6 +15,7 @@ from freqid.gap.gather import evidence_of
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 _GENEROUS = 3.0  # times what is expected of a parameter
 
@@ -87,8 +88,24 @@ def misfit(compared: Sequence[Compared], effects: Sequence[Effect], settings: Va
         Of a `Refit`.
     """
     made_here = [changes(c, effects, settings) for c in compared]
+    return misfit_with(compared, made_here, sources_of_all(effects, compared[0]))
+
+
+def misfit_with(
+    compared: Sequence[Compared], made_here: Sequence[Complex], sources: Sequence[str] = ()
+) -> Misfit:
+    """Score changes of manoeuvres' residuals.
+
+    Parameters
+    ----------
+    compared : sequence of Compared
+    made_here : sequence of ndarray of complex, shape (row, line)
+        The change in each manoeuvre.
+    sources : sequence of str
+        Channels that the changes are computed from, whose noise may be in them.
+    """
     named = [(0 * z, {CHANGE: z, **c.signatures}) for c, z in zip(compared, made_here, strict=True)]
-    evidence = evidence_of(compared, changes=named, sources={CHANGE: sources_of_all(effects, compared[0])})
+    evidence = evidence_of(compared, changes=named, sources={CHANGE: tuple(sources)})
     last = 1 + len(evidence.signatures)
     gram = evidence.metric[1:last, 1:last]
     expected = np.array([_expected(compared[0], name) for name in evidence.signatures])

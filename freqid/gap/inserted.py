@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from freqid.core.errors import FreqidError
 from freqid.gap.compare import Compared
-from freqid.gap.evidence import Evidence
+from freqid.gap.evidence import IN, Evidence
 from freqid.gap.gather import evidence_of
 from freqid.gap.signature import GIVEN, made
 from freqid.gap.testable import in_force_of
@@ -120,7 +120,7 @@ def places(
             owner, _, name = column.partition(":")
             at = evidence.column(column)
             gain = float(evidence.metric[at, at])
-            if owner != effect.id or gain < 1e-12:
+            if owner != effect.id or gain < 1e-12 or IN in name:
                 continue
             parameter = effect.parameters[name.partition(GIVEN)[0]]
             force = in_force_of(effect, compared[0].trial.simulation)[name.partition(GIVEN)[0]]

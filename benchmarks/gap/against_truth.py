@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from bench import Bench, Case
+from bench import Bench, Case, Circumstances
 from truth import Part
 
 from freqid.gap import locate
@@ -18,17 +18,17 @@ from freqid.gap.gather import evidence_of
 from freqid.gap.refit import refit
 
 
-def seed_of(case: Case, manoeuvre: int) -> int:
-    """Return the seed of noise and gusts of one of a case's manoeuvres."""
-    return 10 * int(case["seed"]) + manoeuvre
+def around(case: Case, manoeuvre: int, signals: int = 0) -> Circumstances:
+    """Return the circumstances of one of a case's manoeuvres."""
+    seed = int(case["seed"])
+    return Circumstances(case["noise"], case["gusts"], 10 * seed + manoeuvre, seed, signals)
 
 
 def of_truth(by: Bench, found: Findings, parts: list[Part], case: Case) -> dict[str, Any]:
     """Return what is true of the case in its own metric: detectability, places, likeness of candidates."""
-    how = {"gusts": case["gusts"], "scatter": int(case["seed"])}
     each = [
         [
-            by.change(at, [p], c, seed=seed_of(case, i), **how)
+            by.change(at, [p], c, around(case, i))
             for i, (at, c) in enumerate(zip(by.at, found.compared, strict=True))
         ]
         for p in parts
@@ -63,30 +63,19 @@ def of_truth(by: Bench, found: Findings, parts: list[Part], case: Case) -> dict[
 
 def closed(by: Bench, found: Findings, parts: list[Part], case: Case) -> dict[str, Any]:
     """Return how far the true effect closes manoeuvres that it was not fitted to, beside its own truth."""
-    effect = by.library[parts[0].truth.id].of(found.compared[0].maneuver.vehicle)
+    effect = by.candidates[parts[0].truth.id].of(found.compared[0].maneuver.vehicle)
     judged = next((j for j in found.judged if j.name == effect.id), None)
     if judged is None:
         return {"failed": "not judged"}
-    kept = []
-    for i, at in enumerate(by.at):
-        record = by.fly(
-            at,
-            parts,
-            noise=case["noise"],
-            gusts=case["gusts"],
-            seed=seed_of(case, 5 + i),
-            scatter=int(case["seed"]),
-            signals=1,
-        )
-        kept.append(by.measured(record, 70 + i, **{effect.id: by.library[effect.id]}))
+    how = [around(case, 5 + i, signals=1) for i in range(len(by.at))]
+    kept = [
+        by.measured(by.fly(at, parts, h), 70 + i, **{effect.id: by.candidates[effect.id]})
+        for i, (at, h) in enumerate(zip(by.at, how, strict=True))
+    ]
     start = start_of((effect.id,), found.evidence, found.judged, {effect.id: effect}, found.compared)
     fitted = refit(found.compared, [effect], start)
     share = misfit(kept, [effect], fitted.settings).share(0.9)
-    how = {"gusts": case["gusts"], "scatter": int(case["seed"]), "signals": 1}
-    s = [
-        by.change(at, parts, c, seed=seed_of(case, 5 + i), **how)
-        for i, (at, c) in enumerate(zip(by.at, kept, strict=True))
-    ]
+    s = [by.change(at, parts, c, h) for at, c, h in zip(by.at, kept, how, strict=True)]
     best = misfit_with(kept, s).share(0.9)
     sigma = np.sqrt(np.diag(fitted.covariance))
     return {

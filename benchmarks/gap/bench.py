@@ -8,10 +8,10 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -23,6 +23,7 @@ from truth import Part, Truth
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.gap.compare import Compared, compare
 from freqid.gap.gather import evidence_of
+from freqid.gap.histories import Histories
 from freqid.gap.residual import residual
 from freqid.gap.simulation import Simulation
 from freqid.gap.tolerance import stated
@@ -35,22 +36,32 @@ Case = dict[str, Any]
 Complex = np.ndarray
 
 
-class Fly(Protocol):
-    """Flies one manoeuvre of a case and returns its log."""
+@dataclass(frozen=True)
+class Circumstances:
+    """In which a manoeuvre of a case is flown.
 
-    def __call__(
-        self,
-        at: str,
-        parts: Sequence[Part],
-        *,
-        noise: float = 0.0,
-        gusts: float = 0.0,
-        seed: int = 0,
-        scatter: int | None = None,
-        signals: int = 0,
-    ) -> FlightRecord:
-        """Return the log of a manoeuvre with truths, as the nominal vehicle's."""
-        ...
+    Attributes
+    ----------
+    noise : float
+        Times the sensors' usual noise.
+    gusts : float
+        m/s.
+    seed : int
+        Of noise and gusts.
+    scatter : int, optional
+        Seed of what the whole vehicle is a little off by; without it the vehicle is the nominal one.
+    signals : int
+        Which phases of the excitation.
+    """
+
+    noise: float = 0.0
+    gusts: float = 0.0
+    seed: int = 0
+    scatter: int | None = None
+    signals: int = 0
+
+
+Fly = Callable[[str, Sequence[Part], Circumstances], FlightRecord]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,13 +77,13 @@ class Bench:
     simulation : Simulation
         Of the nominal vehicle: the one that is diagnosed.
     fly : Fly
-        Flies a manoeuvre with truths, noise, gusts and scatter of the whole vehicle; `signals` chooses
-        other phases of the excitation. Raises ArithmeticError where the flight diverges.
+        Flies a manoeuvre with truths and returns its log, as the nominal vehicle's. Raises ArithmeticError
+        where the flight diverges.
     find : callable
         ``find(identifier, form)``: one of the vehicle's truths.
     tolerance : mapping
         One sigma by name of what is no effect, over the defaults.
-    library : mapping
+    candidates : mapping
         Candidate effects, by identifier.
     band_hz : tuple of 2 floats
     draws : int
@@ -85,24 +96,24 @@ class Bench:
     fly: Fly
     find: Callable[[str, str], Truth]
     tolerance: Mapping[str, float] = field(default_factory=dict)
-    library: Mapping[str, Effect] = field(default_factory=shipped)
+    candidates: Mapping[str, Effect] = field(default_factory=shipped)
     band_hz: tuple[float, float] = (0.05, 1.9)
     draws: int = 40
 
     @property
     def tolerances(self) -> dict[str, float]:
         """One sigma of all that is no effect, by name."""
-        return stated(self.tolerance, self.library)
+        return stated(self.tolerance, self.candidates)
 
     @property
     def allowed(self) -> dict[str, Effect]:
         """Effects that hold tolerances."""
         held = {name.partition(".")[0] for name in self.tolerances}
-        return {i: e for i, e in self.library.items() if i in held}
+        return {i: e for i, e in self.candidates.items() if i in held}
 
     def in_force(self, identifier: str) -> dict[str, float]:
         """Return an effect's parameters in the simulation."""
-        nothing = dict.fromkeys(self.library[identifier].parameters, 0.0)
+        nothing = dict.fromkeys(self.candidates[identifier].parameters, 0.0)
         return dict(self.simulation.effects.get(identifier, nothing))
 
     def measured(self, record: FlightRecord, seed: int, **more: Effect) -> Compared:
@@ -121,30 +132,21 @@ class Bench:
         )
 
     def change(
-        self,
-        at: str,
-        parts: Sequence[Part],
-        compared: Compared,
-        *,
-        signals: int = 0,
-        gusts: float = 0.0,
-        seed: int = 0,
-        scatter: int | None = None,
+        self, at: str, parts: Sequence[Part], compared: Compared, circumstances: Circumstances
     ) -> Complex:
         """Return what truths make of one manoeuvre's stack without noise, on the lines of what is compared.
 
         Both flights have the same scatter and gusts. The metric has to be of a flight with the truths: what
         tolerances may do goes with the motion, which the truths change.
         """
-        record = self.fly(at, parts, gusts=gusts, seed=seed, scatter=scatter, signals=signals)
-        without = _without(self, at, signals, gusts, seed, scatter)
-        return compared.lines.transform(residual(self.simulation, Maneuver.of(record)) - without)
+        silent = replace(circumstances, noise=0.0)
+        made = residual(self.simulation, Maneuver.of(self.fly(at, parts, silent)))
+        return compared.lines.transform(made - _without(self, at, silent))
 
 
 @lru_cache(maxsize=16)
-def _without(bench: Bench, at: str, signals: int, gusts: float, seed: int, scatter: int | None) -> Any:
-    record = bench.fly(at, (), gusts=gusts, seed=seed, scatter=scatter, signals=signals)
-    return residual(bench.simulation, Maneuver.of(record))
+def _without(bench: Bench, at: str, circumstances: Circumstances) -> Histories:
+    return residual(bench.simulation, Maneuver.of(bench.fly(at, (), circumstances)))
 
 
 def detectability(compared: Sequence[Compared], s: Sequence[Complex]) -> float:

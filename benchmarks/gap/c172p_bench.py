@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from bench import DURATION, Bench
+from bench import DURATION, Bench, Circumstances
 from c172p_craft import RATE_HZ, Craft
 from c172p_flight import excitation, fly
 from c172p_truths import Edited, find
@@ -50,33 +50,25 @@ def scattered(seed: int) -> Craft:
     return craft
 
 
-def flown(
-    at: str,
-    parts: Sequence[Part],
-    *,
-    noise: float = 0.0,
-    gusts: float = 0.0,
-    seed: int = 0,
-    scatter: int | None = None,
-    signals: int = 0,
-) -> FlightRecord:
+def flown(at: str, parts: Sequence[Part], how: Circumstances) -> FlightRecord:
     """Fly one manoeuvre of a case and return its log, which describes the nominal vehicle.
 
     Sensors of every third case have coarse digits and are read at jittering moments.
     """
-    craft = scattered(scatter) if scatter is not None else Craft.nominal()
+    craft = scattered(how.scatter) if how.scatter is not None else Craft.nominal()
     for part in parts:
         if isinstance(part.truth, Edited):
             craft = part.truth.craft(craft, part.size, part.place)
     time = np.arange(round(RATE_HZ * DURATION)) / RATE_HZ
-    injected = excitation(time, 20 + 10 * signals + _AT.index(at))
-    values = fly(craft, SPEEDS[at], injected, gusts=gusts, seed=seed)
+    injected = excitation(time, 20 + 10 * how.signals + _AT.index(at))
+    values = fly(craft, SPEEDS[at], injected, gusts=how.gusts, seed=how.seed)
     units = {n: "1" if n.startswith(("command", "excitation")) else si_unit(n, KINDS) or "1" for n in values}
     channels = {n: Channel(n, units[n], x, RATE_HZ, "JSBSim") for n, x in values.items()}
     record = FlightRecord(time, channels, vehicle=SIMULATION.vehicle)
     for part in parts:
         record = part.truth.record(record, part.size, part.place)
-    return _read(record, noise, seed, scatter is not None and scatter % 3 == 1) if noise else record
+    coarse = how.scatter is not None and how.scatter % 3 == 1
+    return _read(record, how.noise, how.seed, coarse) if how.noise else record
 
 
 def _read(record: FlightRecord, noise: float, seed: int, coarse: bool) -> FlightRecord:

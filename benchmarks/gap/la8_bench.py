@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 from _la8 import SCENARIO as WHOLE
 from _la8 import inputs
-from bench import DURATION, Bench
+from bench import DURATION, Bench, Circumstances
 from la8_descriptions import section, times
 from la8_truths import find
 from truth import Part
@@ -80,18 +80,9 @@ def scattered(seed: int) -> tuple[Scenario, dict[str, dict[str, float]]]:
     return found, mass
 
 
-def flown(
-    at: str,
-    parts: Sequence[Part],
-    *,
-    noise: float = 0.0,
-    gusts: float = 0.0,
-    seed: int = 0,
-    scatter: int | None = None,
-    signals: int = 0,
-) -> FlightRecord:
+def flown(at: str, parts: Sequence[Part], how: Circumstances) -> FlightRecord:
     """Fly one manoeuvre of a case and return its log, which describes the nominal vehicle."""
-    scenario, added = scattered(scatter) if scatter is not None else (SCENARIO, {})
+    scenario, added = scattered(how.scatter) if how.scatter is not None else (SCENARIO, {})
     for part in parts:
         scenario = part.truth.scenario(scenario, part.size, part.place)
         for identifier, values in part.truth.settings(part.size, part.place).items():
@@ -100,9 +91,9 @@ def flown(
                 here[name] = here.get(name, 0.0) + value
     every = SIMULATION.effects
     table = {i: {n: every[i].get(n, 0.0) + x for n, x in of.items()} for i, of in added.items()}
-    conditions = Conditions(noise=noise, turbulence=gusts, seed=seed)
+    conditions = Conditions(noise=how.noise, turbulence=how.gusts, seed=how.seed)
     flight = fly_maneuver(
-        with_effects(scenario, table), REFERENCE[at], inputs(signals), conditions, duration=DURATION
+        with_effects(scenario, table), REFERENCE[at], inputs(how.signals), conditions, duration=DURATION
     )
     if flight.divergence:
         raise ArithmeticError(f"{at}: {flight.divergence}")

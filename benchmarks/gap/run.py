@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import plans
-from against_truth import closed, of_truth, seed_of
+from against_truth import around, closed, of_truth
 from bench import Bench, Case
 from provenance import code
 from sizes import parts_of
@@ -53,11 +53,8 @@ def work(path: Path, folder: str, **case: Any) -> None:
     home = Path(folder)
     parts = parts_of(by, case, home / "sizes")
     seed = int(case["seed"])
-    flights = [
-        by.fly(at, parts, noise=case["noise"], gusts=case["gusts"], seed=seed_of(case, i), scatter=seed)
-        for i, at in enumerate(by.at)
-    ]
-    question = Question(by.library, by.tolerances, by.band_hz, draws=by.draws, seed=seed, close=False)
+    flights = [by.fly(at, parts, around(case, i)) for i, at in enumerate(by.at)]
+    question = Question(by.candidates, by.tolerances, by.band_hz, draws=by.draws, seed=seed, close=False)
     found = diagnose.diagnose(by.simulation, [Maneuver.of(f) for f in flights], question, names=by.at)
     table: dict[str, Any] = {
         "case": case,
@@ -89,7 +86,7 @@ def _truth(by: Bench, part: Part) -> dict[str, Any]:
         "place": part.place,
         "size": part.size,
         "settings": truth.settings(part.size, part.place) if truth.form == "own" else {},
-        "in_force": by.in_force(truth.id) if truth.id in by.library else {},
+        "in_force": by.in_force(truth.id) if truth.id in by.candidates else {},
     }
 
 

@@ -8,7 +8,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from bench import Bench, Case, detectability
+from bench import Bench, Case, Circumstances, detectability
 from truth import Part, Truth
 
 from freqid.core.errors import FreqidError
@@ -17,7 +17,7 @@ from freqid.gap.compare import Compared
 
 CLOSE = 1.6  # times the detectability that was asked for, or so much less, that a size may miss it by
 TRIES = 4  # new sizes for each detectability
-_SEED = 900
+_AROUND = Circumstances(noise=1.0, seed=900)
 
 
 def parts_of(bench: Bench, case: Case, folder: Path) -> list[Part]:
@@ -69,13 +69,13 @@ def sized(bench: Bench, truth: Truth, place: str, target: float, folder: Path) -
 def _detectability_at(bench: Bench, part: Part) -> float:
     """Return the detectability in the metric of flights without the truth, near enough for a size."""
     compared = _nominal(bench)
-    changes = [bench.change(at, [part], c, seed=_SEED) for at, c in zip(bench.at, compared, strict=True)]
+    changes = [bench.change(at, [part], c, _AROUND) for at, c in zip(bench.at, compared, strict=True)]
     return detectability(compared, changes)
 
 
 @lru_cache(maxsize=2)
 def _nominal(bench: Bench) -> tuple[Compared, ...]:
-    return tuple(bench.measured(bench.fly(at, (), noise=1.0, seed=_SEED), 5) for at in bench.at)
+    return tuple(bench.measured(bench.fly(at, (), _AROUND), 5) for at in bench.at)
 
 
 def _off(found: float, target: float) -> float:

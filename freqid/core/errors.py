@@ -59,6 +59,10 @@ class DataError(FreqidError):
     exit_code = EXIT_DATA
 
 
+class ImpossibleSettings(DataError):
+    """Nothing can be as it was asked to be, as a body whose one moment of inertia exceeds the others' sum."""
+
+
 class GateFailed(FreqidError):
     """The work is finished and written, but a gate of the scenario is not met."""
 

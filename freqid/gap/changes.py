@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.errors import FreqidError
 from freqid.gap.compare import Compared
 from freqid.gap.together import together
 from freqid.simulate.effects.effect import Effect
@@ -15,9 +14,6 @@ from freqid.simulate.effects.effect import Effect
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Values = Mapping[str, Mapping[str, float]]
-
-IMPOSSIBLE = (FreqidError, ValueError, ArithmeticError)
-"""What effects raise at settings that nothing can have, as one moment of inertia beyond the others' sum."""
 
 CHANGE = "change"
 """Name of the column of what effects make at some settings."""

@@ -116,7 +116,8 @@ class Evidence:
 
     def whole(self, hypothesis: Hypothesis) -> bool:
         """Return whether a hypothesis has one size in all manoeuvres."""
-        return not any(IN in n for c in hypothesis.columns for n in self.signatures[c - 1 : c])
+        every = (*self.signatures, *self.tolerances)
+        return not any(IN in every[column - 1] for column in hypothesis.columns)
 
     def without(self, tolerances: Collection[str]) -> Evidence:
         """Return the evidence where some tolerances are not allowed for."""

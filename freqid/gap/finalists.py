@@ -7,17 +7,19 @@ before a name is given, finalists are fitted as they are.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.errors import ImpossibleSettings
 from freqid.gap.attribute import LEAST_ODDS, OTHER, Judged, variants
-from freqid.gap.changes import CHANGE, IMPOSSIBLE, Values, departures, settings_of, sources_of_all
+from freqid.gap.changes import CHANGE, Values, departures, settings_of, sources_of_all
 from freqid.gap.compare import Compared
+from freqid.gap.descent import Sought, View, descend
 from freqid.gap.evidence import Estimate, Evidence
 from freqid.gap.gather import evidence_of
-from freqid.gap.refit import Sought, starting
+from freqid.gap.refit import starting
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
@@ -27,7 +29,6 @@ _PAIRS = 2  # with the likeliest effect
 _MORE = 4.0  # logarithm of odds by which two effects must be likelier than either, to be weighed in full
 _ROUNDS = 8
 _SETTLED = 0.1  # standard errors
-_HALVINGS = 4  # of a step that makes things worse
 
 
 def weighed_in_full(
@@ -73,17 +74,6 @@ def weighed_in_full(
     return sorted((found.get(j.name, j) for j in judged), key=lambda j: -j.evidence)
 
 
-@dataclass(frozen=True, eq=False)
-class _Mode:
-    """Where an explanation fits best: its settings, their covariance, and the log Bayes factor."""
-
-    names: tuple[tuple[str, str], ...]
-    centre: Array
-    value: Array
-    covariance: Array
-    evidence: float
-
-
 def _in_full(
     judged: Judged,
     evidence: Evidence,
@@ -98,21 +88,34 @@ def _in_full(
     effects = [library[n] for n in judged.name.split("+")]
     trial = compared[0].trial
     start = {e.id: starting(e, evidence, judged.best, judged.estimate.value, trial) for e in effects}
-    mode = _mode(effects, {**start, **{i: v for i, v in known.items() if i in start}}, evidence, compared)
+    start |= {i: v for i, v in known.items() if i in start}
+    sought = Sought.of(effects, start, trial.simulation)
+    try:
+        value, seen = descend(
+            sought,
+            lambda value: _view(compared, effects, sought, value),
+            rounds=_ROUNDS,
+            settled=_SETTLED,
+            worse=0.0,
+        )
+    except ImpossibleSettings:
+        return judged
+    scaled = seen.covariance / np.outer(sought.scale, sought.scale)
+    narrowed = -0.5 * float(np.linalg.slogdet(scaled)[1])
+    weight = 0.5 * (float(evidence.metric[0, 0]) - seen.misfit) - narrowed
     at_first = float(evidence.evidences(judged.best)[0])
-    if mode.evidence <= at_first:
+    if weight <= at_first:
         return judged
     ways = 1 if len(effects) > 1 else len(variants(effects[0], evidence))
     columns = [evidence.signatures[c - 1] for c in judged.best.columns]
     estimate = judged.estimate
-    if columns == [f"{i}:{n}" for i, n in mode.names]:
-        size = estimate.detectability
-        estimate = Estimate(mode.value - mode.centre, mode.covariance, mode.evidence, size)
+    if columns == [f"{i}:{n}" for i, n in sought.names]:
+        estimate = Estimate(value - sought.centre, seen.covariance, weight, estimate.detectability)
     return replace(
         judged,
-        evidence=_averaged(judged.evidence, at_first, mode.evidence, ways),
+        evidence=_averaged(judged.evidence, at_first, weight, ways),
         estimate=estimate,
-        settings=settings_of(mode.names, mode.value),
+        settings=settings_of(sought.names, value),
     )
 
 
@@ -122,57 +125,21 @@ def _averaged(whole: float, before: float, after: float, ways: int) -> float:
     return float(np.logaddexp(whole + others, after - np.log(ways)))
 
 
-def _mode(
-    effects: Sequence[Effect], start: Values, evidence: Evidence, compared: Sequence[Compared]
-) -> _Mode:
-    """Return where data and prior agree best, by Gauss-Newton steps that are halved where they overshoot."""
-    sought = Sought.of(effects, start, compared[0].trial.simulation)
-    names, centre, scale, value = sought.names, sought.centre, sought.scale, sought.start
-    bounds = sought.low, sought.high
-    found = _Mode(names, centre, centre, np.diag(scale**2), -np.inf)
-    least, halved, at = np.inf, 0, slice(2, 2 + len(names))
-    for _ in range(_ROUNDS):
-        try:
-            metric = _metric(compared, effects, names, value, scale)
-        except IMPOSSIBLE:
-            value = (value + found.value) / 2
-            continue
-        off = (value - centre) / scale
-        left = float(metric[0, 0] - 2 * metric[0, 1] + metric[1, 1] + off @ off)
-        if left > least:
-            if halved == _HALVINGS:
-                break
-            value, halved = (value + found.value) / 2, halved + 1
-            continue
-        gram = metric[at, at] + np.diag(1 / scale**2)
-        covariance = np.asarray(np.linalg.inv(gram), dtype=float)
-        narrowed = 0.5 * float(np.linalg.slogdet(gram * np.outer(scale, scale))[1])
-        weight = 0.5 * (float(evidence.metric[0, 0]) - left) - narrowed
-        found, least, halved = _Mode(names, centre, value, covariance, weight), left, 0
-        after = np.clip(value + covariance @ (metric[at, 0] - metric[at, 1] - off / scale), *bounds)
-        if np.max(np.abs(after - value) / np.sqrt(np.diag(covariance))) < _SETTLED:
-            break
-        value = after
-    return found
-
-
-def _metric(
-    compared: Sequence[Compared],
-    effects: Sequence[Effect],
-    names: Sequence[tuple[str, str]],
-    value: Array,
-    scale: Array,
-) -> Array:
-    """Return inner products of the data, what settings make, and its derivatives by them.
+def _view(compared: Sequence[Compared], effects: Sequence[Effect], sought: Sought, value: Array) -> View:
+    """Return how badly data and prior agree with settings, and where they agree best to first order.
 
     All by what the injected signals made: an effect that scales what was measured, as another mass does,
     scales the noise in it too, and would be the better the less it leaves of that.
     """
+    names, scale = sought.names, sought.scale
     taken = []
     for c in compared:
         made, columns = departures(c, effects, names, value, scale)
         taken.append((np.zeros(()), {CHANGE: made, **columns}))
     sources = {CHANGE: sources_of_all(effects, compared[0])}
-    return evidence_of(compared, changes=taken, sources=sources, null=False).metric[
-        : 2 + len(names), : 2 + len(names)
-    ]
+    metric = evidence_of(compared, changes=taken, sources=sources, null=False).metric
+    at = slice(2, 2 + len(names))
+    off = (value - sought.centre) / scale
+    misfit = float(metric[0, 0] - 2 * metric[0, 1] + metric[1, 1] + off @ off)
+    covariance = np.asarray(np.linalg.inv(metric[at, at] + np.diag(1 / scale**2)), dtype=float)
+    return View(misfit, covariance @ (metric[at, 0] - metric[at, 1] - off / scale), covariance)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.channels import COEFFICIENT, WRENCH
+from freqid.core.errors import ImpossibleSettings
 from freqid.core.frames import cross
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.vehicle import Vehicle
@@ -91,7 +92,7 @@ def made(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histori
     if route == "distort" and effect.distort is not None:
         return _distorted(trial, effect.distort(values, record))
     if route == "load" and effect.load is not None:
-        return _loaded(trial, effect.load(values, maneuver.vehicle))
+        return _loaded(trial, _carried(effect, values, trial))
     if route == "replay" and effect.replay is not None:
         replay = Replay(trial.simulation, record, maneuver.vehicle)
         return trial.rows(replay.responses(effect.replay(values, replay)))
@@ -166,6 +167,15 @@ def _distorted(trial: Trial, record: FlightRecord) -> Histories:
     before = trial.maneuver.record
     changes = {n: record[n] - before[n] for n in trial.inputs if not np.array_equal(record[n], before[n])}
     return measured - trial.measured - trial.rows(trial.moved(changes))
+
+
+def _carried(effect: Effect, values: dict[str, float], trial: Trial) -> Vehicle:
+    """Return the vehicle with what an effect makes of its mass; a vehicle says itself what it cannot be."""
+    assert effect.load is not None
+    try:
+        return effect.load(values, trial.maneuver.vehicle)
+    except ValueError as error:
+        raise ImpossibleSettings(f"effect '{effect.id}': {error}") from None
 
 
 def _loaded(trial: Trial, vehicle: Vehicle) -> Histories:

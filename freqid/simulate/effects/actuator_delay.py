@@ -29,7 +29,9 @@ def _act(settings: Mapping[str, float], signals: Signals, dt: float, kinds: dict
     """Return the positions late by what no description says; linear actuators pass a delay on."""
 
     def late(name: str) -> float:
-        return settings["extra"] + settings.get(kinds.get(name, ""), 0.0) + settings.get(name, 0.0)
+        kind = kinds.get(name, "")
+        of_kind = 0.0 if kind in signals else settings.get(kind, 0.0)  # of the one effector of that name
+        return settings["extra"] + of_kind + settings.get(name, 0.0)
 
     return {n: delayed(x, dt, late(n)) for n, x in signals.items()}
 

@@ -127,6 +127,14 @@ def test_a_delay_shifts_a_sine_by_any_fraction_of_a_sample():
         np.testing.assert_allclose(moved[10:], np.sin(W * (TIME[10:] - delay)), atol=1e-4)
 
 
+def test_an_effector_that_is_called_like_its_kind_is_delayed_once():
+    signals = {"rotor": np.sin(W * TIME), "n2": np.sin(W * TIME)}
+    kinds = dict.fromkeys(signals, "rotor")
+    moved = effects.find("actuator_delay").act({"extra": 0.0, "rotor": 0.05}, signals, DT, kinds)
+    np.testing.assert_allclose(moved["rotor"][10:], np.sin(W * (TIME[10:] - 0.05)), atol=1e-4)
+    np.testing.assert_array_equal(moved["n2"], signals["n2"])
+
+
 @pytest.mark.parametrize(("identifier", "name"), [("actuator_lag", "de1"), ("motor_lag", "n1")])
 def test_a_lag_turns_a_sine_by_its_closed_form(identifier, name):
     tau = 0.07

@@ -51,8 +51,7 @@ def main() -> None:
     ]
     print(f"compared, {DRAWS} draws each        {time.perf_counter() - began:7.2f} s")
     began = time.perf_counter()
-    evidence = evidence_of(used)
-    evidence = evidence.by_maneuver(evidence.signatures)
+    evidence = evidence_of(used, apart=True)
     effects = {i: e.of(used[0].maneuver.vehicle) for i, e in library.items()}
     judged = attribute.judge(evidence, effects)
     attribute.existence(judged)

@@ -11,12 +11,13 @@ from freqid.core.record import FlightRecord
 
 
 def _filtered(values: np.ndarray, dt: float, response: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Return a signal through a linear filter, its trend kept, mirrored at its ends."""
+    """Return a signal through a linear filter, mirrored at its ends; its trend as the filter lets it pass."""
     trend = np.linspace(values[0], values[-1], values.size)
     inside = values - trend
     whole = np.concatenate([inside, -inside[::-1]])
     s = 2j * np.pi * np.fft.rfftfreq(whole.size, dt)
-    return np.fft.irfft(np.fft.rfft(whole) * response(s), whole.size)[: values.size] + trend
+    passed = np.fft.irfft(np.fft.rfft(whole) * response(s), whole.size)[: values.size]
+    return passed + trend * np.real(response(np.zeros(1)))
 
 
 def _pade(delay: float) -> Callable[[np.ndarray], np.ndarray]:

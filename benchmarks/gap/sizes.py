@@ -33,8 +33,8 @@ def sized(bench: Bench, truth: Truth, place: str, target: float, folder: Path) -
     """Return the size at which a truth has a detectability on the nominal aircraft in plain noise.
 
     A case with scatter, gusts or more noise measures its own, and is counted by that. Where the largest size
-    has less, that one is returned. All that is
-    found on the way is kept in the folder, so that other detectabilities begin from it.
+    has less, that one is returned, and no size within what tolerances allow for: that is no effect. All that
+    is found on the way is kept in the folder, so that other detectabilities begin from it.
 
     Raises
     ------
@@ -61,9 +61,9 @@ def sized(bench: Bench, truth: Truth, place: str, target: float, folder: Path) -
     if not tried:
         raise ArithmeticError(f"{name}: no size flies")
     size = min(tried, key=lambda x: _off(tried[x], target))
-    if _off(tried[size], target) > np.log(CLOSE):
-        return size
-    return min(size * float(np.sqrt(target / tried[size])), truth.most)
+    if _off(tried[size], target) <= np.log(CLOSE):
+        size *= float(np.sqrt(target / tried[size]))
+    return float(np.clip(size, truth.least(place, bench.tolerances), truth.most))
 
 
 def _detectability_at(bench: Bench, part: Part) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from freqid.gap import attribute
 from freqid.gap.attribute import OTHER
 from freqid.gap.diagnose import Findings
-from freqid.gap.evidence import IN, Evidence
+from freqid.gap.evidence import Evidence, everywhere
 
 _STEPS = 6  # of the sparse regression
 
@@ -79,7 +79,7 @@ def _sparse(evidence: Evidence) -> list[list[Any]]:
     In the manner of sparse discrepancy models (SINDy): one column at a time, the one that helps most, while
     the Bayesian information criterion falls.
     """
-    count = 1 + sum(IN not in name for name in evidence.signatures)
+    count = 1 + sum(map(everywhere, evidence.signatures))
     metric = evidence.metric[:count, :count]
     chosen: list[int] = []
     before, entered = 0.0, []

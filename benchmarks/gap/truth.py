@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,8 @@ from freqid.core.record import FlightRecord
 from freqid.core.scenario import Scenario
 
 Settings = dict[str, dict[str, float]]
+
+_COUNTS = 3.0  # sigma of a tolerance
 
 
 def _no_settings(size: float, place: str) -> Settings:
@@ -53,6 +55,12 @@ class Truth:
     settings: Callable[[float, str], Settings] = _no_settings
     scenario: Callable[[Scenario, float, str], Scenario] = _same
     record: Callable[[FlightRecord, float, str], FlightRecord] = _same
+
+    def least(self, place: str, tolerances: Mapping[str, float]) -> float:
+        """Return the size from which it counts as an effect: three sigma of what is no effect; 0 without."""
+        own = sorted(name for name in tolerances if name.partition(".")[0] == self.id)
+        names = [f"{self.id}.{place.lstrip('-')}", self.id, *(own if len(own) == 1 else ())]
+        return _COUNTS * next((tolerances[n] for n in names if n in tolerances), 0.0)
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.gap.evidence import IN, Estimate, Evidence, Hypothesis
-from freqid.gap.signature import GIVEN
+from freqid.gap.evidence import IN_MANEUVER, IN_ROW, Estimate, Evidence, Hypothesis, everywhere
+from freqid.gap.signature import GIVEN, scale_of
 from freqid.gap.tolerance import DERIVATIVES, DYNAMICS
 from freqid.simulate.effects.effect import Effect
 
@@ -20,11 +20,11 @@ NONE, OTHER = "none", "other"
 FREE = (4.0, 15.0)
 """What no candidate explains may move derivatives and actuators by this many sigma of their tolerance."""
 
-LEAST_ODDS = 2.0
+LEAST_ODDS = 1.5
 """Logarithm of the odds for a gap below which none is called, however narrow the null draws are: what they
 do not know of, the baseline's own formulas and gusts, is worth as much."""
 
-_APART = 0.5  # of what is expected of a size: how far it may differ between manoeuvres
+_APART = 0.5  # of what is expected of a size: how far it may differ between manoeuvres or responses
 _STRONGEST = 8  # single effects that pairs are made of
 _PAIR_PENALTY = 3.0  # two effects at once are this much less expected, in logarithms
 
@@ -60,13 +60,14 @@ class Judged:
 def variants(effect: Effect, evidence: Evidence) -> tuple[Hypothesis, ...]:
     """Return the ways in which an effect may show: all its parameters, or one place of several, or some.
 
-    Each of them again with a size that differs between manoeuvres, where the evidence has columns for that:
-    a truth of another formula than the candidate's is of another size in another regime.
+    Each of them again with a size that differs between manoeuvres, and between responses too, where the
+    evidence has columns for that: a truth of another formula than the candidate's is of another size in
+    another regime and in another response.
     """
     prefix = f"{effect.id}:"
     known = [n for n in evidence.signatures if n.startswith(prefix) and _known(evidence, n)]
-    names = [n for n in known if IN not in n]
-    scales = {n: effect.parameters[n[len(prefix) :].partition(GIVEN)[0]].scale for n in names}
+    names = [n for n in known if everywhere(n)]
+    scales = {n: scale_of(effect, n[len(prefix) :]) for n in names}
     if not names:
         return ()
     if effect.alternatives:
@@ -77,10 +78,15 @@ def variants(effect: Effect, evidence: Evidence) -> tuple[Hypothesis, ...]:
         size = f"{prefix}{effect.size}"
         rest = [n for n in plain if n != size]
         groups = [plain, *([n, *rest] for n in names if GIVEN in n)]
-    own = {n: [m for m in known if m.startswith(f"{n}{IN}")] for n in names}
-    scales |= {m: _APART * scales[n] for n, each in own.items() for m in each}
+    flights, rows = (
+        {n: [m for m in known if m.startswith(f"{n}{within}")] for n in names}
+        for within in (IN_MANEUVER, IN_ROW)
+    )
+    scales |= {m: _APART * scales[n] for of in (flights, rows) for n, each in of.items() for m in each}
     groups = [g for g in groups if g]
-    groups += [[*g, *own[g[0]]] for g in groups if len(own[g[0]]) > 1]
+    apart = [[*g, *flights[g[0]]] for g in groups if flights[g[0]]]
+    apart += [[*g, *flights[g[0]], *rows[g[0]]] for g in groups if rows[g[0]]]
+    groups += apart
     return tuple(
         Hypothesis(effect.id, tuple(evidence.column(n) for n in g), tuple(scales[n] for n in g))
         for g in groups

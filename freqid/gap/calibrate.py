@@ -26,7 +26,6 @@ CONSIDERED = 0.005
 """Probability from which an effect can share a name with the likeliest."""
 
 _AS_GOOD = 2.0  # half misfit, beyond one for each parameter, by which a fit may be the worse and yet as good
-_KEPT = 0.1  # probability that effects have at most where no gap is called
 
 
 @dataclass(frozen=True)
@@ -40,6 +39,8 @@ class Table:
     temperature : float
     other, none : float
         Added to their logarithms.
+    kept : float
+        Probability that effects have at most where no gap is called: small ones are not found.
     pair_gain : float
         By how much two effects must explain more than the better of them, as a share of its evidence.
     set_level : float
@@ -54,6 +55,7 @@ class Table:
     temperature: float = 1.0
     other: float = 0.0
     none: float = 0.0
+    kept: float = 0.10
     pair_gain: float = 0.15
     set_level: float = 0.90
     calibrated: bool = False
@@ -101,9 +103,9 @@ def chances(names: Sequence[str], evidence: Array, exists: NDArray[np.bool_], ta
     shift = np.array([table.other if name == OTHER else 0.0 for name in names])
     logs[:, :-1] = np.where(judged, evidence / soft, -np.inf) + priors(names, judged) + shift
     found = np.exp(logs - logsumexp(logs, axis=1, keepdims=True))
-    # the null's own draws say that nothing is there: what is left for effects is what the level allows
+    # the null's own draws say that nothing is there, or that it is too small to be found
     rest = found[:, :-1].sum(axis=1)
-    keep = np.minimum(rest, _KEPT)
+    keep = np.minimum(rest, table.kept)
     found[~exists, :-1] *= (keep / np.maximum(rest, 1e-300))[~exists, None]
     found[~exists, -1] = 1 - keep[~exists]
     return found

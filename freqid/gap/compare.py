@@ -17,7 +17,7 @@ from freqid.gap.noise import Noise, draws, noise_of
 from freqid.gap.quiet import noisy_channels, quiet
 from freqid.gap.residual import measured_part, simulated_part
 from freqid.gap.shared_noise import Shared, shared_noise
-from freqid.gap.signature import GIVEN, signature, sources_of
+from freqid.gap.signature import scale_of, signature, sources_of
 from freqid.gap.simulation import Simulation
 from freqid.gap.testable import untestable
 from freqid.gap.tolerance import form, tolerances
@@ -173,7 +173,7 @@ def compare(
             continue
         for name, change in signature(effect, trial).items():
             signatures[f"{effect.id}:{name}"] = lines.transform(change)
-            scales[f"{effect.id}:{name}"] = effect.parameters[name.partition(GIVEN)[0]].scale
+            scales[f"{effect.id}:{name}"] = scale_of(effect, name)
             sources[f"{effect.id}:{name}"] = sources_of(effect, trial, name)
     allowed = tolerances(trial, library, sizes)
     return Compared(

@@ -138,8 +138,7 @@ def diagnose(
     tell("weighing effects")
     used, kept = every[: len(maneuvers)], every[len(maneuvers) :]
     library = {i: e.of(maneuvers[0].vehicle) for i, e in q.candidates.items()}
-    evidence = evidence_of(used, seed=q.seed)
-    evidence = evidence.by_maneuver(evidence.signatures)
+    evidence = evidence_of(used, seed=q.seed, apart=True)
     judged = attribute.judge(evidence, library)
     statistic, null = attribute.existence(judged)
     existence = existence_of(statistic, null, used, evidence, judged, library, q.level)

@@ -24,8 +24,15 @@ from scipy.linalg import cho_factor, cho_solve
 Array = NDArray[np.float64]
 
 
-IN = "@"
-"""Between the name of a signature and the number of the one manoeuvre in which a column has it."""
+_SURE = 2.0  # standard deviations by which draws must be louder than the metric, to be believed
+
+IN_MANEUVER, IN_ROW = "@", "#"
+"""Between the name of a signature and the one manoeuvre, by number, or row in which a column has it."""
+
+
+def everywhere(name: str) -> bool:
+    """Return whether a column has its signature in all manoeuvres and rows."""
+    return IN_MANEUVER not in name and IN_ROW not in name
 
 
 @dataclass(frozen=True)
@@ -111,13 +118,13 @@ class Evidence:
         for k in range(count):
             after = np.concatenate([kept, first + k * len(names) + np.arange(len(names))])
             gram[k][np.ix_(after, after)] = self.gram[k][np.ix_(before, before)]
-        own = [f"{n}{IN}{k}" for k in range(count) for n in names]
+        own = [f"{n}{IN_MANEUVER}{k}" for k in range(count) for n in names]
         return Evidence(gram, (*self.signatures, *own), self.tolerances, self.null, self.rows)
 
     def whole(self, hypothesis: Hypothesis) -> bool:
-        """Return whether a hypothesis has one size in all manoeuvres."""
+        """Return whether a hypothesis has one size in all manoeuvres and rows."""
         every = (*self.signatures, *self.tolerances)
-        return not any(IN in every[column - 1] for column in hypothesis.columns)
+        return all(everywhere(every[column - 1]) for column in hypothesis.columns)
 
     def without(self, tolerances: Collection[str]) -> Evidence:
         """Return the evidence where some tolerances are not allowed for."""
@@ -223,7 +230,8 @@ class Evidence:
             Products of every column with what is added.
         """
         products = np.concatenate([self._with_data[:, :1], self._with_data[:, 1 + draw] + change], axis=1)
-        return _Added(self.gram, self.signatures, self.tolerances, self.null, self.rows, products)
+        plain = self._null_draws
+        return _Added(self.gram, self.signatures, self.tolerances, self.null, self.rows, products, plain)
 
     def likelihood_gain(self, hypothesis: Hypothesis) -> Array:
         """Return by how much the best fit, without a prior, lowers half the misfit, shape (1 + draw,)."""
@@ -240,11 +248,14 @@ class Evidence:
 
     def _parts(self, hypothesis: Hypothesis) -> tuple[Array, Array, Array]:
         at = list(hypothesis.columns)
-        return (
-            self.metric[np.ix_(at, at)],
-            self._with_data[at],
-            1 / np.square(hypothesis.scale),
-        )
+        gram = self.metric[np.ix_(at, at)]
+        more = _excess(gram, self._null_draws[at])
+        return gram / more, self._with_data[at] / more, 1 / np.square(hypothesis.scale)
+
+    @property
+    def _null_draws(self) -> Array:
+        """Products of every column with each null draw, shape (n, draw)."""
+        return self._with_data[:, 1:]
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,10 +263,34 @@ class _Added(Evidence):
     """Evidence whose null draws are given by their products with every column, shape (n, 1 + draw)."""
 
     products: Array
+    plain: Array
 
     @cached_property
     def _with_data(self) -> Array:
         return self.products
+
+    @property
+    def _null_draws(self) -> Array:
+        return self.plain
+
+
+def _excess(gram: Array, draws: Array) -> float:
+    """Return how many times the variance along some columns is that of the metric, one at least.
+
+    By what null draws make of it, as far as their number shows: lines and rows of the metric are smooth, and
+    a column that lives on a few of them may be louder.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (column, column)
+    draws : ndarray, shape (column, draw)
+        Products with each null draw.
+    """
+    onto = _inverse_root(gram) @ draws
+    if not onto.size:
+        return 1.0
+    chance = 1 + _SURE * float(np.sqrt(2 / onto.size))
+    return max(float(np.mean(onto**2)) / chance, 1.0)
 
 
 def _inverse_root(gram: Array) -> Array:

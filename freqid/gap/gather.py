@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from freqid.gap.compare import Compared
-from freqid.gap.evidence import Evidence
+from freqid.gap.evidence import IN_ROW, Evidence
 from freqid.gap.tolerance import DYNAMICS, OF_EFFECT
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+
+_STANDS_OUT = 0.02  # of a signature's energy over the noise, from which a row may have a size of its own
+_ROWS = 6
 
 
 def evidence_of(
@@ -23,6 +26,7 @@ def evidence_of(
     sources: Mapping[str, tuple[str, ...]] | None = None,
     null: bool = True,
     seed: int = 0,
+    apart: bool = False,
 ) -> Evidence:
     """Reduce manoeuvres to the inner products of their white columns.
 
@@ -37,9 +41,14 @@ def evidence_of(
         Whether null draws are reduced too.
     seed : int
         Of the tolerances in the null draws.
+    apart : bool
+        Whether there are columns of signatures in each row and in each manoeuvre alone too.
     """
     taken = changes or [(np.zeros(()), c.signatures) for c in compared]
-    signatures = list(dict.fromkeys(n for _, columns in taken for n in columns))
+    plain = list(dict.fromkeys(n for _, columns in taken for n in columns))
+    if apart:
+        taken = [(z, {**columns, **_by_row(c)}) for c, (z, columns) in zip(compared, taken, strict=True)]
+    signatures = list(dict.fromkeys([*plain, *(n for _, columns in taken for n in columns)]))
     common = list(dict.fromkeys(n for c in compared for n in c.common))
     white = [
         {**{n: c.white(z) for n, z in columns.items()}, **c.white_common}
@@ -53,7 +62,26 @@ def evidence_of(
         own = np.array(list(_attenuation(c, c.own, {}).values()))
         shared.append((np.array([extra.get(name, 0.0) for name in names]), own))
     alone = [c.white_own for c in compared]
-    return gather(white, alone, signatures, common, shared, len(white[0]["draws"]), seed)
+    found = gather(white, alone, signatures, common, shared, len(white[0]["draws"]), seed)
+    return (
+        found.by_maneuver([n for n in plain if any(n in c.signatures for c in compared)]) if apart else found
+    )
+
+
+def _by_row(compared: Compared) -> dict[str, Complex]:
+    """Return signatures in one row each, by ``name#row``, where they stand out of the noise of several."""
+    power = np.einsum("lij->jl", np.abs(compared.noise.whitening) ** 2)
+    found: dict[str, Complex] = {}
+    for name, z in compared.signatures.items():
+        energy = (np.abs(z) ** 2 * power).sum(axis=1)
+        rows = np.flatnonzero(energy > _STANDS_OUT * energy.sum())
+        if len(rows) < 2:
+            continue
+        for row in rows[np.argsort(-energy[rows])][:_ROWS]:
+            alone = np.zeros_like(z)
+            alone[row] = z[row]
+            found[f"{name}{IN_ROW}{compared.rows[row].name}"] = alone
+    return found
 
 
 def _attenuation(
@@ -65,7 +93,7 @@ def _attenuation(
         kind = name.partition(":")[0]
         usual = () if kind == DYNAMICS else compared.trial.inputs  # actuators follow commands: no noise
         known = {**compared.sources, **sources}
-        source = known.get(name.removeprefix(OF_EFFECT), usual)
+        source = known.get(name.removeprefix(OF_EFFECT).partition(IN_ROW)[0], usual)
         groups.setdefault(source, []).append(name)
     found: dict[str, float] = {}
     for channels, names in groups.items():

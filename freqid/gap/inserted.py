@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from freqid.core.errors import FreqidError
 from freqid.gap.compare import Compared
-from freqid.gap.evidence import IN, Evidence
+from freqid.gap.evidence import Evidence, everywhere
 from freqid.gap.gather import evidence_of
 from freqid.gap.signature import GIVEN, made
 from freqid.gap.testable import in_force_of
@@ -120,10 +120,13 @@ def places(
             owner, _, name = column.partition(":")
             at = evidence.column(column)
             gain = float(evidence.metric[at, at])
-            if owner != effect.id or gain < 1e-12 or IN in name:
+            if owner != effect.id or gain < 1e-12 or not everywhere(name):
                 continue
-            parameter = effect.parameters[name.partition(GIVEN)[0]]
-            force = in_force_of(effect, compared[0].trial.simulation)[name.partition(GIVEN)[0]]
+            own, _, given = name.partition(GIVEN)
+            if given.startswith(f"{own}=") and any(p.name.partition(GIVEN)[0] == own for p in known):
+                continue  # the same parameter at another size
+            parameter = effect.parameters[own]
+            force = in_force_of(effect, compared[0].trial.simulation)[own]
             up, down = parameter.high - force, force - parameter.low
             sign = -1 if down > 0.9 * up and (len(known) % 2 or up <= 0) else 1
             largest = min(up if sign > 0 else down, FAR * parameter.scale)
@@ -215,8 +218,8 @@ def _change(effect: Effect, place: Place, size: float, compared: Compared) -> Co
     name, _, given = place.name.partition(GIVEN)
     force = in_force_of(effect, compared.trial.simulation)
     settings = {name: force[name] + place.sign * size}
-    if given:
-        other, _, value = given.partition("=")
+    other, _, value = given.partition("=")
+    if other not in ("", name):
         settings[other] = float(value)
     return compared.lines.transform(made(effect, compared.trial, settings))
 
@@ -229,8 +232,7 @@ def _with_columns(
         (0 * c.residual, {**c.signatures, **{f"{_COLUMN}{i}": z[k] for i, z in columns.items()}})
         for k, c in enumerate(compared)
     ]
-    evidence = evidence_of(compared, changes=taken, seed=seed)
-    return evidence.by_maneuver([n for n in evidence.signatures if not n.startswith(_COLUMN)])
+    return evidence_of(compared, changes=taken, seed=seed, apart=True)
 
 
 def _once(found: Sequence[Insertion]) -> list[Insertion]:

@@ -43,7 +43,8 @@ def signature(effect: Effect, trial: Trial) -> dict[str, Histories]:
         By parameter: change of the rows for each unit of it, where the truth has the effect and the
         simulation as it is has not. A parameter that may not be negative is stepped to one side. One that
         says nothing while the size is zero, as where a stall begins, gives the size's derivative at two
-        values of its own beside the default: ``size|name=value``.
+        values of its own beside the default: ``size|name=value``. So are changes at sizes of which an effect
+        has several, ``size|size=value``, again for each unit.
     """
     found = {}
     for name, parameter in effect.parameters.items():
@@ -53,7 +54,7 @@ def signature(effect: Effect, trial: Trial) -> dict[str, Histories]:
         change = made(effect, trial, {name: high}) - made(effect, trial, {name: low})
         found[name] = change * (1 / step)
     if effect.alternatives:
-        return found
+        return found | _at_sizes(effect, trial)
     idle = [n for n in found if n != effect.size and not _moves(found[n])]
     for name in idle:
         del found[name]
@@ -62,7 +63,23 @@ def signature(effect: Effect, trial: Trial) -> dict[str, Histories]:
             value = float(np.clip(value, parameter.low, parameter.high))
             if value != parameter.default:
                 found[f"{effect.size}{GIVEN}{name}={value:.4g}"] = _sized(effect, trial, {name: value})
-    return found
+    return found | _at_sizes(effect, trial)
+
+
+def _at_sizes(effect: Effect, trial: Trial) -> dict[str, Histories]:
+    """Return an effect at its sizes, for each unit: below a limit it does nothing, above not its share."""
+    return {
+        f"{effect.size}{GIVEN}{effect.size}={value:.4g}": made(effect, trial, {effect.size: value})
+        * (1 / value)
+        for value in effect.sizes
+    }
+
+
+def scale_of(effect: Effect, name: str) -> float:
+    """Return what is expected of the coefficient of one of an effect's signatures before any data."""
+    own, _, given = name.partition(GIVEN)
+    other, _, value = given.partition("=")
+    return float(value) if other == own else effect.parameters[own].scale
 
 
 def _sized(effect: Effect, trial: Trial, given: Mapping[str, float]) -> Histories:

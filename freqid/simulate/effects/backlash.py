@@ -44,5 +44,6 @@ EFFECT = Effect(
     parameters={"width": Parameter(0.0, "rad", "of the play, from one side to the other", 0.02, 0.0, 0.5)},
     needs=("surface", "effector"),
     states={"surface": "rad"},
+    sizes=(0.001, 0.003, 0.008, 0.05),
     feel=_feel,
 )

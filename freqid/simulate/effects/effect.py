@@ -70,6 +70,8 @@ class Effect:
         all free together.
     jointly : tuple of str
         Of such places those that may be at fault at once, each in its own way, as all kinds of effector.
+    sizes : tuple of float
+        Of an effect that does nothing below some size, such as a limit: sizes at which it is looked for.
     add : callable, optional
         ``add(settings, situation) -> Wrench`` of an airframe effect that comes on top of the airframe's
         loads at one instant, in jax.numpy; `situation` is an `airframe.Situation`, with the effect's memory.
@@ -107,6 +109,7 @@ class Effect:
     states: dict[str, str] = field(default_factory=dict)
     alternatives: bool = False
     jointly: tuple[str, ...] = ()
+    sizes: tuple[float, ...] = ()
     add: Callable[[dict[str, Any], Any], Any] | None = None
     start: Callable[[dict[str, Any], Any], dict[str, Any]] | None = None
     rate: Callable[[dict[str, Any], Any], dict[str, Any]] | None = None

@@ -47,5 +47,6 @@ EFFECT = Effect(
         "slowness": Parameter(0.0, "s/rad", "one over the limit; 2 s/rad is 0.5 rad/s", 2.0, 0.0, 100.0)
     },
     needs=("command", "surface"),
+    sizes=(0.25, 0.5, 1.0, 4.0, 8.0, 16.0, 32.0),
     act=_act,
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -35,7 +36,7 @@ def compared(library, sizes, seeds=(1,), count=DRAWS):
 @pytest.fixture(scope="module")
 def tolerant():
     used = compared(LIBRARY, TOLERANT, (1, 2))
-    evidence = evidence_of(used)
+    evidence = evidence_of(used, apart=True)
     judged = judge(evidence, LIBRARY)
     inserted = insert(LIBRARY, used, evidence, places(LIBRARY, evidence, used), STRATA)
     return used, evidence, judged, inserted
@@ -65,10 +66,20 @@ def test_power_of_a_lone_effect_is_that_of_a_noncentral_chi_square():
     assert found.size == pytest.approx(np.sqrt(found.detectability / where[0].gain), rel=1e-6)
 
 
+def part_of(c, k, name):
+    """Return a signature or tolerance of the k-th manoeuvre, in the one row or manoeuvre of its name."""
+    plain, where = re.fullmatch(r"([^@#]*)(.*)", name).groups()
+    whole = {**c.signatures, **c.common}[plain]
+    if where.startswith("@"):
+        return whole * (where == f"@{k}")
+    alone = [not where or where == f"#{row.name}" for row in c.rows]
+    return whole * np.array(alone)[:, None]
+
+
 def white_of(used, evidence):
     """Return white signatures and tolerances of all manoeuvres, one after the other."""
     names = (*evidence.signatures, *evidence.tolerances)
-    columns = [[c.white({**c.signatures, **c.common}[n]) for c in used] for n in names]
+    columns = [[c.white(part_of(c, k, n)) for k, c in enumerate(used)] for n in names]
     every = np.array([np.concatenate(one) for one in columns])
     return every[: len(evidence.signatures)], every[len(evidence.signatures) :]
 
@@ -127,18 +138,12 @@ def test_evidence_of_an_insertion_is_a_ratio_of_dense_likelihoods(tolerant):
         for i, name in enumerate(weighed.names):
             if name == OTHER:
                 continue
-            (hypothesis,) = variants(LIBRARY[name], evidence)
-            signature = hypothesis.scale[0] * signatures[hypothesis.columns[0] - 1]
-            alike = before + np.outer(signature, signature)
-            # or of a size that is another in each manoeuvre, by half of what is expected of it
-            ends = np.cumsum([c.white(c.residual).size for c in used])
-            each = [
-                np.where(np.searchsorted(ends, np.arange(ends[-1]), "right") == m, signature, 0)
-                for m in (0, 1)
-            ]
-            apart = alike + sum(0.25 * np.outer(x, x) for x in each)
-            dense = [(none - minus_twice_log(data, of)) / 2 for of in (alike, apart)]
-            assert weighed.evidence[case, i] == pytest.approx(np.logaddexp(*dense) - np.log(2), abs=1e-5)
+            dense = []
+            for hypothesis in variants(LIBRARY[name], evidence):
+                scaled = signatures[[k - 1 for k in hypothesis.columns]] * np.array(hypothesis.scale)[:, None]
+                dense.append((none - minus_twice_log(data, before + scaled.T @ scaled)) / 2)
+            expected = np.logaddexp.reduce(dense) - np.log(len(dense))
+            assert weighed.evidence[case, i] == pytest.approx(expected, abs=1e-5)
 
 
 def test_insertions_have_the_detectability_that_was_asked_for(tolerant):
@@ -223,7 +228,7 @@ def test_an_effect_that_breaks_at_such_a_size_is_said_to_be_left_out(tolerant):
 
     library = {**LIBRARY, "heavy": replace(LIBRARY["heavy"], load=breaks)}
     found = self_test(used, evidence, judged, library, Table(), 0.02).result
-    assert found.not_inserted == {"heavy": "no such vehicle"}
+    assert found.not_inserted == {"heavy": "effect 'heavy': no such vehicle."}
     alone = {"heavy": library["heavy"]}
     with pytest.raises(DataError, match="no effect can be inserted"):
         self_test(used, evidence, judged, alone, Table(), 0.02)

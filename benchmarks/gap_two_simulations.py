@@ -102,21 +102,21 @@ def linear(kind: str, seed: int) -> Rivals:
 
 def la8(kind: str, seed: int) -> Rivals:
     """Return one pair of LA-8 class simulations compared on two flights of the nominal aircraft."""
-    from cases import ALLOWED, AT, flown, scattered
-    from cases import BAND_HZ as BAND
-    from cases import TOLERANCES as STATED
+    from bench import Circumstances
+    from la8_bench import LA8, scattered
 
     from freqid.gap.connect.scenario import ScenarioSimulation
     from freqid.simulate.maneuver import with_effects
 
-    flights = [Maneuver.of(flown(at, (), noise=1.0, seed=8000 + seed, signals=seed % 3)) for at in AT]
+    how = Circumstances(noise=1.0, seed=8000 + seed, signals=seed % 3)
+    flights = [Maneuver.of(LA8.fly(at, (), how)) for at in LA8.at]
     if kind == "equal":
         a, b = (scattered(6000 + 2 * seed + k)[0] for k in (0, 1))
     else:  # the same airframe, with the wake that was flown and with half of it
         b = scattered(6000 + seed)[0]
         a = with_effects(b, {"wing_wake": {"strength": 0.5}})
     pair = (ScenarioSimulation(a, name="A"), ScenarioSimulation(b, name="B"))
-    return compare_two(pair, flights, ALLOWED, STATED, BAND, count=DRAWS, seed=seed)
+    return compare_two(pair, flights, LA8.allowed, LA8.tolerances, LA8.band_hz, count=DRAWS, seed=seed)
 
 
 EQUAL = ("same", "equal", "strong noise", "both lack a loss")

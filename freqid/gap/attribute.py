@@ -127,13 +127,20 @@ def judge(evidence: Evidence, library: Mapping[str, Effect]) -> list[Judged]:
     found.sort(key=lambda j: -j.evidence)
     singles = list(found[:_STRONGEST])
     other = _judged(OTHER, free(evidence), evidence)
-    pairs = [
-        _judged(f"{a.name}+{b.name}", (_joined(a.best, b.best),), evidence)
-        for a, b in combinations(singles, 2)
-        if not set(a.best.columns) & set(b.best.columns)
+    every = [
+        *found,
+        *([other] if other else []),
+        *(paired(a, b, evidence) for a, b in combinations(singles, 2)),
     ]
-    every = [*found, *(j for j in (other, *pairs) if j is not None)]
     return sorted(every, key=lambda j: -j.evidence)
+
+
+def paired(one: Judged, other: Judged, evidence: Evidence) -> Judged:
+    """Return what data say of two effects at once."""
+    columns = (*one.best.columns, *other.best.columns)
+    both = Hypothesis(f"{one.name}+{other.name}", columns, (*one.best.scale, *other.best.scale))
+    each = evidence.evidences(both)
+    return Judged(both.name, float(each[0]), each[1:], both, evidence.estimate(both))
 
 
 def prior(name: str, effects: int) -> float:
@@ -252,10 +259,6 @@ def _judged(name: str, hypotheses: Sequence[Hypothesis], evidence: Evidence) -> 
     likely = [e if evidence.whole(h) else -np.inf for e, h in zip(each[:, 0], hypotheses, strict=True)]
     best = hypotheses[int(np.argmax(likely))]
     return Judged(name, float(whole[0]), whole[1:], best, evidence.estimate(best))
-
-
-def _joined(one: Hypothesis, other: Hypothesis) -> Hypothesis:
-    return Hypothesis(f"{one.name}+{other.name}", (*one.columns, *other.columns), (*one.scale, *other.scale))
 
 
 def _known(evidence: Evidence, name: str) -> bool:

@@ -13,20 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.errors import ImpossibleSettings
-from freqid.gap.attribute import LEAST_ODDS, OTHER, Judged, variants
+from freqid.gap.attribute import LEAST_ODDS, OTHER, Judged, paired, variants
 from freqid.gap.changes import CHANGE, Values, departures, settings_of, sources_of_all
 from freqid.gap.compare import Compared
 from freqid.gap.descent import Sought, View, descend
 from freqid.gap.evidence import Estimate, Evidence
 from freqid.gap.gather import evidence_of
+from freqid.gap.partners import beside
 from freqid.gap.refit import starting
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
 
 _SINGLES = 5
-_PAIRS = 2  # with the likeliest effect
-_MORE = 4.0  # logarithm of odds by which two effects must be likelier than either, to be weighed in full
 _ROUNDS = 8
 _SETTLED = 0.1  # standard errors
 
@@ -64,14 +63,14 @@ def weighed_in_full(
     singles = [j for j in judged if "+" not in j.name and j.name != OTHER and j.evidence > LEAST_ODDS]
     if not singles:
         return list(judged)
-    first = {j.name: j.evidence for j in singles}
-    found = {j.name: _in_full(j, evidence, library, compared, {}) for j in singles[:_SINGLES]}
-    leading = max(found.values(), key=lambda j: j.evidence)
-    pairs = [j for j in judged if leading.name in j.name.split("+") and "+" in j.name]
-    pairs = [j for j in pairs if j.evidence > _MORE + max(first.get(n, 0.0) for n in j.name.split("+"))]
-    for pair in pairs[:_PAIRS]:
-        found[pair.name] = _in_full(pair, evidence, library, compared, leading.settings)
-    return sorted((found.get(j.name, j) for j in judged), key=lambda j: -j.evidence)
+    every = {j.name: j for j in judged}
+    every |= {j.name: _in_full(j, evidence, library, compared, {}) for j in singles[:_SINGLES]}
+    leading = max((every[j.name] for j in singles[:_SINGLES]), key=lambda j: j.evidence)
+    for partner, start in beside(leading, evidence, library, compared).items():
+        pair = next((j for j in judged if set(j.name.split("+")) == {leading.name, partner}), None)
+        pair = pair or paired(leading, every[partner], evidence)
+        every[pair.name] = _in_full(pair, evidence, library, compared, start)
+    return sorted(every.values(), key=lambda j: -j.evidence)
 
 
 def _in_full(

@@ -81,6 +81,7 @@ class Truth:
     loss: float = 0.0  # share of d1 that the air does not feel
     mass: float = MASS
     late: float = 0.0  # s, of commands
+    slow: float = 0.0  # s, time constant of a lag behind the servo
     drag: float = 0.0  # N s/m
     slopes: tuple[tuple[float, ...], ...] = tuple(map(tuple, SLOPES.tolist()))
 
@@ -91,6 +92,7 @@ def motion(truth: Truth, duration: float, period: float, seed: int) -> dict[str,
     sent = commands(duration, period, seed)
     time = np.arange(sent.shape[1]) * DT
     position = servo(commands(duration, period, seed, truth.late))
+    position = servo(position, truth.slow) if truth.slow else position
     slopes, drag = np.array(truth.slopes), truth.drag
 
     def loads(x, d):

@@ -86,3 +86,11 @@ def test_less_noise_is_no_explanation(monkeypatch):
     monkeypatch.setattr(finalists, "LEAST_ODDS", -np.inf)
     first, full = judged(Truth(loss=0.15), LIBRARY, noise=4.0, flying=True)
     assert of(full, "heavy").evidence == pytest.approx(of(first, "heavy").evidence, abs=0.1)
+
+
+def test_a_delay_and_a_lag_together_are_told_from_what_a_lag_alone_leaves():
+    """About nothing a delay adds less to the lag than others do: its straight line is not that of the rest."""
+    library = {i: shipped()[i] for i in ("actuator_delay", "actuator_lag", "rate_limit", "backlash", "sensor_bias")}
+    first, full = judged(Truth(late=0.07, slow=0.1), library)
+    assert {*full[0].name.split("+")} == {"actuator_delay", "actuator_lag"}
+    assert full[0].settings["actuator_lag"]["extra"] == pytest.approx(0.1, abs=0.005)

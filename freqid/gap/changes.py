@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.gap.compare import Compared
+from freqid.gap.testable import route_of
 from freqid.gap.together import together
 from freqid.simulate.effects.effect import Effect
 
@@ -22,8 +23,17 @@ _STEP = 0.1  # of a parameter's scale, of differences
 
 
 def changes(compared: Compared, effects: Sequence[Effect], settings: Values) -> Complex:
-    """Return what effects at some settings make of a residual, shape (row, line)."""
-    return compared.lines.transform(together(effects, compared.flown, settings))
+    """Return what effects at some settings make of a residual, shape (row, line).
+
+    Told by the flight as it was, with the motion that a gap itself made; but what sensors or the mass make of
+    a measurement they make of its noise too, which is in the residual as well: that is told by what the
+    injected signals made.
+    """
+    simulation = compared.trial.simulation
+    of_measured = [e for e in effects if route_of(e, simulation) in ("distort", "load")]
+    of_loads = [e for e in effects if e not in of_measured]
+    made = together(of_loads, compared.flown, settings) + together(of_measured, compared.trial, settings)
+    return compared.lines.transform(made)
 
 
 def departures(

@@ -244,3 +244,22 @@ LIBRARY = {
     )
 }
 OWN = effect("damping", "extra", 0.1)
+
+
+def upright(flight):
+    """Return a flight whose gyros of roll and yaw are perfect: these do not move, and noise is no motion."""
+    record = flight.record
+    still = [replace(record.channel(f"state/{n}"), values=0 * record.time) for n in ("p", "r")]
+    return replace(flight, record=record.with_channels(*still))
+
+
+@dataclass(frozen=True, eq=False)
+class Flying(Linear):
+    """The simulation with a flight of its own."""
+
+    phases: int = 1
+
+    def fly(self, record, effects=None):
+        """Return what it would have flown."""
+        alone = motion(Truth(), 20.0, 20.0, self.phases)
+        return {n: x for n, x in alone.items() if n.startswith(("state/", "effector/"))}

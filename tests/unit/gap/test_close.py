@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linear_flight import LIBRARY, Truth
+from linear_flight import LIBRARY, MASS, TOLERANT, Flying, Truth, fly, upright
 
 from freqid.gap.close import Misfit, misfit
+from freqid.gap.compare import compare
 from freqid.gap.locate import coherence, gap_map
 from freqid.gap.refit import refit
 
@@ -23,6 +24,29 @@ def test_the_true_effect_closes_the_gap_where_it_was_not_fitted(worn):
     assert share.G > 0.95
     assert share.lo <= share.G <= share.hi
     assert share.hi - share.lo < 0.2
+
+
+def test_a_mass_error_closes_a_gap_though_it_scales_the_noise_of_what_was_measured():
+    """Along the flight itself its change holds the residual's own noise: G of a right mass was 0.25."""
+    used, kept = (
+        [
+            compare(
+                Flying(phases=s),
+                upright(fly(Truth(mass=1.15 * MASS), noise=4.0, seed=s, phases=s)),
+                LIBRARY,
+                TOLERANT,
+                (0.1, 2.0),
+                count=60,
+                seed=s,
+            )
+            for s in seeds
+        ]
+        for seeds in ((1, 2), (3, 4))
+    )
+    heavy = [LIBRARY["heavy"]]
+    found = refit(used, heavy, {"heavy": {"fraction": 0.1}})
+    assert found.value[0] == pytest.approx(0.15, abs=2 * float(np.sqrt(found.covariance[0, 0])))
+    assert misfit(kept, heavy, found.settings).share(0.9).G > 0.9
 
 
 def test_another_effect_closes_little_and_a_wrong_one_makes_it_worse(worn):

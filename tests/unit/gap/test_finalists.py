@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 import pytest
-from linear_flight import LIBRARY, SIZES, Linear, Truth, fly, motion
+from linear_flight import LIBRARY, SIZES, Flying, Linear, Truth, fly, upright
 
 from freqid.gap import finalists
 from freqid.gap.attribute import judge
@@ -63,24 +61,6 @@ def test_nothing_is_weighed_again_where_nothing_is_there():
     assert all(not j.settings for j in full)
 
 
-def upright(flight):
-    """Return a flight whose gyros of roll and yaw are perfect: these do not move, and noise is no motion."""
-    record = flight.record
-    still = [replace(record.channel(f"state/{n}"), values=0 * record.time) for n in ("p", "r")]
-    return replace(flight, record=record.with_channels(*still))
-
-
-@dataclass(frozen=True, eq=False)
-class Flying(Linear):
-    """The simulation with a flight of its own."""
-
-    phases: int = 1
-
-    def fly(self, record, effects=None):
-        alone = motion(Truth(), 20.0, 20.0, self.phases)
-        return {n: x for n, x in alone.items() if n.startswith(("state/", "effector/"))}
-
-
 def test_less_noise_is_no_explanation(monkeypatch):
     """A lighter aircraft scales the noise of what was measured: along the flight itself that gains 0.5."""
     monkeypatch.setattr(finalists, "LEAST_ODDS", -np.inf)
@@ -89,8 +69,10 @@ def test_less_noise_is_no_explanation(monkeypatch):
 
 
 def test_a_delay_and_a_lag_together_are_told_from_what_a_lag_alone_leaves():
-    """About nothing a delay adds less to the lag than others do: its straight line is not that of the rest."""
-    library = {i: shipped()[i] for i in ("actuator_delay", "actuator_lag", "rate_limit", "backlash", "sensor_bias")}
+    """About nothing a delay adds less to the lag than a rate limit does."""
+    library = {
+        i: shipped()[i] for i in ("actuator_delay", "actuator_lag", "rate_limit", "backlash", "sensor_bias")
+    }
     first, full = judged(Truth(late=0.07, slow=0.1), library)
     assert {*full[0].name.split("+")} == {"actuator_delay", "actuator_lag"}
     assert full[0].settings["actuator_lag"]["extra"] == pytest.approx(0.1, abs=0.005)

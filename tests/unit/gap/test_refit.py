@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from linear_flight import LIBRARY, SIZES, TOLERANT, Linear, Truth, fly, motion
+from linear_flight import LIBRARY, SIZES, TOLERANT, Flying, Truth, fly, upright
 
 from freqid.gap.close import misfit
 from freqid.gap.compare import compare
@@ -36,21 +36,9 @@ def test_what_an_effect_may_be_off_by_is_part_of_its_refit(worn, compared):
 def test_a_large_effect_is_told_by_the_flight_that_it_moved():
     """The simulation's own flight, of which signatures are, has next to none of the gap's motion."""
 
-    @dataclass(frozen=True, eq=False)
-    class Flying(Linear):
-        phases: int = 1
-
-        def fly(self, record, effects=None):
-            alone = motion(Truth(), 20.0, 20.0, self.phases)
-            return {n: x for n, x in alone.items() if n.startswith(("state/", "effector/"))}
-
     used = []
     for s in (1, 2):
-        flight = fly(Truth(drag=4.0), noise=1.0, seed=s, phases=s)
-        still = [
-            replace(flight.record.channel(f"state/{n}"), values=0 * flight.record.time) for n in ("p", "r")
-        ]
-        flight = replace(flight, record=flight.record.with_channels(*still))
+        flight = upright(fly(Truth(drag=4.0), noise=1.0, seed=s, phases=s))
         used.append(compare(Flying(phases=s), flight, LIBRARY, SIZES, (0.1, 2.0), count=60, seed=s))
     drag = LIBRARY["drag"]
     moved = [np.std(c.smoothed.record["state/u"] - c.trial.maneuver.record["state/u"]) for c in used]

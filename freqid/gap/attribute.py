@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -25,6 +25,8 @@ LEAST_ODDS = 1.5
 do not know of, the baseline's own formulas and gusts, is worth as much."""
 
 _APART = 0.5  # of what is expected of a size: how far it may differ between manoeuvres or responses
+_PLAIN = 4.0  # standard deviations of the noise of all lines, from which a gap is plain
+_MOST = 0.75  # of it
 _STRONGEST = 8  # single effects that pairs are made of
 _PAIR_PENALTY = 3.0  # two effects at once are this much less expected, in logarithms
 
@@ -133,6 +135,20 @@ def judge(evidence: Evidence, library: Mapping[str, Effect]) -> list[Judged]:
         *(paired(a, b, evidence) for a, b in combinations(singles, 2)),
     ]
     return sorted(every, key=lambda j: -j.evidence)
+
+
+def with_the_unexplained(judged: Sequence[Judged], evidence: Evidence) -> list[Judged]:
+    """Return explanations with *other* as likely as most of a plain gap is, unless one explains as much.
+
+    A gap that stands out of the noise of all lines together is not what explains a part of it.
+    """
+    noise = evidence.null_energy
+    plain = float(evidence.metric[0, 0]) - float(noise.mean()) if noise.size else 0.0
+    most = 0.5 * _MOST * plain
+    if plain < _PLAIN * float(noise.std()) or any(j.evidence > most for j in judged if j.name != OTHER):
+        return list(judged)
+    found = [replace(j, evidence=max(j.evidence, most)) if j.name == OTHER else j for j in judged]
+    return sorted(found, key=lambda j: -j.evidence)
 
 
 def paired(one: Judged, other: Judged, evidence: Evidence) -> Judged:

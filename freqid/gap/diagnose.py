@@ -145,6 +145,7 @@ def diagnose(
     if existence.exists:
         tell("weighing finalists in full")
         judged = weighed_in_full(judged, evidence, library, used)
+        judged = attribute.with_the_unexplained(judged, evidence)
     not_tested = {i: why for c in used for i, why in c.not_tested.items()}
     seen = {j.name for j in judged}
     not_tested |= {i: _IDLE for i in library if i not in seen and i not in not_tested}

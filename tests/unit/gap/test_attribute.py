@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from linear_flight import effect
 from scipy.stats import kstest
 
-from freqid.gap.attribute import NONE, OTHER, existence, judge, p_value, prior
+from freqid.gap.attribute import NONE, OTHER, existence, judge, p_value, prior, with_the_unexplained
 from freqid.gap.calibrate import Table, aliases, filled, probabilities, which
 from freqid.gap.gather import gather
 
@@ -68,6 +70,26 @@ def test_what_moves_derivatives_as_no_candidate_does_is_other():
     found = judged({"derivatives:M:q": 25.0, "derivatives:M:de": -30.0})
     assert found[0].name == OTHER
     assert next(iter(probabilities(found, Table(), True))) == OTHER
+
+
+@pytest.mark.parametrize("sizes", [{"a:size": 120.0}, {"a:size": 90.0, "b:size": -80.0}])
+def test_what_one_effect_or_two_explain_is_not_other(sizes):
+    evidence = evidence_of(sizes)
+    first = judge(evidence, LIBRARY)
+    full = with_the_unexplained(first, evidence)
+    assert [(j.name, j.evidence) for j in full] == [(j.name, j.evidence) for j in first]
+
+
+def test_a_part_of_what_is_plain_is_no_name_for_it():
+    evidence = evidence_of({"a:size": 40.0})
+    gram = evidence.gram.copy()
+    gram[0, 0, 0] += 120.0**2  # of a direction that no column has
+    evidence = replace(evidence, gram=gram)
+    first = judge(evidence, LIBRARY)
+    assert next(j for j in first if j.name == "a").evidence > 100
+    assert next(iter(probabilities(first, Table(), True))) == "a"
+    full = with_the_unexplained(first, evidence)
+    assert next(iter(probabilities(full, Table(), True))) == OTHER
 
 
 def test_without_a_gap_no_gap_is_said():

@@ -191,7 +191,9 @@ def test_a_simulation_with_the_loss_has_no_gap(diagnose):
     assert not table["gap"]["exists"]
     assert table["verdict"].startswith("No gap that can be resolved")
     assert table["how_far"] == {}
-    assert table["which"]["probabilities"]["none"] >= 0.9
+    likeliest, chance = next(iter(table["which"]["probabilities"].items()))
+    assert likeliest == "none"
+    assert chance > 0.6
 
 
 def test_a_self_test_calibrates_the_verdict_and_tells_what_is_seen(diagnose):

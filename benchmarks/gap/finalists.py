@@ -23,7 +23,7 @@ from truth import Part
 
 from freqid.gap import attribute
 from freqid.gap.attribute import Judged, variants
-from freqid.gap.evidence import Evidence, Hypothesis
+from freqid.gap.evidence import IN_MANEUVER, IN_ROW, Evidence, Hypothesis
 from freqid.gap.finalists import weighed_in_full
 from freqid.gap.gather import evidence_of
 
@@ -76,8 +76,8 @@ def row_of(by: Bench, part: Part) -> dict[str, Any]:
 def _ways(seen: Evidence, every: Sequence[Hypothesis]) -> dict[str, list[Hypothesis]]:
     """Return the ways of an effect by how many sizes they have."""
     names = {h: [seen.signatures[c - 1] for c in h.columns] for h in every}
-    by_row = {h for h in every if any("#" in n for n in names[h])}
-    by_flight = {h for h in every if any("@" in n for n in names[h])} - by_row
+    by_row = {h for h in every if any(IN_ROW in n for n in names[h])}
+    by_flight = {h for h in every if any(IN_MANEUVER in n for n in names[h])} - by_row
     kinds = {"one": set(every) - by_row - by_flight, "flights": by_flight, "responses": by_row}
     return {label: list(kind) for label, kind in kinds.items() if kind}
 

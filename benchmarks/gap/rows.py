@@ -53,6 +53,7 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
         "seed": case["seed"],
         "noise": case["noise"],
         "gusts": case["gusts"],
+        "statistic": f"{found['gap']['statistic']:.3g}",
         "p": f"{found['gap']['p']:.3g}",
         "naive_p": f"{found['gap']['naive_p']:.3g}",
         "detected": int(exists),

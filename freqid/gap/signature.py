@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,9 +51,8 @@ def signature(effect: Effect, trial: Trial) -> dict[str, Histories]:
     for name, parameter in effect.parameters.items():
         if parameter.scale == 0:
             continue
-        low, high, step = _steps(effect, trial.simulation, name, parameter)
-        change = made(effect, trial, {name: high}) - made(effect, trial, {name: low})
-        found[name] = change * (1 / step)
+        low, high = _steps(effect, trial.simulation, name, parameter)
+        found[name] = slope(effect, trial, name, low, high)
     if effect.alternatives:
         return found | _at_sizes(effect, trial)
     idle = [n for n in found if n != effect.size and not _moves(found[n])]
@@ -62,8 +62,32 @@ def signature(effect: Effect, trial: Trial) -> dict[str, Histories]:
         for value in (parameter.default - 2 * parameter.scale, parameter.default + 2 * parameter.scale):
             value = float(np.clip(value, parameter.low, parameter.high))
             if value != parameter.default:
-                found[f"{effect.size}{GIVEN}{name}={value:.4g}"] = _sized(effect, trial, {name: value})
+                with suppress(ImpossibleSettings):  # then it does not show so
+                    found[f"{effect.size}{GIVEN}{name}={value:.4g}"] = _sized(effect, trial, {name: value})
     return found | _at_sizes(effect, trial)
+
+
+def slope(effect: Effect, trial: Trial, name: str, low: float, high: float) -> Histories:
+    """Return what an effect makes of a residual for each unit of a parameter, between two of its values.
+
+    From the value in force to one of them where nothing can be at the other: the moments of inertia of a flat
+    body can only be changed to one side.
+
+    Raises
+    ------
+    ImpossibleSettings
+        Where nothing can be at either.
+    """
+    force = in_force_of(effect, trial.simulation)[name]
+    impossible = ImpossibleSettings(f"effect '{effect.id}' has no two values of {name}")
+    for a, b in ((low, high), (force, high), (low, force)):
+        if a == b:
+            continue
+        try:
+            return (made(effect, trial, {name: b}) - made(effect, trial, {name: a})) * (1 / (b - a))
+        except ImpossibleSettings as error:
+            impossible = error
+    raise impossible
 
 
 def _at_sizes(effect: Effect, trial: Trial) -> dict[str, Histories]:
@@ -84,9 +108,9 @@ def scale_of(effect: Effect, name: str) -> float:
 
 def _sized(effect: Effect, trial: Trial, given: Mapping[str, float]) -> Histories:
     """Return the derivative by an effect's size where other parameters are given."""
-    low, high, step = _steps(effect, trial.simulation, effect.size, effect.parameters[effect.size])
+    low, high = _steps(effect, trial.simulation, effect.size, effect.parameters[effect.size])
     change = made(effect, trial, {**given, effect.size: high})
-    return (change - made(effect, trial, {**given, effect.size: low})) * (1 / step)
+    return (change - made(effect, trial, {**given, effect.size: low})) * (1 / (high - low))
 
 
 def _moves(change: Histories) -> bool:
@@ -153,17 +177,15 @@ def sources_of(effect: Effect, trial: Trial, name: str) -> tuple[str, ...]:
     return trial.inputs
 
 
-def _steps(
-    effect: Effect, simulation: Simulation, name: str, parameter: Parameter
-) -> tuple[float, float, float]:
-    """Return two values of a parameter and their distance, about its value in force."""
+def _steps(effect: Effect, simulation: Simulation, name: str, parameter: Parameter) -> tuple[float, float]:
+    """Return two values of a parameter, about the one in force."""
     at = in_force_of(effect, simulation)[name]
     small = _SMALL * parameter.scale
     if parameter.low <= at - small and at + small <= parameter.high:
-        return at - small, at + small, 2 * small
+        return at - small, at + small
     if at + parameter.scale <= parameter.high:
-        return at, at + parameter.scale, parameter.scale
-    return at - parameter.scale, at, parameter.scale
+        return at, at + parameter.scale
+    return at - parameter.scale, at
 
 
 def _own(effect: Effect, trial: Trial, values: Mapping[str, float]) -> Histories:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from freqid.core.errors import UsageError, nearest
 from freqid.gap.histories import Histories
 from freqid.gap.lines import Lines
-from freqid.gap.signature import made
+from freqid.gap.signature import slope
 from freqid.gap.testable import in_force_of, untestable
 from freqid.gap.trial import Trial
 from freqid.simulate.effects.effect import Effect
@@ -185,8 +185,7 @@ def _differenced(effect: Effect, trial: Trial, parameter: str, size: float) -> H
     """Return what one sigma of an effect's parameter does, about its value in force and within its range."""
     at, described = in_force_of(effect, trial.simulation)[parameter], effect.parameters[parameter]
     low, high = max(at - 0.5 * size, described.low), min(at + 0.5 * size, described.high)
-    change = made(effect, trial, {parameter: high}) - made(effect, trial, {parameter: low})
-    return change * (size / max(high - low, 1e-300))
+    return slope(effect, trial, parameter, low, high) * size
 
 
 def _together(trial: Trial, each: Array) -> dict[str, Histories]:

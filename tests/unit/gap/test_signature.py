@@ -7,14 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from linear_flight import DT, LIBRARY, OWN, SLOPES, Linear, Truth, distorted, effect, fly
+from msgspec.structs import replace as changed
 
+from freqid.core.errors import ImpossibleSettings
 from freqid.core.record import Maneuver
 from freqid.gap.lines import lines_of
 from freqid.gap.residual import residual
 from freqid.gap.signature import made, signature, sources_of
 from freqid.gap.testable import route_of
 from freqid.gap.together import together
+from freqid.gap.tolerance import stated as stated_sizes
+from freqid.gap.tolerance import tolerances
 from freqid.gap.trial import Trial
+from freqid.simulate.effects import shipped
 from freqid.simulate.effects.effect import Parameter
 
 
@@ -173,3 +178,23 @@ def test_sources_are_the_channels_that_a_signature_is_computed_from():
     assert {"state/ax", "state/az"} <= set(sources_of(LIBRARY["heavy"], trial, "fraction"))
     assert set(sources_of(LIBRARY["gyro"], trial, "scale")) == {"state/q", "d/dt state/q"}
     assert sources_of(LIBRARY["drag"], trial, "factor") == trial.inputs
+
+
+def test_the_inertia_of_a_flat_body_is_stepped_to_the_side_that_it_can_have():
+    """As of a multicopter: Izz is all but the sum of the others, and no body's is more."""
+    flight = fly(Truth(), noise=0.0)
+    stated = flight.vehicle.mass_properties
+    whole = stated.inertia.xx + stated.inertia.yy
+    flat = changed(stated.inertia, zz=0.9999 * whole)
+    body = changed(flight.vehicle, mass_properties=changed(stated, inertia=flat))
+    inertia = shipped()["inertia"]
+    trial = Trial.of(Linear(), replace(flight, vehicle=body))
+    with pytest.raises(ImpossibleSettings, match="expected positive ones"):
+        made(inertia, trial, {"zz": 0.025})
+    found = signature(inertia, trial)
+    expected = made(inertia, trial, {"yy": 0.025}) * (1 / 0.025)
+    assert expected.momentum.any()
+    np.testing.assert_allclose(found["yy"].momentum, expected.momentum, rtol=1e-9, atol=1e-12)
+    assert {"tolerance:inertia:xx", "tolerance:inertia:zz"} <= set(
+        tolerances(trial, {"inertia": inertia}, stated_sizes({}, {"inertia": inertia})).common
+    )

@@ -52,7 +52,8 @@ def signature(effect: Effect, trial: Trial) -> dict[str, Histories]:
         if parameter.scale == 0:
             continue
         low, high = _steps(effect, trial.simulation, name, parameter)
-        found[name] = slope(effect, trial, name, low, high)
+        with suppress(ImpossibleSettings):  # nothing can differ by that
+            found[name] = slope(effect, trial, name, low, high)
     if effect.alternatives:
         return found | _at_sizes(effect, trial)
     idle = [n for n in found if n != effect.size and not _moves(found[n])]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.errors import UsageError, nearest
+from freqid.core.errors import ImpossibleSettings, UsageError, nearest
 from freqid.gap.histories import Histories
 from freqid.gap.lines import Lines
 from freqid.gap.signature import slope
@@ -170,9 +171,10 @@ def tolerances(trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, 
         for parameter in effect.parameters:
             size = sizes.get(f"{effect.id}.{parameter}", sizes.get(effect.id, 0.0))
             if size and untestable(effect, trial) is None:
-                change = _differenced(effect, trial, parameter, size)
                 kind = own if f"{effect.id}.{parameter}" in EACH_FLIGHT else common
-                kind[f"{OF_EFFECT}{effect.id}:{parameter}"] = change
+                with suppress(ImpossibleSettings):  # what no body can be off by is no tolerance
+                    change = _differenced(effect, trial, parameter, size)
+                    kind[f"{OF_EFFECT}{effect.id}:{parameter}"] = change
     if sizes[RESPONSES]:
         for i in range(len(responses)):
             direct = np.zeros_like(trial.predicted)

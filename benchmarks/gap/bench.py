@@ -98,7 +98,7 @@ class Bench:
     tolerance: Mapping[str, float] = field(default_factory=dict)
     candidates: Mapping[str, Effect] = field(default_factory=shipped)
     band_hz: tuple[float, float] = (0.05, 1.9)
-    draws: int = 40
+    draws: int = 60
 
     @property
     def tolerances(self) -> dict[str, float]:
@@ -136,10 +136,11 @@ class Bench:
     ) -> Complex:
         """Return what truths make of one manoeuvre's stack without noise, on the lines of what is compared.
 
-        Both flights have the same scatter and gusts. The metric has to be of a flight with the truths: what
+        Both flights have the same scatter, and neither has gusts: they are noise, and two flights through the
+        same ones differ by what each makes of them. The metric has to be of a flight with the truths: what
         tolerances may do goes with the motion, which the truths change.
         """
-        silent = replace(circumstances, noise=0.0)
+        silent = replace(circumstances, noise=0.0, gusts=0.0)
         made = residual(self.simulation, Maneuver.of(self.fly(at, parts, silent)))
         return compared.lines.transform(made - _without(self, at, silent))
 

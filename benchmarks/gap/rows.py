@@ -87,9 +87,9 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
 def _stratum(case: dict[str, Any], lam: float) -> int:
     """Return the stratum that the detectability measured in a case is nearest to, 0 where it is below all.
 
-    In gusts and of pairs it is the one that was asked for.
+    Of pairs it is the one that was asked for.
     """
-    if case["kind"] not in ("single", "outside") or case["gusts"]:
+    if case["kind"] not in ("single", "outside"):
         return case["lam"]
     near = min(STRATA, key=lambda s: abs(np.log(max(lam, 1e-9) / s)))
     return near if lam > STRATA[0] / 2 else 0

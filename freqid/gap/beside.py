@@ -124,8 +124,8 @@ def beside(
     trials = [Trial.of(s, Maneuver(quieted.record, maneuver.vehicle)) for s in pair]
     made: list[Complex] = []
     added: Complex = np.empty(0, dtype=complex)
-    for s, m, y in zip(pair, measured, predicted, strict=True):
-        all_rows, added = draws(s, maneuver, lines, m, y, quieted.sigma, count, seed)
+    for t, m, y in zip(trials, measured, predicted, strict=True):
+        all_rows, added = draws(maneuver, lines, m, y, t, quieted.sigma, count, seed)
         made.append(all_rows[:, _at(m, names)])
     forms = [form(t, lines, sizes)[_at(t.measured, names)] for t in trials]
     size = np.sqrt((forms[0] + forms[1]) / 4)  # the mean of both, half of it in the real part

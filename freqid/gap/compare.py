@@ -159,23 +159,23 @@ def compare(
     smoothed = trial.maneuver
     if alone:
         smoothed = Maneuver(quiet(record, noisy_channels(record), expected).record, maneuver.vehicle)
-    own_noise, added = draws(simulation, maneuver, lines, measured, predicted, quieted.sigma, count, seed)
+    own_noise, added = draws(maneuver, lines, measured, predicted, trial, quieted.sigma, count, seed)
     shape = np.sqrt(form(trial, lines, sizes) / 2)
     rng = np.random.default_rng([seed, 3])
     wrong = rng.standard_normal((2, *own_noise.shape))
     own_noise = own_noise + shape * (wrong[0] + 1j * wrong[1])
     noise = noise_of(trial.maneuver, lines, measured, z, own_noise, quieted.sigma)
-    not_tested, signatures, sources, scales = {}, {}, {}, {}
+    not_tested, slopes, sources, scales = {}, {}, {}, {}
     for effect in (e.of(maneuver.vehicle) for e in library.values()):
         reason = untestable(effect, trial)
         if reason:
             not_tested[effect.id] = reason
             continue
         for name, change in signature(effect, trial).items():
-            signatures[f"{effect.id}:{name}"] = lines.transform(change)
+            slopes[f"{effect.id}:{name}"] = change
             scales[f"{effect.id}:{name}"] = scale_of(effect, name)
             sources[f"{effect.id}:{name}"] = sources_of(effect, trial, name)
-    allowed = tolerances(trial, library, sizes)
+    allowed = tolerances(trial, library, sizes, slopes)
     return Compared(
         maneuver=maneuver,
         measured=measured,
@@ -185,7 +185,7 @@ def compare(
         lines=lines,
         residual=z,
         noise=noise,
-        signatures=signatures,
+        signatures={name: lines.transform(change) for name, change in slopes.items()},
         common={name: lines.transform(change) for name, change in allowed.common.items()},
         own={name: lines.transform(change) for name, change in allowed.own.items()},
         draws=noise.louder(own_noise, seed),

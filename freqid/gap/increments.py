@@ -7,13 +7,18 @@ from scipy.stats import norm
 
 from freqid.core.gap_result import Increment
 from freqid.gap.evidence import Evidence, Hypothesis
-from freqid.gap.tolerance import DERIVATIVES, OF_EFFECT, TOGETHER
+from freqid.gap.tolerance import DERIVATIVES, OF_EFFECT, TOGETHER, WHOLE
 
 LEVEL = 0.95
 WIDE = 1.0
 """One sigma of an increment before any data, of the derivative itself."""
 
-_OF_DERIVATIVES = (f"{TOGETHER}:", f"{OF_EFFECT}surface_effectiveness:", f"{OF_EFFECT}weak_rotor:")
+_OF_DERIVATIVES = (
+    f"{TOGETHER}:",
+    f"{WHOLE}:",
+    f"{OF_EFFECT}surface_effectiveness:",
+    f"{OF_EFFECT}weak_rotor:",
+)
 
 
 def increments(evidence: Evidence, tolerance: float) -> tuple[Increment, ...]:

@@ -11,7 +11,7 @@ from freqid.core.record import Maneuver
 from freqid.gap.histories import Histories
 from freqid.gap.lines import Lines
 from freqid.gap.residual import measured_part
-from freqid.gap.simulation import Simulation
+from freqid.gap.trial import Trial
 from freqid.gap.unexplained import unexplained
 
 Array = NDArray[np.float64]
@@ -23,7 +23,10 @@ HALF_WIDTH = 10
 
 _MOST = 1e4  # power ratio of the flown noise to the sensors' own
 _PLAIN = 1.4  # mean ratio from which noise is plainly more than the sensors'
-_ASKED_ONCE = ("predictions", "jsbsim")  # kinds that cannot be replayed on every draw, or take too long
+_BY_DERIVATIVES = ("scenario", "predictions", "jsbsim")
+"""Kinds of simulation that noise is sent through to first order, which small noise needs no more than: those
+that know their derivatives exactly, cannot be replayed on every draw, or take too long for it."""
+
 _RIDGE = 0.01  # of a row's variance: how far rows that share noise are trusted to cancel it
 
 
@@ -67,11 +70,11 @@ class Noise:
 
 
 def draws(
-    simulation: Simulation,
     maneuver: Maneuver,
     lines: Lines,
     like: Histories,
     predicted: Array,
+    trial: Trial,
     sigma: dict[str, float],
     count: int,
     seed: int,
@@ -80,7 +83,6 @@ def draws(
 
     Parameters
     ----------
-    simulation : Simulation
     maneuver : Maneuver
         Noise is added to what was flown, and the difference taken.
     lines : Lines
@@ -88,6 +90,8 @@ def draws(
         Measured part of the manoeuvre.
     predicted : ndarray, shape (response, sample)
         By the simulation on it.
+    trial : Trial
+        Of the manoeuvre without noise, whose derivatives serve where noise goes through to first order.
     sigma : dict of float
         Standard deviation by channel.
     count : int
@@ -101,21 +105,22 @@ def draws(
         What made them, in the channels of `sigma`.
     """
     rng = np.random.default_rng(seed)
-    record = maneuver.record
+    record, simulation = maneuver.record, trial.simulation
     actuators = [row.name.partition("/")[2] for row in like.rows if row.kind == "actuator"]
     found = np.empty((count, len(like.rows), lines.hz.size), dtype=complex)
     noise = np.empty((count, len(sigma), lines.hz.size), dtype=complex)
-    # a log cannot be asked again, but what it was driven through held the sensors' noise
-    slopes = simulation.gradient(record, list(sigma)) if simulation.kind in _ASKED_ONCE else None
+    known = [n for n in trial.inputs if n in sigma] if simulation.kind in _BY_DERIVATIVES else None
+    slopes = trial.gradient[:, [trial.inputs.index(n) for n in known or ()]]
     for k in range(count):
         added = {name: size * rng.standard_normal(record.time.size) for name, size in sigma.items()}
         channels = [replace(record.channel(n), values=record[n] + x) for n, x in added.items()]
         noisy = replace(maneuver, record=record.with_channels(*channels))
         change = measured_part(noisy, simulation.responses, actuators) - like
-        if slopes is None:
+        if known is None:
             change.direct[: len(predicted)] -= simulation.predict(noisy.record) - predicted
-        else:
-            change.direct[: len(predicted)] -= np.einsum("ijt,jt->it", slopes, np.array(list(added.values())))
+        elif known:
+            through = np.einsum("ijt,jt->it", slopes, np.array([added[n] for n in known]))
+            change.direct[: len(predicted)] -= through
         found[k] = lines.transform(change)
         noise[k] = lines.spectrum(np.array(list(added.values())))
     return found, noise

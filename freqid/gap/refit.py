@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,9 @@ from freqid.gap.tolerance import OF_EFFECT
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Seen = dict[tuple[int, bytes], tuple[Complex, dict[str, Complex]]]
+"""What settings make of a manoeuvre, and small departures from them, by the manoeuvre and the settings."""
 
 _ROUNDS = 12
 _WORSE = 0.5  # of misfit, which is of noise alone
@@ -58,7 +61,9 @@ class Refit:
         return settings_of(self.names, self.value)
 
 
-def refit(compared: Sequence[Compared], effects: Sequence[Effect], start: Values) -> Refit:
+def refit(
+    compared: Sequence[Compared], effects: Sequence[Effect], start: Values, seen: Seen | None = None
+) -> Refit:
     """Fit the parameters of effects, nonlinear ones in full, with tolerances free within their prior.
 
     Parameters
@@ -68,6 +73,8 @@ def refit(compared: Sequence[Compared], effects: Sequence[Effect], start: Values
         With their parameters on this vehicle, testable in each manoeuvre.
     start : dict of dict of float
         Parameters to be fitted, by effect; others stay as they are.
+    seen : dict, optional
+        What was seen of manoeuvres on the way, for refits of the same effects that look there again.
 
     Returns
     -------
@@ -84,30 +91,33 @@ def refit(compared: Sequence[Compared], effects: Sequence[Effect], start: Values
     of what its parameters are fitted to.
     """
     own = tuple(f"{OF_EFFECT}{effect.id}:" for effect in effects)
-    compared = [_without(c, own) for c in compared]
+    # their tolerances are part of what is fitted; scatter between flights stays
+    theirs = {n for c in compared for n in c.common if n.startswith(own)}
     sought = Sought.of(effects, start, compared[0].trial.simulation)
-    value, seen = descend(
+    known: Seen = {} if seen is None else seen
+    value, view = descend(
         sought,
-        lambda value: _view(compared, effects, sought, value),
+        lambda value: _view(compared, effects, sought, value, theirs, known),
         rounds=_ROUNDS,
         settled=_SETTLED,
         worse=_WORSE,
     )
-    described = list(zip(sought.names, value, np.sqrt(np.diag(seen.covariance)), strict=True))
+    described = list(zip(sought.names, value, np.sqrt(np.diag(view.covariance)), strict=True))
     wide = _UNKNOWN * _WIDE * sought.scale
     undetermined = tuple(n for (n, _, sigma), least in zip(described, wide, strict=True) if sigma > least)
     bounds = zip(described, sought.low, sought.high, strict=True)
     bound = tuple(n for (n, v, _), low, high in bounds if v in (low, high))
-    return Refit(tuple(effects), sought.names, value, seen.covariance, bound, undetermined)
+    return Refit(tuple(effects), sought.names, value, view.covariance, bound, undetermined)
 
 
-def _without(compared: Compared, tolerances: tuple[str, ...]) -> Compared:
-    """Return the same without common tolerances whose names begin so; scatter between flights stays."""
-    left = {n: z for n, z in compared.common.items() if not n.startswith(tolerances)}
-    return compared if len(left) == len(compared.common) else replace(compared, common=left)
-
-
-def _view(compared: Sequence[Compared], effects: Sequence[Effect], sought: Sought, value: Array) -> View:
+def _view(
+    compared: Sequence[Compared],
+    effects: Sequence[Effect],
+    sought: Sought,
+    value: Array,
+    theirs: Collection[str],
+    known: Seen,
+) -> View:
     """Return what is left at some settings, and where small departures from them lead.
 
     What the settings make is told by the flight as it was, with the motion that the gap itself made; small
@@ -115,10 +125,16 @@ def _view(compared: Sequence[Compared], effects: Sequence[Effect], sought: Sough
     """
     names, scale = sought.names, sought.scale
     settings = settings_of(names, value)
-    taken = [
-        (changes(c, effects, settings), departures(c, effects, names, value, scale)[1]) for c in compared
-    ]
-    evidence = evidence_of(compared, changes=taken, null=False)
+    taken = []
+    for c in compared:
+        key = (id(c), value.tobytes())
+        if key not in known:
+            known[key] = (
+                changes(c, effects, settings),
+                departures(c, effects, names, value, scale)[1],
+            )
+        taken.append(known[key])
+    evidence = evidence_of(compared, changes=taken, null=False).without(theirs)
     # the prior is about no departure: a step is drawn short, and goes as far as data send it
     columns = tuple(range(1, 1 + len(names)))
     found = evidence.estimate(Hypothesis("refit", columns, tuple(_WIDE * scale)))

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,13 +12,15 @@ from scipy.stats import norm
 
 from freqid.core.diagnosis import Change, Closure, Interval, Share
 from freqid.core.errors import FreqidError
+from freqid.core.record import FlightRecord
 from freqid.gap.changes import changes
 from freqid.gap.close import Misfit, misfit
 from freqid.gap.compare import Compared
 from freqid.gap.fidelity import frequency_cost, rmse, theil
 from freqid.gap.locate import regime_of
 from freqid.gap.quiet import sensor_noise
-from freqid.gap.refit import Refit, refit
+from freqid.gap.refit import Refit, Seen, refit
+from freqid.gap.simulation import Simulation
 from freqid.gap.together import together
 from freqid.identify.smoothing import local_derivative
 from freqid.identify.trend import up_to
@@ -24,6 +28,7 @@ from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, Mapping[str, float]]
+Flight = dict[str, Array] | None
 
 ITSELF = "scored on the manoeuvre that it was fitted to, for there is no other"
 """Note of a closure that is held against what it was made from."""
@@ -31,6 +36,7 @@ ITSELF = "scored on the manoeuvre that it was fitted to, for there is no other"
 _MOST_FOLDS = 5
 _HARDLY = 0.5  # of what goes where it was fitted: less elsewhere is said
 _STATES = ("u", "v", "w", "p", "q", "r")
+_SIDE_BY_SIDE = ("scenario",)  # kinds whose flights share nothing that changes
 
 
 def closure(
@@ -54,12 +60,13 @@ def closure(
         Where the refit begins.
     interval : float
     """
-    fitted = refit(used, effects, start)
+    seen: Seen = {}
+    fitted = refit(used, effects, start, seen)
     notes = _determined(fitted)
     if kept:
         parts, shown, held = [misfit(kept, effects, fitted.settings)], kept, names[len(used) :]
     elif len(used) > 1:
-        parts, shown, held = _turns(used, effects, fitted), used, names
+        parts, shown, held = _turns(used, effects, fitted, seen), used, names
         notes.append("manoeuvres took turns in being held out")
     else:
         parts, shown, held = [misfit(used, effects, fitted.settings)], used, names
@@ -102,7 +109,7 @@ def _determined(fitted: Refit) -> list[str]:
     return said + [f"{i} {n} stopped at a bound" for i, n in fitted.at_bound]
 
 
-def _turns(used: Sequence[Compared], effects: Sequence[Effect], fitted: Refit) -> list[Misfit]:
+def _turns(used: Sequence[Compared], effects: Sequence[Effect], fitted: Refit, seen: Seen) -> list[Misfit]:
     """Return the misfits of manoeuvres held out in turn, regimes kept together where there are several."""
     regimes = list(dict.fromkeys(regime_of(c) for c in used))
     label = [regimes.index(regime_of(c)) for c in used] if len(regimes) > 1 else list(range(len(used)))
@@ -111,7 +118,7 @@ def _turns(used: Sequence[Compared], effects: Sequence[Effect], fitted: Refit) -
     for fold in range(folds):
         inside = [c for c, k in zip(used, label, strict=True) if k % folds != fold]
         outside = [c for c, k in zip(used, label, strict=True) if k % folds == fold]
-        parts.append(misfit(outside, effects, refit(inside, effects, fitted.settings).settings))
+        parts.append(misfit(outside, effects, refit(inside, effects, fitted.settings, seen).settings))
     return parts
 
 
@@ -188,18 +195,19 @@ def _costs(c: Compared, change: NDArray[np.complex128], costs: dict[str, list[tu
 
 def _flown(shown: Sequence[Compared], settings: Settings) -> Share:
     """Return the share of the gap that goes in the simulation's own flights of the same inputs."""
+    simulation = shown[0].trial.simulation
+    strange = [i for i in settings if i not in simulation.effects]
+    if strange:
+        why = f"the simulation does not have {strange[0]}, so it cannot fly with it"
+        return Share(np.nan, np.nan, np.nan, why)
     before = after = noise = 0.0
     count = 0
-    for c in shown:
-        record, simulation = c.maneuver.record, c.trial.simulation
-        strange = [i for i in settings if i not in simulation.effects]
-        if strange:
-            why = f"the simulation does not have {strange[0]}, so it cannot fly with it"
-            return Share(np.nan, np.nan, np.nan, why)
-        try:
-            flights = simulation.fly(record), simulation.fly(record, settings)
-        except FreqidError as error:
-            return Share(np.nan, np.nan, np.nan, str(error))
+    try:
+        every = _flights(simulation, [c.maneuver.record for c in shown], settings)
+    except FreqidError as error:
+        return Share(np.nan, np.nan, np.nan, str(error))
+    for c, flights in zip(shown, every, strict=True):
+        record = c.maneuver.record
         known = [f for f in flights if f is not None]
         if len(known) < 2:
             return Share(np.nan, np.nan, np.nan, "the simulation does not fly by itself")
@@ -216,3 +224,17 @@ def _flown(shown: Sequence[Compared], settings: Settings) -> Share:
     share = 1 - (after - noise) / (before - noise)
     half = 1.645 * 2 * np.sqrt(max(after, noise)) / (before - noise)
     return Share(float(share), float(share - half), float(share + half))
+
+
+def _flights(
+    simulation: Simulation, records: Sequence[FlightRecord], settings: Settings
+) -> list[tuple[Flight, Flight]]:
+    """Return a simulation's own flights of records, as it is and with settings, side by side where it can."""
+
+    def both(record: FlightRecord) -> tuple[Flight, Flight]:
+        return simulation.fly(record), simulation.fly(record, settings)
+
+    if simulation.kind not in _SIDE_BY_SIDE:
+        return [both(r) for r in records]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(both, records))

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 DERIVATIVES, RESPONSES, DYNAMICS = "derivatives", "responses", "dynamics"
 FORM = "form"
 TOGETHER = "together"  # derivatives that are off by the same share
+WHOLE = "whole"  # a response that is off by the same share everywhere, however crooked it is
+_SAID_ALREADY = {"surface": "surface_effectiveness:loss"}  # the same error by kind, as an effect's parameter
 EACH_FLIGHT: dict[str, float] = {
     "sensor_bias.u": 0.1,
     "sensor_bias.v": 0.1,
@@ -123,7 +125,12 @@ def form(trial: Trial, lines: Lines, sizes: Mapping[str, float]) -> Array:
     return share**2 * np.array([np.convolve(row, kernel, mode="valid") for row in padded])
 
 
-def tolerances(trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, float]) -> Tolerances:
+def tolerances(
+    trial: Trial,
+    library: Mapping[str, Effect],
+    sizes: Mapping[str, float],
+    slopes: Mapping[str, Histories] | None = None,
+) -> Tolerances:
     """Return what tolerances may do to a residual.
 
     Parameters
@@ -133,6 +140,8 @@ def tolerances(trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, 
         Effects whose parameters may be a little off.
     sizes : dict of float
         Of `stated`.
+    slopes : dict of Histories, optional
+        Derivatives of the residual that are known already, by ``effect:parameter``.
     """
     common: dict[str, Histories] = {}
     own: dict[str, Histories] = {}
@@ -148,6 +157,8 @@ def tolerances(trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, 
                 common[f"{DERIVATIVES}:{response}:{name.partition('/')[2]}"] = trial.rows(direct)
     if sizes[DERIVATIVES]:
         common |= _together(trial, sizes[DERIVATIVES] * each)
+        for i, response in enumerate(responses):
+            common[f"{WHOLE}:{response}"] = _share_of(trial, i, sizes[DERIVATIVES])
     if sizes[DYNAMICS]:
         each_one = {name: _dynamics(trial, name, sizes[DYNAMICS]) for name in trial.positions}
         kinds = trial.maneuver.vehicle.effector_kinds
@@ -173,14 +184,25 @@ def tolerances(trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, 
             if size and untestable(effect, trial) is None:
                 kind = own if f"{effect.id}.{parameter}" in EACH_FLIGHT else common
                 with suppress(ImpossibleSettings):  # what no body can be off by is no tolerance
-                    change = _differenced(effect, trial, parameter, size)
-                    kind[f"{OF_EFFECT}{effect.id}:{parameter}"] = change
+                    name = f"{effect.id}:{parameter}"
+                    known = (slopes or {}).get(name)
+                    kind[f"{OF_EFFECT}{name}"] = (
+                        known * size if known else _differenced(effect, trial, parameter, size)
+                    )
+    for kind, name in _SAID_ALREADY.items():
+        if f"{OF_EFFECT}{name}" in common:
+            common.pop(f"{TOGETHER}:{kind}", None)
     if sizes[RESPONSES]:
-        for i in range(len(responses)):
-            direct = np.zeros_like(trial.predicted)
-            direct[i] = sizes[RESPONSES] * (trial.predicted[i] - trial.predicted[i].mean())
-            own[f"{RESPONSES}:{responses[i]}"] = trial.rows(direct)
+        for i, response in enumerate(responses):
+            own[f"{RESPONSES}:{response}"] = _share_of(trial, i, sizes[RESPONSES])
     return Tolerances(common, own)
+
+
+def _share_of(trial: Trial, i: int, size: float) -> Histories:
+    """Return a share of what a response does in a manoeuvre."""
+    direct = np.zeros_like(trial.predicted)
+    direct[i] = size * (trial.predicted[i] - trial.predicted[i].mean())
+    return trial.rows(direct)
 
 
 def _differenced(effect: Effect, trial: Trial, parameter: str, size: float) -> Histories:

@@ -60,7 +60,7 @@ def flown(at: str, parts: Sequence[Part], how: Circumstances) -> FlightRecord:
         if isinstance(part.truth, Edited):
             craft = part.truth.craft(craft, part.size, part.place)
     time = np.arange(round(RATE_HZ * DURATION)) / RATE_HZ
-    injected = excitation(time, 20 + 10 * how.signals + _AT.index(at))
+    injected = excitation(time.size, 20 + 10 * how.signals + _AT.index(at))
     values = fly(craft, SPEEDS[at], injected, gusts=how.gusts, seed=how.seed)
     units = {n: "1" if n.startswith(("command", "excitation")) else si_unit(n, KINDS) or "1" for n in values}
     channels = {n: Channel(n, units[n], x, RATE_HZ, "JSBSim") for n, x in values.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,10 @@ _LAID_OUT = {n: 2.0 * a for n, a in AMPLITUDE.items()}  # of full travel, peak
 Array = np.ndarray
 
 
-def excitation(time: Array, seed: int) -> Array:
+@lru_cache(maxsize=8)
+def excitation(samples: int, seed: int) -> Array:
     """Return multisines of full travel over the whole record, shape (control, sample)."""
+    time = np.arange(samples) / RATE_HZ
     rng = np.random.default_rng(seed)
     span = time[-1] + time[1]
     found = []

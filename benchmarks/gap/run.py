@@ -31,7 +31,7 @@ from freqid.gap.evidence import Evidence
 from freqid.simulate import runner
 
 PLANS = {"la8": plans.la8, "c172p": plans.c172p}
-CLOSED = 50  # detectability from which every third case is closed
+CLOSED, EACH = 50, 6  # detectability from which every sixth case is closed
 _CODE = "BENCH_CODE"  # tells workers what is run, which is no input that a case is resumed by
 
 
@@ -65,7 +65,7 @@ def work(path: Path, folder: str, **case: Any) -> None:
     }
     if parts:
         table |= of_truth(by, found, parts, case)
-        if case["kind"] == "single" and case["lam"] >= CLOSED and seed % 3 == 0:
+        if case["kind"] == "single" and case["lam"] >= CLOSED and seed % EACH == 0:
             table["closure"] = closed(by, found, parts, case)
     table["seconds"] = round(time.perf_counter() - began, 1)
     _keep(home / "evidence" / f"{path.name.strip('.').split('.')[0]}.npz", found.evidence, case)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from freqid.core.record import Maneuver
 from freqid.gap.driven import driven
+from freqid.gap.evidence import IN_ROW
 from freqid.gap.histories import Histories, Row
 from freqid.gap.lines import Lines, lines_of
 from freqid.gap.noise import Noise, draws, noise_of
@@ -20,7 +21,7 @@ from freqid.gap.shared_noise import Shared, shared_noise
 from freqid.gap.signature import scale_of, signature, sources_of
 from freqid.gap.simulation import Simulation
 from freqid.gap.testable import untestable
-from freqid.gap.tolerance import form, tolerances
+from freqid.gap.tolerance import DYNAMICS, OF_EFFECT, form, tolerances
 from freqid.gap.trial import Trial
 from freqid.simulate.effects.effect import Effect
 
@@ -108,9 +109,43 @@ class Compared:
         """Draws of noise as white numbers, shape (draw, 2 row line)."""
         return self.white(self.draws)
 
+    @cached_property
+    def attenuation_common(self) -> dict[str, float]:
+        """What shared noise adds to the products of common tolerances with the residual."""
+        return self.attenuation(self.common)
+
+    @cached_property
+    def attenuation_own(self) -> Array:
+        """The same of the manoeuvre's own tolerances, shape (tolerance,)."""
+        return np.array(list(self.attenuation(self.own).values()))
+
     def white(self, z: Complex) -> Array:
         """Return rows on lines as white numbers, shape (..., 2 row line)."""
         return self.noise.white(z)
+
+    def attenuation(
+        self, columns: Mapping[str, Complex], sources: Mapping[str, tuple[str, ...]] | None = None
+    ) -> dict[str, float]:
+        """Return what noise adds to the products of columns with the residual, by name.
+
+        Parameters
+        ----------
+        columns : dict of ndarray of complex, shape (row, line)
+        sources : dict of tuple of str, optional
+            Channels that columns beside the signatures are computed from, by name.
+        """
+        known = {**self.sources, **(sources or {})}
+        groups: dict[tuple[str, ...], list[str]] = {}
+        for name in columns:
+            kind = name.partition(":")[0]
+            usual = () if kind == DYNAMICS else self.trial.inputs  # actuators follow commands: no noise
+            source = known.get(name.removeprefix(OF_EFFECT).partition(IN_ROW)[0], usual)
+            groups.setdefault(source, []).append(name)
+        found: dict[str, float] = {}
+        for channels, names in groups.items():
+            extra = self.shared.attenuation(np.array([columns[n] for n in names]), channels)
+            found |= dict(zip(names, extra.tolist(), strict=True))
+        return {name: found[name] for name in columns}
 
 
 def compare(

@@ -10,7 +10,6 @@ from scipy.linalg import cho_factor, cho_solve
 
 from freqid.gap.compare import Compared
 from freqid.gap.evidence import IN_ROW, Evidence
-from freqid.gap.tolerance import DYNAMICS, OF_EFFECT
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -58,9 +57,8 @@ def evidence_of(
     names = (*signatures, *common)
     shared = []
     for c, (_, columns) in zip(compared, taken, strict=True):
-        extra = _attenuation(c, {**columns, **c.common}, sources or {})
-        own = np.array(list(_attenuation(c, c.own, {}).values()))
-        shared.append((np.array([extra.get(name, 0.0) for name in names]), own))
+        extra = {**c.attenuation(columns, sources or {}), **c.attenuation_common}
+        shared.append((np.array([extra.get(name, 0.0) for name in names]), c.attenuation_own))
     alone = [c.white_own for c in compared]
     found = gather(white, alone, signatures, common, shared, len(white[0]["draws"]), seed)
     return (
@@ -82,24 +80,6 @@ def _by_row(compared: Compared) -> dict[str, Complex]:
             alone[row] = z[row]
             found[f"{name}{IN_ROW}{compared.rows[row].name}"] = alone
     return found
-
-
-def _attenuation(
-    compared: Compared, columns: Mapping[str, Complex], sources: Mapping[str, tuple[str, ...]]
-) -> dict[str, float]:
-    """Return what noise adds to the products of columns with the residual, by name."""
-    groups: dict[tuple[str, ...], list[str]] = {}
-    for name in columns:
-        kind = name.partition(":")[0]
-        usual = () if kind == DYNAMICS else compared.trial.inputs  # actuators follow commands: no noise
-        known = {**compared.sources, **sources}
-        source = known.get(name.removeprefix(OF_EFFECT).partition(IN_ROW)[0], usual)
-        groups.setdefault(source, []).append(name)
-    found: dict[str, float] = {}
-    for channels, names in groups.items():
-        extra = compared.shared.attenuation(np.array([columns[n] for n in names]), channels)
-        found |= dict(zip(names, extra.tolist(), strict=True))
-    return {name: found[name] for name in columns}
 
 
 def gather(

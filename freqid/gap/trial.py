@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,6 @@ class Trial:
         That the simulation makes of the commands.
     inputs : tuple of str
         Channels by which `gradient` differentiates.
-    gradient : ndarray, shape (response, input, sample)
     """
 
     simulation: Simulation
@@ -41,7 +41,6 @@ class Trial:
     predicted: Array
     positions: dict[str, Array]
     inputs: tuple[str, ...]
-    gradient: Array
 
     @classmethod
     def of(cls, simulation: Simulation, maneuver: Maneuver) -> Trial:
@@ -56,8 +55,12 @@ class Trial:
         measured = measured_part(maneuver, simulation.responses, tuple(positions))
         predicted = simulation.predict(maneuver.record)
         inputs = inputs_of(simulation, maneuver.record)
-        gradient = simulation.gradient(maneuver.record, inputs)
-        return cls(simulation, maneuver, measured, predicted, positions, inputs, gradient)
+        return cls(simulation, maneuver, measured, predicted, positions, inputs)
+
+    @cached_property
+    def gradient(self) -> Array:
+        """Derivatives of the responses, shape (response, input, sample); not all that is asked needs them."""
+        return self.simulation.gradient(self.maneuver.record, self.inputs)
 
     def rows(self, responses: Array | None = None, positions: Mapping[str, Array] | None = None) -> Histories:
         """Return histories in the residual's rows of responses, shape (response, sample), and positions."""

@@ -102,7 +102,7 @@ def la8(nulls_: int = 60, seeds: int = 3, outside: int = 30, pairs: int = 30) ->
     ]
 
 
-def c172p(nulls_: int = 40, seeds: int = 2, outside: int = 24, pairs: int = 12) -> list[bench.Case]:
+def c172p(nulls_: int = 120, seeds: int = 2, outside: int = 24, pairs: int = 12) -> list[bench.Case]:
     """Return all cases of the c172p, the most wanted first."""
     inside = c172p_truths.INSIDE
     first = singles(inside, [0])
@@ -114,9 +114,10 @@ def c172p(nulls_: int = 40, seeds: int = 2, outside: int = 24, pairs: int = 12) 
         *singles(c172p_truths.SECOND, [3]),
         *(case for case in first if case["lam"] == 15),
         *doubles(inside, pairs),
-        *nulls(nulls_)[20:],
+        *nulls(nulls_)[20:40],
         *rest[16:outside],
         *(case for seed in range(1, seeds) for case in singles(inside, [seed])),
+        *nulls(nulls_)[40:],
     ]
     return [{"vehicle": "c172p", **case} for case in listed]
 

@@ -11,6 +11,7 @@ from freqid.core.record import Maneuver
 from freqid.gap.histories import Histories
 from freqid.gap.lines import Lines
 from freqid.gap.residual import measured_part
+from freqid.gap.simulation import side_by_side
 from freqid.gap.trial import Trial
 from freqid.gap.unexplained import unexplained
 
@@ -23,9 +24,9 @@ HALF_WIDTH = 10
 
 _MOST = 1e4  # power ratio of the flown noise to the sensors' own
 _PLAIN = 1.4  # mean ratio from which noise is plainly more than the sensors'
-_BY_DERIVATIVES = ("scenario", "predictions", "jsbsim")
-"""Kinds of simulation that noise is sent through to first order, which small noise needs no more than: those
-that know their derivatives exactly, cannot be replayed on every draw, or take too long for it."""
+_BY_DERIVATIVES = ("predictions", "jsbsim")
+"""Kinds of simulation that noise is sent through to first order: those that cannot be replayed on every draw,
+or take too long for it. First order hides what noise of two channels makes together, a fifth of an LA-8's L."""
 
 _RIDGE = 0.01  # of a row's variance: how far rows that share noise are trusted to cancel it
 
@@ -104,26 +105,29 @@ def draws(
     noise : ndarray of complex, shape (count, channel, line)
         What made them, in the channels of `sigma`.
     """
-    rng = np.random.default_rng(seed)
     record, simulation = maneuver.record, trial.simulation
     actuators = [row.name.partition("/")[2] for row in like.rows if row.kind == "actuator"]
-    found = np.empty((count, len(like.rows), lines.hz.size), dtype=complex)
-    noise = np.empty((count, len(sigma), lines.hz.size), dtype=complex)
     known = [n for n in trial.inputs if n in sigma] if simulation.kind in _BY_DERIVATIVES else None
-    slopes = trial.gradient[:, [trial.inputs.index(n) for n in known or ()]]
-    for k in range(count):
+    slopes = trial.gradient[:, [trial.inputs.index(n) for n in known]] if known else None
+
+    def one(k: int) -> tuple[Complex, Complex]:
+        """Return the residual that one draw makes, and the draw."""
+        rng = np.random.default_rng([seed, k])
         added = {name: size * rng.standard_normal(record.time.size) for name, size in sigma.items()}
         channels = [replace(record.channel(n), values=record[n] + x) for n, x in added.items()]
         noisy = replace(maneuver, record=record.with_channels(*channels))
         change = measured_part(noisy, simulation.responses, actuators) - like
         if known is None:
             change.direct[: len(predicted)] -= simulation.predict(noisy.record) - predicted
-        elif known:
+        elif slopes is not None:
             through = np.einsum("ijt,jt->it", slopes, np.array([added[n] for n in known]))
             change.direct[: len(predicted)] -= through
-        found[k] = lines.transform(change)
-        noise[k] = lines.spectrum(np.array(list(added.values())))
-    return found, noise
+        every = np.array(list(added.values())).reshape(len(sigma), record.time.size)
+        return lines.transform(change), lines.spectrum(every)
+
+    made = side_by_side(simulation, one, range(count))
+    found = np.array([z for z, _ in made]).reshape(count, len(like.rows), lines.hz.size)
+    return found, np.array([z for _, z in made]).reshape(count, len(sigma), lines.hz.size)
 
 
 def noise_of(

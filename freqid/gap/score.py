@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +18,7 @@ from freqid.gap.fidelity import frequency_cost, rmse, theil
 from freqid.gap.locate import regime_of
 from freqid.gap.quiet import sensor_noise
 from freqid.gap.refit import Refit, Seen, refit
-from freqid.gap.simulation import Simulation
+from freqid.gap.simulation import Simulation, side_by_side
 from freqid.gap.together import together
 from freqid.identify.smoothing import local_derivative
 from freqid.identify.trend import up_to
@@ -36,7 +34,6 @@ ITSELF = "scored on the manoeuvre that it was fitted to, for there is no other"
 _MOST_FOLDS = 5
 _HARDLY = 0.5  # of what goes where it was fitted: less elsewhere is said
 _STATES = ("u", "v", "w", "p", "q", "r")
-_SIDE_BY_SIDE = ("scenario",)  # kinds whose flights share nothing that changes
 
 
 def closure(
@@ -234,7 +231,4 @@ def _flights(
     def both(record: FlightRecord) -> tuple[Flight, Flight]:
         return simulation.fly(record), simulation.fly(record, settings)
 
-    if simulation.kind not in _SIDE_BY_SIDE:
-        return [both(r) for r in records]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(both, records))
+    return side_by_side(simulation, both, records)

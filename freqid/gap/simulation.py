@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Protocol
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,10 @@ from freqid.core.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, Mapping[str, float]]
+Asked = TypeVar("Asked")
+Told = TypeVar("Told")
+
+_IN_THREADS = ("scenario",)  # kinds in which nothing changes when they are asked
 
 
 class Simulation(Protocol):
@@ -114,3 +120,11 @@ class Simulation(Protocol):
             Where it diverges, with the time.
         """
         ...
+
+
+def side_by_side(simulation: Simulation, work: Callable[[Asked], Told], asked: Iterable[Asked]) -> list[Told]:
+    """Return what is made of each, in order: on all cores where the simulation may be asked in threads."""
+    if simulation.kind not in _IN_THREADS:
+        return [work(a) for a in asked]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(work, asked))

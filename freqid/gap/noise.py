@@ -25,8 +25,8 @@ HALF_WIDTH = 10
 _MOST = 1e4  # power ratio of the flown noise to the sensors' own
 _PLAIN = 1.4  # mean ratio from which noise is plainly more than the sensors'
 _BY_DERIVATIVES = ("predictions", "jsbsim")
-"""Kinds of simulation that noise is sent through to first order: those that cannot be replayed on every draw,
-or take too long for it. First order hides what noise of two channels makes together, a fifth of an LA-8's L."""
+"""Kinds of simulation that noise is sent through to first order: those that cannot be replayed on every draw
+or take too long for it. What noise of two channels makes together is lost, a fifth of an LA-8's L."""
 
 _RIDGE = 0.01  # of a row's variance: how far rows that share noise are trusted to cancel it
 

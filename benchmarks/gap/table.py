@@ -84,6 +84,7 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
         f"right name when named, pooled    {_pooled(found, 'right')}",
         f"  of all                         {rate(r['right'] for r in found)}",
         f"answer rate, of those found      {rate(r['named'] for r in found)}",
+        f"  with nothing else in the set   {rate(r['alone'] for r in found)}",
         f"mean probability on the truth    {_mean(r['p_truth'] for r in single)}",
         f"  with its aliases               {_mean(r['p_class'] for r in single)}",
         f"Brier score                      {_mean(r['brier'] for r in single)}",

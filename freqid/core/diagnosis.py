@@ -100,6 +100,9 @@ class Which:
         Two effects that together explain much more than either; empty where one does.
     calibrated_by : str
         Which known cases the probabilities were checked on.
+    named : tuple of str
+        The effect that is given as the answer, with those that it cannot be told from; empty where none is
+        likely enough for that. The set may hold more.
     """
 
     probabilities: dict[str, float]
@@ -110,6 +113,7 @@ class Which:
     calibrated: bool = False
     pair: tuple[str, ...] = ()
     calibrated_by: str = ""
+    named: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 APART = 5.4
 """Expected separation ``lambda (1 - c)`` from which two effects are told apart in 95 of 100 cases."""
 
+NAMED = 0.6
+"""Probability from which an effect, with those that it cannot be told from, is given as the answer."""
+
 CONSIDERED = 0.005
 """Probability from which an effect can share a name with the likeliest."""
 
@@ -190,7 +193,17 @@ def which(
         calibrated=table.calibrated,
         calibrated_by=table.source if table.calibrated else "",
         pair=_pair(judged, table) if exists else (),
+        named=named(chances, groups) if exists else (),
     )
+
+
+def named(chances: Mapping[str, float], groups: Sequence[Sequence[str]]) -> tuple[str, ...]:
+    """Return the likeliest effect and those of its group, or nothing where they are not likely enough."""
+    top = max(chances, key=lambda n: chances[n])
+    if top in (NONE, OTHER):
+        return ()
+    group = next((tuple(g) for g in groups if top in g), (top,))
+    return group if sum(chances.get(n, 0.0) for n in group) >= NAMED else ()
 
 
 def filled(chances: Mapping[str, float], level: float) -> tuple[str, ...]:

@@ -11,6 +11,8 @@ from freqid.core.gap_map import GapMap
 from freqid.gap.attribute import NONE, OTHER
 from freqid.gap.score import ITSELF
 
+_FEW = 3  # names that are listed
+
 
 def verdict(
     gap: Existence, where: Sequence[Place], cells: GapMap, which: Which, closures: Sequence[Closure]
@@ -60,8 +62,19 @@ def _name(which: Which) -> str:
         return f"none of the library's effects explains it ({100 * chance:.0f} %)"
     if name == NONE:
         return "no effect of the library explains it better than chance"
+    if not which.named:
+        if group:
+            return f"most likely one of {', '.join(group)}, which these data cannot separate"
+        return f"most likely {name} ({100 * chance:.0f} %), among {', '.join(which.set)}"
     if group:
         return f"one of {', '.join(group)}, which these data cannot separate"
-    if len(which.set) > 1:
-        return f"most likely {name} ({100 * chance:.0f} %), among {', '.join(which.set)}"
-    return f"{name} ({100 * chance:.0f} %)"
+    rest = [n for n in which.set if n not in which.named]
+    open_ = f", {_listed(rest)} not ruled out" if rest else ""
+    return f"{name} ({100 * chance:.0f} %){open_}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Return a few names in words, or how many there are."""
+    if len(names) > _FEW:
+        return f"{len(names)} others"
+    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))

@@ -1,0 +1,48 @@
+"""When a name is given, and the words that a verdict gives it in."""
+
+import numpy as np
+import pytest
+
+from freqid.core.diagnosis import Existence, Which
+from freqid.core.gap_map import GapMap
+from freqid.gap.calibrate import named
+from freqid.gap.verdict import verdict
+
+GAP = Existence(True, 1e-6, 0.02, 0.0, {}, {})
+
+
+def said(chances, inside, aliases=()):
+    which = Which(chances, inside, aliases, {}, {}, named=named(chances, aliases))
+    text = verdict(GAP, (), GapMap((), (), (), (), np.zeros((0, 0, 0, 0)), np.zeros((0, 3))), which, ())
+    return text.partition("; ")[2].removesuffix(" (uncalibrated).")
+
+
+@pytest.mark.parametrize(
+    ("chances", "groups", "answer"),
+    [
+        ({"a": 0.7, "b": 0.3}, (), ("a",)),
+        ({"a": 0.59, "b": 0.41}, (), ()),
+        ({"a": 0.5, "b": 0.2, "c": 0.3}, (("a", "b"),), ("a", "b")),
+        ({"a": 0.3, "b": 0.2, "c": 0.2}, (("a", "b"),), ()),
+        ({"other": 0.9, "a": 0.1}, (), ()),
+        ({"none": 0.9, "a": 0.1}, (), ()),
+    ],
+)
+def test_a_name_is_given_from_six_tenths_of_its_group_on(chances, groups, answer):
+    assert named(chances, groups) == answer
+
+
+def test_a_name_is_given_alone_or_with_what_is_not_ruled_out():
+    assert said({"a": 0.97, "b": 0.03}, ("a",)) == "a (97 %)"
+    assert said({"a": 0.7, "b": 0.2, "c": 0.1}, ("a", "b", "c")) == "a (70 %), b and c not ruled out"
+    rest = dict.fromkeys("bcde", 0.07)
+    assert said({"a": 0.72, **rest}, ("a", *rest)) == "a (72 %), 4 others not ruled out"
+
+
+def test_what_is_not_likely_enough_is_no_answer():
+    assert said({"a": 0.5, "b": 0.4, "none": 0.1}, ("a", "b")) == "most likely a (50 %), among a, b"
+    group = (("a", "b"),)
+    assert said({"a": 0.3, "b": 0.25, "c": 0.2}, ("a", "b", "c"), group).startswith("most likely one of a, b")
+    assert said({"a": 0.5, "b": 0.3, "c": 0.2}, ("a", "b"), group) == (
+        "one of a, b, which these data cannot separate"
+    )

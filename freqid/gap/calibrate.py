@@ -42,9 +42,6 @@ class Table:
     temperature : float
     other, none : float
         Added to their logarithms.
-    other_gain : float
-        By how much *other* must explain more than the best effect, as a share of that effect's evidence: what
-        is free to move any derivative follows a formula that is not quite the candidate's better than it.
     kept : float
         Probability that effects have at most where no gap is called: small ones are not found.
     pair_gain : float
@@ -60,7 +57,6 @@ class Table:
     form_error: float = 0.15
     temperature: float = 1.0
     other: float = 0.0
-    other_gain: float = 0.0
     none: float = 0.0
     kept: float = 0.10
     pair_gain: float = 0.15
@@ -106,12 +102,9 @@ def chances(names: Sequence[str], evidence: Array, exists: NDArray[np.bool_], ta
     judged = np.isfinite(evidence)
     largest = np.max(evidence, axis=1, initial=0.0, where=judged, keepdims=True)
     soft = table.temperature * (1 + table.form_error**2 * largest)
-    other = np.array([name == OTHER for name in names])
-    named = np.max(evidence, axis=1, initial=0.0, where=judged & ~other, keepdims=True)
-    needed = np.where(other, table.other_gain * named, 0.0)
     logs = np.full((len(evidence), len(names) + 1), table.none)
-    logs[:, :-1] = np.where(judged, (evidence - needed) / soft, -np.inf) + priors(names, judged)
-    logs[:, :-1] += np.where(other, table.other, 0.0)
+    shift = np.array([table.other if name == OTHER else 0.0 for name in names])
+    logs[:, :-1] = np.where(judged, evidence / soft, -np.inf) + priors(names, judged) + shift
     found = np.exp(logs - logsumexp(logs, axis=1, keepdims=True))
     # the null's own draws say that nothing is there, or that it is too small to be found
     rest = found[:, :-1].sum(axis=1)

@@ -27,7 +27,6 @@ RANGES: dict[str, tuple[float, float]] = {
     "form_error": (0.02, 0.6),
     "temperature": (0.5, 20.0),
     "other": (-6.0, 6.0),
-    "other_gain": (0.0, 0.5),
     "none": (-6.0, 6.0),
     "kept": (0.02, 0.4),  # where no gap is called, none stays the likeliest
 }

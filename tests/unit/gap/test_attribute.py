@@ -151,15 +151,6 @@ def test_a_large_gap_is_not_judged_to_the_last_unit_of_evidence():
     assert np.log(soft["a"] / soft["b"]) == pytest.approx(difference)
 
 
-def test_other_must_explain_more_than_the_best_effect_by_its_share():
-    found = judged({"a:size": 12.0})
-    best = next(j for j in found if j.name == "a").evidence
-    plain, strict = (probabilities(found, Table(form_error=0.0, other_gain=g), True) for g in (0.0, 0.2))
-    ratios = [p[OTHER] / p["a"] for p in (plain, strict)]
-    assert np.log(ratios[0] / ratios[1]) == pytest.approx(0.2 * best)
-    assert strict["b"] / strict["a"] == pytest.approx(plain["b"] / plain["a"])
-
-
 def test_a_set_is_filled_to_its_level_and_no_further():
     chances = {"a": 0.1, "b": 0.55, "c": 0.05, "d": 0.3}
     assert filled(chances, 0.5) == ("b",)

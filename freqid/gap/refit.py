@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -90,14 +90,11 @@ def refit(
     Gauss-Newton in the metric of noise and tolerances. What an effect may be off by without being one is part
     of what its parameters are fitted to.
     """
-    own = tuple(f"{OF_EFFECT}{effect.id}:" for effect in effects)
-    # their tolerances are part of what is fitted; scatter between flights stays
-    theirs = {n for c in compared for n in c.common if n.startswith(own)}
     sought = Sought.of(effects, start, compared[0].trial.simulation)
     known: Seen = {} if seen is None else seen
     value, view = descend(
         sought,
-        lambda value: _view(compared, effects, sought, value, theirs, known),
+        lambda value: _view(compared, effects, sought, value, known),
         rounds=_ROUNDS,
         settled=_SETTLED,
         worse=_WORSE,
@@ -110,13 +107,30 @@ def refit(
     return Refit(tuple(effects), sought.names, value, view.covariance, bound, undetermined)
 
 
+def stepped(
+    compared: Sequence[Compared], effects: Sequence[Effect], fitted: Refit, seen: Seen
+) -> dict[str, dict[str, float]]:
+    """Return what some of a refit's manoeuvres ask for by themselves, by effect: one step from what all do.
+
+    Without anything computed anew: between such settings, a fraction of a standard error apart, effects are
+    straight.
+
+    Parameters
+    ----------
+    compared : sequence of Compared
+    effects : sequence of Effect
+    fitted : Refit
+        Of these manoeuvres and others.
+    seen : dict
+        What it saw.
+    """
+    sought = Sought.of(effects, fitted.settings, compared[0].trial.simulation)
+    view = _view(compared, effects, sought, sought.start, seen)
+    return settings_of(sought.names, np.clip(sought.start + view.step, sought.low, sought.high))
+
+
 def _view(
-    compared: Sequence[Compared],
-    effects: Sequence[Effect],
-    sought: Sought,
-    value: Array,
-    theirs: Collection[str],
-    known: Seen,
+    compared: Sequence[Compared], effects: Sequence[Effect], sought: Sought, value: Array, known: Seen
 ) -> View:
     """Return what is left at some settings, and where small departures from them lead.
 
@@ -125,6 +139,9 @@ def _view(
     """
     names, scale = sought.names, sought.scale
     settings = settings_of(names, value)
+    own = tuple(f"{OF_EFFECT}{effect.id}:" for effect in effects)
+    # their tolerances are part of what is fitted; scatter between flights stays
+    theirs = {n for c in compared for n in c.common if n.startswith(own)}
     taken = []
     for c in compared:
         key = (id(c), value.tobytes())

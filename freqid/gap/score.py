@@ -17,7 +17,7 @@ from freqid.gap.compare import Compared
 from freqid.gap.fidelity import frequency_cost, rmse, theil
 from freqid.gap.locate import regime_of
 from freqid.gap.quiet import sensor_noise
-from freqid.gap.refit import Refit, Seen, refit
+from freqid.gap.refit import Refit, Seen, refit, stepped
 from freqid.gap.simulation import Simulation, side_by_side
 from freqid.gap.together import together
 from freqid.identify.smoothing import local_derivative
@@ -115,7 +115,7 @@ def _turns(used: Sequence[Compared], effects: Sequence[Effect], fitted: Refit, s
     for fold in range(folds):
         inside = [c for c, k in zip(used, label, strict=True) if k % folds != fold]
         outside = [c for c, k in zip(used, label, strict=True) if k % folds == fold]
-        parts.append(misfit(outside, effects, refit(inside, effects, fitted.settings, seen).settings))
+        parts.append(misfit(outside, effects, stepped(inside, effects, fitted, seen)))
     return parts
 
 

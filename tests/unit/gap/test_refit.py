@@ -10,7 +10,7 @@ from linear_flight import LIBRARY, SIZES, TOLERANT, Flying, Truth, fly, upright
 
 from freqid.gap.close import misfit
 from freqid.gap.compare import compare
-from freqid.gap.refit import refit
+from freqid.gap.refit import refit, stepped
 
 
 def test_a_refit_finds_the_size_within_its_standard_error(worn):
@@ -21,6 +21,19 @@ def test_a_refit_finds_the_size_within_its_standard_error(worn):
     assert found.settings == {"worn": {"share": float(found.value[0])}}
     assert found.at_bound == ()
     assert found.undetermined == ()
+
+
+@pytest.mark.parametrize(("effect", "start"), [("worn", {"share": 0.05}), ("late", {"by": 0.02})])
+def test_one_step_from_what_all_ask_for_is_what_some_ask_for(worn, effect, start):
+    seen = {}
+    every = refit(worn[0], [LIBRARY[effect]], {effect: start}, seen)
+    name = next(iter(start))
+    for c in worn[0]:
+        alone = refit([c], [LIBRARY[effect]], {effect: start})
+        sigma = float(np.sqrt(alone.covariance[0, 0]))
+        found = stepped([c], [LIBRARY[effect]], every, seen)[effect][name]
+        assert found == pytest.approx(alone.value[0], abs=0.05 * sigma)
+        assert found != every.value[0]
 
 
 def test_what_an_effect_may_be_off_by_is_part_of_its_refit(worn, compared):

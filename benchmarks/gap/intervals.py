@@ -3,9 +3,10 @@
     python benchmarks/gap/intervals.py FOLDER [--seeds 4] [--jobs 2]
 
 The LA-8 with each effect by the library's own formula, at each of its places and a size about a plausible
-one, flown in two manoeuvres of 60 s with scatter everywhere; the effect is refitted as a closure refits it.
-What was found is kept in the folder, so that a run resumes; ``intervals.csv`` beside this script gets one row
-a refit.
+one, flown in two manoeuvres of 60 s with scatter everywhere; the effect is refitted as a closure refits it. A
+refit takes what the effect itself may be off by for the effect: scatter of mass counts as truth, and what a
+parameter scales is not scattered besides. A battery's unit in the scenario is not the candidate's. What was
+found is kept in the folder, so that a run resumes; ``intervals.csv`` beside this script gets one row a refit.
 """
 
 from __future__ import annotations
@@ -14,13 +15,14 @@ import argparse
 import csv
 import json
 import time
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from bench import Circumstances  # first: it finds what lies beside it
-from la8_bench import LA8, scattered
+from la8_bench import LA8, flown, scattered
 from la8_own import OWN
 from provenance import code
 from table import rate
@@ -31,9 +33,21 @@ from freqid.gap import attribute
 from freqid.gap.closures import start_of
 from freqid.gap.gather import evidence_of
 from freqid.gap.refit import refit
+from freqid.gap.testable import in_force_of
 from freqid.simulate import runner
 
 CSV = Path(__file__).resolve().with_name("intervals.csv")
+STILL = {
+    "surface_effectiveness": ("surface_efficiency",),
+    "weak_rotor": ("propeller.thrust", "propeller.torque"),
+    "slipstream": ("propeller.thrust",),
+    "rotor_inplane_force": ("propeller.inplane_force", "propeller.hub_moment"),
+    "wing_wake": ("wake.downwash", "wake.blowing"),
+    "extra_drag": ("fuselage.drag_area_m2",),
+}
+"""Parts of the airframe's table that are as described where an effect that scales them is fitted."""
+
+OF_ONE_FORM = tuple(t for t in OWN if t.id != "battery_sag")
 BENCH = replace(LA8, draws=20)  # no null is asked about: draws are for the noise's covariance alone
 REACH = 1.6449  # standard errors of 90 %
 SPREAD = 0.5  # of the logarithm of the size, either way
@@ -59,13 +73,14 @@ def _refitted(part: Part, seed: int) -> dict[str, Any]:
     how = [
         Circumstances(noise=1.0, seed=7000 + 10 * seed + i, scatter=500 + seed) for i in range(len(LA8.at))
     ]
-    flights = [LA8.fly(at, [part], h) for at, h in zip(LA8.at, how, strict=True)]
+    still = STILL.get(identifier, ())
+    flights = [flown(at, [part], h, still) for at, h in zip(LA8.at, how, strict=True)]
     candidate = {identifier: LA8.candidates[identifier]}
     used = [BENCH.measured(f, seed + i, **candidate) for i, f in enumerate(flights)]
     library = {identifier: candidate[identifier].of(flights[0].vehicle)}
     evidence = evidence_of(used, seed=seed)
     name = next(iter(part.truth.settings(part.size, part.place)[identifier]))
-    start = {identifier: {name: LA8.in_force(identifier)[name]}}
+    start = {identifier: {name: in_force_of(library[identifier], LA8.simulation)[name]}}
     if not library[identifier].alternatives:
         judged = [j for j in attribute.judge(evidence, library) if j.name == identifier]
         if not judged:
@@ -74,7 +89,7 @@ def _refitted(part: Part, seed: int) -> dict[str, Any]:
     fitted = refit(used, list(library.values()), start)
     at = fitted.names.index((identifier, name))
     value, sigma = float(fitted.value[at]), float(np.sqrt(fitted.covariance[at, at]))
-    true = _true(part, name, 500 + seed)
+    true = _true(part, in_force_of(library[identifier], LA8.simulation), name, 500 + seed)
     return {
         "parameter": name,
         "true": true,
@@ -86,13 +101,11 @@ def _refitted(part: Part, seed: int) -> dict[str, Any]:
     }
 
 
-def _true(part: Part, name: str, scatter: int) -> float:
+def _true(part: Part, force: Mapping[str, float], name: str, scatter: int) -> float:
     """Return what flew: in force in the simulation, scatter, and the effect on top."""
     identifier = part.truth.id
     aside = scattered(scatter)[1].get(identifier, {}).get(name, 0.0)
-    return (
-        LA8.in_force(identifier)[name] + aside + part.truth.settings(part.size, part.place)[identifier][name]
-    )
+    return force[name] + aside + part.truth.settings(part.size, part.place)[identifier][name]
 
 
 def cases(seeds: int) -> list[dict[str, Any]]:

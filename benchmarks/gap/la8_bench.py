@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -28,8 +28,11 @@ SCENARIO = msgspec.structs.replace(WHOLE, reference=tuple(REFERENCE.values()))
 SIMULATION = ScenarioSimulation(SCENARIO)
 
 
-def scattered(seed: int) -> tuple[Scenario, dict[str, dict[str, float]]]:
-    """Return the aircraft a little off everywhere, within what the tool allows for, and its mass effects."""
+def scattered(seed: int, still: Collection[str] = ()) -> tuple[Scenario, dict[str, dict[str, float]]]:
+    """Return the aircraft a little off everywhere, within what the tool allows for, and its mass effects.
+
+    Without what is `still`, paths of the airframe's table; the rest is off by the same.
+    """
     rng = np.random.default_rng([seed, 11])
 
     def off(sigma: float) -> float:
@@ -51,7 +54,8 @@ def scattered(seed: int) -> tuple[Scenario, dict[str, dict[str, float]]]:
             ("mixing_m", 0.05),
             ("surface_efficiency", 0.05),
         ):
-            times(table, path, 1 + off(sigma))
+            factor = 1 + off(sigma)
+            times(table, path, 1.0 if path in still else factor)
         return table
 
     def actuators(table: dict[str, Any]) -> dict[str, Any]:
@@ -80,9 +84,9 @@ def scattered(seed: int) -> tuple[Scenario, dict[str, dict[str, float]]]:
     return found, mass
 
 
-def flown(at: str, parts: Sequence[Part], how: Circumstances) -> FlightRecord:
+def flown(at: str, parts: Sequence[Part], how: Circumstances, still: Collection[str] = ()) -> FlightRecord:
     """Fly one manoeuvre of a case and return its log, which describes the nominal vehicle."""
-    scenario, added = scattered(how.scatter) if how.scatter is not None else (SCENARIO, {})
+    scenario, added = scattered(how.scatter, still) if how.scatter is not None else (SCENARIO, {})
     for part in parts:
         scenario = part.truth.scenario(scenario, part.size, part.place)
         for identifier, values in part.truth.settings(part.size, part.place).items():

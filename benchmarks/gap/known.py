@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from freqid.gap.attribute import NONE, OTHER
+from freqid.gap.attribute import LEAST_ODDS, NONE, OTHER
 from freqid.gap.calibrate import APART, Table, chances
 from freqid.gap.fit_table import KnownCases
 
@@ -20,7 +20,10 @@ def read(folders: Sequence[str | Path]) -> list[dict[str, Any]]:
     """Return all cases that run.py left in folders."""
     paths = [p for folder in folders for p in sorted((Path(folder) / "cases").glob("*.json"))]
     every = (json.loads(p.read_text()) for p in paths if p.name != "units.json")
-    return [f for f in every if "case" in f]
+    found = [f for f in every if "case" in f]
+    for f in found:  # cases that were run when less was enough to call a gap
+        f["gap"]["exists"] &= f["gap"]["statistic"] > LEAST_ODDS
+    return found
 
 
 def alike(found: Found) -> set[str]:

@@ -20,7 +20,7 @@ NONE, OTHER = "none", "other"
 FREE = (4.0, 15.0)
 """What no candidate explains may move derivatives and actuators by this many sigma of their tolerance."""
 
-LEAST_ODDS = 1.5
+LEAST_ODDS = 2.5
 """Logarithm of the odds for a gap below which none is called, however narrow the null draws are: what they
 do not know of, the baseline's own formulas and gusts, is worth as much."""
 

@@ -17,7 +17,7 @@ def sideways(monkeypatch):
     monkeypatch.syspath_prepend(str(BENCHMARKS))
     monkeypatch.syspath_prepend(str(BENCHMARKS / "gap"))
     craft, flight = import_module("c172p_craft"), import_module("c172p_flight")
-    signals = flight.excitation(np.arange(200) / craft.RATE_HZ, 20)
+    signals = flight.excitation(200, 20)
 
     def flown(share, seed):
         aircraft = craft.Craft.nominal()

@@ -59,6 +59,7 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
     calm = [r for r in of["null"] if not float(r["gusts"])]
     single = [r for r in of["single"] if int(r["stratum"])]
     found = [r for r in single if int(r["detected"])]
+    seen = [r for r in single if int(r["stratum"]) >= 50]
     both = [int(r["pair"] == "+".join(sorted(r["truth"].split("+")))) for r in of["double"]]
     either = [int(r["top"] in r["truth"].split("+")) for r in of["double"]]
     naive = [int(float(r["naive_p"]) < 0.02) for r in of["null"]]
@@ -92,7 +93,10 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
             f"F1 of {a:<6}                     {_mean(r[f'f1_{a}'] for r in single)}"
             for a in ("row", "band", "input")
         ),
-        f"F1 of row, lambda >= 50          {_mean(r['f1_row'] for r in single if int(r['stratum']) >= 50)}",
+        *(
+            f"  {a + ', lambda >= 50':<31}{_mean(r[f'f1_{a}'] for r in seen)}"
+            for a in ("row", "band", "input")
+        ),
         f"outside: wrongly named           {rate(r['named'] for r in of['outside'])}",
         f"set holds the truth              {rate(r['set_covers'] for r in single)}",
         f"90 % intervals, own forms        {rate(r['interval_covers'] for r in single)}",

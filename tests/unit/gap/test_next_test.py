@@ -14,7 +14,8 @@ from freqid.cli.next_texts import beside, next_text, with_next_test
 from freqid.core.design_file import read_design, read_inputs
 from freqid.core.scenario import Reference
 from freqid.design.multisine import sampled
-from freqid.gap.calibrate import APART
+from freqid.gap import calibration
+from freqid.gap.calibrate import APART, Table
 from freqid.gap.compare import compare
 from freqid.gap.diagnose import Question, diagnose
 from freqid.gap.elsewhere import unflown
@@ -127,6 +128,12 @@ def test_5_4_is_where_95_of_100_draws_get_the_right_name():
     rate = np.mean((data @ a) ** 2 > (data @ b) ** 2)
     assert rate == pytest.approx(norm.cdf(np.sqrt(APART / 2)), abs=0.005)
     assert rate == pytest.approx(0.95, abs=0.006)
+
+
+@pytest.fixture(autouse=True)
+def evidence_as_it_is(monkeypatch):
+    """Whatever the open cases say by now of how careful to be: here it is what follows from a set."""
+    monkeypatch.setattr(calibration, "table_for", lambda compared, tolerances: (Table(), "not calibrated"))
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,10 +26,14 @@ def around(case: Case, manoeuvre: int, signals: int = 0) -> Circumstances:
 
 
 def of_truth(by: Bench, found: Findings, parts: list[Part], case: Case) -> dict[str, Any]:
-    """Return what is true of the case in its own metric: detectability, places, likeness of candidates."""
+    """Return what is true of the case in its own metric: detectability, places, likeness of candidates.
+
+    Of the nominal vehicle: scatter makes another residual of the motion that the truths change, and what it
+    would have made of the motion without them is in no record.
+    """
     each = [
         [
-            by.change(at, [p], c, around(case, i))
+            by.change(at, [p], c, replace(around(case, i), scatter=None))
             for i, (at, c) in enumerate(zip(by.at, found.compared, strict=True))
         ]
         for p in parts

@@ -136,9 +136,9 @@ class Bench:
     ) -> Complex:
         """Return what truths make of one manoeuvre's stack without noise, on the lines of what is compared.
 
-        Both flights have the same scatter, and neither has gusts: they are noise, and two flights through the
-        same ones differ by what each makes of them. The metric has to be of a flight with the truths: what
-        tolerances may do goes with the motion, which the truths change.
+        Both flights have the scatter that is asked for, neither has gusts: they are noise, and two flights
+        through the same ones differ by what each makes of them. The metric has to be of a flight with the
+        truths: what tolerances may do goes with the motion, which the truths change.
         """
         silent = replace(circumstances, noise=0.0, gusts=0.0)
         made = residual(self.simulation, Maneuver.of(self.fly(at, parts, silent)))

@@ -22,9 +22,9 @@ from freqid.identify.instruments import driven_maneuvers
 
 Array = NDArray[np.float64]
 
-_ALIKE = 0.5  # of the rates' motion, that a simulation's own flight may miss and still stand for the record
+_ALIKE = 0.1  # of the rates' motion, that a simulation's own flight may miss before another is looked for
 _USELESS = 1.5  # from which it is no flight of the kind; gusts alone make about one
-_NO_CLOSER = 1.15  # times what a fitted loop misses
+_NO_CLOSER = 1.4  # times what a fitted loop misses
 _FED_BACK = 0.05  # of the injected signals, that commands may hold beside them
 _RATES = ("state/p", "state/q", "state/r")
 _VELOCITY = ("state/u", "state/v", "state/w")
@@ -34,8 +34,10 @@ _FELT = ("state/ax", "state/ay", "state/az")
 def driven(simulation: Simulation, maneuver: Maneuver, lines: Lines) -> dict[str, Array]:
     """Return what the injected signals alone would have made of a manoeuvre, by channel.
 
-    The simulation's own flight, unless the response of a closed loop that is fitted to the record is closer
-    by far; that response where the simulation does not fly. Nothing where neither resembles the record.
+    The simulation's own flight, unless the response of a closed loop that is fitted to the record is clearly
+    closer; that response where the simulation does not fly. Nothing where neither resembles the record. What
+    a simulation that is a little off may do goes with the motion of the aircraft, not with its own: along
+    its own, a scatter of its tables passes for a mass.
 
     Parameters
     ----------

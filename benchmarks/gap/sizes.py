@@ -62,7 +62,7 @@ def sized(bench: Bench, truth: Truth, place: str, target: float, folder: Path) -
         raise ArithmeticError(f"{name}: no size flies")
     size = min(tried, key=lambda x: _off(tried[x], target))
     if _off(tried[size], target) <= np.log(CLOSE):
-        size *= float(np.sqrt(target / tried[size]))
+        size *= float((target / tried[size]) ** (1 / _power(tried, target)))
     return float(np.clip(size, truth.least(place, bench.tolerances), truth.most))
 
 

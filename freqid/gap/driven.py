@@ -27,6 +27,7 @@ _USELESS = 1.5  # from which it is no flight of the kind; gusts alone make about
 _NO_CLOSER = 1.4  # times what a fitted loop misses
 _FED_BACK = 0.05  # of the injected signals, that commands may hold beside them
 _RATES = ("state/p", "state/q", "state/r")
+_ANGLES = ("state/phi", "state/psi")
 _VELOCITY = ("state/u", "state/v", "state/w")
 _FELT = ("state/ax", "state/ay", "state/az")
 
@@ -34,10 +35,11 @@ _FELT = ("state/ax", "state/ay", "state/az")
 def driven(simulation: Simulation, maneuver: Maneuver, lines: Lines) -> dict[str, Array]:
     """Return what the injected signals alone would have made of a manoeuvre, by channel.
 
-    The simulation's own flight, unless the response of a closed loop that is fitted to the record is clearly
-    closer; that response where the simulation does not fly. Nothing where neither resembles the record. What
-    a simulation that is a little off may do goes with the motion of the aircraft, not with its own: along
-    its own, a scatter of its tables passes for a mass.
+    The simulation's own flight; where the response of a closed loop that is fitted to the record is clearly
+    closer, each channel of whichever comes closer to it, and that response alone where the simulation does
+    not fly. Nothing where neither resembles the record. What a simulation that is a little off may do goes
+    with the motion of the aircraft, not with its own: along its own, a scatter of its tables passes for a
+    mass. But a loop has no drag to speak of, nor forces that are nearly in balance.
 
     Parameters
     ----------
@@ -61,19 +63,32 @@ def driven(simulation: Simulation, maneuver: Maneuver, lines: Lines) -> dict[str
         return own
     loop = _by_fitted_loop(maneuver, lines)
     # where a loop fitted to the record hardly comes closer, gusts are what is missed
-    found = own if missed < _NO_CLOSER * _missed(record, loop) else loop
+    found = own if missed < _NO_CLOSER * _missed(record, loop) else _nearer(record, own, loop)
     # a fitted loop holds no slow motion: it stands for the record where it explains every rate
     return found if _missed(record, found) < (_USELESS if found is own else 1) else {}
 
 
+def _nearer(record: FlightRecord, own: dict[str, Array], loop: dict[str, Array]) -> dict[str, Array]:
+    """Return all channels, those that both have of the one that misses less of the record's."""
+    found = loop | own
+    for name in loop.keys() & own.keys():
+        if name in record and _share_missed(record, name, loop) < _share_missed(record, name, own):
+            found[name] = loop[name]
+    return found
+
+
 def _missed(record: FlightRecord, found: dict[str, Array]) -> float:
     """Return the largest share of a rate's motion that is not in what stands for it; infinite of nothing."""
-    time, shares = record.time - record.time.mean(), [0.0 if found else np.inf]
-    for name in (n for n in _RATES if n in record and n in found):
-        both = (record[name], record[name] - found[name])
-        moved, left = (np.std(x - np.polyval(np.polyfit(time, x, 1), time)) for x in both)
-        shares.append(float(left / max(moved, 1e-300)))
-    return max(shares)
+    named = [n for n in _RATES if n in record and n in found]
+    return max([0.0 if found else np.inf, *(_share_missed(record, n, found) for n in named)])
+
+
+def _share_missed(record: FlightRecord, name: str, found: dict[str, Array]) -> float:
+    """Return the share of a channel's changes, less a straight line, that is not in what stands for it."""
+    time = record.time - record.time.mean()
+    measured, other = (np.unwrap(x) if name in _ANGLES else x for x in (record[name], found[name]))
+    moved, left = (np.std(x - np.polyval(np.polyfit(time, x, 1), time)) for x in (measured, measured - other))
+    return float(left / max(moved, 1e-300))
 
 
 def _fed_back(record: FlightRecord) -> bool:

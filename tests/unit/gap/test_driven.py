@@ -64,3 +64,24 @@ def test_the_own_flight_stands_where_a_loop_comes_no_closer():
     assert set(driven(Flying(own=calm), maneuver, lines)) == {RATE}
     elsewhere = calm.with_channels(replace(calm.channel(RATE), values=-calm[RATE]))
     assert "state/u" in driven(Flying(own=elsewhere), maneuver, lines)
+
+
+@dataclass(frozen=True)
+class FlyingAll(Linear):
+    """The linear simulation with a flight of all its states."""
+
+    own: FlightRecord | None = None
+
+    def fly(self, record, effects=None):
+        return {n: self.own[f"state/{n}"] for n in ("u", "w", "q")} if self.own is not None else None
+
+
+def test_each_channel_is_that_of_the_motion_that_is_nearer():
+    """A flight whose pitch rate is far off and whose speed is right keeps its speed."""
+    maneuver = fly(duration=60.0, phases=1)
+    off = maneuver.record.with_channels(
+        replace(maneuver.record.channel(RATE), values=1.6 * maneuver.record[RATE])
+    )
+    found = driven(FlyingAll(own=off), maneuver, lines_of(maneuver.record, BAND))
+    assert found["state/u"] is off["state/u"]
+    assert missed(found[RATE], maneuver.record[RATE]) < 0.4

@@ -9,7 +9,7 @@ import freqid
 
 _TREES = {Path(__file__).resolve().parents[2], Path(freqid.__file__).resolve().parents[1]}
 # results that lie beside what makes them are no part of the program
-_SOURCES = ("freqid", "benchmarks/gap", ":(exclude)benchmarks/gap/*.csv")
+_SOURCES = ("freqid", "benchmarks/gap", *(f":(exclude)benchmarks/gap/*.{e}" for e in ("csv", "tar.xz")))
 
 
 def code() -> str:

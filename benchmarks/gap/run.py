@@ -2,6 +2,9 @@
 
 python benchmarks/gap/run.py FOLDER [--vehicle la8|c172p] [--jobs 2] [--only null|single|outside|double]
     [--first N]
+
+A run goes on from the cases in its folder; ``tar xf benchmarks/gap/cases.tar.xz -C PARENT`` puts those that
+are kept into PARENT/la8 and PARENT/c172p.
 """
 
 from __future__ import annotations
@@ -46,11 +49,11 @@ def vehicle(name: str) -> Bench:
     return LA8
 
 
-def work(path: Path, folder: str, **case: Any) -> None:
+def work(path: Path, **case: Any) -> None:
     """Fly and diagnose one case; write what was found."""
     by = vehicle(case.get("vehicle", "la8"))
     began = time.perf_counter()
-    home = Path(folder)
+    home = path.parent.parent
     parts = parts_of(by, case, home / "sizes")
     seed = int(case["seed"])
     flights = [by.fly(at, parts, around(case, i)) for i, at in enumerate(by.at)]
@@ -117,8 +120,7 @@ def main() -> None:
     folder.mkdir(parents=True, exist_ok=True)
     wanted = [c for c in PLANS[given.vehicle]() if given.only in ("", c["kind"])][: given.first]
     os.environ[_CODE] = code()
-    asked = [{"folder": str(folder), **case} for case in wanted]
-    runner.run(work, asked, folder / "cases", jobs=given.jobs)
+    runner.run(work, wanted, folder / "cases", jobs=given.jobs)
 
 
 if __name__ == "__main__":

@@ -2,14 +2,16 @@
 
     python benchmarks/gap/table.py FOLDER...
 
-Folders are those of run.py; ``cases.csv`` beside this script gets one row a case. Without a folder the table
-is made of that file. Probabilities are cross-fitted: each case is told by a calibration that has not seen it.
+Folders are those of run.py; ``cases.csv`` beside this script gets one row a case, and ``cases.tar.xz`` all
+that the diagnosis said of each. Without a folder the table is made of the former. Probabilities are
+cross-fitted: each case is told by a calibration that has not seen it.
 """
 
 from __future__ import annotations
 
 import csv
 import sys
+import tarfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -18,9 +20,11 @@ import numpy as np
 from known import known_cases, read
 from rows import STRATA, row_of
 
+from freqid.core.store import replacing
 from freqid.gap.fit_table import cross_fitted, fit_table
 
 CSV = Path(__file__).resolve().with_name("cases.csv")
+KEPT = CSV.with_suffix(".tar.xz")
 FOLDS = 5
 
 
@@ -169,8 +173,24 @@ def _of_c172p(found: dict[str, Any]) -> bool:
     return found["case"].get("vehicle") == "c172p"
 
 
+def keep(folders: Sequence[str | Path]) -> None:
+    """Keep cases and sizes of folders, by the name of each, so that a run can go on from them."""
+    with replacing(KEPT) as partial, tarfile.open(partial, "w:xz") as archive:
+        for folder in map(Path, folders):
+            for path in sorted(p for p in folder.glob("*/*.json") if p.name != "units.json"):
+                archive.add(path, str(path.relative_to(folder.parent)), filter=_anonymous)
+
+
+def _anonymous(entry: tarfile.TarInfo) -> tarfile.TarInfo:
+    """Return an entry without who made it and when: the same cases are the same bytes."""
+    entry.uid = entry.gid = entry.mtime = 0
+    entry.uname = entry.gname = ""
+    return entry
+
+
 def main() -> None:
     if len(sys.argv) > 1:
+        keep(sys.argv[1:])
         found = read(sys.argv[1:])
         # seeds count the truth in hundreds: a truth's strata are left out together
         fold = np.array([(f["case"]["seed"] + f["case"]["seed"] // 100) % FOLDS for f in found])

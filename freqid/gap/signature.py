@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,8 @@ from freqid.simulate.effects.effect import Effect, Parameter
 
 Array = NDArray[np.float64]
 
+_ASKED_AGAIN = ("scenario", "jsbsim", "callable", "fmu")  # kinds that answer any record
+_APPROACHES = 2  # to the log without a distortion
 _SMALL = 0.25  # of a parameter's scale: the step of differences
 GIVEN = "|"
 """Between the name of a size and the value of another parameter at which it is taken."""
@@ -118,10 +122,11 @@ def _moves(change: Histories) -> bool:
     return bool(change.direct.any() or change.momentum.any())
 
 
-def made(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histories:
+def made(effect: Effect, trial: Trial, settings: Mapping[str, float], *, in_full: bool = False) -> Histories:
     """Return the change that an effect makes of a residual, other parameters at their values in force.
 
-    Sensors' and surfaces' effects enter through the simulation's gradient; the rest is computed in full.
+    Sensors' and surfaces' effects enter through the simulation's gradient; the rest is computed in full. So
+    are those of sensors where that is asked for: derivatives need no more, a wind of 2 m/s at 20 m/s does.
     """
     in_force = in_force_of(effect, trial.simulation)
     values = {**in_force, **settings}
@@ -132,6 +137,8 @@ def made(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histori
         return trial.rows()
     record, maneuver = trial.maneuver.record, trial.maneuver
     if route == "distort" and effect.distort is not None:
+        if in_full and trial.simulation.kind in _ASKED_AGAIN:
+            return _undistorted(trial, partial(effect.distort, values))
         return _distorted(trial, effect.distort(values, record))
     if route == "load" and effect.load is not None:
         return _loaded(trial, _carried(effect, values, trial))
@@ -207,6 +214,23 @@ def _distorted(trial: Trial, record: FlightRecord) -> Histories:
     before = trial.maneuver.record
     changes = {n: record[n] - before[n] for n in trial.inputs if not np.array_equal(record[n], before[n])}
     return measured - trial.measured - trial.rows(trial.moved(changes))
+
+
+def _undistorted(trial: Trial, distort: Callable[[FlightRecord], FlightRecord]) -> Histories:
+    """Return what a distortion that is in the log makes of the residual: with it, less without.
+
+    The log that distorted gives this one is approached from this one; distorted once more it would be as far
+    off on the other side, and of what is not a straight line the wrong sign.
+    """
+    record = before = trial.maneuver.record
+    for _ in range(_APPROACHES):
+        after = distort(before)
+        more = {n: after[n] - before[n] for n in record.channels if not np.array_equal(after[n], before[n])}
+        before = record.with_channels(
+            *(replace(record.channel(n), values=record[n] - x) for n, x in more.items())
+        )
+    without = Trial.of(trial.simulation, Maneuver(before, trial.maneuver.vehicle))
+    return trial.measured - without.measured - trial.rows(trial.predicted - without.predicted)
 
 
 def _carried(effect: Effect, values: dict[str, float], trial: Trial) -> Vehicle:

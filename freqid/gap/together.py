@@ -34,7 +34,7 @@ def together(
         route = route_of(effect, trial.simulation)
         hook = effect.act if route == "act" else effect.feel if route == "feel" else None
         if hook is None or (trial.positions and route == "feel"):
-            total = total + made(effect, trial, settings.get(effect.id, {}))
+            total = total + made(effect, trial, settings.get(effect.id, {}), in_full=True)
         elif values != in_force_of(effect, trial.simulation):
             chain.append((hook, values))
     if not chain:

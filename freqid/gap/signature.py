@@ -26,7 +26,7 @@ from freqid.simulate.effects.effect import Effect, Parameter
 
 Array = NDArray[np.float64]
 
-_ASKED_AGAIN = ("scenario", "jsbsim", "callable", "fmu")  # kinds that answer any record
+_ASKED_AGAIN = ("scenario", "jsbsim")  # kinds that answer any record, at each instant for itself
 _APPROACHES = 2  # to the log without a distortion
 _SMALL = 0.25  # of a parameter's scale: the step of differences
 GIVEN = "|"

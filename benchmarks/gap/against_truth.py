@@ -28,12 +28,15 @@ def around(case: Case, manoeuvre: int, signals: int = 0) -> Circumstances:
 def of_truth(by: Bench, found: Findings, parts: list[Part], case: Case) -> dict[str, Any]:
     """Return what is true of the case in its own metric: detectability, places, likeness of candidates.
 
-    Of the nominal vehicle: scatter makes another residual of the motion that the truths change, and what it
-    would have made of the motion without them is in no record.
+    Of the nominal vehicle where truths change the motion: scatter makes another residual of that, and what it
+    would have made of the motion without them is in no record. Where they change the log alone, of the
+    vehicle that flew: its own sensors' tolerances take from the change what they hold of that very motion.
     """
     each = [
         [
-            by.change(at, [p], c, replace(around(case, i), scatter=None))
+            by.change(
+                at, [p], c, around(case, i) if p.truth.logged else replace(around(case, i), scatter=None)
+            )
             for i, (at, c) in enumerate(zip(by.at, found.compared, strict=True))
         ]
         for p in parts

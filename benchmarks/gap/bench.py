@@ -137,17 +137,19 @@ class Bench:
         """Return what truths make of one manoeuvre's stack without noise, on the lines of what is compared.
 
         Both flights have the scatter that is asked for, neither has gusts: they are noise, and two flights
-        through the same ones differ by what each makes of them. The metric has to be of a flight with the
+        through the same ones differ by what each makes of them. What has to come up before the record comes
+        up in both, to nothing in one. The metric has to be of a flight with the
         truths: what tolerances may do goes with the motion, which the truths change.
         """
         silent = replace(circumstances, noise=0.0, gusts=0.0)
         made = residual(self.simulation, Maneuver.of(self.fly(at, parts, silent)))
-        return compared.lines.transform(made - _without(self, at, silent))
+        nothing = tuple(replace(p, size=0.0) for p in parts if p.truth.rises)
+        return compared.lines.transform(made - _without(self, at, nothing, silent))
 
 
 @lru_cache(maxsize=16)
-def _without(bench: Bench, at: str, circumstances: Circumstances) -> Histories:
-    return residual(bench.simulation, Maneuver.of(bench.fly(at, (), circumstances)))
+def _without(bench: Bench, at: str, nothing: tuple[Part, ...], circumstances: Circumstances) -> Histories:
+    return residual(bench.simulation, Maneuver.of(bench.fly(at, nothing, circumstances)))
 
 
 def detectability(compared: Sequence[Compared], s: Sequence[Complex]) -> float:

@@ -30,6 +30,11 @@ class Edited(Truth):
 
     craft: Callable[[Craft, float, str], Craft] = _unedited
 
+    @property
+    def logged(self) -> bool:
+        """Whether nothing but the log is another, so that the flight is the same."""
+        return self.craft is _unedited
+
 
 INSIDE = (
     Edited("actuator_delay", "pade", 0.02, 0.15, ("elevator", "", "aileron", "rudder"), craft=edits.pade),
@@ -58,7 +63,9 @@ INSIDE = (
         "misalignment", "crossed", 0.02, 0.5, ("imu_z", "velocity_y", "imu_x", "imu_y"), record=edits.askew
     ),
     Edited("flow_upwash", "by lift", 0.1, 1.5, ("alpha", "-alpha", "beta"), record=edits.bent_flow),
-    Edited("steady_wind", "jsbsim", 2.0, 14.0, ("north", "east", "-north", "down"), craft=edits.wind),
+    Edited(
+        "steady_wind", "jsbsim", 2.0, 14.0, ("north", "east", "-north", "down"), craft=edits.wind, rises=True
+    ),
     Edited("stall", "early", 0.5, 1.5, craft=edits.rounded),
     Edited("unsteady_lift", "half", 0.05, 1.0, craft=edits.late_circulation),
     Edited(

@@ -102,7 +102,7 @@ def la8(nulls_: int = 60, seeds: int = 3, outside: int = 30, pairs: int = 30) ->
     ]
 
 
-def c172p(nulls_: int = 120, seeds: int = 2, outside: int = 24, pairs: int = 12) -> list[bench.Case]:
+def c172p(nulls_: int = 120, seeds: int = 3, outside: int = 32, pairs: int = 24) -> list[bench.Case]:
     """Return all cases of the c172p, the most wanted first."""
     inside = c172p_truths.INSIDE
     first = singles(inside, [0])

@@ -45,6 +45,8 @@ class Truth:
         ``scenario(scenario, size, place)``: the aircraft described otherwise.
     record : callable
         ``record(record, size, place)``: the log.
+    rises : bool
+        Whether it comes up before the record, so that at a size of zero a flight is not yet one without it.
     """
 
     id: str
@@ -55,6 +57,12 @@ class Truth:
     settings: Callable[[float, str], Settings] = _no_settings
     scenario: Callable[[Scenario, float, str], Scenario] = _same
     record: Callable[[FlightRecord, float, str], FlightRecord] = _same
+    rises: bool = False
+
+    @property
+    def logged(self) -> bool:
+        """Whether nothing but the log is another, so that the flight is the same."""
+        return self.settings is _no_settings and self.scenario is _same
 
     def least(self, place: str, tolerances: Mapping[str, float]) -> float:
         """Return the size from which it counts as an effect: three sigma of what is no effect; 0 without."""

@@ -26,6 +26,7 @@ from freqid.simulate.effects.effect import Effect
 Array = NDArray[np.float64]
 
 _SINGLES = 5
+_LEADING = 2  # singles beside which others are sought: of two effects, a third may explain most
 _ROUNDS = 8
 _SETTLED = 0.1  # standard errors
 
@@ -65,11 +66,12 @@ def weighed_in_full(
         return list(judged)
     every = {j.name: j for j in judged}
     every |= {j.name: _in_full(j, evidence, library, compared, {}) for j in singles[:_SINGLES]}
-    leading = max((every[j.name] for j in singles[:_SINGLES]), key=lambda j: j.evidence)
-    for partner, start in beside(leading, evidence, library, compared).items():
-        pair = next((j for j in judged if set(j.name.split("+")) == {leading.name, partner}), None)
-        pair = pair or paired(leading, every[partner], evidence)
-        every[pair.name] = _in_full(pair, evidence, library, compared, start)
+    for leading in sorted((every[j.name] for j in singles[:_SINGLES]), key=lambda j: -j.evidence)[:_LEADING]:
+        for partner, start in beside(leading, evidence, library, compared).items():
+            names = {leading.name, partner}
+            pair = next((j for j in every.values() if set(j.name.split("+")) == names), None)
+            pair = pair or paired(leading, every[partner], evidence)
+            every[pair.name] = _in_full(pair, evidence, library, compared, start)
     return sorted(every.values(), key=lambda j: -j.evidence)
 
 

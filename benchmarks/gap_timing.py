@@ -18,9 +18,10 @@ from _la8 import SCENARIO, inputs
 from freqid.core.record import Maneuver
 from freqid.gap import attribute, locate, score
 from freqid.gap.closures import start_of
-from freqid.gap.compare import compare
+from freqid.gap.compare import Compared, compare
 from freqid.gap.connect.scenario import ScenarioSimulation
 from freqid.gap.gather import evidence_of
+from freqid.gap.simulation import side_by_side
 from freqid.gap.tolerance import stated
 from freqid.simulate.effects import shipped
 from freqid.simulate.maneuver import Conditions, fly_maneuver, with_effects
@@ -45,10 +46,11 @@ def main() -> None:
     simulation.predict(records[0])
     print(f"one prediction of 60 s          {time.perf_counter() - began:7.2f} s")
     began = time.perf_counter()
-    used = [
-        compare(simulation, Maneuver.of(r), library, sizes, band, count=DRAWS, seed=k)
-        for k, r in enumerate(records)
-    ]
+
+    def one(k: int) -> Compared:
+        return compare(simulation, Maneuver.of(records[k]), library, sizes, band, count=DRAWS, seed=k)
+
+    used = side_by_side(simulation, one, range(len(records)))
     print(f"compared, {DRAWS} draws each        {time.perf_counter() - began:7.2f} s")
     began = time.perf_counter()
     evidence = evidence_of(used, apart=True)

@@ -20,6 +20,8 @@ CHANGE = "change"
 """Name of the column of what effects make at some settings."""
 
 _STEP = 0.1  # of a parameter's scale, of differences
+_AT_ONCE = ("scenario",)
+"""Kinds of simulation that answer quickly enough to be asked for each small departure."""
 
 
 def changes(compared: Compared, effects: Sequence[Effect], settings: Values) -> Complex:
@@ -60,14 +62,15 @@ def departures(
     derivatives : dict of ndarray of complex, shape (row, line)
         By ``effect:parameter``.
     """
-    settings = settings_of(names, value)
-    at, columns = together(effects, compared.trial, settings), {}
+    settings, trial = settings_of(names, value), compared.trial
+    in_full = trial.simulation.kind in _AT_ONCE
+    at, columns = together(effects, trial, settings, in_full=in_full), {}
     for k, (identifier, name) in enumerate(names):
         parameter = next(e for e in effects if e.id == identifier).parameters[name]
         step = _STEP * scale[k]
         up = value[k] + step if value[k] + step <= parameter.high else value[k] - step
         other = {**settings, identifier: {**settings[identifier], name: float(up)}}
-        moved = together(effects, compared.trial, other) - at
+        moved = together(effects, trial, other, in_full=in_full) - at
         columns[f"{identifier}:{name}"] = compared.lines.transform(moved) / (up - value[k])
     return compared.lines.transform(at), columns
 

@@ -23,7 +23,7 @@ from freqid.gap.finalists import weighed_in_full
 from freqid.gap.gather import evidence_of
 from freqid.gap.refit import Refit
 from freqid.gap.self_test import self_test
-from freqid.gap.simulation import Simulation
+from freqid.gap.simulation import Simulation, side_by_side
 from freqid.gap.verdict import verdict
 from freqid.simulate.effects.effect import Effect
 
@@ -131,10 +131,12 @@ def diagnose(
     if not maneuvers:
         raise UsageError("there is no manoeuvre to compare", remedy="name one record or more")
     names = list(names) or [f"manoeuvre {i + 1}" for i in range(len(maneuvers) + len(held_out))]
-    every = []
-    for i, (m, name) in enumerate(zip((*maneuvers, *held_out), names, strict=True)):
-        tell(f"comparing {name} ({i + 1} of {len(names)})")
-        every.append(_compared(simulation, m, q, i, name))
+
+    def one(i: int) -> Compared:
+        tell(f"comparing {names[i]} ({i + 1} of {len(names)})")
+        return _compared(simulation, (*maneuvers, *held_out)[i], q, i, names[i])
+
+    every = side_by_side(simulation, one, range(len(maneuvers) + len(held_out)))
     tell("weighing effects")
     used, kept = every[: len(maneuvers)], every[len(maneuvers) :]
     library = {i: e.of(maneuvers[0].vehicle) for i, e in q.candidates.items()}

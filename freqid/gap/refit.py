@@ -13,6 +13,7 @@ from freqid.gap.compare import Compared
 from freqid.gap.descent import Sought, View, descend
 from freqid.gap.evidence import Evidence, Hypothesis
 from freqid.gap.gather import evidence_of
+from freqid.gap.simulation import side_by_side
 from freqid.gap.testable import in_force_of
 from freqid.gap.tolerance import OF_EFFECT
 from freqid.simulate.effects.effect import Effect
@@ -142,15 +143,14 @@ def _view(
     own = tuple(f"{OF_EFFECT}{effect.id}:" for effect in effects)
     # their tolerances are part of what is fitted; scatter between flights stays
     theirs = {n for c in compared for n in c.common if n.startswith(own)}
-    taken = []
-    for c in compared:
+
+    def seen(c: Compared) -> tuple[Complex, dict[str, Complex]]:
         key = (id(c), value.tobytes())
         if key not in known:
-            known[key] = (
-                changes(c, effects, settings),
-                departures(c, effects, names, value, scale)[1],
-            )
-        taken.append(known[key])
+            known[key] = changes(c, effects, settings), departures(c, effects, names, value, scale)[1]
+        return known[key]
+
+    taken = side_by_side(compared[0].trial.simulation, seen, compared)
     evidence = evidence_of(compared, changes=taken, null=False).without(theirs)
     # the prior is about no departure: a step is drawn short, and goes as far as data send it
     columns = tuple(range(1, 1 + len(names)))

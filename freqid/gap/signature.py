@@ -229,8 +229,11 @@ def _undistorted(trial: Trial, distort: Callable[[FlightRecord], FlightRecord]) 
         before = record.with_channels(
             *(replace(record.channel(n), values=record[n] - x) for n, x in more.items())
         )
-    without = Trial.of(trial.simulation, Maneuver(before, trial.maneuver.vehicle))
-    return trial.measured - without.measured - trial.rows(trial.predicted - without.predicted)
+    simulation, maneuver = trial.simulation, Maneuver(before, trial.maneuver.vehicle)
+    measured = measured_part(maneuver, simulation.responses, tuple(trial.positions))
+    felt = any(not np.array_equal(record[n], before[n]) for n in trial.inputs)
+    predicted = simulation.predict(before) if felt else trial.predicted
+    return trial.measured - measured - trial.rows(trial.predicted - predicted)
 
 
 def _carried(effect: Effect, values: dict[str, float], trial: Trial) -> Vehicle:

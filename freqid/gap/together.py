@@ -12,7 +12,11 @@ from freqid.simulate.effects.effect import Effect
 
 
 def together(
-    effects: Sequence[Effect], trial: Trial, settings: Mapping[str, Mapping[str, float]]
+    effects: Sequence[Effect],
+    trial: Trial,
+    settings: Mapping[str, Mapping[str, float]],
+    *,
+    in_full: bool = True,
 ) -> Histories:
     """Return the change that effects make of a residual, other parameters at their values in force.
 
@@ -22,6 +26,8 @@ def together(
     trial : Trial
     settings : dict of dict of float
         By effect id.
+    in_full : bool
+        Whether what sensors distort is undone in full, not by derivatives.
 
     Notes
     -----
@@ -34,7 +40,7 @@ def together(
         route = route_of(effect, trial.simulation)
         hook = effect.act if route == "act" else effect.feel if route == "feel" else None
         if hook is None or (trial.positions and route == "feel"):
-            total = total + made(effect, trial, settings.get(effect.id, {}), in_full=True)
+            total = total + made(effect, trial, settings.get(effect.id, {}), in_full=in_full)
         elif values != in_force_of(effect, trial.simulation):
             chain.append((hook, values))
     if not chain:

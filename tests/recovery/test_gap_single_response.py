@@ -18,12 +18,14 @@ def answer(script):
     example = script("examples/stick_to_pitch_rate.py")
     simulation = CallableSimulation(example.pitch_rate, "pitch_rate", ("q",))
 
-    def of(delay, lag):
-        flights = [example.fly(seed, delay=delay, lag=lag) for seed in (1, 2, 3)]
+    def of(delay, lag, library=None, named=EFFECTS, seeds=(1, 2, 3)):
+        flights = [example.fly(seed, delay=delay, lag=lag) for seed in seeds]
         maneuvers = [Maneuver.of(f, without_vehicle("any", f)) for f in flights]
-        library = {i: shipped()[i] for i in (*EFFECTS, "surface_effectiveness")}
-        question = Question(library, stated({}, shipped()), (0.1, 3.0), named=EFFECTS, draws=30)
-        return diagnose(simulation, maneuvers[:2], question, held_out=maneuvers[2:]).diagnosis
+        library = library or {i: shipped()[i] for i in (*EFFECTS, "surface_effectiveness")}
+        question = Question(
+            library, stated({}, shipped()), (0.1, 3.0), named=named, draws=60, close=bool(named)
+        )
+        return diagnose(simulation, maneuvers[:-1], question, held_out=maneuvers[-1:]).diagnosis
 
     return of
 
@@ -40,6 +42,12 @@ def test_a_delay_and_a_lag_together_are_closed_and_recovered(answer):
         interval = next(x for x in both.settings[effect].values() if x.estimate)
         assert interval.lo < truth < interval.hi, effect
     assert both.rmse["q"].after < 0.15 * both.rmse["q"].before
+
+
+def test_the_pair_is_called_though_a_third_effect_explains_more_than_either(answer):
+    """Of all effects, a gyro of another scale comes nearest to a delay with a lag."""
+    which = answer(0.07, 0.10, shipped(), (), (1, 2, 3, 4)).which
+    assert set(which.pair) == set(EFFECTS)
 
 
 def test_without_them_there_is_no_gap(answer):

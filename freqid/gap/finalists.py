@@ -67,7 +67,11 @@ def weighed_in_full(
     every = {j.name: j for j in judged}
     every |= {j.name: _in_full(j, evidence, library, compared, {}) for j in singles[:_SINGLES]}
     for leading in sorted((every[j.name] for j in singles[:_SINGLES]), key=lambda j: -j.evidence)[:_LEADING]:
-        for partner, start in beside(leading, evidence, library, compared).items():
+        try:
+            partners = beside(leading, evidence, library, compared)
+        except ImpossibleSettings:  # to first order it is what nothing can be
+            continue
+        for partner, start in partners.items():
             names = {leading.name, partner}
             pair = next((j for j in every.values() if set(j.name.split("+")) == names), None)
             pair = pair or paired(leading, every[partner], evidence)

@@ -29,6 +29,7 @@ from freqid.simulate.maneuver import Conditions, fly_maneuver, with_effects
 AT = ("u05", "u10", "u15", "u20", "u25", "u30", "u40", "u45", "u62", "u70")
 NAME, SETTINGS = "actuator_delay", {"actuator_delay": {"extra": 0.03}}
 DRAWS = 200
+FEW = 4  # manoeuvres that are compared both ways
 
 
 def main() -> None:
@@ -52,6 +53,14 @@ def main() -> None:
 
     used = side_by_side(simulation, one, range(len(records)))
     print(f"compared, {DRAWS} draws each        {time.perf_counter() - began:7.2f} s")
+    began = time.perf_counter()
+    for k in range(FEW):
+        one(k)
+    alone = time.perf_counter() - began
+    began = time.perf_counter()
+    side_by_side(simulation, one, range(FEW))
+    share = (time.perf_counter() - began) / alone
+    print(f"{FEW} of them side by side           {share:7.2f} of one after the other")
     began = time.perf_counter()
     evidence = evidence_of(used, apart=True)
     effects = {i: e.of(used[0].maneuver.vehicle) for i, e in library.items()}

@@ -138,8 +138,8 @@ class Bench:
 
         Both flights have the scatter that is asked for, neither has gusts: they are noise, and two flights
         through the same ones differ by what each makes of them. What has to come up before the record comes
-        up in both, to nothing in one. The metric has to be of a flight with the
-        truths: what tolerances may do goes with the motion, which the truths change.
+        up in both, to nothing in one. The metric has to be of a flight with the truths: what tolerances may
+        do goes with the motion, which the truths change.
         """
         silent = replace(circumstances, noise=0.0, gusts=0.0)
         made = residual(self.simulation, Maneuver.of(self.fly(at, parts, silent)))

@@ -32,8 +32,8 @@ class Edited(Truth):
 
     @property
     def logged(self) -> bool:
-        """Whether nothing but the log is another, so that the flight is the same."""
-        return self.craft is _unedited
+        """Whether nothing but the log is another: the aircraft is not edited either."""
+        return super().logged and self.craft is _unedited
 
 
 INSIDE = (

@@ -64,19 +64,25 @@ def weighed_in_full(
     singles = [j for j in judged if "+" not in j.name and j.name != OTHER and j.evidence > LEAST_ODDS]
     if not singles:
         return list(judged)
-    every = {j.name: j for j in judged}
-    every |= {j.name: _in_full(j, evidence, library, compared, {}) for j in singles[:_SINGLES]}
-    for leading in sorted((every[j.name] for j in singles[:_SINGLES]), key=lambda j: -j.evidence)[:_LEADING]:
+    first = {_effects(j): j for j in judged}
+    full = [_in_full(j, evidence, library, compared, {}) for j in singles[:_SINGLES]]
+    every = first | {_effects(j): j for j in full}
+    for leading in sorted(full, key=lambda j: -j.evidence)[:_LEADING]:
         try:
             partners = beside(leading, evidence, library, compared)
         except ImpossibleSettings:  # to first order it is what nothing can be
             continue
         for partner, start in partners.items():
-            names = {leading.name, partner}
-            pair = next((j for j in every.values() if set(j.name.split("+")) == names), None)
-            pair = pair or paired(leading, every[partner], evidence)
-            every[pair.name] = _in_full(pair, evidence, library, compared, start)
+            both = frozenset((leading.name, partner))
+            pair = first.get(both) or paired(leading, every[frozenset((partner,))], evidence)
+            found = _in_full(pair, evidence, library, compared, start)
+            # two fits of a pair that end at one mode are one way for it to be there
+            every[both] = max(every.get(both, found), found, key=lambda j: j.evidence)
     return sorted(every.values(), key=lambda j: -j.evidence)
+
+
+def _effects(judged: Judged) -> frozenset[str]:
+    return frozenset(judged.name.split("+"))
 
 
 def _in_full(

@@ -76,3 +76,15 @@ def test_a_delay_and_a_lag_together_are_told_from_what_a_lag_alone_leaves():
     first, full = judged(Truth(late=0.07, slow=0.1), library)
     assert {*full[0].name.split("+")} == {"actuator_delay", "actuator_lag"}
     assert full[0].settings["actuator_lag"]["extra"] == pytest.approx(0.1, abs=0.005)
+
+
+def test_a_pair_sought_beside_both_of_its_effects_stands_once(monkeypatch):
+    """Two fits that end at one size are one way for the pair to be there, not two."""
+    library = {i: shipped()[i] for i in ("actuator_delay", "actuator_lag", "rate_limit", "backlash")}
+    truth = Truth(late=0.05, slow=0.05)
+    _, twice = judged(truth, library)
+    monkeypatch.setattr(finalists, "_LEADING", 1)
+    _, once = judged(truth, library)
+    pairs = [frozenset(j.name.split("+")) for j in twice if "+" in j.name]
+    assert len(pairs) == len(set(pairs))
+    assert twice[0].evidence == pytest.approx(once[0].evidence, abs=0.1)

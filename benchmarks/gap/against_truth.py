@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from bench import Bench, Case, Circumstances
+from bench import Bench, Case, Circumstances, detectability
+from numpy.typing import NDArray
 from truth import Part
 
 from freqid.gap import locate
 from freqid.gap.attribute import OTHER
 from freqid.gap.close import misfit, misfit_with
 from freqid.gap.closures import start_of
+from freqid.gap.compare import Compared
 from freqid.gap.diagnose import Findings
 from freqid.gap.evidence import Hypothesis
 from freqid.gap.gather import evidence_of
@@ -26,21 +29,8 @@ def around(case: Case, manoeuvre: int, signals: int = 0) -> Circumstances:
 
 
 def of_truth(by: Bench, found: Findings, parts: list[Part], case: Case) -> dict[str, Any]:
-    """Return what is true of the case in its own metric: detectability, places, likeness of candidates.
-
-    Of the nominal vehicle where truths change the motion: scatter makes another residual of that, and what it
-    would have made of the motion without them is in no record. Where they change the log alone, of the
-    vehicle that flew: its own sensors' tolerances take from the change what they hold of that very motion.
-    """
-    each = [
-        [
-            by.change(
-                at, [p], c, around(case, i) if p.truth.logged else replace(around(case, i), scatter=None)
-            )
-            for i, (at, c) in enumerate(zip(by.at, found.compared, strict=True))
-        ]
-        for p in parts
-    ]
+    """Return what is true of the case in its own metric: detectability, places, likeness of candidates."""
+    each = [_change(by, found.compared, p, case) for p in parts]
     whole = [np.sum([s[i] for s in each], axis=0) for i in range(len(by.at))]
     columns = [{**c.signatures, "truth": s} for c, s in zip(found.compared, whole, strict=True)]
     columns = [{**of, **{f"truth{k}": s[i] for k, s in enumerate(each)}} for i, of in enumerate(columns)]
@@ -67,6 +57,27 @@ def of_truth(by: Bench, found: Findings, parts: list[Part], case: Case) -> dict[
         "truth_cells": [[p.response, *p.band_hz, p.input, p.share] for p in mine.places()],
         "oracle": {"statistic": float(evidence.metric[at, 0]), "size": float(evidence.metric[at, at])},
     }
+
+
+def _change(by: Bench, compared: Sequence[Compared], part: Part, case: Case) -> list[NDArray[np.complex128]]:
+    """Return what a truth makes of each manoeuvre's residual: of two ways to tell the less detectable.
+
+    Tolerances go with the motion that was flown. The nominal vehicle flies another one, along which they do
+    not take their share of what is large in all; the vehicle that flew flies another one without the truth,
+    and its own scatter there is not this one. Either adds what is not the truth's. Where a truth changes the
+    log alone, the vehicle that flew does not move otherwise.
+    """
+
+    def told(scatter: bool) -> list[NDArray[np.complex128]]:
+        how = [
+            around(case, i) if scatter else replace(around(case, i), scatter=None) for i in range(len(by.at))
+        ]
+        return [by.change(at, [part], c, h) for at, c, h in zip(by.at, compared, how, strict=True)]
+
+    flown = told(scatter=True)
+    if part.truth.logged:
+        return flown
+    return min(told(scatter=False), flown, key=lambda s: detectability(compared, s))
 
 
 def closed(by: Bench, found: Findings, parts: list[Part], case: Case) -> dict[str, Any]:

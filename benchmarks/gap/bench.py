@@ -154,5 +154,5 @@ def _without(bench: Bench, at: str, nothing: tuple[Part, ...], circumstances: Ci
 
 def detectability(compared: Sequence[Compared], s: Sequence[Complex]) -> float:
     """Return lambda of a change, tolerances integrated over."""
-    evidence = evidence_of(compared, changes=[(0 * z, {"truth": z}) for z in s])
+    evidence = evidence_of(compared, changes=[(0 * z, {"truth": z}) for z in s], null=False)
     return float(evidence.metric[1, 1])

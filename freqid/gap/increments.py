@@ -7,7 +7,7 @@ from scipy.stats import norm
 
 from freqid.core.gap_result import Increment
 from freqid.gap.evidence import Evidence, Hypothesis
-from freqid.gap.tolerance import DERIVATIVES, OF_EFFECT, TOGETHER, WHOLE
+from freqid.gap.tolerance import DERIVATIVES, OF_EFFECT, TOGETHER, TURNED, WHOLE
 
 LEVEL = 0.95
 WIDE = 1.0
@@ -15,6 +15,7 @@ WIDE = 1.0
 
 _OF_DERIVATIVES = (
     f"{TOGETHER}:",
+    f"{TURNED}:",
     f"{WHOLE}:",
     f"{OF_EFFECT}surface_effectiveness:",
     f"{OF_EFFECT}weak_rotor:",

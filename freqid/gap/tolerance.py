@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -16,13 +16,13 @@ from freqid.gap.signature import slope
 from freqid.gap.testable import in_force_of, untestable
 from freqid.gap.trial import Trial
 from freqid.simulate.effects.effect import Effect
-from freqid.simulate.effects.signals import lagged
 
 Array = NDArray[np.float64]
 
 DERIVATIVES, RESPONSES, DYNAMICS = "derivatives", "responses", "dynamics"
 FORM = "form"
 TOGETHER = "together"  # derivatives that are off by the same share
+TURNED = "turned"  # forces and moments that point elsewhere in the plane of symmetry
 WHOLE = "whole"  # a response that is off by the same share everywhere, however crooked it is
 _SAID_ALREADY = {"surface": "surface_effectiveness:loss"}  # the same error by kind, as an effect's parameter
 EACH_FLIGHT: dict[str, float] = {
@@ -35,6 +35,7 @@ EACH_FLIGHT: dict[str, float] = {
 """One sigma of parameters that are another in each flight, unless a scenario says otherwise."""
 
 _MOTION = ("state/", "air/")
+_PLANES = (("X", "Z"), ("CX", "CZ"), ("L", "N"), ("Cl", "Cn"))
 _SMOOTHED = 11  # lines over which a model's own power is averaged
 _IDEAL = 0.02  # s: an actuator that is taken as ideal still takes its time
 
@@ -42,7 +43,7 @@ OF_EFFECT = "tolerance:"
 """Before the name of an effect's parameter that may be a little off without being an effect."""
 
 DEFAULT: dict[str, float] = {
-    DERIVATIVES: 0.05,  # of each derivative of each response, the same in all manoeuvres
+    DERIVATIVES: 0.05,  # of each derivative of each response, the same in all manoeuvres; rad, of directions
     RESPONSES: 0.02,  # of each response's change with motion and controls, manoeuvre by manoeuvre
     DYNAMICS: 0.05,  # of each actuator's time to follow
     FORM: 0.03,  # of what the parts of a model make of a response at each frequency: its formulas' own error
@@ -215,6 +216,10 @@ def _differenced(effect: Effect, trial: Trial, parameter: str, size: float) -> H
 def _together(trial: Trial, each: Array) -> dict[str, Histories]:
     """Return what an error does that all derivatives by motion share, or all by one kind of effector.
 
+    A wing whose lift is a share too steep turns what acts on it: a derivative that is left over by large
+    parts, as what a tilted wing's lift and its rotors' thrust make of the axial force, is off by a share of
+    those and not of itself.
+
     Parameters
     ----------
     trial : Trial
@@ -227,7 +232,21 @@ def _together(trial: Trial, each: Array) -> dict[str, Histories]:
     for kind in dict.fromkeys(label):
         columns = [j for j, one in enumerate(label) if one == kind]
         if len(columns) > 1 or len(each) > 1:
-            found[f"{TOGETHER}:{kind}"] = trial.rows(each[:, columns].sum(axis=1))
+            shared = each[:, columns].sum(axis=1)
+            found[f"{TOGETHER}:{kind}"] = trial.rows(shared)
+            turned = _turned(trial.simulation.responses, shared)
+            if turned.any():
+                found[f"{TURNED}:{kind}"] = trial.rows(turned)
+    return found
+
+
+def _turned(responses: Sequence[str], rows: Array) -> Array:
+    """Return what rows of forces and moments, shape (response, sample), change by for each rad about y."""
+    found = np.zeros_like(rows)
+    for ahead, down in _PLANES:
+        if ahead in responses and down in responses:
+            i, j = responses.index(ahead), responses.index(down)
+            found[i], found[j] = rows[j], -rows[i]
     return found
 
 
@@ -245,14 +264,39 @@ def _late(trial: Trial, name: str) -> float:
 def _dynamics(trial: Trial, name: str, size: float) -> Histories:
     """Return what a share of an actuator's time to follow does.
 
-    Rotors follow as a first-order lag does, whose derivative by its time constant T is ``-T s / (1 + T s)``
-    of the position.
+    Rotors follow as a first-order lag does, ``T x' = command - x``, with another T while they brake: what
+    a share s of T adds to x follows ``T d' = -d - s T x'``.
     """
-    dt, late = trial.maneuver.record.dt, _late(trial, name)
+    dt = trial.maneuver.record.dt
     rate = _slope(trial.positions[name], dt)
-    if trial.maneuver.vehicle.effector_kinds.get(name) == "rotor":
-        rate = lagged(rate, dt, late)
-    return trial.rows(positions={name: -size * late * rate})
+    if trial.maneuver.vehicle.effector_kinds.get(name) != "rotor":
+        return trial.rows(positions={name: -size * _late(trial, name) * rate})
+    up, down = _late_up_and_down(trial, name)
+    time = np.where(rate > 0, up, down)
+    between = slice(1, None), slice(None, -1)
+    kept = np.exp(-dt / np.mean([time[k] for k in between], axis=0))
+    aim = -size * np.mean([(time * rate)[k] for k in between], axis=0)
+    change = np.zeros_like(rate)
+    for k in range(1, rate.size):
+        change[k] = kept[k - 1] * change[k - 1] + (1 - kept[k - 1]) * aim[k - 1]
+    return trial.rows(positions={name: change})
+
+
+def _late_up_and_down(trial: Trial, name: str) -> tuple[float, float]:
+    """Return the times by which a simulated speed follows its command while it rises and while it falls, s.
+
+    A supply that sags scales commands, which is no time.
+    """
+    record, position = trial.maneuver.record, trial.positions[name]
+    sent = f"command/{name}"
+    rate = _slope(position, record.dt)
+    if sent not in record or not (rate.max() > 0 > rate.min()):
+        late = _late(trial, name)
+        return late, late
+    moved = record[sent] - record[sent].mean()
+    columns = np.array([np.maximum(rate, 0), np.minimum(rate, 0), moved, np.ones_like(rate)])
+    found = np.linalg.lstsq(columns.T, record[sent] - position, rcond=None)[0]
+    return max(float(found[0]), _IDEAL), max(float(found[1]), _IDEAL)
 
 
 def _slope(values: Array, dt: float) -> Array:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from linear_flight import DT, IYY, LIBRARY, SLOPES, THETA0, Linear, fly
 
 from freqid.core.errors import UsageError
+from freqid.core.record import Maneuver
+from freqid.core.vehicle import Effector, Vehicle
 from freqid.gap.tolerance import DEFAULT, EACH_FLIGHT, stated, tolerances
 from freqid.gap.trial import Trial
 from freqid.simulate.effects.mass import EFFECT as MASS
@@ -56,11 +61,25 @@ def test_a_derivative_is_off_by_a_share_of_itself(trial):
     assert not np.delete(row.direct, 1, axis=0).any()
     # one for each derivative that is not zero
     names = {f"derivatives:{r}:{x}" for r, row in zip("XZM", SLOPES, strict=True) for x in named(row)}
-    assert set(found) == names | {"together:motion", "together:surface", *(f"whole:{r}" for r in "XZM")}
+    shared = {f"{how}:{what}" for how in ("together", "turned") for what in ("motion", "surface")}
+    assert set(found) == names | shared | {f"whole:{r}" for r in "XZM"}
 
 
 def named(row):
     return [x for x, slope in zip(("u", "w", "q", "d1", "d2"), row, strict=True) if slope]
+
+
+def test_what_acts_in_the_plane_of_symmetry_may_point_elsewhere(trial):
+    """A large force that is a share too large and a little turned leaves a small axial one far off."""
+    found = allowed(trial, derivatives=0.05).common
+    record = trial.maneuver.record
+    w, q = (record[f"state/{n}"] - record[f"state/{n}"].mean() for n in "wq")
+    u = record["state/u"] - record["state/u"].mean()
+    along = SLOPES[:, :3] @ np.array([u, w, q])
+    turned = found["turned:motion"].direct
+    assert turned[0] == pytest.approx(0.05 * along[1])
+    assert turned[1] == pytest.approx(-0.05 * along[0])
+    assert not turned[2:].any()
 
 
 def test_a_response_is_off_by_a_share_of_its_change_in_each_manoeuvre(trial):
@@ -84,6 +103,31 @@ def test_an_actuator_follows_a_share_of_its_time_later(trial):
     gain = found["dynamics:d2:gain"].direct[at["actuator/d2"]]
     moved = trial.positions["d2"] - trial.positions["d2"].mean()
     assert gain == pytest.approx(0.01 * moved)
+
+
+def motor(command, up, down, fine=50):
+    """Return the speed that follows a command with one time while it rises and another while it falls."""
+    speed, found = command[0], [command[0]]
+    for before, now in itertools.pairwise(command):
+        for k in range(fine):
+            error = before + (now - before) * (k + 0.5) / fine - speed
+            speed += DT / fine * error / (up if error > 0 else down)
+        found.append(speed)
+    return np.array(found)
+
+
+def test_a_motor_that_brakes_slowly_follows_a_share_of_both_its_times_later(trial):
+    """One time for both leaves an eighth of the change, this a fiftieth."""
+    effectors = (Effector(name="d1", kind="rotor", limits=(-0.5, 0.5)),)
+    record, stated = trial.maneuver.record, trial.maneuver.vehicle.mass_properties
+    vehicle = Vehicle(name="one motor", mass_properties=stated, effectors=effectors)
+    times = np.array([0.05, 0.08])
+    flown, later = (motor(record["command/d1"], *(k * times)) for k in (1.0, 1.05))
+    used = replace(trial, maneuver=Maneuver(record, vehicle), positions={"d1": flown})
+    change = allowed(used, dynamics=0.05).common["dynamics:d1:time"]
+    found = change.direct[[row.name for row in change.rows].index("actuator/d1")]
+    missed = found - (later - flown)
+    assert np.std(missed) < 0.03 * np.std(later - flown)
 
 
 def test_an_effect_within_its_tolerance_is_one_sigma_of_the_measured_part(trial):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -28,65 +28,84 @@ SCENARIO = msgspec.structs.replace(WHOLE, reference=tuple(REFERENCE.values()))
 SIMULATION = ScenarioSimulation(SCENARIO)
 
 
-def scattered(seed: int, still: Collection[str] = ()) -> tuple[Scenario, dict[str, dict[str, float]]]:
-    """Return the aircraft a little off everywhere, within what the tool allows for, and its mass effects.
+AIRFRAME = {
+    "aerofoil.lift_slope": 0.04,
+    "aerofoil.drag": 0.05,
+    "aerofoil.lift_drag": 0.05,
+    "tail.aerofoil.lift_slope": 0.05,
+    "propeller.thrust": 0.03,
+    "propeller.torque": 0.05,
+    "propeller.inplane_force": 0.05,
+    "propeller.hub_moment": 0.05,
+    "fuselage.drag_area_m2": 0.05,
+    "wake.downwash": 0.05,
+    "wake.blowing": 0.05,
+    "mixing_m": 0.05,
+    "surface_efficiency": 0.05,
+}
+ACTUATORS = {"surface.frequency_hz": 0.05, "surface.damping": 0.05, "tilt.frequency_hz": 0.05, "motor": 0.05}
+MASS = {"mass.fraction": 0.01, **{f"cg_offset.{axis}": 0.005 for axis in "xyz"}}
+INERTIA = {f"inertia.{axis}": 0.03 for axis in ("xx", "yy", "zz")}
+SCATTER = {**AIRFRAME, **ACTUATORS, **MASS, **INERTIA}
+"""One sigma of what the aircraft is off by, as shares of its numbers; of its centre of gravity, m."""
 
-    Without what is `still`, paths of the airframe's table; the rest is off by the same.
-    """
+
+def drawn(seed: int) -> dict[str, float]:
+    """Return what an aircraft is off by, within what the tool allows for, two sigma at most."""
     rng = np.random.default_rng([seed, 11])
 
     def off(sigma: float) -> float:
         return float(sigma * np.clip(rng.standard_normal(), -2, 2))
 
+    described = SCENARIO.aircraft().mass_properties.inertia
+    found = {name: off(sigma) for name, sigma in {**AIRFRAME, **ACTUATORS, **MASS}.items()}
+    while True:  # until a body can have them: no moment exceeds the sum of the other two
+        turning = {name: off(sigma) for name, sigma in INERTIA.items()}
+        xx, yy, zz = (getattr(described, n.partition(".")[2]) * (1 + x) for n, x in turning.items())
+        if zz < xx + yy:
+            return found | turning
+
+
+def off_by(values: Mapping[str, float]) -> tuple[Scenario, dict[str, dict[str, float]]]:
+    """Return the aircraft off by some of `SCATTER`, and its mass effects."""
+
     def airframe(table: dict[str, Any]) -> dict[str, Any]:
-        for path, sigma in (
-            ("aerofoil.lift_slope", 0.04),
-            ("aerofoil.drag", 0.05),
-            ("aerofoil.lift_drag", 0.05),
-            ("tail.aerofoil.lift_slope", 0.05),
-            ("propeller.thrust", 0.03),
-            ("propeller.torque", 0.05),
-            ("propeller.inplane_force", 0.05),
-            ("propeller.hub_moment", 0.05),
-            ("fuselage.drag_area_m2", 0.05),
-            ("wake.downwash", 0.05),
-            ("wake.blowing", 0.05),
-            ("mixing_m", 0.05),
-            ("surface_efficiency", 0.05),
-        ):
-            factor = 1 + off(sigma)
-            times(table, path, 1.0 if path in still else factor)
+        for path in AIRFRAME:
+            times(table, path, 1 + values.get(path, 0.0))
         return table
 
     def actuators(table: dict[str, Any]) -> dict[str, Any]:
-        for path in ("surface.frequency_hz", "surface.damping", "tilt.frequency_hz"):
-            times(table, path, 1 + off(0.05))
-        speed = 1 + off(0.05)
-        times(table, "motor.rise_s", speed)
-        times(table, "motor.fall_s", speed)
+        motor = {f"motor.{time}": values.get("motor", 0.0) for time in ("rise_s", "fall_s")}
+        for path, value in {**{n: values.get(n, 0.0) for n in ACTUATORS if n != "motor"}, **motor}.items():
+            times(table, path, 1 + value)
         return table
 
-    def inertia() -> dict[str, float]:
-        """Return fractions that a body can have: no moment exceeds the sum of the other two."""
-        described = SCENARIO.aircraft().mass_properties.inertia
-        while True:
-            each = {axis: off(0.03) for axis in ("xx", "yy", "zz")}
-            xx, yy, zz = (getattr(described, axis) * (1 + x) for axis, x in each.items())
-            if zz < xx + yy:
-                return each
+    added: dict[str, dict[str, float]] = {}
+    for name in (*MASS, *INERTIA):
+        effect, _, parameter = name.partition(".")
+        added.setdefault(effect, {})[parameter] = values.get(name, 0.0)
+    return section(section(SCENARIO, "airframe", airframe), "actuators", actuators), added
 
-    found = section(section(SCENARIO, "airframe", airframe), "actuators", actuators)
-    mass = {
-        "mass": {"fraction": off(0.01)},
-        "cg_offset": {axis: off(0.005) for axis in "xyz"},
-        "inertia": inertia(),
-    }
-    return found, mass
+
+def scattered(seed: int, still: Collection[str] = ()) -> tuple[Scenario, dict[str, dict[str, float]]]:
+    """Return the aircraft a little off everywhere but in what is `still`, and its mass effects."""
+    return off_by({name: value for name, value in drawn(seed).items() if name not in still})
 
 
 def flown(at: str, parts: Sequence[Part], how: Circumstances, still: Collection[str] = ()) -> FlightRecord:
     """Fly one manoeuvre of a case and return its log, which describes the nominal vehicle."""
-    scenario, added = scattered(how.scatter, still) if how.scatter is not None else (SCENARIO, {})
+    aircraft = scattered(how.scatter, still) if how.scatter is not None else (SCENARIO, {})
+    return flown_by(aircraft, at, parts, how)
+
+
+def flown_by(
+    aircraft: tuple[Scenario, dict[str, dict[str, float]]],
+    at: str,
+    parts: Sequence[Part],
+    how: Circumstances,
+) -> FlightRecord:
+    """Fly one manoeuvre of an aircraft, as `off_by` returns it, with truths, and return its log."""
+    scenario, added = aircraft[0], {i: dict(of) for i, of in aircraft[1].items()}
     for part in parts:
         scenario = part.truth.scenario(scenario, part.size, part.place)
         for identifier, values in part.truth.settings(part.size, part.place).items():

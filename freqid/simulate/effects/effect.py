@@ -72,6 +72,9 @@ class Effect:
         Of such places those that may be at fault at once, each in its own way, as all kinds of effector.
     sizes : tuple of float
         Of an effect that does nothing below some size, such as a limit: sizes at which it is looked for.
+    in_loop : bool
+        Whether it acts inside an actuator's loop, where `act` behind it only comes near: a simulation that
+        has the effect itself is asked where it is refitted.
     add : callable, optional
         ``add(settings, situation) -> Wrench`` of an airframe effect that comes on top of the airframe's
         loads at one instant, in jax.numpy; `situation` is an `airframe.Situation`, with the effect's memory.
@@ -110,6 +113,7 @@ class Effect:
     alternatives: bool = False
     jointly: tuple[str, ...] = ()
     sizes: tuple[float, ...] = ()
+    in_loop: bool = False
     add: Callable[[dict[str, Any], Any], Any] | None = None
     start: Callable[[dict[str, Any], Any], dict[str, Any]] | None = None
     rate: Callable[[dict[str, Any], Any], dict[str, Any]] | None = None

@@ -48,5 +48,6 @@ EFFECT = Effect(
     },
     needs=("command", "surface"),
     sizes=(0.25, 0.5, 1.0, 4.0, 8.0, 16.0, 32.0),
+    in_loop=True,
     act=_act,
 )

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import DataError, UsageError
-from freqid.core.record import Channel
+from freqid.core.record import Channel, Maneuver
 from freqid.gap.connect import loads
 from freqid.gap.connect.scenario import ScenarioSimulation
+from freqid.gap.together import together
+from freqid.gap.trial import Trial
 from freqid.simulate.effects import library
 from freqid.simulate.maneuver import Conditions, fly_maneuver, with_effects
 
@@ -153,3 +155,19 @@ def test_lags_and_rate_limits_act_on_positions_as_in_flight(simulation, la8, inp
         flown_there, size = record[f"effector/{name}"], np.abs(record[f"effector/{name}"]).max()
         assert np.abs(found[name] - flown_there)[25:].max() < 1e-6 * size, name
         assert np.abs(plain[name] - flown_there)[25:].max() > 1e-3 * size, name
+
+
+def test_a_rate_limit_is_refitted_inside_the_servo_where_the_simulation_has_it(simulation, la8, inputs):
+    """Behind the servo it only comes near: the rate in the loop approaches its limit and stays below."""
+    settings = {"rate_limit": {"slowness": 2.5}}
+    record = fly_maneuver(with_effects(la8, settings), la8.reference_of("u45"), inputs, Conditions()).record
+    trial = Trial.of(simulation, Maneuver.of(record))
+    effect = library()["rate_limit"].of(record.vehicle)
+    gap = trial.residual
+    row = [r.name for r in gap.rows].index("actuator/de1")
+    left = {
+        full: np.std((gap - together([effect], trial, settings, in_full=full)).direct[row])
+        for full in (True, False)
+    }
+    assert left[True] < 1e-4 * np.std(gap.direct[row])
+    assert left[False] > 1e-2 * np.std(gap.direct[row])

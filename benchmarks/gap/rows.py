@@ -29,7 +29,9 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
     effects = {n: j for n, j in judged.items() if n not in NOT_EFFECTS}
     sparse = [n.partition(":")[0] for n, _ in found["sparse"]]
     criterion = {n: _bic(j, found["rows"]) for n, j in effects.items()}
+    given = _given_a_gap(chances)
     by = {
+        "likeliest": max(effects, key=lambda n: effects[n]["evidence"]),
         "bic": max(criterion, key=lambda n: criterion[n]),
         "gain": max(effects, key=lambda n: effects[n]["gain"] or 0.0),
         "sparse": sparse[0] if sparse else "none",
@@ -37,6 +39,7 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
     where = (
         {f"f1_{a}": _f1(found["where"][a], found["truth_where"][a]) for a in found["where"]} if truths else {}
     )
+    by_criterion = _by_bic(effects, found["rows"])
     right = {"null": {"none"}, "outside": {"other"}}.get(case["kind"], same)
     closed = found.get("closure", {})
     covered = [_covers(t, which["parameters"].get(t["id"], {})) for t in found["truth"] if t["form"] == "own"]
@@ -69,8 +72,10 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
         "set_covers": int(bool(names & right)),
         "pair": "+".join(sorted(which["pair"])),
         **{f"{how}_right": int(name in same) for how, name in by.items()},
-        **{f"{how}_brier": f"{_brier({name: 1.0}, right):.3f}" for how, name in by.items() if how != "bic"},
-        "bic_brier": f"{_brier(_by_bic(effects, found['rows']), right):.3f}",
+        **{f"{how}_brier": f"{_brier({by[how]: 1.0}, right):.3f}" for how in ("gain", "sparse")},
+        "bic_brier": f"{_brier(by_criterion, right):.3f}",
+        "given_brier": f"{_brier(given, right):.3f}",
+        "bic_given_brier": f"{_brier(_given_a_gap(by_criterion), right):.3f}",
         **{f"{how}_top": name for how, name in by.items()},
         "bic_named": int(criterion[by["bic"]] > 0),
         "gain_named": 1,
@@ -113,6 +118,13 @@ def _brier(chances: dict[str, float], same: set[str]) -> float:
     """Return the squared distance of probabilities from the truth, its aliases taken as one name."""
     right = sum(p for n, p in chances.items() if n in same)
     return (1 - right) ** 2 + sum(p**2 for n, p in chances.items() if n not in same)
+
+
+def _given_a_gap(chances: dict[str, float]) -> dict[str, float]:
+    """Return probabilities where it is taken for granted that there is something."""
+    kept = {n: p for n, p in chances.items() if n != "none"}
+    whole = sum(kept.values())
+    return {n: p / whole for n, p in kept.items()} if whole > 0 else chances
 
 
 def _f1(found: dict[str, float], truth: dict[str, float]) -> float | str:

@@ -111,6 +111,7 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
         f"doubles: top is one of them      {rate(either)}",
         "comparators, right name of all singles (aliases merged):",
         f"  this tool's likeliest          {rate(int(_top_right(r)) for r in single)}",
+        f"  the same, an effect always     {rate(r['likeliest_right'] for r in single)}",
         f"  criterion alone (BIC)          {rate(r['bic_right'] for r in single)}",
         f"  largest residual reduction     {rate(r['gain_right'] for r in single)}",
         f"  sparse regression's first      {rate(r['sparse_right'] for r in single)}",
@@ -123,6 +124,9 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
         f"  criterion alone (BIC)          {_mean(r['bic_brier'] for r in single)}",
         f"  largest residual reduction     {_mean(r['gain_brier'] for r in single)}",
         f"  sparse regression's first      {_mean(r['sparse_brier'] for r in single)}",
+        "the same, given that there is a gap:",
+        f"  this tool                      {_mean(r['given_brier'] for r in single)}",
+        f"  criterion alone (BIC)          {_mean(r['bic_given_brier'] for r in single)}",
         "by effect: found, top name right, of",
     ]
     for name in sorted({r["truth"] for r in single}):

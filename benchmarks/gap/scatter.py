@@ -77,7 +77,9 @@ def main() -> None:
         rows.append((name, SCATTER[name], metric[both, both].max(), candidates[most], more[most]))
     whole = np.sqrt(np.square(every).sum(axis=0))
     rows += [("all", np.nan, np.nan, candidates[k], whole[k]) for k in np.argsort(-whole)[:10]]
-    table = pd.DataFrame(rows, columns=["off", "sigma", "lambda", "passes for", "z"]).round({"lambda": 2, "z": 2})
+    table = pd.DataFrame(rows, columns=["off", "sigma", "lambda", "passes for", "z"]).round(
+        {"lambda": 2, "z": 2}
+    )
     with replacing(CSV) as partial:
         table.to_csv(partial, index=False, lineterminator="\n")
     print(table.to_string(index=False))

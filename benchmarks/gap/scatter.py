@@ -21,7 +21,6 @@ from la8_bench import LA8, SCATTER, SCENARIO, flown_by, off_by
 
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.store import replacing
-from freqid.gap.compare import compare
 from freqid.gap.gather import evidence_of
 from freqid.gap.histories import Histories
 from freqid.gap.residual import residual
@@ -40,18 +39,7 @@ def main() -> None:
     def made(values: dict[str, float], i: int) -> Histories:
         return residual(LA8.simulation, Maneuver.of(flight(values, i, 0.0)))
 
-    used = [
-        compare(
-            LA8.simulation,
-            Maneuver.of(flight({}, i, 1.0)),
-            LA8.candidates,
-            LA8.tolerances,
-            LA8.band_hz,
-            count=LA8.draws,
-            seed=SEED,
-        )
-        for i in range(len(how))
-    ]
+    used = [LA8.measured(flight({}, i, 1.0), SEED, **LA8.candidates) for i in range(len(how))]
     described = [made({}, i) for i in range(len(how))]
     sides = {(name, side): side * sigma for name, sigma in SCATTER.items() for side in (1, -1)}
     columns = [

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.errors import ImpossibleSettings, UsageError, nearest
+from freqid.gap.following import late, slope_of, slower
 from freqid.gap.histories import Histories
 from freqid.gap.lines import Lines
 from freqid.gap.signature import slope
@@ -37,7 +38,6 @@ EACH_FLIGHT: dict[str, float] = {
 _MOTION = ("state/", "air/")
 _PLANES = (("X", "Z"), ("CX", "CZ"), ("L", "N"), ("Cl", "Cn"))
 _SMOOTHED = 11  # lines over which a model's own power is averaged
-_IDEAL = 0.02  # s: an actuator that is taken as ideal still takes its time
 
 OF_EFFECT = "tolerance:"
 """Before the name of an effect's parameter that may be a little off without being an effect."""
@@ -118,7 +118,7 @@ def form(trial: Trial, lines: Lines, sizes: Mapping[str, float]) -> Array:
     for i, row in enumerate(trial.measured.rows):
         if row.kind == "actuator":
             name = row.name.partition("/")[2]
-            behind = _late(trial, name) * _slope(trial.positions[name], record.dt)
+            behind = late(trial, name) * slope_of(trial.positions[name], record.dt)
             power[i] = np.abs(lines.spectrum(behind[None])[0]) ** 2
     width = min(_SMOOTHED, 2 * (lines.hz.size // 2) - 1)
     kernel = np.ones(width) / width
@@ -161,7 +161,10 @@ def tolerances(
         for i, response in enumerate(responses):
             common[f"{WHOLE}:{response}"] = _share_of(trial, i, sizes[DERIVATIVES])
     if sizes[DYNAMICS]:
-        each_one = {name: _dynamics(trial, name, sizes[DYNAMICS]) for name in trial.positions}
+        each_one = {
+            name: trial.rows(positions={name: slower(trial, name, sizes[DYNAMICS])})
+            for name in trial.positions
+        }
         kinds = trial.maneuver.vehicle.effector_kinds
         for kind in dict.fromkeys(kinds.get(name, "") for name in each_one):
             like = [found for name, found in each_one.items() if kinds.get(name, "") == kind]
@@ -169,7 +172,7 @@ def tolerances(
                 common[f"{DYNAMICS}:{kind}:time"] = sum(like[1:], like[0])
                 common[f"{DYNAMICS}:{kind}:shape"] = trial.rows(
                     positions={
-                        n: sizes[DYNAMICS] * _late(trial, n) ** 2 * _slope(_slope(x, record.dt), record.dt)
+                        n: sizes[DYNAMICS] * late(trial, n) ** 2 * slope_of(slope_of(x, record.dt), record.dt)
                         for n, x in trial.positions.items()
                         if kinds.get(n, "") == kind
                     }
@@ -248,56 +251,3 @@ def _turned(responses: Sequence[str], rows: Array) -> Array:
             i, j = responses.index(ahead), responses.index(down)
             found[i], found[j] = rows[j], -rows[i]
     return found
-
-
-def _late(trial: Trial, name: str) -> float:
-    """Return the time by which a simulated position follows its command on the whole, s."""
-    record, position = trial.maneuver.record, trial.positions[name]
-    sent = f"command/{name}"
-    if sent not in record:
-        return _IDEAL
-    rate = _slope(position, record.dt)
-    late = float(np.dot(record[sent] - position, rate) / max(np.dot(rate, rate), 1e-300))
-    return max(late, _IDEAL)
-
-
-def _dynamics(trial: Trial, name: str, size: float) -> Histories:
-    """Return what a share of an actuator's time to follow does.
-
-    Rotors follow as a first-order lag does, ``T x' = command - x``, with another T while they brake: what
-    a share s of T adds to x follows ``T d' = -d - s T x'``.
-    """
-    dt = trial.maneuver.record.dt
-    rate = _slope(trial.positions[name], dt)
-    if trial.maneuver.vehicle.effector_kinds.get(name) != "rotor":
-        return trial.rows(positions={name: -size * _late(trial, name) * rate})
-    up, down = _late_up_and_down(trial, name)
-    time = np.where(rate > 0, up, down)
-    between = slice(1, None), slice(None, -1)
-    kept = np.exp(-dt / np.mean([time[k] for k in between], axis=0))
-    aim = -size * np.mean([(time * rate)[k] for k in between], axis=0)
-    change = np.zeros_like(rate)
-    for k in range(1, rate.size):
-        change[k] = kept[k - 1] * change[k - 1] + (1 - kept[k - 1]) * aim[k - 1]
-    return trial.rows(positions={name: change})
-
-
-def _late_up_and_down(trial: Trial, name: str) -> tuple[float, float]:
-    """Return the times by which a simulated speed follows its command while it rises and while it falls, s.
-
-    A supply that sags scales commands, which is no time.
-    """
-    record, position = trial.maneuver.record, trial.positions[name]
-    sent = f"command/{name}"
-    rate = _slope(position, record.dt)
-    if sent not in record or not (rate.max() > 0 > rate.min()):
-        late = _late(trial, name)
-        return late, late
-    moved = record[sent] - record[sent].mean()
-    columns = np.array([np.maximum(rate, 0), np.minimum(rate, 0), moved, np.ones_like(rate)])
-    found = np.linalg.lstsq(columns.T, record[sent] - position, rcond=None)[0]
-    return max(float(found[0]), _IDEAL), max(float(found[1]), _IDEAL)
-
-
-def _slope(values: Array, dt: float) -> Array:
-    return np.asarray(np.gradient(values, dt))

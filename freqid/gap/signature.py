@@ -47,7 +47,7 @@ def signature(effect: Effect, trial: Trial) -> dict[str, Histories]:
     dict of Histories
         By parameter: change of the rows for each unit of it, where the truth has the effect and the
         simulation as it is has not. A parameter that may not be negative is stepped to one side. One that
-        says nothing while the size is zero, as where a stall begins, gives the size's derivative at two
+        says nothing while the size is zero, as where a stall begins, gives the size's derivative at other
         values of its own beside the default: ``size|name=value``. So are changes at sizes of which an effect
         has several, ``size|size=value``, again for each unit.
     """
@@ -64,8 +64,8 @@ def signature(effect: Effect, trial: Trial) -> dict[str, Histories]:
     for name in idle:
         del found[name]
         parameter = effect.parameters[name]
-        for value in (parameter.default - 2 * parameter.scale, parameter.default + 2 * parameter.scale):
-            value = float(np.clip(value, parameter.low, parameter.high))
+        beside = (parameter.default - 2 * parameter.scale, parameter.default + 2 * parameter.scale)
+        for value in parameter.looked_at or np.clip(beside, parameter.low, parameter.high).tolist():
             if value != parameter.default:
                 with suppress(ImpossibleSettings):  # then it does not show so
                     found[f"{effect.size}{GIVEN}{name}={value:.4g}"] = _sized(effect, trial, {name: value})

@@ -29,6 +29,9 @@ class Parameter:
         and the step by which differences are taken. Zero for a number that is taken as known.
     low, high : float
         What the parameter may be.
+    looked_at : tuple of float
+        Of one that says nothing while the effect's size is zero: values beside the default at which the size
+        is looked for; two scales to either side where none are named.
     """
 
     default: float
@@ -37,6 +40,7 @@ class Parameter:
     scale: float = 1.0
     low: float = -inf
     high: float = inf
+    looked_at: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

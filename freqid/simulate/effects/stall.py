@@ -19,6 +19,7 @@ from .effect import Effect, Parameter
 
 _ROUNDING = 0.1  # of the onset, in the sine of the angle of attack
 _STILL = 0.01  # m2/s2
+_ONSETS = (0.1, 0.15, 0.2, 0.4)  # a light aircraft's wing is set at an angle that its body does not show
 
 
 def _loss(settings: Mapping[str, Any], u: Any, w: Any, rho: Any, area: Any) -> Any:
@@ -73,7 +74,9 @@ EFFECT = Effect(
     meaning="Beyond an angle of attack the wings lose lift.",
     parameters={
         "strength": Parameter(0.0, "1", "share of the slope of lift that is lost far beyond", 0.2, -1.0, 3.0),
-        "onset": Parameter(0.3, "1", "sine of the angle of attack at which it begins", 0.05, 0.0, 1.0),
+        "onset": Parameter(
+            0.3, "1", "sine of the angle of attack at which it begins", 0.05, 0.0, 1.0, _ONSETS
+        ),
     },
     needs=("vehicle.area_m2", "state/u", "state/w", "air/rho"),
     add=_add,

@@ -117,6 +117,11 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
         f"  sparse regression's first      {rate(r['sparse_right'] for r in single)}",
         "right name when one is given, and names given to nulls:",
         *(_when_named(label, how, single, of["null"]) for label, how in _NAMERS),
+        "Brier score of all cases but pairs:",
+        *(
+            f"  {label:<30} {_mean(r[column] for r in rows if r['kind'] != 'double')}"
+            for label, column in _TOOLS
+        ),
         "Brier score of singles and nulls, each by half:",
         *(f"  {label:<30} {_halved(single, of['null'], column):.3f}" for label, column in _TOOLS),
         "Brier score of singles:",

@@ -8,11 +8,11 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
+from scipy.special import expit, logsumexp
 from scipy.stats import norm
 
 from freqid.core.diagnosis import Interval, Which
-from freqid.gap.attribute import NONE, OTHER, Judged, priors
+from freqid.gap.attribute import NONE, OTHER, Judged, priors, statistic
 from freqid.gap.evidence import Evidence
 from freqid.gap.signature import GIVEN
 from freqid.simulate.effects.effect import Effect
@@ -28,6 +28,7 @@ NAMED = 0.6
 CONSIDERED = 0.005
 """Probability from which an effect can share a name with the likeliest."""
 
+_UNCALLED = 0.49  # of all effects together where no gap is called: none stays the likeliest
 _AS_GOOD = 2.0  # half misfit, beyond one for each parameter, by which a fit may be the worse and yet as good
 
 
@@ -42,8 +43,9 @@ class Table:
     temperature : float
     other, none : float
         Added to their logarithms.
-    kept : float
-        Probability that effects have at most where no gap is called: small ones are not found.
+    missed, missed_slope : float
+        Where no gap is called, the logarithm of the odds that there is one all the same, too small to be
+        found: that where the statistic of `freqid.gap.attribute.existence` is zero, and its rise with that.
     pair_gain : float
         By how much two effects must explain more than the better of them, as a share of its evidence.
     set_level : float
@@ -58,7 +60,8 @@ class Table:
     temperature: float = 1.0
     other: float = 0.0
     none: float = 0.0
-    kept: float = 0.10
+    missed: float = -2.0
+    missed_slope: float = 0.5
     pair_gain: float = 0.15
     set_level: float = 0.90
     calibrated: bool = False
@@ -107,10 +110,11 @@ def chances(names: Sequence[str], evidence: Array, exists: NDArray[np.bool_], ta
     logs[:, :-1] = np.where(judged, evidence / soft, -np.inf) + priors(names, judged) + shift
     found = np.exp(logs - logsumexp(logs, axis=1, keepdims=True))
     # the null's own draws say that nothing is there, or that it is too small to be found
-    rest = found[:, :-1].sum(axis=1)
-    keep = np.minimum(rest, table.kept)
-    found[~exists, :-1] *= (keep / np.maximum(rest, 1e-300))[~exists, None]
-    found[~exists, -1] = 1 - keep[~exists]
+    share = expit(table.missed + table.missed_slope * statistic(names, evidence[~exists]))
+    share = np.minimum(share, _UNCALLED)
+    rest = np.maximum(found[~exists, :-1].sum(axis=1), 1e-300)
+    found[~exists, :-1] *= (share / rest)[:, None]
+    found[~exists, -1] = 1 - share
     return found
 
 

@@ -28,7 +28,8 @@ RANGES: dict[str, tuple[float, float]] = {
     "temperature": (0.5, 20.0),
     "other": (-6.0, 6.0),
     "none": (-6.0, 6.0),
-    "kept": (0.02, 0.4),  # where no gap is called, none stays the likeliest
+    "missed": (-6.0, 6.0),
+    "missed_slope": (0.0, 4.0),
 }
 """Numbers of a table that known cases can settle, and between what."""
 

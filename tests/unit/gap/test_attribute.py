@@ -136,7 +136,18 @@ def test_probabilities_sum_to_one(sizes, exists):
     assert list(found.values()) == sorted(found.values(), reverse=True)
     assert set(found) == {*LIBRARY, OTHER, NONE}
     if not exists:
-        assert found[NONE] >= 0.9
+        assert found[NONE] > 0.5
+        assert next(iter(found)) == NONE
+
+
+def test_a_gap_that_is_nearly_called_is_likelier_than_one_of_which_nothing_shows():
+    table = Table(missed=-1.0, missed_slope=0.5)
+    found = [judged({}), judged({"a:size": 3.0}), judged({"c:size": 400.0})]
+    none = [probabilities(j, table, False)[NONE] for j in found]
+    odds = -1.0 + 0.5 * np.array([existence(j)[0] for j in found])
+    assert odds[0] < odds[1] < 0 < odds[2]
+    assert none[:2] == pytest.approx(1 / (1 + np.exp(odds[:2])))
+    assert none[2] == pytest.approx(0.51)  # what the verdict says stays the likeliest
 
 
 def test_a_large_gap_is_not_judged_to_the_last_unit_of_evidence():

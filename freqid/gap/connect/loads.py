@@ -21,7 +21,7 @@ from freqid.simulate.quantities import Aero, Flow, Positions, Wake
 
 Array = NDArray[np.float64]
 
-_CHUNK = 256  # samples
+_CHUNKS = {1024: 0.8, 256: 1.0}  # samples, and the time of each; what a record does not fill is lost
 _GRID = 64  # points of the coarse grid of derivatives
 _STEP = 0.005  # s: between what the simulation's own wake remembers
 _STILL = Wake(np.zeros(2), np.zeros(2))  # type: ignore[arg-type]
@@ -57,9 +57,9 @@ def wrench(parameters: airframe.Parameters, mass: MassModel, along: Along, time:
     lets that arrive when the air has carried it to the rear wing. Before the record, the wake is as at its
     start. Between samples, what is shed is a cubic spline seen, as in flight, straight between steps.
     """
-    leaving, late = _chunked(_shed, (parameters,), along, _CHUNK)
+    leaving, late = _chunked(_shed, (parameters,), along, _chunk(time.size))
     arriving = jax.tree.map(lambda shed: _arrived(time, shed, late), leaving)
-    return _chunked(_loads, (parameters, mass), (along, arriving), _CHUNK).T
+    return _chunked(_loads, (parameters, mass), (along, arriving), _chunk(time.size)).T
 
 
 def derivatives(
@@ -87,7 +87,7 @@ def derivatives(
 
 def torques(parameters: airframe.Parameters, along: Along) -> Array:
     """Return the rotors' torques in a steady wake, N m, shape (sample, rotor)."""
-    return _chunked(_torque, (parameters,), along, _CHUNK)
+    return _chunked(_torque, (parameters,), along, _chunk(len(along.flow.rho)))
 
 
 def _arrived(time: Array, shed: Array, late: Array) -> Array:
@@ -98,6 +98,11 @@ def _arrived(time: Array, shed: Array, late: Array) -> Array:
     share = (steps - whole)[:, None]
     newer, older = (spline(np.maximum(time - _STEP * n, time[0])) for n in (whole, whole + 1))
     return (1 - share) * newer + share * older
+
+
+def _chunk(count: int) -> int:
+    """Return the size of chunks that takes the least time for so many samples."""
+    return min(_CHUNKS, key=lambda size: _CHUNKS[size] * size * -(-count // size))
 
 
 def _chunked(function: Callable, fixed: tuple, samples: Any, size: int) -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from threading import Lock
 from typing import Any, Literal
 
 import jax
@@ -29,7 +30,7 @@ from freqid.simulate import motion, multibody
 from freqid.simulate.actuators import by_kind
 from freqid.simulate.atmosphere import altitude_of
 from freqid.simulate.fly import fly, sortie
-from freqid.simulate.lq import ClosedLoop, close_loop
+from freqid.simulate.lq import ClosedLoop, close_loop, corridor
 from freqid.simulate.maneuver import with_effects
 from freqid.simulate.quantities import Flow, Positions
 from freqid.simulate.small_motion import HEIGHT
@@ -37,6 +38,7 @@ from freqid.simulate.small_motion import HEIGHT
 Array = NDArray[np.float64]
 
 MOTION = ("state/u", "state/v", "state/w", *RATES, "air/rho", "state/alt")
+_DESIGNING = Lock()
 _GRID_HZ = 10.0  # of the states at which derivatives are taken: beyond what is excited
 
 
@@ -151,14 +153,8 @@ class ScenarioSimulation:
             record.time - record.time[0],
             record.matrix(f"excitation/{n}" for n in excited).reshape(len(excited), -1),
         )
-        key = msgspec.json.encode([self._settings(effects), reference]).decode()
-        if key not in self._loops:
-            self._loops[key] = close_loop(scenario, reference)
-        flight = fly(
-            sortie(
-                scenario, self._loops[key], reference, inputs if excited else None, duration=record.duration
-            )
-        )
+        loop = self._loop(scenario, reference, effects)
+        flight = fly(sortie(scenario, loop, reference, inputs if excited else None, duration=record.duration))
         if flight.divergence:
             raise DataError(
                 f"the simulation's own flight fails: {flight.divergence}",
@@ -166,6 +162,14 @@ class ScenarioSimulation:
                 remedy="compare by replay on the flown states, or lower the inputs",
             )
         return as_measured(scenario, flight, record)
+
+    def _loop(self, scenario: Scenario, reference: Reference, changed: Settings | None) -> ClosedLoop:
+        """Return the vehicle with its control law, one for all references of a corridor."""
+        key = msgspec.json.encode([self._settings(changed), corridor(scenario, reference)]).decode()
+        with _DESIGNING:  # flights side by side wait for the same law
+            if key not in self._loops or reference.id not in self._loops[key].trims:
+                self._loops[key] = close_loop(scenario, reference)
+            return self._loops[key]
 
     def _settings(self, changed: Settings | None) -> dict[str, dict[str, float]]:
         """Return the settings of every effect with some of them changed."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,8 +67,7 @@ def variants(effect: Effect, evidence: Evidence) -> tuple[Hypothesis, ...]:
     another regime and in another response.
     """
     prefix = f"{effect.id}:"
-    known = [n for n in evidence.signatures if n.startswith(prefix) and _known(evidence, n)]
-    names = [n for n in known if everywhere(n)]
+    names = [n for n in _known(evidence, prefix) if everywhere(n)]
     scales = {n: scale_of(effect, n[len(prefix) :]) for n in names}
     if not names:
         return ()
@@ -80,19 +79,38 @@ def variants(effect: Effect, evidence: Evidence) -> tuple[Hypothesis, ...]:
         size = f"{prefix}{effect.size}"
         rest = [n for n in plain if n != size]
         groups = [plain, *([n, *rest] for n in names if GIVEN in n)]
-    flights, rows = (
-        {n: [m for m in known if m.startswith(f"{n}{within}")] for n in names}
-        for within in (IN_MANEUVER, IN_ROW)
-    )
-    scales |= {m: _APART * scales[n] for of in (flights, rows) for n, each in of.items() for m in each}
-    groups = [g for g in groups if g]
-    apart = [[*g, *flights[g[0]]] for g in groups if flights[g[0]]]
-    apart += [[*g, *flights[g[0]], *rows[g[0]]] for g in groups if rows[g[0]]]
-    groups += apart
-    return tuple(
+    whole = (
         Hypothesis(effect.id, tuple(evidence.column(n) for n in g), tuple(scales[n] for n in g))
         for g in groups
+        if g
     )
+    return tuple(way for h in whole for way in freer(h, evidence))
+
+
+def freer(hypothesis: Hypothesis, evidence: Evidence) -> tuple[Hypothesis, ...]:
+    """Return an explanation, and it with sizes of its effects that differ between manoeuvres and responses.
+
+    As far as the evidence has columns for that; every effect of several by itself.
+    """
+    effects: dict[str, list[tuple[int, float]]] = {}
+    for column, scale in zip(hypothesis.columns, hypothesis.scale, strict=True):
+        effects.setdefault(evidence.signatures[column - 1].partition(":")[0], []).append((column, scale))
+    found = []
+    for way in product(*(_chain(part, evidence) for part in effects.values())):
+        columns, scales = zip(*(pair for part in way for pair in part), strict=True)
+        found.append(Hypothesis(hypothesis.name, columns, scales))
+    return tuple(found)
+
+
+def _chain(part: list[tuple[int, float]], evidence: Evidence) -> list[list[tuple[int, float]]]:
+    """Return columns of an effect with their scales: as they are, by manoeuvre, by response too."""
+    size, scale = part[0]
+    name, chain = evidence.signatures[size - 1], [part]
+    for within in (IN_MANEUVER, IN_ROW):
+        more = [(evidence.column(n), _APART * scale) for n in _known(evidence, name + within)]
+        if more:
+            chain.append([*chain[-1], *more])
+    return chain
 
 
 def free(evidence: Evidence) -> tuple[Hypothesis, ...]:
@@ -152,10 +170,10 @@ def with_the_unexplained(judged: Sequence[Judged], evidence: Evidence) -> list[J
 
 
 def paired(one: Judged, other: Judged, evidence: Evidence) -> Judged:
-    """Return what data say of two effects at once."""
+    """Return what data say of two effects at once, each as free as it may be alone."""
     columns = (*one.best.columns, *other.best.columns)
     both = Hypothesis(f"{one.name}+{other.name}", columns, (*one.best.scale, *other.best.scale))
-    each = evidence.evidences(both)
+    each = averaged(np.array([evidence.evidences(way) for way in freer(both, evidence)]))
     return Judged(both.name, float(each[0]), each[1:], both, evidence.estimate(both))
 
 
@@ -277,7 +295,8 @@ def _judged(name: str, hypotheses: Sequence[Hypothesis], evidence: Evidence) -> 
     return Judged(name, float(whole[0]), whole[1:], best, evidence.estimate(best))
 
 
-def _known(evidence: Evidence, name: str) -> bool:
-    """Whether a signature does anything in these manoeuvres."""
-    at = evidence.column(name)
-    return bool(evidence.metric[at, at] > 1e-12)
+def _known(evidence: Evidence, prefix: str) -> list[str]:
+    """Return the signatures with a prefix that do anything in these manoeuvres."""
+    size = evidence.metric.diagonal()
+    names = [n for n in evidence.signatures if n.startswith(prefix)]
+    return [n for n in names if size[evidence.column(n)] > 1e-12]

@@ -29,6 +29,7 @@ CONSIDERED = 0.005
 """Probability from which an effect can share a name with the likeliest."""
 
 _UNCALLED = 0.49  # of all effects together where no gap is called: none stays the likeliest
+_PAIR = 6.0  # logarithm of odds, by which a pair must explain more: about what it is less expected beforehand
 _AS_GOOD = 2.0  # half misfit, beyond one for each parameter, by which a fit may be the worse and yet as good
 
 
@@ -62,7 +63,7 @@ class Table:
     none: float = 0.0
     missed: float = -2.0
     missed_slope: float = 0.5
-    pair_gain: float = 0.15
+    pair_gain: float = 0.10
     set_level: float = 0.90
     calibrated: bool = False
     source: str = ""
@@ -223,7 +224,7 @@ def _pair(judged: Sequence[Judged], table: Table) -> tuple[str, ...]:
     best = max(pairs, key=lambda j: j.evidence)
     alone = max(e for n, e in singles.items() if n != OTHER)
     gain = best.evidence - alone
-    return tuple(best.name.split("+")) if gain > max(8.0, table.pair_gain * alone) else ()
+    return tuple(best.name.split("+")) if gain > max(_PAIR, table.pair_gain * alone) else ()
 
 
 def _intervals(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.errors import ImpossibleSettings
-from freqid.gap.attribute import LEAST_ODDS, OTHER, Judged, paired, variants
+from freqid.gap.attribute import LEAST_ODDS, OTHER, Judged, freer, paired, variants
 from freqid.gap.changes import CHANGE, Values, departures, settings_of, sources_of_all
 from freqid.gap.compare import Compared
 from freqid.gap.descent import Sought, View, descend
@@ -117,7 +117,7 @@ def _in_full(
     at_first = float(evidence.evidences(judged.best)[0])
     if weight <= at_first:
         return judged
-    ways = 1 if len(effects) > 1 else len(variants(effects[0], evidence))
+    ways = len(freer(judged.best, evidence) if len(effects) > 1 else variants(effects[0], evidence))
     columns = [evidence.signatures[c - 1] for c in judged.best.columns]
     estimate = judged.estimate
     if columns == [f"{i}:{n}" for i, n in sought.names]:

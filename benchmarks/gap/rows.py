@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from known import alike, told_by, top_group
 
-from freqid.gap.calibrate import NAMED, Table, filled
+from freqid.gap.calibrate import NAMED, Table, filled, pair_called
 
 STRATA = (15, 50, 200)
 LISTED = 0.1
@@ -39,6 +39,7 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
     where = (
         {f"f1_{a}": _f1(found["where"][a], found["truth_where"][a]) for a in found["where"]} if truths else {}
     )
+    pair = pair_called({j["name"]: j["evidence"] for j in found["judged"]}, table) if exists else ()
     by_criterion = _by_bic(effects, found["rows"])
     right = {"null": {"none"}, "outside": {"other"}}.get(case["kind"], same)
     closed = found.get("closure", {})
@@ -70,7 +71,7 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
         "right": int(bool(same & group)) if named else "",
         "set": " ".join(sorted(names)),
         "set_covers": int(bool(names & right)),
-        "pair": "+".join(sorted(which["pair"])),
+        "pair": "+".join(sorted(pair)),
         **{f"{how}_right": int(name in same) for how, name in by.items()},
         **{f"{how}_brier": f"{_brier({by[how]: 1.0}, right):.3f}" for how in ("gain", "sparse")},
         "bic_brier": f"{_brier(by_criterion, right):.3f}",

@@ -190,7 +190,7 @@ def which(
         parameters={j.name: _intervals(j, evidence, library, interval) for j in judged if j.name in library},
         calibrated=table.calibrated,
         calibrated_by=table.source if table.calibrated else "",
-        pair=_pair(judged, table) if exists else (),
+        pair=pair_called({j.name: j.evidence for j in judged}, table) if exists else (),
         named=named(chances, groups) if exists else (),
     )
 
@@ -215,16 +215,21 @@ def filled(chances: Mapping[str, float], level: float) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _pair(judged: Sequence[Judged], table: Table) -> tuple[str, ...]:
-    """Return two effects that together say much more than either, or nothing."""
-    singles = {j.name: j.evidence for j in judged if "+" not in j.name}
-    pairs = [j for j in judged if "+" in j.name]
+def pair_called(evidence: Mapping[str, float], table: Table) -> tuple[str, ...]:
+    """Return two effects that together say much more than either, or nothing.
+
+    Parameters
+    ----------
+    evidence : dict of float
+        Log Bayes factors by name, of pairs as ``one+other``.
+    table : Table
+    """
+    singles = {n: x for n, x in evidence.items() if "+" not in n and n != OTHER}
+    pairs = {n: x for n, x in evidence.items() if "+" in n}
     if not pairs or not singles:
         return ()
-    best = max(pairs, key=lambda j: j.evidence)
-    alone = max(e for n, e in singles.items() if n != OTHER)
-    gain = best.evidence - alone
-    return tuple(best.name.split("+")) if gain > max(_PAIR, table.pair_gain * alone) else ()
+    best, alone = max(pairs, key=lambda n: pairs[n]), max(singles.values())
+    return tuple(best.split("+")) if pairs[best] - alone > max(_PAIR, table.pair_gain * alone) else ()
 
 
 def _intervals(

@@ -9,7 +9,17 @@ import pytest
 from linear_flight import effect
 from scipy.stats import kstest
 
-from freqid.gap.attribute import NONE, OTHER, existence, judge, p_value, prior, with_the_unexplained
+from freqid.gap.attribute import (
+    NONE,
+    OTHER,
+    existence,
+    freer,
+    judge,
+    p_value,
+    paired,
+    prior,
+    with_the_unexplained,
+)
 from freqid.gap.calibrate import Table, aliases, filled, probabilities, which
 from freqid.gap.gather import gather
 
@@ -27,19 +37,22 @@ def columns(seed=0):
     return found
 
 
-def evidence_of(sizes, seed=1):
-    """Return the evidence of data in which columns have sizes, of length one for each of them."""
-    rng, made = np.random.default_rng(seed), columns()
-    data = rng.standard_normal(ROWS) + sum(size * made[name] for name, size in sizes.items())
-    white = {n: 10 * x if n in ("a:size", "b:size") else x for n, x in made.items()}
-    white |= {"data": data, "draws": rng.standard_normal((DRAWS, ROWS))}
+def evidence_of(*flights, seed=1):
+    """Return the evidence of flights in which columns have sizes, of length one for each of them."""
+    rng, white = np.random.default_rng(seed), []
+    for k, sizes in enumerate(flights):
+        made = columns(k)
+        data = rng.standard_normal(ROWS) + sum(size * made[name] for name, size in sizes.items())
+        of = {n: 10 * x if n in ("a:size", "b:size") else x for n, x in made.items()}
+        white.append(of | {"data": data, "draws": rng.standard_normal((DRAWS, ROWS))})
     names = [f"{n}:size" for n in LIBRARY]
     nothing = (np.zeros(len(names) + len(TOLERANCES)), np.zeros(0))
-    return gather([white], [np.zeros((0, ROWS))], names, TOLERANCES, [nothing], DRAWS, 2)
+    count = len(flights)
+    return gather(white, [np.zeros((0, ROWS))] * count, names, TOLERANCES, [nothing] * count, DRAWS, 2)
 
 
 def judged(sizes, seed=1):
-    return judge(evidence_of(sizes, seed), LIBRARY)
+    return judge(evidence_of(sizes, seed=seed), LIBRARY)
 
 
 @pytest.mark.parametrize("name", ["a", "b", "d", "e"])
@@ -126,6 +139,23 @@ def test_singles_have_together_as_much_as_none_beforehand():
     pairs = count * (count - 1) / 2
     assert pairs * np.exp(prior("a+b", count)) == pytest.approx(np.exp(-3.0))
     assert np.exp(prior(OTHER, count)) == pytest.approx(0.25)
+
+
+def test_a_pair_is_as_free_as_its_effects_are_alone():
+    """Two effects, each of another size in each flight: of one size they explain much less."""
+    flights = {"a:size": 14.0, "c:size": 2.0}, {"a:size": 4.0, "c:size": 14.0}
+    plain = evidence_of(*flights)
+    apart = plain.by_maneuver([f"{n}:size" for n in LIBRARY])
+    a, c = (next(j for j in judge(apart, LIBRARY) if j.name == n) for n in "ac")
+    both = paired(a, c, apart)
+    ways = freer(both.best, apart)
+    assert [len(way.columns) for way in ways] == [2, 4, 4, 6]
+    assert ways[0] == both.best
+    assert ways[-1].scale == (1.0, 0.5, 0.5) * 2
+    each = [float(apart.evidences(way)[0]) for way in ways]
+    assert both.evidence == pytest.approx(np.logaddexp.reduce(each) - np.log(4))
+    assert both.evidence > paired(a, c, plain).evidence + 10
+    assert freer(both.best, plain) == (both.best,)
 
 
 @pytest.mark.parametrize("exists", [True, False])

@@ -10,7 +10,7 @@ from linear_flight import DT, LIBRARY, OWN, SLOPES, Linear, Truth, distorted, ef
 from msgspec.structs import replace as changed
 
 from freqid.core.errors import ImpossibleSettings
-from freqid.core.record import Maneuver
+from freqid.core.record import Channel, Maneuver
 from freqid.gap.lines import lines_of
 from freqid.gap.residual import residual
 from freqid.gap.signature import made, signature, sources_of
@@ -170,6 +170,20 @@ def test_a_size_is_told_at_two_places_where_its_place_says_nothing_while_it_is_z
     for name, onset in (("size", 1.0), ("size|onset=0.8", 0.8), ("size|onset=1.2", 1.2)):
         expected = np.maximum(trial.maneuver.record["state/w"] - onset, 0.0)
         assert found[name].direct[1] == pytest.approx(expected)
+    named = replace(stall.parameters["onset"], looked_at=(0.5, 0.7, 1.5))
+    stall = replace(stall, parameters={**stall.parameters, "onset": named})
+    assert set(signature(stall, trial)) == {"size", *(f"size|onset={x}" for x in named.looked_at)}
+
+
+def test_a_stall_that_begins_early_shows_in_a_light_aircraft_flown_slowly():
+    flight = fly(add={"state/w": np.full(fly().record.time.size, 20 * np.tan(0.17))})
+    air = Channel("air/rho", "kg/m3", np.full(flight.record.time.size, 1.1), 1 / DT, "made here")
+    described = changed(flight.vehicle, area_m2=16.0)
+    trial = Trial.of(Linear(), Maneuver(flight.record.with_channels(air), described))
+    found = signature(shipped()["stall"], trial)
+    shown = {name for name, change in found.items() if change.direct.any()}
+    assert {"strength|onset=0.1", "strength|onset=0.15"} <= shown
+    assert "strength" not in shown  # its onset is a sine of 0.3
 
 
 def test_sources_are_the_channels_that_a_signature_is_computed_from():

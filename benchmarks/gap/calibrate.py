@@ -26,7 +26,9 @@ DOMAIN = {"kinds": ["jsbsim", "scenario"], "manoeuvres": [2, 10], "duration_s": 
 def main() -> None:
     found = read(sys.argv[1:])
     table = fit_table(known_cases(found))
-    numbers = {n: round(getattr(table, n), 4) for n in (*RANGES, "pair_gain", "set_level")}
+    numbers = {
+        n: round(getattr(table, n), 4) for n in (*RANGES, "pair_gain", "set_level", "uncalled_set_level")
+    }
     before = json.loads(PATH.read_text()) if PATH.is_file() else {}
     changed = before.get("numbers") != numbers
     count = Counter(f["case"]["kind"] for f in found)

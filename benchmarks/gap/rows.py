@@ -22,7 +22,8 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
     top = max(chances, key=lambda n: chances[n])
     lam = found.get("lambda") or 0.0
     same = alike(found)
-    exists, names = found["gap"]["exists"], set(filled(chances, table.set_level))
+    exists = found["gap"]["exists"]
+    names = set(filled(chances, table.level(exists)))
     group = top_group(found, top)
     named = exists and top not in NOT_EFFECTS and sum(chances.get(n, 0.0) for n in group) >= NAMED
     judged = {j["name"]: j for j in found["judged"] if "+" not in j["name"]}

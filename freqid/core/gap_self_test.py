@@ -128,7 +128,7 @@ class SelfTest:
     table : dict of float
         The calibration that was fitted.
     score : dict of float
-        Mean logarithm of the probability on the truth, ``before`` and ``after`` calibration, cross-fitted.
+        Mean Brier score (0 is best), ``before`` and ``after`` calibration, cross-fitted.
     not_inserted : dict of str
         Why, by effect.
     """

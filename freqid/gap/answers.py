@@ -9,7 +9,7 @@ import numpy as np
 
 from freqid.core.gap_self_test import SEVERAL, Rate, Stratum
 from freqid.gap.attribute import NONE, OTHER
-from freqid.gap.calibrate import CONSIDERED, Table, filled, joined
+from freqid.gap.calibrate import CONSIDERED, NAMED, Table, filled, joined
 from freqid.gap.evidence import Evidence
 from freqid.gap.reach import explanations
 from freqid.gap.weighed_draws import Flags, Numbers, Weighed
@@ -56,19 +56,21 @@ class Teller:
         for i, truth in enumerate(weighed.truth):
             table = tables[fold[i]]
             chances = dict(zip((*weighed.names, NONE), by_table[fold[i]][i].tolist(), strict=True))
-            names = filled(chances, table.set_level)
+            called = bool(cases.exists[i])
+            names = filled(chances, table.level(called))
             good = {n for n, yes in zip((*weighed.names, NONE), cases.right[i], strict=True) if yes}
             covered.append(bool(good & set(names)))
             group = self._group(names[0], weighed, i, chances)
-            one = names[0] not in (NONE, OTHER) and set(names) <= group and bool(cases.exists[i])
+            sure = called and sum(chances.get(n, 0.0) for n in group) >= NAMED
+            one = sure and names[0] not in (NONE, OTHER)
             named.append(one)
             right.append(one and bool(good & group))
             if one:
                 told.append(truth if right[-1] and truth not in (NONE, OTHER) else names[0])
-            elif not cases.exists[i] or names[0] == NONE:
+            elif not called or names[0] == NONE:
                 told.append(NONE)
             else:
-                told.append(OTHER if names == (OTHER,) else SEVERAL)
+                told.append(OTHER if sure and names[0] == OTHER else SEVERAL)
         return Answers(tuple(told), cases.exists, *(np.array(x, dtype=bool) for x in (named, right, covered)))
 
     def _group(self, first: str, weighed: Weighed, case: int, chances: Mapping[str, float]) -> set[str]:

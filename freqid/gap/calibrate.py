@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 APART = 5.4
 """Expected separation ``lambda (1 - c)`` from which two effects are told apart in 95 of 100 cases."""
 
-NAMED = 0.6
+NAMED = 0.75
 """Probability from which an effect, with those that it cannot be told from, is given as the answer."""
 
 CONSIDERED = 0.005
@@ -49,8 +49,8 @@ class Table:
         found: that where the statistic of `freqid.gap.attribute.existence` is zero, and its rise with that.
     pair_gain : float
         By how much two effects must explain more than the better of them, as a share of its evidence.
-    set_level : float
-        Cumulative probability that the set is filled to.
+    set_level, uncalled_set_level : float
+        Cumulative probability that the set is filled to, where a gap is called and where none is.
     calibrated : bool
         Whether the numbers come from known cases.
     source : str
@@ -65,8 +65,13 @@ class Table:
     missed_slope: float = 0.5
     pair_gain: float = 0.10
     set_level: float = 0.90
+    uncalled_set_level: float = 0.90
     calibrated: bool = False
     source: str = ""
+
+    def level(self, exists: bool) -> float:
+        """Return the cumulative probability that the set is filled to."""
+        return self.set_level if exists else self.uncalled_set_level
 
 
 def probabilities(judged: Sequence[Judged], table: Table, exists: bool) -> dict[str, float]:
@@ -184,7 +189,7 @@ def which(
     groups = aliases(judged, evidence, considered) if exists else ()
     return Which(
         probabilities=chances,
-        set=filled(chances, table.set_level),
+        set=filled(chances, table.level(exists)),
         aliases=groups,
         not_tested=dict(not_tested),
         parameters={j.name: _intervals(j, evidence, library, interval) for j in judged if j.name in library},

@@ -2,8 +2,9 @@
 
 References
 ----------
+G. W. Brier, "Verification of forecasts expressed in terms of probability", Monthly Weather Review 78, 1950;
 T. Gneiting, A. E. Raftery, "Strictly proper scoring rules, prediction, and estimation", Journal of the
-American Statistical Association 102, 2007 (the logarithmic score); V. Vovk, A. Gammerman, G. Shafer,
+American Statistical Association 102, 2007; V. Vovk, A. Gammerman, G. Shafer,
 *Algorithmic Learning in a Random World*, Springer, 2005, sec. 4.2 (split-conformal sets).
 """
 
@@ -36,8 +37,7 @@ RANGES: dict[str, tuple[float, float]] = {
 UNCALIBRATED = Table()
 
 _RATIOS = ("form_error", "temperature")  # fitted as logarithms
-_HELD = 0.002  # score that a number costs by which a table moves away from where it began
-_LEAST = 1e-4  # probability below which a wrong answer costs no more: a lost case must not rule the rest
+_HELD = 0.0005  # score that a number costs by which a table moves away from where it began
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,9 +109,15 @@ class KnownCases:
         return chances(self.names, self.evidence, self.exists, table)
 
     def score(self, table: Table) -> float:
-        """Return the mean logarithm of the probability on what is right: 0 is best."""
-        right = np.where(self.right, self.chances(table), 0.0).sum(axis=1)
-        return float(np.average(np.log(np.maximum(right, _LEAST)), weights=self.weight))
+        """Return the mean Brier score: 0 is best, 2 worst; names that count as right are one.
+
+        A lost case costs no more than 2: by the logarithm of the probability a few of them make a table doubt
+        all others.
+        """
+        each = self.chances(table)
+        right = np.where(self.right, each, 0.0).sum(axis=1)
+        wrong = np.where(self.right, 0.0, each**2).sum(axis=1)
+        return float(np.average((1 - right) ** 2 + wrong, weights=self.weight))
 
     def before(self, table: Table) -> Array:
         """Return the probability of all names that are likelier than the first right one, shape (case,).
@@ -135,7 +141,7 @@ def fit_table(
     coverage: float = 0.90,
     source: str = "known cases",
 ) -> Table:
-    """Return the table with the best logarithmic score on known cases, and sets that hold the truth.
+    """Return the table with the best Brier score on known cases, and sets that hold the truth.
 
     Parameters
     ----------
@@ -145,7 +151,7 @@ def fit_table(
     fitted : sequence of str
         Names of `RANGES`.
     coverage : float
-        Share of the cases with a gap in which the set shall hold a right name.
+        Share of the cases in which the set shall hold a right name, where a gap is called and where not.
     source : str
         What the table will say that it was made of.
 
@@ -165,28 +171,41 @@ def fit_table(
         return replace(base, **dict(zip(fitted, values.tolist(), strict=True)))
 
     def loss(x: Array) -> float:
-        return -cases.score(table_at(x)) + _HELD * float(((x - begin) ** 2).sum())
+        return cases.score(table_at(x)) + _HELD * float(((x - begin) ** 2).sum())
 
     begin = np.where(ratio, np.log(np.where(ratio, start, 1.0)), start)
     found = begin
     if len(fitted):
         simplex = np.concatenate([begin[None], begin + 0.5 * np.eye(len(begin))])
-        options: Any = {"xatol": 0.01, "fatol": 1e-5, "maxiter": 400, "initial_simplex": simplex}
+        options: Any = {"xatol": 0.01, "fatol": 1e-6, "maxiter": 400, "initial_simplex": simplex}
         found = minimize(loss, begin, method="Nelder-Mead", options=options).x
     table = table_at(found)
-    return replace(table, set_level=set_level(cases, table, coverage), calibrated=True, source=source)
+    return replace(
+        table,
+        set_level=set_level(cases.only(cases.exists), table, coverage, table.set_level),
+        uncalled_set_level=set_level(cases.only(~cases.exists), table, coverage, table.uncalled_set_level),
+        calibrated=True,
+        source=source,
+    )
 
 
-def set_level(cases: KnownCases, table: Table, coverage: float) -> float:
+def set_level(cases: KnownCases, table: Table, coverage: float, otherwise: float) -> float:
     """Return the cumulative probability to which sets are filled, so that they hold a right name as often.
 
-    The split-conformal quantile of `KnownCases.before`, over cases in which a gap was called: elsewhere no
-    name is given.
+    The split-conformal quantile of `KnownCases.before`. Cases in which a gap was called and those in which
+    none was are taken apart, for what one knows is another (Vovk et al., sec. 4.5: Mondrian predictors).
+
+    Parameters
+    ----------
+    cases : KnownCases
+    table : Table
+    coverage : float
+    otherwise : float
+        What is returned without any case.
     """
-    counted = cases.only(cases.exists)
-    if not len(counted.right):
-        return table.set_level
-    above, weight = counted.before(table), counted.weight
+    if not len(cases.right):
+        return otherwise
+    above, weight = cases.before(table), cases.weight
     order = np.argsort(above)
     share = np.cumsum(weight[order]) / (weight.sum() + weight.mean())  # the case to come counts as the worst
     at = int(np.searchsorted(share, coverage))

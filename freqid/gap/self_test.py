@@ -122,7 +122,7 @@ def self_test(
         strata=tuple(stratum(g, w, a) for g, w, a in zip(STRATA, weighed, answers, strict=True)),
         false_alarm=_false_alarm(existence(judged)[1], level),
         outside=_outside(teller, weighed, threshold, folds),
-        table={n: getattr(table, n) for n in (*FITTED, "form_error", "set_level")},
+        table={n: getattr(table, n) for n in (*FITTED, "form_error", "set_level", "uncalled_set_level")},
         score={"before": _score(cases, [base] * _FOLDS), "after": _score(cases, folds)},
         not_inserted=_left(known, inserted),
     )

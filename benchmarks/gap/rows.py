@@ -52,7 +52,7 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
         "form": "+".join(t["form"] for t in found["truth"]),
         "place": "+".join(t["place"] for t in found["truth"]),
         "size": " ".join(f"{t['size']:.4g}" for t in found["truth"]),
-        "stratum": _stratum(case, lam),
+        "stratum": _stratum(case, found),
         "asked": case["lam"],
         "lambda": f"{lam:.4g}",
         "seed": case["seed"],
@@ -92,13 +92,14 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
     }
 
 
-def _stratum(case: dict[str, Any], lam: float) -> int:
+def _stratum(case: dict[str, Any], found: dict[str, Any]) -> int:
     """Return the stratum that the detectability measured in a case is nearest to, 0 where it is below all.
 
-    Of pairs it is the one that was asked for.
+    Of pairs that of the fainter effect.
     """
-    if case["kind"] not in ("single", "outside"):
-        return case["lam"]
+    if case["kind"] == "null":
+        return 0
+    lam = min(found["lambda_each"])
     near = min(STRATA, key=lambda s: abs(np.log(max(lam, 1e-9) / s)))
     return near if lam > STRATA[0] / 2 else 0
 

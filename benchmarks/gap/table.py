@@ -64,7 +64,9 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
     single = [r for r in of["single"] if int(r["stratum"])]
     found = [r for r in single if int(r["detected"])]
     seen = [r for r in single if int(r["stratum"]) >= 50]
-    both = [int(r["pair"] == "+".join(sorted(r["truth"].split("+")))) for r in of["double"]]
+    both = [
+        (int(r["pair"] == "+".join(sorted(r["truth"].split("+")))), int(r["stratum"])) for r in of["double"]
+    ]
     either = [int(r["top"] in r["truth"].split("+")) for r in of["double"]]
     naive = [int(float(r["naive_p"]) < 0.02) for r in of["null"]]
     ratios = [
@@ -107,7 +109,8 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
         f"G of the true effect             {_mean(r['G'] for r in single)}",
         f"G of the oracle                  {_mean(r['oracle_G'] for r in single)}",
         f"G over the oracle's              {_mean(ratios)}",
-        f"doubles: both named as a pair    {rate(both)}",
+        f"doubles: both named as a pair    {rate(right for right, _ in both)}",
+        f"  both of stratum 50 or 200      {rate(right for right, stratum in both if stratum >= 50)}",
         f"doubles: top is one of them      {rate(either)}",
         f"called a pair: singles found     {rate(int(bool(r['pair'])) for r in found)}",
         f"  outside                        {rate(int(bool(r['pair'])) for r in of['outside'])}",

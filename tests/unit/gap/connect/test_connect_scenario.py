@@ -135,10 +135,13 @@ def test_parts_are_the_sections_that_the_scenario_has(simulation):
 
 
 def test_neither_other_settings_nor_other_lengths_compile_anew(simulation, flown):
+    """Beyond the two sizes of chunks, of which a length takes one."""
     record = flown("u20").record
     simulation.predict(record)
+    simulation.predict(record.cut(0.0, 7.3))
     compiled = loads._loads._cache_size()
-    simulation.predict(record.cut(0.0, 7.3), {"slipstream": {"strength": 0.9}})
+    for end in (5.1, 6.4, 7.3):
+        simulation.predict(record.cut(0.0, end), {"slipstream": {"strength": 0.9}})
     assert loads._loads._cache_size() == compiled
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from known import alike, told_by, top_group
 
-from freqid.gap.calibrate import NAMED, Table, filled, pair_called
+from freqid.gap.calibrate import Table, filled, named, pair_called
 
 STRATA = (15, 50, 200)
 LISTED = 0.1
@@ -25,7 +25,7 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
     exists = found["gap"]["exists"]
     names = set(filled(chances, table.level(exists)))
     group = top_group(found, top)
-    named = exists and top not in NOT_EFFECTS and sum(chances.get(n, 0.0) for n in group) >= NAMED
+    answer = named(chances, (tuple(group),)) if exists else ()
     judged = {j["name"]: j for j in found["judged"] if "+" not in j["name"]}
     effects = {n: j for n, j in judged.items() if n not in NOT_EFFECTS}
     sparse = [n.partition(":")[0] for n, _ in found["sparse"]]
@@ -67,9 +67,9 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
         "p_truth": f"{sum(chances.get(t, 0.0) for t in truths):.3f}",
         "p_class": f"{sum(chances.get(t, 0.0) for t in same):.3f}",
         "brier": f"{_brier(chances, right):.3f}",
-        "named": int(named),
-        "alone": int(named and names <= group),
-        "right": int(bool(same & group)) if named else "",
+        "named": int(bool(answer)),
+        "alone": int(bool(answer) and names <= group),
+        "right": int(bool(same & group)) if answer else "",
         "set": " ".join(sorted(names)),
         "set_covers": int(bool(names & right)),
         "pair": "+".join(sorted(pair)),

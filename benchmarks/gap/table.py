@@ -113,8 +113,11 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
         f"  both of stratum 50 or 200      {rate(right for right, stratum in both if stratum >= 50)}",
         f"doubles: top is one of them      {rate(either)}",
         f"called a pair: singles found     {rate(int(bool(r['pair'])) for r in found)}",
+        f"  the truth is in it             {rate(_in_pair(r) for r in found if r['pair'])}",
         f"  outside                        {rate(int(bool(r['pair'])) for r in of['outside'])}",
         f"  nulls                          {rate(int(bool(r['pair'])) for r in of['null'])}",
+        f"verdicts, a name or a pair: right {rate(_verdicts(found))}",
+        f"  given outside                  {rate(_given(r) for r in of['outside'])}",
         "comparators, right name of all singles (aliases merged):",
         f"  this tool's likeliest          {rate(int(_top_right(r)) for r in single)}",
         f"  the same, an effect always     {rate(r['likeliest_right'] for r in single)}",
@@ -145,6 +148,21 @@ def table(rows: Sequence[dict[str, Any]]) -> list[str]:
         tops = " ".join(r["top"] if int(r["detected"]) else "-" for r in here)
         lines.append(f"  {name:<22} {sum(int(r['detected']) for r in here)}/{len(here)}  {tops}")
     return lines
+
+
+def _in_pair(row: dict[str, Any]) -> int:
+    """Return whether the truth is one of the two effects that are called."""
+    return int(row["truth"] in row["pair"].split("+"))
+
+
+def _given(row: dict[str, Any]) -> int:
+    """Return whether the verdict gives a pair or a name; a pair comes before a name, as in `verdict`."""
+    return int(bool(row["pair"]) or bool(int(row["named"])))
+
+
+def _verdicts(found: Sequence[dict[str, Any]]) -> list[int]:
+    """Return of single effects that are given a name or a pair whether it is the name alone, and right."""
+    return [int(not r["pair"] and bool(int(r["right"]))) for r in found if _given(r)]
 
 
 _TOOLS = (

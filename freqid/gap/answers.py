@@ -9,7 +9,8 @@ import numpy as np
 
 from freqid.core.gap_self_test import SEVERAL, Rate, Stratum
 from freqid.gap.attribute import NONE, OTHER
-from freqid.gap.calibrate import CONSIDERED, NAMED, Table, filled, joined
+from freqid.gap.calibrate import CONSIDERED, Table, filled, joined
+from freqid.gap.calibrate import named as named_of
 from freqid.gap.evidence import Evidence
 from freqid.gap.reach import explanations
 from freqid.gap.weighed_draws import Flags, Numbers, Weighed
@@ -61,8 +62,7 @@ class Teller:
             good = {n for n, yes in zip((*weighed.names, NONE), cases.right[i], strict=True) if yes}
             covered.append(bool(good & set(names)))
             group = self._group(names[0], weighed, i, chances)
-            sure = called and sum(chances.get(n, 0.0) for n in group) >= NAMED
-            one = sure and names[0] not in (NONE, OTHER)
+            one = called and bool(named_of(chances, (tuple(group),)))
             named.append(one)
             right.append(one and bool(good & group))
             if one:
@@ -70,7 +70,7 @@ class Teller:
             elif not called or names[0] == NONE:
                 told.append(NONE)
             else:
-                told.append(OTHER if sure and names[0] == OTHER else SEVERAL)
+                told.append(OTHER if names[0] == OTHER else SEVERAL)
         return Answers(tuple(told), cases.exists, *(np.array(x, dtype=bool) for x in (named, right, covered)))
 
     def _group(self, first: str, weighed: Weighed, case: int, chances: Mapping[str, float]) -> set[str]:

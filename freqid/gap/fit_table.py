@@ -193,7 +193,7 @@ def set_level(cases: KnownCases, table: Table, coverage: float, otherwise: float
     """Return the cumulative probability to which sets are filled, so that they hold a right name as often.
 
     The split-conformal quantile of `KnownCases.before`. Cases in which a gap was called and those in which
-    none was are taken apart, for what one knows is another (Vovk et al., sec. 4.5: Mondrian predictors).
+    none was are taken apart, for what one knows is another (Mondrian predictors: Vovk et al., ch. 4).
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from scipy.special import expit, logsumexp
 from scipy.stats import norm
 
 from freqid.core.diagnosis import Interval, Which
-from freqid.gap.attribute import NONE, OTHER, Judged, priors, statistic
+from freqid.gap.attribute import NONE, OTHER, Judged, prior, priors, statistic
 from freqid.gap.evidence import Evidence
 from freqid.gap.signature import GIVEN
 from freqid.simulate.effects.effect import Effect
@@ -29,7 +29,7 @@ CONSIDERED = 0.005
 """Probability from which an effect can share a name with the likeliest."""
 
 _UNCALLED = 0.49  # of all effects together where no gap is called: none stays the likeliest
-_PAIR = 6.0  # logarithm of odds, by which a pair must explain more: about what it is less expected beforehand
+_PAIR_ODDS = 20.0  # of a pair against the better of its effects, with what is expected beforehand
 _AS_GOOD = 2.0  # half misfit, beyond one for each parameter, by which a fit may be the worse and yet as good
 
 
@@ -223,6 +223,8 @@ def filled(chances: Mapping[str, float], level: float) -> tuple[str, ...]:
 def pair_called(evidence: Mapping[str, float], table: Table) -> tuple[str, ...]:
     """Return two effects that together say much more than either, or nothing.
 
+    A pair has to make good what it is less expected beforehand, and twenty to one on top.
+
     Parameters
     ----------
     evidence : dict of float
@@ -233,8 +235,10 @@ def pair_called(evidence: Mapping[str, float], table: Table) -> tuple[str, ...]:
     pairs = {n: x for n, x in evidence.items() if "+" in n}
     if not pairs or not singles:
         return ()
-    best, alone = max(pairs, key=lambda n: pairs[n]), max(singles.values())
-    return tuple(best.split("+")) if pairs[best] - alone > max(_PAIR, table.pair_gain * alone) else ()
+    best, alone = max(pairs, key=lambda n: pairs[n]), max(singles, key=lambda n: singles[n])
+    less_expected = prior(alone, len(singles)) - prior(best, len(singles))
+    least = max(less_expected + float(np.log(_PAIR_ODDS)), table.pair_gain * singles[alone])
+    return tuple(best.split("+")) if pairs[best] - singles[alone] > least else ()
 
 
 def _intervals(

@@ -20,7 +20,7 @@ from freqid.gap.attribute import (
     prior,
     with_the_unexplained,
 )
-from freqid.gap.calibrate import Table, aliases, filled, probabilities, which
+from freqid.gap.calibrate import Table, aliases, filled, pair_called, probabilities, which
 from freqid.gap.gather import gather
 
 ROWS, DRAWS = 400, 300
@@ -77,6 +77,16 @@ def test_two_effects_are_found_together():
 def test_one_effect_is_no_pair():
     sizes = {"a:size": 14.0}
     assert which(judged(sizes), evidence_of(sizes), LIBRARY, {}, True, 0.9).pair == ()
+
+
+@pytest.mark.parametrize(("count", "alone"), [(25, 20.0), (5, 20.0), (25, 400.0)])
+def test_a_pair_is_called_at_twenty_to_one_and_where_it_says_a_tenth_more(count, alone):
+    """All pairs share exp(-3) of what all singles have, by counting."""
+    singles = {f"s{i}": alone - i for i in range(count)}
+    before = (np.exp(-3.0) / (count * (count - 1) / 2)) / (1 / count)
+    least = max(np.log(20 / before), 0.1 * alone)
+    called = [pair_called(singles | {"s0+s1": alone + least + x}, Table()) for x in (-0.1, 0.1)]
+    assert called == [(), ("s0", "s1")]
 
 
 def test_what_moves_derivatives_as_no_candidate_does_is_other():

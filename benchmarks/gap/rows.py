@@ -40,7 +40,8 @@ def row_of(found: dict[str, Any], table: Table) -> dict[str, Any]:
     where = (
         {f"f1_{a}": _f1(found["where"][a], found["truth_where"][a]) for a in found["where"]} if truths else {}
     )
-    pair = pair_called({j["name"]: j["evidence"] for j in found["judged"]}, table) if exists else ()
+    evidence = {j["name"]: j["evidence"] for j in found["judged"]}
+    pair = pair_called(evidence, table, found.get("overlap", 1.0)) if exists else ()
     by_criterion = _by_bic(effects, found["rows"])
     right = {"null": {"none"}, "outside": {"other"}}.get(case["kind"], same)
     closed = found.get("closure", {})

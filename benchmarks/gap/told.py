@@ -10,6 +10,7 @@ from freqid.gap import attribute
 from freqid.gap.attribute import OTHER
 from freqid.gap.diagnose import Findings
 from freqid.gap.evidence import Evidence, everywhere
+from freqid.gap.overlap import overlap
 
 _STEPS = 6  # of the sparse regression
 
@@ -48,6 +49,7 @@ def told(found: Findings) -> dict[str, Any]:
             for j in (*singles, *pairs)
         ],
         "alignment": _alignments(singles, evidence),
+        "overlap": overlap(found.judged, evidence, found.compared),
         "which": {
             "probabilities": d.which.probabilities,
             "set": d.which.set,

@@ -29,7 +29,7 @@ CONSIDERED = 0.005
 """Probability from which an effect can share a name with the likeliest."""
 
 _UNCALLED = 0.49  # of all effects together where no gap is called: none stays the likeliest
-_PAIR_ODDS = 20.0  # of a pair against the better of its effects, with what is expected beforehand
+_PAIR_ODDS = 20.0  # of a pair against any other explanation, with what is expected beforehand
 _AS_GOOD = 2.0  # half misfit, beyond one for each parameter, by which a fit may be the worse and yet as good
 
 
@@ -48,7 +48,8 @@ class Table:
         Where no gap is called, the logarithm of the odds that there is one all the same, too small to be
         found: that where the statistic of `freqid.gap.attribute.existence` is zero, and its rise with that.
     pair_gain : float
-        By how much two effects must explain more than the better of them, as a share of its evidence.
+        By how much two effects must explain more than the better of them, as a share of its evidence, where
+        they act in the same rows.
     set_level, uncalled_set_level : float
         Cumulative probability that the set is filled to, where a gap is called and where none is.
     calibrated : bool
@@ -169,6 +170,7 @@ def which(
     exists: bool,
     interval: float,
     table: Table = Table(),
+    overlap: float = 1.0,
 ) -> Which:
     """Return which effect it is, with what confidence, and what it cannot be told from.
 
@@ -182,6 +184,8 @@ def which(
     interval : float
         Of the parameters.
     table : Table
+    overlap : float
+        Of the strongest pair's effects, as in `freqid.gap.overlap`.
     """
     chances = probabilities(judged, table, exists)
     likely = {n: p for n, p in chances.items() if p > CONSIDERED and n not in (NONE, OTHER)}
@@ -195,7 +199,7 @@ def which(
         parameters={j.name: _intervals(j, evidence, library, interval) for j in judged if j.name in library},
         calibrated=table.calibrated,
         calibrated_by=table.source if table.calibrated else "",
-        pair=pair_called({j.name: j.evidence for j in judged}, table) if exists else (),
+        pair=pair_called({j.name: j.evidence for j in judged}, table, overlap) if exists else (),
         named=named(chances, groups) if exists else (),
     )
 
@@ -220,25 +224,30 @@ def filled(chances: Mapping[str, float], level: float) -> tuple[str, ...]:
     return tuple(names)
 
 
-def pair_called(evidence: Mapping[str, float], table: Table) -> tuple[str, ...]:
+def pair_called(evidence: Mapping[str, float], table: Table, overlap: float = 1.0) -> tuple[str, ...]:
     """Return two effects that together say much more than either, or nothing.
 
-    A pair has to make good what it is less expected beforehand, and twenty to one on top.
+    A pair has to make good what it is less expected beforehand than a single effect or *other*, and twenty to
+    one on top. Where the better of its effects is large, it has to say more than a wrong formula of that
+    could make in rows of the other.
 
     Parameters
     ----------
     evidence : dict of float
         Log Bayes factors by name, of pairs as ``one+other``.
     table : Table
+    overlap : float
+        Of the strongest pair's effects, as in `freqid.gap.overlap`.
     """
     singles = {n: x for n, x in evidence.items() if "+" not in n and n != OTHER}
     pairs = {n: x for n, x in evidence.items() if "+" in n}
     if not pairs or not singles:
         return ()
-    best, alone = max(pairs, key=lambda n: pairs[n]), max(singles, key=lambda n: singles[n])
-    less_expected = prior(alone, len(singles)) - prior(best, len(singles))
-    least = max(less_expected + float(np.log(_PAIR_ODDS)), table.pair_gain * singles[alone])
-    return tuple(best.split("+")) if pairs[best] - singles[alone] > least else ()
+    best, alone = max(pairs, key=lambda n: pairs[n]), max(singles.values())
+    rivals = (x + prior(n, len(singles)) for n, x in evidence.items() if n not in pairs)
+    ahead = pairs[best] + prior(best, len(singles)) - max(rivals)
+    more = pairs[best] - alone > overlap * table.pair_gain * alone
+    return tuple(best.split("+")) if more and ahead > np.log(_PAIR_ODDS) else ()
 
 
 def _intervals(

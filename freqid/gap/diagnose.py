@@ -21,6 +21,7 @@ from freqid.gap.evidence import Evidence
 from freqid.gap.existence import existence_of, with_reached
 from freqid.gap.finalists import weighed_in_full
 from freqid.gap.gather import evidence_of
+from freqid.gap.overlap import overlap
 from freqid.gap.refit import Refit
 from freqid.gap.self_test import self_test
 from freqid.gap.simulation import Simulation, side_by_side
@@ -160,7 +161,16 @@ def diagnose(
     if tested:
         existence = with_reached(existence, tested, evidence, judged)
     table = tested.table if tested else table
-    which = calibrate.which(judged, evidence, library, not_tested, existence.exists, INTERVAL, table)
+    which = calibrate.which(
+        judged,
+        evidence,
+        library,
+        not_tested,
+        existence.exists,
+        INTERVAL,
+        table,
+        overlap(judged, evidence, used),
+    )
     for name in q.named:
         if name not in library:
             raise UsageError(f"effect '{name}' is unknown", remedy=nearest(name, library))

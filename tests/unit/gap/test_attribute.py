@@ -84,9 +84,18 @@ def test_a_pair_is_called_at_twenty_to_one_and_where_it_says_a_tenth_more(count,
     """All pairs share exp(-3) of what all singles have, by counting."""
     singles = {f"s{i}": alone - i for i in range(count)}
     before = (np.exp(-3.0) / (count * (count - 1) / 2)) / (1 / count)
-    least = max(np.log(20 / before), 0.1 * alone)
-    called = [pair_called(singles | {"s0+s1": alone + least + x}, Table()) for x in (-0.1, 0.1)]
-    assert called == [(), ("s0", "s1")]
+    for overlap in (1.0, 0.3):
+        least = max(np.log(20 / before), 0.1 * overlap * alone)
+        called = [pair_called(singles | {"s0+s1": alone + least + x}, Table(), overlap) for x in (-0.1, 0.1)]
+        assert called == [(), ("s0", "s1")]
+
+
+def test_a_pair_is_not_called_where_it_is_likelier_that_no_effect_explains_it():
+    singles = {f"s{i}": 20.0 - i for i in range(25)}
+    before = (np.exp(-3.0) / 300) / 0.25  # *other* has a quarter of what all singles have together
+    for x, called in ((-0.1, ()), (0.1, ("s0", "s1"))):
+        said = singles | {OTHER: 30.0, "s0+s1": 30.0 + np.log(20 / before) + x}
+        assert pair_called(said, Table()) == called
 
 
 def test_what_moves_derivatives_as_no_candidate_does_is_other():

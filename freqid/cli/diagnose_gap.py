@@ -50,6 +50,11 @@ if TYPE_CHECKING:
 )
 @click.option("--seed", type=int, default=0, show_default=True, help="Of the draws.")
 @click.option(
+    "--cache/--no-cache",
+    default=True,
+    help="Keep these draws in the user's cache, for further diagnoses of the same flights.",
+)
+@click.option(
     "--next-flight/--no-next-flight",
     "plan",
     default=True,
@@ -76,6 +81,7 @@ def command(
     level: float,
     draws: int,
     seed: int,
+    cache: bool,
     plan: bool,
     self_test: bool,
     anyway: bool,
@@ -101,7 +107,7 @@ def command(
     from freqid.core.gap_file import write_gap
     from freqid.core.record_file import read_record
     from freqid.core.scenario import read_scenario
-    from freqid.gap import flights
+    from freqid.gap import flights, kept_draws
     from freqid.gap.bookkeeping.check import check
     from freqid.gap.connect import connect
     from freqid.gap.cost import with_cost
@@ -165,6 +171,7 @@ def command(
         draws=draws,
         seed=seed,
         self_test=self_test,
+        cache=kept_draws.folder() if cache else None,
     )
     found = diagnose(simulation, used, question, held_out=kept, names=names, tell=tell)
     tell("costing margins")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -162,6 +163,7 @@ def compare(
     *,
     count: int = 200,
     seed: int = 0,
+    cache: Path | None = None,
 ) -> Compared:
     """Replay a simulation on a manoeuvre and prepare all that a diagnosis compares.
 
@@ -178,6 +180,8 @@ def compare(
     count : int
         Draws of the sensors' noise.
     seed : int
+    cache : Path, optional
+        Folder in which these draws are kept from one diagnosis to the next.
 
     Raises
     ------
@@ -199,7 +203,7 @@ def compare(
     smoothed = trial.maneuver
     if alone:
         smoothed = Maneuver(quiet(record, noisy_channels(record), expected).record, maneuver.vehicle)
-    own_noise, added = draws(maneuver, lines, measured, predicted, trial, quieted.sigma, count, seed)
+    own_noise, added = draws(maneuver, lines, measured, predicted, trial, quieted.sigma, count, seed, cache)
     shape = np.sqrt(form(trial, lines, sizes) / 2)
     rng = np.random.default_rng([seed, 3])
     wrong = rng.standard_normal((2, *own_noise.shape))

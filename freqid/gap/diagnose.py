@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +59,8 @@ class Question:
         Whether effects are refitted at all, which takes most of the time.
     self_test : bool
         Whether the diagnosis is first tried on each effect, inserted into this simulation and these flights.
+    cache : Path, optional
+        Folder in which draws of the null are kept from one diagnosis to the next, as `kept_draws.folder`.
     """
 
     candidates: Mapping[str, Effect]
@@ -69,6 +72,7 @@ class Question:
     seed: int = 0
     close: bool = True
     self_test: bool = False
+    cache: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,6 +214,7 @@ def _compared(simulation: Simulation, maneuver: Maneuver, q: Question, i: int, n
             q.band_hz,
             count=q.draws,
             seed=q.seed + 1000 * i,
+            cache=q.cache,
         )
     except DataError as error:
         raise DataError(str(error), where=name) from None

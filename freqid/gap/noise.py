@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.record import Maneuver
 from freqid.gap.histories import Histories
+from freqid.gap.kept_draws import kept
 from freqid.gap.lines import Lines
 from freqid.gap.residual import measured_part
 from freqid.gap.simulation import side_by_side
@@ -79,6 +81,7 @@ def draws(
     sigma: dict[str, float],
     count: int,
     seed: int,
+    cache: Path | None = None,
 ) -> tuple[Complex, Complex]:
     """Return residuals that sensor noise alone makes, through the very steps of the residual.
 
@@ -97,6 +100,8 @@ def draws(
         Standard deviation by channel.
     count : int
     seed : int
+    cache : Path, optional
+        Folder in which draws are kept from one diagnosis to the next.
 
     Returns
     -------
@@ -125,9 +130,14 @@ def draws(
         every = np.array(list(added.values())).reshape(len(sigma), record.time.size)
         return lines.transform(change), lines.spectrum(every)
 
-    made = side_by_side(simulation, one, range(count))
-    found = np.array([z for z, _ in made]).reshape(count, len(like.rows), lines.hz.size)
-    return found, np.array([z for _, z in made]).reshape(count, len(sigma), lines.hz.size)
+    first = one(0)
+
+    def every() -> tuple[Complex, Complex]:
+        made = [first, *side_by_side(simulation, one, range(1, count))]
+        found = np.array([z for z, _ in made]).reshape(count, len(like.rows), lines.hz.size)
+        return found, np.array([z for _, z in made]).reshape(count, len(sigma), lines.hz.size)
+
+    return kept(cache, first, count, seed, every)
 
 
 def noise_of(

@@ -34,6 +34,9 @@ def verdict(
             words.append(f", at {place.regime}")
         if place.input:
             words.append(f", coherent with {place.input}")
+    elif rows := cells.share("row"):
+        row, share = next(iter(rows.items()))
+        words.append(f": no place holds a tenth of what is explained, {row} most with {100 * share:.0f} %")
     words.append("; " + _name(which))
     if closures and np.isfinite(closures[0].wrench.G):
         gone = 100 * min(closures[0].wrench.G, 1.0)
@@ -41,16 +44,22 @@ def verdict(
         there = "the manoeuvre that it was fitted to" if itself else "manoeuvres that were not used"
         words.append(f"; adding {_it(which, closures[0])} removes {gone:.0f} % on {there}")
     if closures and closures[0].consequence.get("matters"):
-        it = _it(which, closures[0])
-        words.append("; " + ("" if it == "it" else f"with {it} ") + closures[0].consequence["sentence"])
+        it = "" if _just_named(which, closures[0]) else f"with {_it(which, closures[0])} "
+        words.append("; " + it + closures[0].consequence["sentence"])
     how = f" (calibrated by {which.calibrated_by})" if which.calibrated_by else ""
     return "".join(words) + (how if which.calibrated else " (uncalibrated)") + "."
 
 
+def _just_named(which: Which, closure: Closure) -> bool:
+    """Return whether a closure adds what the verdict has just named."""
+    return set(which.pair or tuple(which.probabilities)[:1]) == set(closure.effects)
+
+
 def _it(which: Which, closure: Closure) -> str:
-    """Return what a closure adds: *it* where that is what the verdict has just named."""
-    named = which.pair or tuple(which.probabilities)[:1]
-    return "it" if set(named) == set(closure.effects) else " and ".join(closure.effects)
+    """Return what a closure adds, in words."""
+    if not _just_named(which, closure):
+        return " and ".join(closure.effects)
+    return "both" if which.pair else "it"
 
 
 def _name(which: Which) -> str:

@@ -19,7 +19,7 @@ from .effect import Effect, Parameter
 
 _ROUNDING = 0.1  # of the onset, in the sine of the angle of attack
 _STILL = 0.01  # m2/s2
-_ONSETS = (0.1, 0.15, 0.2, 0.4)  # a light aircraft's wing is set at an angle that its body does not show
+_ONSETS = (0.15, 0.2, 0.4)  # a light aircraft's wing is set at an angle that its body does not show
 
 
 def _loss(settings: Mapping[str, Any], u: Any, w: Any, rho: Any, area: Any) -> Any:

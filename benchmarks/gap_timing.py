@@ -4,8 +4,8 @@ python benchmarks/gap_timing.py
 
 Ten manoeuvres of 60 s of the LA-8 class vehicle with a late actuator, 200 draws of the null. Beside every
 time stands this process's time on the processors: where others use the machine too, that grows less. One case
-is two of the manoeuvres diagnosed whole, with the draws that the comparison before has kept; first it is named
-only, then refitted and closed too.
+is two of the manoeuvres diagnosed whole, with the draws that the comparison before has kept; first it is
+named only, then refitted and closed too.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,10 +18,15 @@ Found = Mapping[str, Any]
 
 
 def read(folders: Sequence[str | Path]) -> list[dict[str, Any]]:
-    """Return all cases that run.py left in folders."""
+    """Return all cases that run.py left in folders; a case that is there twice would count twice."""
     paths = [p for folder in folders for p in sorted((Path(folder) / "cases").glob("*.json"))]
     every = (json.loads(p.read_text()) for p in paths if p.name != "units.json")
     found = [f for f in every if "case" in f]
+    times = Counter(json.dumps(f["case"], sort_keys=True) for f in found)
+    if twice := [case for case, n in times.items() if n > 1]:
+        raise SystemExit(
+            f"{len(twice)} cases are there more than once, first {twice[0]}; remove the older files"
+        )
     for f in found:  # cases that were run when less was enough to call a gap
         f["gap"]["exists"] &= f["gap"]["statistic"] > LEAST_ODDS
     return found

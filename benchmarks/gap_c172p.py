@@ -21,6 +21,7 @@ import re
 import shutil
 import tempfile
 from collections.abc import Mapping
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ from freqid.core.channels import si_unit
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.gap.connect import connect
 from freqid.gap.diagnose import Findings, Question, diagnose
-from freqid.gap.tolerance import stated
+from freqid.gap.tolerance import DEFAULT, stated
 from freqid.simulate.effects import library
 
 FOOT, POUND, SLUG = 0.3048, 4.4482216152605, 14.593902937206364
@@ -199,18 +200,18 @@ def diagnosed(
     seed: int = 10,
     periods: int = 2,
     draws: int = 40,
-    derivatives: float | None = None,
+    derivatives: float = DEFAULT["derivatives"],
 ) -> Findings:
     """Return the diagnosis of four flights of an aircraft in a folder, the last one held out.
 
-    Derivatives are known to a relative standard deviation, the usual one where it is not given.
+    Derivatives are known to a relative standard deviation.
     """
     simulation = connect("jsbsim:c172p")
     speeds = (*SPEEDS, HELD_OUT)
     flights = [fly(folder, v, seed + i, periods=periods) for i, v in enumerate(speeds)]
     maneuvers = [Maneuver.of(f, simulation.vehicle) for f in flights]
     effects = library()
-    tolerances = stated({} if derivatives is None else {"derivatives": derivatives}, effects)
+    tolerances = stated({"derivatives": derivatives}, effects)
     question = Question(effects, tolerances, BAND_HZ, named=named, draws=draws)
     names = [f"{v:g} m/s" for v in speeds]
     return diagnose(simulation, maneuvers[:-1], question, held_out=maneuvers[-1:], names=names)
@@ -224,17 +225,11 @@ def main() -> None:
             "unedited": aircraft(Path(there) / "unedited"),
             "edited": aircraft(Path(there) / "edited", loss=LOSS, delay_s=DELAY_S),
         }
-        for case, derivatives in (
-            ("unedited", None),
-            ("edited", None),
-            ("unedited", KNOWN),
-            ("edited", KNOWN),
-        ):
+        for derivatives, case in product((DEFAULT["derivatives"], KNOWN), folders):
             for seed in (10, 20):
                 found = diagnosed(folders[case], EFFECTS, seed=seed, derivatives=derivatives)
                 said, closure = found.diagnosis, found.diagnosis.how_far[0]
-                known = stated({}, {})["derivatives"] if derivatives is None else derivatives
-                print(case, seed, known, said.verdict)
+                print(case, seed, derivatives, said.verdict)
                 for place in said.where:
                     print("  ", place)
                 # None where another place than the elevator was preferred
@@ -244,24 +239,16 @@ def main() -> None:
                 best = max((j for j in found.judged if j.name != "other"), key=lambda j: j.evidence)
                 where = "; ".join(f"{p.response} {p.input} {p.share:.2f}" for p in said.where)
                 gap = said.gap
-                rows.append([case, seed, known, gap.exists, f"{gap.p:.2g}", f"{gap.naive_p:.2g}", where])
+                rows.append(
+                    [case, seed, derivatives, gap.exists, f"{gap.p:.2g}", f"{gap.naive_p:.2g}", where]
+                )
                 rows[-1] += [next(iter(said.which.probabilities)), best.name, "+".join(said.which.pair)]
                 rows[-1] += [*numbers, f"{share.G:.3f}", f"{share.lo:.3f}", f"{share.hi:.3f}"]
                 rows[-1] += [f"{closure.rmse[r].before:.4g}" for r in "ZM"]
                 rows[-1] += [f"{closure.rmse[r].after:.4g}" for r in "ZM"]
                 print("  ", *rows[-1], sep="  ", flush=True)
-    header = [
-        "case",
-        "seed",
-        "derivatives",
-        "gap",
-        "p",
-        "p_naive",
-        "where",
-        "likeliest",
-        "best_named",
-        "pair",
-    ]
+    header = ["case", "seed", "derivatives", "gap", "p", "p_naive"]
+    header += ["where", "likeliest", "best_named", "pair"]
     header += ["loss", "delay_s", "G", "G_lo", "G_hi", "rmse_Z", "rmse_M", "rmse_Z_after", "rmse_M_after"]
     with Path(__file__).with_suffix(".csv").open("w", newline="", encoding="utf-8") as file:
         csv.writer(file, lineterminator="\n").writerows([header, *rows])

@@ -124,11 +124,6 @@ class Compared:
         """Return rows on lines as white numbers, shape (..., 2 row line)."""
         return self.noise.white(z)
 
-    def energy(self, z: Complex) -> Array:
-        """Return the energy of rows on lines over the noise of each row, shape (row,)."""
-        power = np.einsum("lij->jl", np.abs(self.noise.whitening) ** 2)
-        return (np.abs(z) ** 2 * power).sum(axis=1)
-
     def attenuation(
         self, columns: Mapping[str, Complex], sources: Mapping[str, tuple[str, ...]] | None = None
     ) -> dict[str, float]:

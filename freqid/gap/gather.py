@@ -68,9 +68,10 @@ def evidence_of(
 
 def _by_row(compared: Compared) -> dict[str, Complex]:
     """Return signatures in one row each, by ``name#row``, where they stand out of the noise of several."""
+    power = np.einsum("lij->jl", np.abs(compared.noise.whitening) ** 2)
     found: dict[str, Complex] = {}
     for name, z in compared.signatures.items():
-        energy = compared.energy(z)
+        energy = (np.abs(z) ** 2 * power).sum(axis=1)
         rows = np.flatnonzero(energy > _STANDS_OUT * energy.sum())
         if len(rows) < 2:
             continue

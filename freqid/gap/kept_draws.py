@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,7 @@ def folder() -> Path:
 
 def kept(
     where: Path | None,
-    first: tuple[Complex, Complex],
+    known_by: Sequence[NDArray],
     count: int,
     seed: int,
     make: Callable[[], tuple[Complex, Complex]],
@@ -39,9 +39,10 @@ def kept(
     ----------
     where : Path or None
         Folder; none is used where this is None.
-    first : tuple of 2 ndarray
-        The first draw: what noise was added, and what the simulation and the measured part made of it. By it
-        draws are known again, whatever kind of simulation and flight they are of, to the last bit.
+    known_by : sequence of ndarray
+        By these draws are known again, to the last bit: what is predicted without noise, and of the first
+        draw what noise was added and what was made of it. That serves any kind of simulation; a change of
+        one is missed only where neither the flight nor the first draw's noise comes to it.
     count, seed : int
     make : callable
         Returns all draws, the first too.
@@ -52,7 +53,7 @@ def kept(
     """
     if where is None:
         return make()
-    path = where / f"{_key(first, count, seed)}.npz"
+    path = where / f"{_key(known_by, count, seed)}.npz"
     try:
         with path.open("rb") as opened, np.load(opened) as file:
             found = file["made"], file["noise"]
@@ -69,9 +70,9 @@ def kept(
     return found
 
 
-def _key(first: tuple[Complex, Complex], count: int, seed: int) -> str:
+def _key(known_by: Sequence[NDArray], count: int, seed: int) -> str:
     digest = hashlib.sha256(f"{__version__} {count} {seed}".encode())
-    for part in first:
+    for part in known_by:
         digest.update(f"{part.shape}".encode() + np.ascontiguousarray(part).tobytes())
     return digest.hexdigest()[:32]
 

@@ -137,7 +137,7 @@ def draws(
         found = np.array([z for z, _ in made]).reshape(count, len(like.rows), lines.hz.size)
         return found, np.array([z for _, z in made]).reshape(count, len(sigma), lines.hz.size)
 
-    return kept(cache, first, count, seed, every)
+    return kept(cache, (predicted, *first), count, seed, every)
 
 
 def noise_of(

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from freqid.gap.attribute import Judged
+from freqid.gap.attribute import Judged, coefficients
 from freqid.gap.compare import Compared
 from freqid.gap.evidence import Evidence
-
-Array = NDArray[np.float64]
+from freqid.gap.locate import explained, gap_map
 
 
 def overlap(judged: Sequence[Judged], evidence: Evidence, compared: Sequence[Compared]) -> float:
@@ -33,22 +31,9 @@ def overlap(judged: Sequence[Judged], evidence: Evidence, compared: Sequence[Com
     pair = next((j for j in judged if "+" in j.name), None)
     if pair is None:
         return 1.0
-    one, other = (_spread(pair, name, evidence, compared) for name in pair.name.split("+"))
-    names = one.keys() & other.keys()
-    return float(sum(np.sqrt(one[n] * other[n]) for n in names))
-
-
-def _spread(pair: Judged, effect: str, evidence: Evidence, compared: Sequence[Compared]) -> dict[str, float]:
-    """Return the share of an effect's energy over the noise in each row, by name."""
-    every = (*evidence.signatures, *evidence.tolerances)
-    sizes = {every[c - 1]: x for c, x in zip(pair.best.columns, pair.estimate.value, strict=True)}
-    mine = {n: x for n, x in sizes.items() if n.startswith(f"{effect}:")}
-    found: dict[str, float] = {}
-    for c in compared:
-        change = sum(
-            (x * c.signatures[n] for n, x in mine.items() if n in c.signatures), np.zeros_like(c.residual)
-        )
-        for row, energy in zip(c.rows, c.energy(change), strict=True):
-            found[row.name] = found.get(row.name, 0.0) + float(energy)
-    total = max(sum(found.values()), np.finfo(float).tiny)
-    return {n: x / total for n, x in found.items()}
+    sizes = coefficients(pair, evidence)
+    one, other = (
+        gap_map(compared, explained(compared, mine)).share("row")
+        for mine in ({n: x for n, x in sizes.items() if n.startswith(f"{e}:")} for e in pair.name.split("+"))
+    )
+    return float(sum(np.sqrt(one[row] * other[row]) for row in one))

@@ -34,8 +34,8 @@ def verdict(
             words.append(f", at {place.regime}")
         if place.input:
             words.append(f", coherent with {place.input}")
-    elif rows := cells.share("row"):
-        row, share = next(iter(rows.items()))
+    elif cells.energy.sum() > 0:
+        row, share = next(iter(cells.share("row").items()))
         words.append(f": no place holds a tenth of what is explained, {row} most with {100 * share:.0f} %")
     words.append("; " + _name(which))
     if closures and np.isfinite(closures[0].wrench.G):

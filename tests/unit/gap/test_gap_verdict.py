@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from freqid.core.diagnosis import Existence, Which
+from freqid.core.diagnosis import Closure, Existence, Share, Which
 from freqid.core.gap_map import GapMap
 from freqid.gap.calibrate import named
 from freqid.gap.verdict import verdict
@@ -46,3 +46,25 @@ def test_what_is_not_likely_enough_is_no_answer():
     assert said({"a": 0.5, "b": 0.3, "c": 0.2}, ("a", "b"), group) == (
         "one of a, b, which these data cannot separate"
     )
+
+
+def whole(which, energy=(), closures=()):
+    rows = tuple("LMN"[: len(energy)])
+    each = np.array(energy, dtype=float).reshape(len(energy), 1, 1, 1)
+    cells = GapMap(rows, ("u20",), ("",), ((0.1, 1.0),), each, np.zeros((len(energy), 3)))
+    return verdict(GAP, (), cells, which, closures)
+
+
+def test_a_gap_that_no_place_holds_a_tenth_of_is_said_to_be_spread():
+    which = Which({"a": 1.0}, ("a",), (), {}, {}, named=("a",))
+    spread = "A gap beyond noise: no place holds a tenth of what is explained, M most with 50 %; a (100 %)"
+    assert whole(which, (1, 2, 1)).startswith(spread)
+    assert whole(which, (0, 0, 0)).startswith("A gap beyond noise; a (100 %)")
+
+
+def test_two_effects_that_are_called_are_added_both():
+    which = Which({"a": 0.6, "b": 0.4}, ("a", "b"), (), {}, {}, pair=("a", "b"))
+    share = Share(0.9, 0.8, 1.0)
+    both, one = (Closure(e, {}, share, share, {}, {}, {}, ()) for e in (("b", "a"), ("a",)))
+    assert "a and b together; adding both removes 90 %" in whole(which, closures=(both,))
+    assert "a and b together; adding a removes 90 %" in whole(which, closures=(one,))

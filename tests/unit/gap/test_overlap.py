@@ -14,12 +14,15 @@ ROWS = ("actuator/de", "M", "Z")
 
 def compared(**changes):
     """Return a manoeuvre of two lines whose noise has a standard deviation of 1, 2 and 4 in the rows."""
-    sigma = np.array([1.0, 2.0, 4.0])
+    record = SimpleNamespace(reference="u20", duration=60.0)
     return SimpleNamespace(
         signatures={f"{n}:size": np.outer(z, [1.0, 1j]) for n, z in changes.items()},
+        common={},
         residual=np.zeros((3, 2), dtype=complex),
         rows=[SimpleNamespace(name=n) for n in ROWS],
-        energy=lambda z: (np.abs(z) ** 2).sum(axis=1) / sigma**2,
+        noise=SimpleNamespace(covariance=np.stack([np.diag([1.0, 4.0, 16.0])] * 2)),
+        lines=SimpleNamespace(hz=np.array([0.5, 0.6]), inputs=("de",), owner=np.array([0, -1])),
+        trial=SimpleNamespace(maneuver=SimpleNamespace(record=record)),
     )
 
 

@@ -1,109 +1,119 @@
-"""Power as the self-test predicts it, beside flights: how often an effect of a size is found.
+"""Power as the self-test predicts it, beside flights: how often a surface with a loss is called a gap.
 
     python benchmarks/gap_self_test.py
 
-An aircraft with linear loads and servos flies with one effect at a time, in formulas of its own, with
-derivatives scattered within tolerance and fresh noise in every flight. The prediction is a self-test's on one
-flight without any effect. The table is written beside the script.
+The aircraft of ``examples/linear_record.py`` flies with one surface that has lost a part of its effect,
+with derivatives scattered within tolerance and fresh noise in every flight. The prediction is of one flight
+without any loss, from draws alone. The table is written beside the script.
 """
 
 from __future__ import annotations
 
 import csv
 import sys
-from dataclasses import replace
+import tempfile
 from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "unit" / "gap"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples"))
 
-from linear_flight import LIBRARY, MASS, SIZES, SLOPES, Linear, Truth, fly
+from linear_record import DERIVATIVES, fly
 
+from freqid.cli.main import run
 from freqid.core.gap_self_test import Rate
-from freqid.gap.attribute import LEAST_ODDS, critical, existence, judge, p_value
-from freqid.gap.compare import compare
-from freqid.gap.gather import evidence_of
-from freqid.gap.inserted import insert, places
-from freqid.gap.reach import Grown, power_at, reach
-from freqid.gap.self_test import STRATA
+from freqid.core.record_file import read_record
+from freqid.core.scenario import read_scenario
+from freqid.gap import flights
+from freqid.gap.connect import connect
+from freqid.gap.diagnose import Findings, Question, diagnose
+from freqid.gap.model.tolerance import DERIVATIVES as SHARED
+from freqid.gap.model.tolerance import UNDECLARED, stated
+from freqid.gap.self_test.answers import Draws, Weighed
+from freqid.gap.self_test.smallest import smallest_sizes
+from freqid.simulate.effects import library
 
+PROJECT = Path(__file__).resolve().parents[1]
 TABLE = Path(__file__).with_suffix(".csv")
-SCATTER, DRAWS, LEVEL, FLIGHTS = 0.02, 200, 0.02, 20
-FACTORS = (0.6, 0.8, 1.0)
-"""Of the size that is predicted to be found in 95 of 100."""
-
-TOLERANT = {**SIZES, "derivatives": SCATTER, "dynamics": 0.02}
-TRUTHS = {
-    "worn": lambda size: Truth(loss=size),
-    "heavy": lambda size: Truth(mass=MASS * (1 + size)),
-    "late": lambda size: Truth(late=size),
-    "drag": lambda size: Truth(drag=size),
-}
+SCENARIO = PROJECT / "scenarios" / "linear.toml"
+EFFECTS = ("mass", "surface_effectiveness", "sensor_scale", "cg_offset", "time_skew", "unsteady_lift")
+SURFACES, FACTORS, FLIGHTS, DRAWS = ("de", "da", "dr"), (0.6, 0.8, 1.0), 20, 1000
+"""Factors of the size that is predicted to be called a gap in 95 of 100 flights."""
 
 
-def weighed(truth: Truth, seed: int):
-    """Return what the diagnosis compares and weighs of one flight."""
+def diagnosed(folder: Path, seed: int, surface: str, loss: float) -> Findings:
+    """Fly, import and diagnose one flight; without a surface, of the aircraft as the simulation has it."""
     rng = np.random.default_rng([seed, 1])
-    slopes = SLOPES * (1 + SCATTER * rng.standard_normal(SLOPES.shape))
-    flight = fly(replace(truth, slopes=tuple(map(tuple, slopes.tolist()))), noise=1.0, seed=seed, phases=1)
-    used = [compare(Linear(), flight, LIBRARY, TOLERANT, (0.1, 2.0), count=DRAWS, seed=seed)]
-    evidence = evidence_of(used, seed=seed)
-    return used, evidence, judge(evidence, LIBRARY)
+    sigma = UNDECLARED[SHARED] if surface else 0.0
+    derivatives = {
+        r: {n: c * (1 - loss * (n == surface)) * (1 + sigma * rng.standard_normal()) for n, c in row.items()}
+        for r, row in DERIVATIVES.items()
+    }
+    log, path = folder / "flight.csv", folder / "flight.h5"
+    fly(seed=seed, period=30.0, periods=1, derivatives=derivatives).to_csv(log, index=False)
+    words = ["import-log", log, "--scenario", SCENARIO, "--at", "u20", "-o", path]
+    try:
+        run([str(w) for w in [*words, "--map", PROJECT / "scenarios" / "maps" / "linear.toml"]])
+    except SystemExit as left:
+        if left.code:
+            raise
+    record = read_record(path)
+    described, _ = read_scenario(SCENARIO)
+    function = f"{PROJECT / 'examples' / 'linear_simulation.py'}:wrench"
+    simulation = connect(function, scenario=SCENARIO, record=record)
+    vehicle = flights.vehicle_of([record], simulation, described.aircraft())
+    flown = flights.maneuvers([record], ["flight"], simulation, vehicle)
+    every = library()
+    asked = {n: every[n] for n in EFFECTS}
+    question = Question(asked, stated(described.tolerance, asked), (0.05, 1.8), draws=DRAWS, close=False)
+    return diagnose(simulation, flown, question, names=["flight"])
 
 
-def found(truth: Truth, seed: int) -> bool:
-    """Return whether a gap is called in one flight."""
-    statistic, null = existence(weighed(truth, seed)[2])
-    return p_value(statistic, null) < LEVEL and statistic > LEAST_ODDS
+def predicted(findings: Findings, draws: Draws, surface: str, size: float) -> float:
+    """Return how often a loss is called a gap in draws."""
+    system = findings.evidence.system
+    index = next(k for k, c in enumerate(system.candidates) if c.name == f"surface_effectiveness@{surface}")
+    weights = np.zeros(system.columns)
+    weights[system.columns_of(index)] = system.candidates[index].weights(-size)
+    weighed = Weighed.of(findings.evidence, draws.with_effect(weights, range(draws.count)))
+    return float((weighed.statistics() >= findings.threshold).mean())
 
 
 def main() -> None:
-    used, evidence, judged = weighed(Truth(), 0)
-    inserted = insert(LIBRARY, used, evidence, places(LIBRARY, evidence, used), STRATA)
-    threshold = critical(existence(judged)[1], LEVEL)
-    columns = [inserted.evidence.column(one.column) for one in inserted.insertions]
-    grown = Grown.of(inserted.evidence, LIBRARY, columns)
-    nothing = dict.fromkeys(evidence.signatures, 0.0)
-    sizes = reach(inserted.evidence, LIBRARY, inserted.insertions, threshold, nothing)
-    rows, seed = [], 0
-    for effect, truth in TRUTHS.items():
-        one = next(r for r in sizes if r.effect == effect)
-        at = [i for i, x in enumerate(inserted.insertions) if x.place.effect == effect]
-        shapes = [inserted.insertions[i] for i in at]
-        for factor in FACTORS:
-            predicted = power_at(grown, at, shapes, one.detectability * factor**2, threshold)
-            flags = []
-            for _ in range(FLIGHTS):
-                seed += 1
-                flags.append(found(truth(factor * one.size), seed))
-            seen = Rate.over(flags)
-            rows.append(
-                {
-                    "effect": effect,
-                    "size": f"{factor * one.size:.4g}",
-                    "of_smallest": factor,
-                    "predicted": f"{predicted:.3f}",
-                    "found": seen.count,
-                    "flights": seen.of,
-                    "observed": f"{seen.share:.3f}",
-                    "lo": f"{seen.lo:.3f}",
-                    "hi": f"{seen.hi:.3f}",
-                }
-            )
-            print(rows[-1], flush=True)
+    rows, seed = [], 1
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        first = diagnosed(folder, seed, "", 0.0)
+        draws = Draws.of(first.evidence, first.evidence.system, DRAWS, 1)
+        every = smallest_sizes(first.evidence, draws, first.threshold, every=True)
+        lost = [s for s in every if s.effect == "surface_effectiveness" and s.place in SURFACES]
+        sizes = {s.place: s.size for s in lost}
+        for surface, smallest in sizes.items():
+            for factor in FACTORS:
+                share = predicted(first, draws, surface, factor * smallest)
+                called = []
+                for _ in range(FLIGHTS):
+                    seed += 1
+                    called.append(diagnosed(folder, seed, surface, factor * smallest).diagnosis.gap.exists)
+                rate = Rate.over(called)
+                rows.append(
+                    {
+                        "surface": surface,
+                        "loss": f"{factor * smallest:.4g}",
+                        "of_smallest": factor,
+                        "predicted": f"{share:.3f}",
+                        "called": rate.count,
+                        "flights": rate.of,
+                        "observed": f"{rate.share:.3f}",
+                        "lo": f"{rate.lo:.3f}",
+                        "hi": f"{rate.hi:.3f}",
+                    }
+                )
+                print(rows[-1], flush=True)
     with TABLE.open("w", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    for factor in FACTORS:
-        here = [r for r in rows if r["of_smallest"] == factor]
-        told = np.mean([float(r["predicted"]) for r in here])
-        seen = Rate.over(k < r["found"] for r in here for k in range(r["flights"]))
-        print(
-            f"{factor:g} of the smallest size: predicted {told:.3f}, observed {seen.share:.3f} "
-            f"[{seen.lo:.3f}, {seen.hi:.3f}] of {seen.of}"
-        )
 
 
 if __name__ == "__main__":

@@ -4,7 +4,18 @@ import math
 
 import numpy as np
 
-from freqid.core.diagnosis import Change, Closure, Existence, GapDiagnosis, Interval, Place, Share, Which
+from freqid.core.diagnosis import (
+    Change,
+    Closure,
+    Existence,
+    GapDiagnosis,
+    Interval,
+    Place,
+    SensorFault,
+    Share,
+    ToleranceUsed,
+    Which,
+)
 from freqid.core.gap_map import GapMap
 from freqid.core.gap_result import BeforeAfter, GapResult, Increment, ResidualSpectra
 
@@ -19,6 +30,9 @@ def made_up(exists=True):
         (("mass", "sensor_scale"),),
         {"gyroscopic": "needs rotor, which is not there"},
         {"stall": {"strength": Interval(0.4, 0.3, 0.5, "1")}},
+        withdrawn={"mass": "the size of mass is at the end of what is physical"},
+        places={"stall": "onset=0.2"},
+        groups={"tail": ("de", "dr")},
     )
     closure = Closure(
         ("stall",),
@@ -31,18 +45,37 @@ def made_up(exists=True):
         ("c.h5",),
         "a note",
         {"sentence": "as flown it costs 3.0 deg", "figures": {"margins/M/phase_deg": figure}},
+        effect_only=Share(0.75, 0.65, 0.85),
+        tolerances_only=Share(0.3, 0.2, 0.4),
+        log_score=12.5,
+        strained={"derivatives.Z.w": -4.2},
     )
     diagnosis = GapDiagnosis(
         "A gap beyond noise.",
         "sim.py:wrench",
         ("a.h5", "b.h5", "c.h5"),
-        Existence(exists, 1e-3, 0.02, 0.0, {"stall": 0.2, "mass": 0.1}, {"stall": "1", "mass": "1"}),
+        Existence(
+            exists,
+            1e-3,
+            0.02,
+            0.0,
+            {"stall": 0.2, "mass": 0.1},
+            {"stall": "1", "mass": "1"},
+            {} if exists else {"stall": 0.2, "mass": 0.1},
+            0.02,
+            ("lines that nothing drives",),
+        ),
         (Place("Z", (0.1, 0.5), "u10 u20", "de", "all", 0.6),),
         which,
         (closure,),
         remarks=("a remark",),
+        sensors=(SensorFault("sensor_bias", "q", 0.01, 0.008, 0.012, "rad/s"),),
+        tolerances=(
+            ToleranceUsed("mass", 0.01, "1", "default"),
+            ToleranceUsed("lift_slope", 0.3, "1/rad", "simulation"),
+        ),
     )
-    hz, z = np.linspace(0.1, 2, 20), rng.standard_normal((2, 20)) + 1j * rng.standard_normal((2, 20))
+    hz, z = np.linspace(0, 1.9, 20), rng.standard_normal((2, 20)) + 1j * rng.standard_normal((2, 20))
     spectra = [
         ResidualSpectra(n, ("Z", "M"), ("N", "N m"), hz, ("de",), (np.arange(20.0) % 2) - 1, z, z / 2, abs(z))
         for n in ("a.h5", "b.h5")
@@ -79,5 +112,5 @@ def made_up(exists=True):
         (Increment("M", "de", -25.0, -28.0, -22.0), Increment("Z", "w", 1.0, -3.0, 5.0)),
         (changes,),
         {"stall": 0.5, "mass": 0.05},
-        {"records": ["a.h5", "b.h5"], "seed": 0},
+        {"records": ["a.h5", "b.h5"], "held out": ["c.h5"], "seed": 0},
     )

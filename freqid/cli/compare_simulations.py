@@ -22,14 +22,13 @@ _LISTED = 12  # contests
 
 @dataclass(frozen=True)
 class Asked:
-    """How simulations are compared: scenario, effects, tolerances, band, level, draws and seed."""
+    """How simulations are compared: scenario, effects, stated tolerances, band, level and seed."""
 
     described: Scenario | None
     candidates: Mapping[str, Effect]
     tolerances: Mapping[str, float]
     band_hz: tuple[float, float] | None
     level: float
-    draws: int
     seed: int
 
 
@@ -77,10 +76,10 @@ def run(
     tell: Callable[[str], None],
 ) -> None:
     """Compare two simulations on records, write the result and its page, and print it."""
+    from freqid.compare.two_simulations import compare_two
     from freqid.core.rivals_file import write_rivals
     from freqid.gap import flights
     from freqid.gap.bookkeeping.check import check
-    from freqid.gap.rivals import compare_two
 
     stated = asked.described.aircraft() if asked.described else None
     remarks: list[str] = []
@@ -97,13 +96,12 @@ def run(
     compared = compare_two(
         pair,
         every,
+        names,
         asked.candidates,
         asked.tolerances,
         band,
         level=asked.level,
-        count=asked.draws,
         seed=asked.seed,
-        names=names,
         tell=tell,
     )
     provenance = {
@@ -113,7 +111,6 @@ def run(
         **sources,
         "band_hz": list(band),
         "level": asked.level,
-        "draws": asked.draws,
         "seed": asked.seed,
         "tolerances": dict(asked.tolerances),
         "freqid_version": __version__,
@@ -146,7 +143,8 @@ def rivals_text(found: Rivals) -> str:
         rest = f"\n  and {more} more in the file" if more > 0 else ""
         blocks.append(
             "Misfit: squared residual over noise and tolerances, less what noise makes; 0 is noise. p is for "
-            f"all contests together (level {found.level:g}).\n" + table(head, rows) + rest
+            f"all contests together (level {found.level:g}); a difference of less than "
+            f"{100 * found.smallest_difference:g} % is not called.\n" + table(head, rows) + rest
         )
     if found.remarks:
         blocks.append("\n".join(f"Note: {remark}." for remark in found.remarks))

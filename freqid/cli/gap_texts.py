@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from freqid.cli.columns import table
-from freqid.cli.next_texts import next_text
 from freqid.cli.self_test_text import self_test_text
 
 if TYPE_CHECKING:
@@ -15,6 +14,14 @@ if TYPE_CHECKING:
     from freqid.gap.bookkeeping.check import Finding
 
 _LISTED = 0.005  # probability from which an effect has a line
+_TESTS = 5
+_FEW_SETTINGS = 12  # more are free changes of terms, which have no names
+_SOURCES = {
+    "stated": "stated",
+    "simulation": "of the simulation",
+    "default": "by default",
+    "each record": "offsets of each record",
+}
 
 
 def bookkeeping_text(verdict: str, findings: Sequence[Finding]) -> str:
@@ -28,11 +35,26 @@ def bookkeeping_text(verdict: str, findings: Sequence[Finding]) -> str:
 
 def diagnosis_text(d: GapDiagnosis) -> str:
     """Return the diagnosis: its verdict in one line first, then where, which, parameters, how far."""
-    said = [d.verdict, _gap(d), _where(d), _which(d), _parameters(d), _how_far(d)]
-    blocks = [*said, next_text(d.next_flight), _remarks(d)]
+    blocks = [d.verdict, _gap(d), _tolerances(d), _where(d), _sensors(d), _which(d), _parameters(d)]
+    blocks += [_reach(d), *map(_closure, d.how_far)]
     if d.self_test:
-        blocks.insert(len(said), self_test_text(d.self_test))
-    return "\n\n".join(block for block in blocks if block)
+        blocks.append(self_test_text(d.self_test))
+    return "\n\n".join(block for block in (*blocks, next_text(d.next_flight), _remarks(d)) if block)
+
+
+def next_text(table: Mapping[str, Any]) -> str:
+    """Return what splits what is left, then the tests, the best first; nothing where nothing is left."""
+    if not table:
+        return ""
+    lines = ["Next:"]
+    lines += [f"  {group['sentence']}" for group in table.get("groups", ())]
+    for test in table.get("tests", ())[:_TESTS]:
+        each = [f"{' / '.join(p['rivals'])} {p['now']:.2g} to {p['after']:.3g}" for p in test["pairs"]]
+        said = ", ".join(each)
+        lines.append(f"  {test['kind']}: {test['how']} (expected separation {said}; 10.8 tells apart)")
+    if table.get("design"):
+        lines.append(f"  designed in {table['design']}")
+    return "\n".join(lines)
 
 
 def _gap(d: GapDiagnosis) -> str:
@@ -40,6 +62,14 @@ def _gap(d: GapDiagnosis) -> str:
         f"Gap: p = {d.gap.p:.2g} (level {d.gap.level:g}); a chi-square test that is blind to tolerances: "
         f"{d.gap.naive_p:.2g}."
     )
+
+
+def _tolerances(d: GapDiagnosis) -> str:
+    lines = ["Tolerances that were allowed for, one sigma:"]
+    for source, words in _SOURCES.items():
+        each = [f"{t.name} {_with_unit(t.sigma, t.unit)}" for t in d.tolerances if t.source == source]
+        lines += [f"  {words}: {', '.join(each)}"] if each else []
+    return "\n".join(lines) if d.tolerances else ""
 
 
 def _where(d: GapDiagnosis) -> str:
@@ -59,18 +89,26 @@ def _where(d: GapDiagnosis) -> str:
     return "Where:\n" + table(("response", "band", "share", "regime", "coherent with", "phase"), rows)
 
 
+def _sensors(d: GapDiagnosis) -> str:
+    rows = [
+        (s.fault, s.channel, f"{_with_unit(s.estimate, s.unit)} ({s.lo:.3g} to {s.hi:.3g})")
+        for s in d.sensors
+    ]
+    return "Your sensors:\n" + table(("fault", "channel", "estimate (90 %)"), rows) if rows else ""
+
+
 def _which(d: GapDiagnosis) -> str:
     w = d.which
-    rows = []
-    for name, p in w.probabilities.items():
-        if p >= _LISTED:
-            size = d.gap.smallest_detectable.get(name)
-            least = "-" if size is None else f"{size:.2g} {d.gap.unit.get(name, '')}".removesuffix(" 1")
-            rows.append((name, f"{100 * p:.0f} %", "*" if name in w.set else "", least))
+    rows = [
+        (name, f"{100 * p:.0f} %", "*" if name in w.set else "", w.places.get(name, ""))
+        for name, p in w.probabilities.items()
+        if p >= _LISTED
+    ]
     lines = ["Which (* in the set that holds the truth with the stated confidence):"]
-    lines.append(table(("effect", "probability", "set", "smallest found"), rows))
+    lines.append(table(("effect", "probability", "set", "place"), rows))
     if w.pair:
         lines.append(f"  together: {' and '.join(w.pair)}")
+    lines += [f"  withdrawn: {name}, {why}" for name, why in w.withdrawn.items()]
     lines += [f"  not to be told apart here: {', '.join(group)}" for group in w.aliases]
     by_reason: dict[str, list[str]] = {}
     for name, why in w.not_tested.items():
@@ -80,38 +118,49 @@ def _which(d: GapDiagnosis) -> str:
 
 
 def _parameters(d: GapDiagnosis) -> str:
-    if not d.gap.exists:
-        return ""
     rows = [
         (effect, name, _interval(x))
-        for effect in d.which.set
-        for name, x in d.which.parameters.get(effect, {}).items()
+        for effect, values in d.which.parameters.items()
+        for name, x in values.items()
     ]
-    if not rows:
+    head = ("effect", "parameter", "estimate (90 %)")
+    return "Parameters, as changes of the simulation:\n" + table(head, rows) if rows else ""
+
+
+def _reach(d: GapDiagnosis) -> str:
+    sizes = d.gap.smallest_detectable if d.gap.exists else d.gap.largest_undetected
+    if not sizes:
         return ""
-    return "Parameters, to first order, as changes of the simulation:\n" + table(
-        ("effect", "parameter", "estimate (90 %)"), rows
-    )
-
-
-def _how_far(d: GapDiagnosis) -> str:
-    return "\n\n".join(_closure(c) for c in d.how_far)
+    each = ", ".join(f"{name} {_with_unit(size, d.gap.unit.get(name, '1'))}" for name, size in sizes.items())
+    words = "Smallest size found" if d.gap.exists else "No gap larger than this would have been missed"
+    return f"{words}, in 95 of 100 cases:\n  {each}"
 
 
 def _closure(c: Closure) -> str:
     lines = [f"With {' and '.join(c.effects)}, scored on {', '.join(c.held_out)}:"]
     for effect, settings in c.settings.items():
-        lines += [f"  {effect} {name} = {_interval(x)}" for name, x in settings.items()]
-    lines.append(
-        f"  G of the replayed residual {_share(c.wrench)}; of the simulation's flight {_share(c.response)}"
-    )
+        if len(settings) <= _FEW_SETTINGS:
+            lines += [f"  {effect} {name} = {_interval(x)}" for name, x in settings.items()]
     rows = [
-        (name, *_ends(rms), *_ends(c.theil.get(name)), *_ends(c.J.get(name))[:2])
-        for name, rms in c.rmse.items()
+        ("effect alone", _share(c.effect_only)),
+        ("tolerances alone", _share(c.tolerances_only)),
+        ("both", _share(c.wrench)),
+    ]
+    lines.append(table(("fitted", "G: share of the gap that goes (90 %)"), rows))
+    if c.strained:
+        off = ", ".join(f"{name} {x:+.1f}" for name, x in c.strained.items())
+        lines.append(f"  tolerances alone would be off by, in sigmas: {off}")
+    if isfinite(c.log_score):
+        lines.append(f"  log score against tolerances alone: {c.log_score:+.1f} nats")
+    if isfinite(c.response.G):
+        lines.append(f"  G of the simulation's flight: {_share(c.response)}")
+    rows = [
+        (name, *_ends(c.rmse[name]), *_ends(c.theil.get(name))[:2], *_ends(c.J.get(name))[:2])
+        for name in c.listed
     ]
     if rows:
-        head = ("response", "RMSE", "after", "no change", "Theil", "after", "no change", "J", "after")
-        lines.append(table(head, rows))
+        head = ("response", "RMSE", "after", "no change", "Theil", "after", "J", "after")
+        lines.append(table(head if c.J else head[:-2], rows if c.J else [row[:-2] for row in rows]))
     if c.consequence.get("sentence"):
         lines.append(f"  {c.consequence['sentence']}")
     if c.note:
@@ -124,13 +173,18 @@ def _remarks(d: GapDiagnosis) -> str:
 
 
 def _interval(x: Interval) -> str:
-    unit = "" if x.unit == "1" else f" {x.unit}"
-    return f"{x.estimate:.3g}{unit} ({x.lo:.3g} to {x.hi:.3g})"
+    if x.lo == x.hi:
+        return f"{_with_unit(x.estimate, x.unit)} (given)"
+    return f"{_with_unit(x.estimate, x.unit)} ({x.lo:.3g} to {x.hi:.3g})"
+
+
+def _with_unit(value: float, unit: str) -> str:
+    return f"{value:.3g}" + (f" {unit}" if unit not in ("", "1") else "")
 
 
 def _share(s: Share) -> str:
     if not isfinite(s.G):
-        return f"is undefined ({s.why_undefined})" if s.why_undefined else "is undefined"
+        return f"undefined ({s.why_undefined})" if s.why_undefined else "undefined"
     return f"{s.G:.2f} ({s.lo:.2f} to {s.hi:.2f})"
 
 

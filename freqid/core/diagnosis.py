@@ -11,6 +11,8 @@ import msgspec
 
 from .gap_self_test import SelfTest
 
+_SENSORS = "kinematic/"
+_CHANGES = 0.02  # of an error, from which a relation between sensors is listed
 _CLASSICAL = {"rmse": "rms of the response", "theil": "1", "J": "1"}
 
 
@@ -31,6 +33,12 @@ class Existence:
         By effect id: size that is found in 95 of 100 cases.
     unit : dict of str
         Of these sizes.
+    largest_undetected : dict of float
+        By effect id: size that would have been called a gap in 95 of 100 cases, where none was called.
+    form_error : float
+        Share by which the simulation's terms are wrong in form, as the record itself shows.
+    noise_from : tuple of str
+        What the noise was learned from, by condition.
     """
 
     exists: bool
@@ -39,6 +47,9 @@ class Existence:
     naive_p: float
     smallest_detectable: dict[str, float] = field(default_factory=dict)
     unit: dict[str, str] = field(default_factory=dict)
+    largest_undetected: dict[str, float] = field(default_factory=dict)
+    form_error: float = 0.0
+    noise_from: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -103,6 +114,12 @@ class Which:
     named : tuple of str
         The effect that is given as the answer, with those that it cannot be told from; empty where none is
         likely enough for that. The set may hold more.
+    withdrawn : dict of str
+        Names that manoeuvres which were not used do not bear out, with the reason.
+    places : dict of str
+        By effect id: the likeliest place, such as an effector.
+    groups : dict of tuple of str
+        Effectors by the name of their group.
     """
 
     probabilities: dict[str, float]
@@ -114,6 +131,52 @@ class Which:
     pair: tuple[str, ...] = ()
     calibrated_by: str = ""
     named: tuple[str, ...] = ()
+    withdrawn: dict[str, str] = field(default_factory=dict)
+    places: dict[str, str] = field(default_factory=dict)
+    groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class SensorFault:
+    """A fault that the sensors show of each other, or beside the loads.
+
+    Attributes
+    ----------
+    fault : str
+        Effect id.
+    channel : str
+        Parameter: the channel or axis it is in.
+    estimate, lo, hi : float
+    unit : str
+    """
+
+    fault: str
+    channel: str
+    estimate: float
+    lo: float
+    hi: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class ToleranceUsed:
+    """A tolerance that was allowed for.
+
+    Attributes
+    ----------
+    name : str
+    sigma : float
+        One standard deviation.
+    unit : str
+        ``"1"`` for a share.
+    source : {"stated", "simulation", "default", "each record"}
+        The user, the simulation itself, or nobody; the last are offsets that are another in each record.
+    """
+
+    name: str
+    sigma: float
+    unit: str
+    source: str
 
 
 @dataclass(frozen=True)
@@ -145,7 +208,13 @@ class Closure:
     settings : dict of dict of Interval
         Refitted parameters, by effect id.
     wrench, response : Share
-        Of the replayed wrench, and of the simulation's own flight.
+        Of the replayed residual with effect and tolerances, and of the simulation's own flight.
+    effect_only, tolerances_only : Share
+        Of the replayed residual with the effect at nominal tolerances, and with tolerances alone.
+    log_score : float
+        Nats by which the effect predicts manoeuvres that were not used better than tolerances alone do.
+    strained : dict of float
+        Tolerances that would have to be off most without the effect, by name, in sigmas.
     rmse, theil, J : dict of Change
         By response; J by response and input.
     held_out : tuple of str
@@ -166,22 +235,37 @@ class Closure:
     held_out: tuple[str, ...]
     note: str = ""
     consequence: dict[str, Any] = field(default_factory=dict)
+    effect_only: Share = field(default_factory=lambda: Share(math.nan, math.nan, math.nan))
+    tolerances_only: Share = field(default_factory=lambda: Share(math.nan, math.nan, math.nan))
+    log_score: float = math.nan
+    strained: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def listed(self) -> tuple[str, ...]:
+        """Rows whose figures are shown: responses, actuators, and relations between sensors that change."""
+        return tuple(
+            name
+            for name, c in self.rmse.items()
+            if not name.startswith(_SENSORS) or abs(c.after - c.before) > _CHANGES * c.before
+        )
 
     def to_json(self) -> dict[str, Any]:
         """Return a table with one number before and after of each classical figure, and those by response.
 
         RMSE is over the response's own rms about its mean, which is what a model that says nothing changes
-        is off by, root mean square over the responses; Theil and J are means, J over inputs too.
+        is off by, root mean square over the responses; Theil and J are means, J over inputs too. Relations
+        between sensors count in none of them: nothing is simulated there.
         """
         one = asdict(self)
         for name in _CLASSICAL:
-            changes: dict[str, Change] = getattr(self, name)
+            every: dict[str, Change] = getattr(self, name)
+            changes = {k: c for k, c in every.items() if not k.startswith(_SENSORS)}
             over = {k: c.zero if name == "rmse" and c.zero > 0 else 1.0 for k, c in changes.items()}
             one[name] = {
                 end: _mean((getattr(c, end) / over[k] for k, c in changes.items()), name == "rmse")
                 for end in ("before", "after", "zero")
             }
-            one[name] |= {"unit": _CLASSICAL[name], "by_response": {k: asdict(c) for k, c in changes.items()}}
+            one[name] |= {"unit": _CLASSICAL[name], "by_response": {k: asdict(c) for k, c in every.items()}}
         return one
 
 
@@ -204,6 +288,10 @@ class GapDiagnosis:
     remarks : tuple of str
     self_test : SelfTest, optional
         What the diagnosis makes of effects inserted into this simulation and these flights.
+    sensors : tuple of SensorFault
+        Faults of the sensors, which are no gap of the simulation.
+    tolerances : tuple of ToleranceUsed
+        What counts as no gap.
     """
 
     verdict: str
@@ -216,6 +304,8 @@ class GapDiagnosis:
     next_flight: dict[str, Any] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     self_test: SelfTest | None = None
+    sensors: tuple[SensorFault, ...] = ()
+    tolerances: tuple[ToleranceUsed, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return the diagnosis as ``diagnose-gap --json`` prints it: numbers, strings, lists and tables.
@@ -234,6 +324,8 @@ class GapDiagnosis:
             "how_far": {**first, "per_effect": alone} if first else {},
             "next_flight": self.next_flight,
             "remarks": self.remarks,
+            "sensors": [asdict(fault) for fault in self.sensors],
+            "tolerances": [asdict(one) for one in self.tolerances],
         }
         if self.self_test:
             found["self_test"] = asdict(self.self_test)

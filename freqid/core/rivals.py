@@ -83,6 +83,10 @@ class Rivals:
     overall : Contest
     contests : tuple of Contest
         Each response as a whole, then by band and regime, where the two differ at all.
+    smallest_difference : float
+        Share of the farther one's misfit below which neither is called nearer.
+    form_errors : tuple of 2 floats
+        Error of form of the loads of A and B beyond tolerances, as a share of each term.
     remarks : tuple of str
     provenance : dict
     """
@@ -94,6 +98,8 @@ class Rivals:
     identical: bool
     overall: Contest
     contests: tuple[Contest, ...]
+    smallest_difference: float = 0.01
+    form_errors: tuple[float, float] = (0.0, 0.0)
     remarks: tuple[str, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
 

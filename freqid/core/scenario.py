@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import inf, isfinite
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from .errors import UsageError, nearest
 from .excitation import Excitation
 from .identification import Identification
 from .toml import read_toml
-from .vehicle import Effector, Inertia, MassProperties, Rotor, Strict, Vector, Vehicle, Wing
+from .vehicle import Effector, Group, Inertia, MassProperties, Rotor, Strict, Vector, Vehicle, Wing
 
 
 class Airframe(Strict, frozen=True):
@@ -100,18 +101,20 @@ class Scenario(Strict, frozen=True):
     Attributes
     ----------
     vehicle : Airframe
-    effector, rotor, wing, reference : tuple
-        One entry for each ``[[effector]]``, ``[[rotor]]``, ``[[wing]]``, ``[[reference]]``.
+    effector, rotor, wing, group, reference : tuple
+        One entry for each ``[[effector]]``, ``[[rotor]]``, ``[[wing]]``, ``[[group]]``, ``[[reference]]``.
     excitation : Excitation, optional
     identification : Identification, optional
     control, simulation, tolerance, noise, gates
-        The remaining sections; tolerance and noise give one sigma by name.
+        The remaining sections; tolerance and noise give one sigma by name, tolerance of one effector by
+        a dotted one: ``de1.natural_frequency``.
     """
 
     vehicle: Airframe
     effector: tuple[Effector, ...] = ()
     rotor: tuple[Rotor, ...] = ()
     wing: tuple[Wing, ...] = ()
+    group: tuple[Group, ...] = ()
     reference: tuple[Reference, ...] = ()
     excitation: Excitation | None = None
     identification: Identification | None = None
@@ -127,7 +130,7 @@ class Scenario(Strict, frozen=True):
                 raise ValueError(
                     f"reference '{at.id}' has u = {at.u:g} and rho = {at.rho:g}, expected finite numbers"
                 )
-        self.aircraft()  # what does not fit together is said when the file is read
+        self.aircraft()  # what does not fit together is refused when the file is read
 
     def aircraft(self) -> Vehicle:
         """Return the vehicle that the sections describe together."""
@@ -149,6 +152,7 @@ class Scenario(Strict, frozen=True):
             effectors=self.effector,
             rotors=self.rotor,
             wings=self.wing,
+            groups=self.group,
         )
 
     def reference_of(self, identifier: str) -> Reference:
@@ -168,6 +172,26 @@ class Scenario(Strict, frozen=True):
         )
 
 
+class _Written(Scenario, frozen=True):
+    """A scenario as TOML has it: ``de1.gain = 0.01`` without quotes is a table in a table."""
+
+    tolerance: dict[str, float | dict[str, Any]] = msgspec.field(default_factory=dict)  # type: ignore[assignment]
+
+
 def read_scenario(path: Path) -> tuple[Scenario, str]:
     """Read and validate a scenario file; returns and errors as those of `freqid.core.toml.read_toml`."""
-    return read_toml(path, Scenario)
+    written, sha256 = read_toml(path, _Written)
+    sections = {name: getattr(written, name) for name in Scenario.__struct_fields__}
+    try:
+        sections["tolerance"] = msgspec.convert(_dotted(written.tolerance), dict[str, float])
+    except msgspec.ValidationError as error:
+        raise UsageError(f"at tolerance: {error}", where=str(path)) from None
+    return Scenario(**sections), sha256
+
+
+def _dotted(table: Mapping[str, Any], stem: str = "") -> dict[str, Any]:
+    """Return the entries of tables in tables by dotted name."""
+    out: dict[str, Any] = {}
+    for key, value in table.items():
+        out |= _dotted(value, f"{stem}{key}.") if isinstance(value, dict) else {f"{stem}{key}": value}
+    return out

@@ -1,41 +1,41 @@
-"""The whole diagnosis: compare, ask whether, where, which, and how far the gap shrinks."""
+"""The whole diagnosis: one stack, one model, and every answer a question to it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.diagnosis import GapDiagnosis, Which
-from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.diagnosis import Closure, Existence, GapDiagnosis, Interval, SensorFault, Which
+from freqid.core.errors import UsageError, nearest
 from freqid.core.gap_map import GapMap
 from freqid.core.record import Maneuver
-from freqid.gap import attribute, calibrate, calibration, locate, remarks
-from freqid.gap.attribute import NONE, Judged
-from freqid.gap.changes import changes
-from freqid.gap.closures import closures_of
-from freqid.gap.compare import Compared, compare
-from freqid.gap.evidence import Evidence
-from freqid.gap.existence import existence_of, with_reached
-from freqid.gap.finalists import weighed_in_full
-from freqid.gap.gather import evidence_of
-from freqid.gap.overlap import overlap
-from freqid.gap.refit import Refit
-from freqid.gap.self_test import self_test
-from freqid.gap.simulation import Simulation, side_by_side
-from freqid.gap.verdict import verdict
+from freqid.gap.close.closing import Closing, closing_of
+from freqid.gap.close.closure import Closed, close
+from freqid.gap.close.fit import likeliest_tolerances
+from freqid.gap.infer.build import Columns, build, rebuilt, relinearised
+from freqid.gap.infer.evidence import NONE, Evidence, estimate, weigh
+from freqid.gap.infer.explain import Explanation, explain
+from freqid.gap.infer.null_draws import null_statistics
+from freqid.gap.infer.system import System
+from freqid.gap.infer.where import gap_map
+from freqid.gap.infer.which import Ranking, detectable_sizes, groups_of, probability_of_none, rank
+from freqid.gap.model.candidates import OTHER
+from freqid.gap.model.refine import refined
+from freqid.gap.settings import INTERVAL, LEVEL, NAMED, NULL_DRAWS, ROUNDS, TEMPERATURE
+from freqid.gap.simulation import Simulation
+from freqid.gap.stack.block import Block, stack_of
+from freqid.gap.verdict import remarks_of, tolerances_used, verdict
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
-LEVEL = 0.02
-"""At which a gap is called one, unless told otherwise."""
-
-INTERVAL = 0.90
-_IDLE = "it changes nothing in these manoeuvres"
+_FINALISTS = 6  # effects that are computed again near their estimated size
+_STRAINED = 3  # tolerances whose strain is said
+_BEHIND = 10.0  # nats behind the leading one, from which an effect is no finalist
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,20 +47,17 @@ class Question:
     candidates : dict of Effect
         Effects that are asked about, by id.
     tolerances : dict of float
-        One sigma by name, of `tolerance.stated`.
+        One sigma by name, of `freqid.gap.model.tolerance.stated`.
     band_hz : tuple of 2 floats
     named : tuple of str
         Effects whose closure is wanted; those found where empty.
     level : float
+        Share of flights without a gap in which one may be called.
     draws : int
-        Of the null.
+        Of the model without effect.
     seed : int
     close : bool
-        Whether effects are refitted at all, which takes most of the time.
-    self_test : bool
-        Whether the diagnosis is first tried on each effect, inserted into this simulation and these flights.
-    cache : Path, optional
-        Folder in which draws of the null are kept from one diagnosis to the next, as `kept_draws.folder`.
+        Whether the gap is closed on manoeuvres that were not used.
     """
 
     candidates: Mapping[str, Effect]
@@ -68,38 +65,47 @@ class Question:
     band_hz: tuple[float, float] = (0.05, 2.0)
     named: tuple[str, ...] = ()
     level: float = LEVEL
-    draws: int = 200
+    draws: int = NULL_DRAWS
     seed: int = 0
     close: bool = True
-    self_test: bool = False
-    cache: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """A diagnosis, and what its pictures are drawn from.
+    """A diagnosis, and what its pictures and further questions are made from.
 
     Attributes
     ----------
     diagnosis : GapDiagnosis
-    compared, held_out : list of Compared
+    blocks : list of Block
+        Conditions.
+    columns : list of Columns
+        By block.
+    system : System
     evidence : Evidence
-    judged : list of Judged
+    threshold : float
+        Of the statistic, at the level asked for.
+    explanation : Explanation, optional
     map : GapMap
-    refits : dict of Refit
-        By effects joined with ``+``; the leading closure's first.
+    closing : Closing, optional
+        What the gap was closed on.
+    closed : list of Closed
+        The leading closure first.
     explained : list of ndarray of complex, shape (row, line)
-        What the leading explanation makes of each manoeuvre's residual.
+        What the leading explanation makes of each block's residual.
     """
 
     diagnosis: GapDiagnosis
-    compared: list[Compared]
-    held_out: list[Compared]
+    blocks: list[Block]
+    columns: list[Columns]
+    system: System
     evidence: Evidence
-    judged: list[Judged]
+    threshold: float
+    explanation: Explanation | None
     map: GapMap
-    refits: dict[str, Refit] = field(default_factory=dict)
-    explained: list[NDArray[np.complex128]] = field(default_factory=list)
+    closing: Closing | None = None
+    closed: list[Closed] = field(default_factory=list)
+    explained: list[Complex] = field(default_factory=list)
 
 
 def diagnose(
@@ -119,7 +125,7 @@ def diagnose(
     maneuvers : sequence of Maneuver
     question : Question
     held_out : sequence of Maneuver
-        On which closures are scored; without them, the given manoeuvres take turns.
+        On which closures are scored; without them, the conditions take turns.
     names : sequence of str
         Of the manoeuvres, then of those held out.
     tell : callable, optional
@@ -128,7 +134,7 @@ def diagnose(
     Raises
     ------
     DataError
-        Where a record and the simulation do not fit together.
+        Where a record and the simulation do not fit together, or nothing can be told from them.
     UsageError
         For a named effect that is unknown or cannot be tested here.
     """
@@ -136,106 +142,214 @@ def diagnose(
     if not maneuvers:
         raise UsageError("there is no manoeuvre to compare", remedy="name one record or more")
     names = list(names) or [f"manoeuvre {i + 1}" for i in range(len(maneuvers) + len(held_out))]
-
-    def one(i: int) -> Compared:
-        tell(f"comparing {names[i]} ({i + 1} of {len(names)})")
-        return _compared(simulation, (*maneuvers, *held_out)[i], q, i, names[i])
-
-    every = side_by_side(simulation, one, range(len(maneuvers) + len(held_out)))
-    tell("weighing effects")
-    used, kept = every[: len(maneuvers)], every[len(maneuvers) :]
     library = {i: e.of(maneuvers[0].vehicle) for i, e in q.candidates.items()}
-    evidence = evidence_of(used, seed=q.seed, apart=True)
-    judged = attribute.judge(evidence, library)
-    statistic, null = attribute.existence(judged)
-    existence = existence_of(statistic, null, used, evidence, judged, library, q.level)
-    if existence.exists:
-        tell("weighing finalists in full")
-        judged = weighed_in_full(judged, evidence, library, used)
-        judged = attribute.with_the_unexplained(judged, evidence)
-    not_tested = {i: why for c in used for i, why in c.not_tested.items()}
-    seen = {j.name for j in judged}
-    not_tested |= {i: _IDLE for i in library if i not in seen and i not in not_tested}
-    table, why = calibration.table_for(used, q.tolerances)
-    tested = (
-        self_test(used, evidence, judged, library, table, q.level, seed=q.seed, tell=tell)
-        if q.self_test
-        else None
-    )
-    if tested:
-        existence = with_reached(existence, tested, evidence, judged)
-    table = tested.table if tested else table
-    which = calibrate.which(
-        judged,
-        evidence,
-        library,
-        not_tested,
-        existence.exists,
-        INTERVAL,
-        table,
-        overlap(judged, evidence, used),
-    )
+    tell("replaying the simulation")
+    count = len(maneuvers)
+    used = stack_of(simulation, maneuvers, names[:count], q.band_hz, seed=q.seed)
+    tell("computing effects and tolerances")
+    system, not_tested, columns, used = build(used, q.candidates, q.tolerances)
     for name in q.named:
         if name not in library:
             raise UsageError(f"effect '{name}' is unknown", remedy=nearest(name, library))
         if name in not_tested:
             raise UsageError(f"effect '{name}' cannot be tested here: {not_tested[name]}")
-    leading = _leading(judged, which)
-    explained = _explained(leading, evidence, library, used)
-    found = locate.gap_map(used, explained)
-    where = tuple(found.places()) if existence.exists else ()
-    tell("closing")
-    closures, refits = (
-        closures_of(used, kept, names, evidence, judged, library, which, existence.exists, q.named, INTERVAL)
-        if q.close
-        else ([], {})
-    )
+    tell("weighing effects")
+    evidence = weigh(system)
+    for _ in range(ROUNDS):
+        fitted = likeliest_tolerances(evidence)
+        system, columns = relinearised(system, columns, used, fitted, q.tolerances)
+        evidence = weigh(system)
+    null = null_statistics(evidence, q.draws, q.seed)
+    p = float((1 + (null >= evidence.statistic).sum()) / (1 + null.size))
+    threshold = float(np.quantile(null, 1 - q.level))
+    exists = p <= q.level
+    if exists:
+        tell("computing the likeliest effects at their size")
+        system, columns = _at_their_size(evidence, system, columns, q.candidates, used)
+        evidence = weigh(system)
+    ranking = rank(evidence, exists, INTERVAL, TEMPERATURE, probability_of_none(evidence, exists))
+    leading = _leading(q.named, ranking, evidence)
+    explanation = explain(evidence, leading) if leading and exists else None
+    explained = _explained(explanation, evidence, used)
+    cells = gap_map(used, explained if explanation else [b.residual for b in used])
+    closing: Closing | None = None
+    closed: list[Closed] = []
+    if q.close and explanation:
+        tell("closing the gap on manoeuvres that were not used")
+        others = stack_of(simulation, held_out, names[count:], q.band_hz, seed=q.seed + 500) if held_out else []
+        closing = closing_of(system, used, columns, others, explanation, q.candidates, q.tolerances)
+        closed = close(closing, explanation, q.seed)
+    existence = _existence(exists, p, threshold, q.level, evidence, used)
+    which = _which(ranking, evidence, explanation, exists, not_tested, closed, used)
+    sensors = _sensors(explanation, library, which) if exists else ()
+    where = tuple(cells.places()) if exists else ()
+    closures = tuple(_figures(c, system) for c in closed)
     diagnosis = GapDiagnosis(
-        verdict=verdict(existence, where, found, which, closures),
+        verdict=verdict(existence, where, cells, which, closures, sensors, library),
         simulation=simulation.name,
         records=tuple(names),
         gap=existence,
         where=where,
         which=which,
-        how_far=tuple(closures),
-        remarks=(*remarks.of_records(used, simulation), *remarks.of_calibration(which, why)),
-        self_test=tested.result if tested else None,
+        how_far=closures,
+        remarks=tuple(remarks_of(used, columns, simulation, existence)),
+        sensors=sensors,
+        tolerances=tolerances_used(q.tolerances, simulation, library),
     )
-    return Findings(diagnosis, used, kept, evidence, judged, found, refits, explained)
+    return Findings(
+        diagnosis,
+        used,
+        columns,
+        system,
+        evidence,
+        threshold,
+        explanation,
+        cells,
+        closing,
+        closed,
+        explained,
+    )
 
 
-def _compared(simulation: Simulation, maneuver: Maneuver, q: Question, i: int, name: str) -> Compared:
-    try:
-        return compare(
-            simulation,
-            maneuver,
-            q.candidates,
-            q.tolerances,
-            q.band_hz,
-            count=q.draws,
-            seed=q.seed + 1000 * i,
-            cache=q.cache,
+def _at_their_size(
+    evidence: Evidence,
+    system: System,
+    columns: list[Columns],
+    library: Mapping[str, Effect],
+    blocks: Sequence[Block],
+) -> tuple[System, list[Columns]]:
+    """Return the system with the finalists' columns at sizes near their estimates."""
+    best = max(evidence.effect.values())
+    ranked = sorted(evidence.effect, key=lambda e: -evidence.effect[e])[:_FINALISTS]
+    new = list(system.candidates)
+    for effect in ranked:
+        if effect == OTHER or best - evidence.effect[effect] > _BEHIND:
+            continue
+        i = evidence.best_place(effect)
+        if new[i].kind == "scalar":
+            new[i] = refined(new[i], float(estimate(evidence, i, INTERVAL).size[0]), library, blocks)
+    if all(a is b for a, b in zip(new, system.candidates, strict=True)):
+        return system, columns
+    return rebuilt(system, new, columns, blocks)
+
+
+def _leading(named: Sequence[str], ranking: Ranking, evidence: Evidence) -> str:
+    if named:
+        return max(named, key=lambda e: evidence.effect[e])
+    return next((n for n in ranking.probabilities if n != NONE), "")
+
+
+def _figures(closed: Closed, system: System) -> Closure:
+    """Return a closure with the tolerances that are off most where the effect is not allowed for.
+
+    Relations between sensors have no simulation, so no Theil coefficient either.
+    """
+    off = closed.fit.tolerances_alone
+    strained = {system.tolerances[i]: float(off[i]) for i in np.argsort(-np.abs(off))[:_STRAINED]}
+    theil = {n: c for n, c in closed.closure.theil.items() if not n.startswith("kinematic/")}
+    return replace(closed.closure, theil=theil, strained=strained)
+
+
+def _explained(explanation: Explanation | None, evidence: Evidence, blocks: Sequence[Block]) -> list[Complex]:
+    """Return what an explanation makes of every block, shape (row, line) each."""
+    found = []
+    for b, block in enumerate(blocks):
+        z = np.zeros((len(block.rows), block.lines.hz.size), dtype=complex)
+        for i, e in zip(explanation.places, explanation.estimates, strict=True) if explanation else ():
+            z += np.tensordot(e.weights, evidence.system.candidates[i].columns[b], 1)
+        found.append(z)
+    return found
+
+
+def _existence(
+    exists: bool, p: float, threshold: float, level: float, evidence: Evidence, used: Sequence[Block]
+) -> Existence:
+    from scipy.stats import chi2
+
+    reached = detectable_sizes(evidence, threshold)
+    sizes = {name: size for name, (size, _) in reached.items()}
+    energy = sum(float((b.white(b.residual) ** 2).sum()) for b in used)
+    return Existence(
+        exists=exists,
+        p=p,
+        level=level,
+        naive_p=float(chi2.sf(energy, evidence.system.number)),
+        smallest_detectable=sizes,
+        unit={name: unit for name, (_, unit) in reached.items()},
+        largest_undetected={} if exists else sizes,
+        form_error=evidence.form_error().loads,
+        noise_from=tuple(dict.fromkeys(b.noise_from for b in used)),
+    )
+
+
+def _which(
+    ranking: Ranking,
+    evidence: Evidence,
+    explanation: Explanation | None,
+    exists: bool,
+    not_tested: dict[str, str],
+    closed: Sequence[Closed],
+    blocks: Sequence[Block],
+) -> Which:
+    effects = [e for e in ranking.credible if e not in (NONE, OTHER)]
+    effects += [e for e in (explanation.effects if explanation else ()) if e not in effects and e != OTHER]
+    parameters = {}
+    for effect in effects:
+        index = evidence.best_place(effect)
+        own = (
+            explanation.estimates[explanation.places.index(index)]
+            if explanation and index in explanation.places
+            else None
         )
-    except DataError as error:
-        raise DataError(str(error), where=name) from None
+        found = own or estimate(evidence, index, INTERVAL)
+        c = found.candidate
+        each = c.place.parameters if c.kind == "vector" else (c.place.label or c.place.parameters[0],)
+        names = [n.partition("=")[0] if "=" in n else n for n in each]
+        if c.kind == "scalar" and c.place.fixed:
+            names = [c.place.parameters[0]]
+        parameters[effect] = {
+            n: Interval(float(x), float(lo), float(hi), c.unit)
+            for n, x, lo, hi in zip(names, found.size, found.lo, found.hi, strict=False)
+        }
+        parameters[effect] |= {n: Interval(v, v, v, "") for n, v in c.place.fixed}
+    withdrawn = {}
+    pair = explanation.effects[:2] if explanation and len(explanation.effects) > 1 else ()
+    likely = ranking.alike[0] if ranking.alike else ""
+    share = sum(ranking.probabilities.get(n, 0.0) for n in ranking.alike)
+    named = ranking.alike if exists and likely and share >= NAMED else ()
+    if closed and closed[0].withdrawn and (named or pair):
+        for name in dict.fromkeys((*named, *pair)):
+            withdrawn[name] = closed[0].withdrawn
+        named, pair = (), ()
+    possible = [n for n in ranking.credible if ranking.probabilities[n] > 0.01]
+    return Which(
+        probabilities=ranking.probabilities,
+        set=ranking.credible,
+        aliases=groups_of(evidence, possible) if exists else (),
+        not_tested=not_tested,
+        parameters=parameters if exists else {},
+        calibrated=True,
+        pair=tuple(pair),
+        named=tuple(named),
+        withdrawn=withdrawn,
+        places={e: evidence.system.candidates[evidence.best_place(e)].place.label for e in effects},
+        groups={g.name: g.effectors for g in blocks[0].trial.maneuver.vehicle.groups},
+    )
 
 
-def _leading(judged: Sequence[Judged], which: Which) -> Judged | None:
-    """Return the explanation that the gap is drawn by: the pair where one is called, else the likeliest."""
-    if which.pair:
-        return next(j for j in judged if set(j.name.split("+")) == set(which.pair))
-    ranked = sorted(which.probabilities.items(), key=lambda item: -item[1])
-    for name, _ in ranked:
-        if name != NONE:
-            return next((j for j in judged if j.name == name), None)
-    return None
-
-
-def _explained(
-    leading: Judged | None, evidence: Evidence, library: Mapping[str, Effect], used: Sequence[Compared]
-) -> list[NDArray[np.complex128]]:
-    """Return what an explanation makes of each manoeuvre's residual, in full where it was weighed so."""
-    if leading and leading.settings:
-        effects = [library[i] for i in leading.settings]
-        return [changes(c, effects, leading.settings) for c in used]
-    return locate.explained(used, attribute.coefficients(leading, evidence) if leading else {})
+def _sensors(
+    explanation: Explanation | None, library: Mapping[str, Effect], which: Which
+) -> tuple[SensorFault, ...]:
+    """Return the faults of sensors that an explanation holds, unless they are withdrawn."""
+    found = []
+    for e in explanation.estimates if explanation else ():
+        effect = library.get(e.candidate.effect)
+        if effect is None or effect.stage != "sensor" or effect.id in which.withdrawn:
+            continue
+        if effect.id not in (*which.named, *which.pair):
+            continue
+        for name, interval in which.parameters.get(effect.id, {}).items():
+            found.append(
+                SensorFault(effect.id, name, interval.estimate, interval.lo, interval.hi, interval.unit)
+            )
+    return tuple(found)

@@ -10,13 +10,14 @@ from freqid.core.channels import WRENCH
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.vehicle import Vehicle
-from freqid.gap.lines import lines_of
 from freqid.gap.simulation import Simulation
+from freqid.gap.stack.lines import lines_of
 from freqid.gap.undescribed import without_vehicle
 
 BAND_HZ = (0.05, 2.0)
 """Where nothing was injected and no band is stated."""
 
+_FEWEST = 50  # samples, of a manoeuvre of which anything can be told
 _MASS = 0.03  # of the mass, from which two that are stated differ
 
 
@@ -76,12 +77,14 @@ def maneuvers(
     UsageError
         Where two records hold the same flight.
     DataError
-        Where vehicles do not match.
+        Where vehicles do not match, or a record is too short or too still to tell anything.
     """
     found = [
         Maneuver.of(r, vehicle or r.vehicle or simulation.vehicle or without_vehicle("unnamed vehicle", r))
         for r in records
     ]
+    for record, name in zip(records, names, strict=True):
+        _refuse_without_motion(record, name)
     _told_apart(records, names)
     first = found[0].vehicle
     for m, name in zip(found[1:], names[1:], strict=True):
@@ -125,6 +128,22 @@ def differing(found: Sequence[Maneuver], simulation: Simulation) -> list[str]:
     return said
 
 
+def refuse_diverging(found: Sequence[Maneuver], simulation: Simulation) -> None:
+    """Fly a function of the user's that has ``fly`` on each record, so that a diverging flight is said.
+
+    A simulation of another kind that cannot fly a record is replayed on it all the same.
+
+    Raises
+    ------
+    DataError
+        Where its flight diverges, stands still or is not finite, with the time.
+    """
+    if simulation.kind == "callable" and simulation.can_fly:
+        for m in found:
+            if m.record.group("excitation"):
+                simulation.fly(m.record)
+
+
 def injected_band(records: Sequence[FlightRecord]) -> tuple[float, float]:
     """Return the band, Hz, that the injected signals of all records drive; `BAND_HZ` without any."""
     driven = []
@@ -134,6 +153,23 @@ def injected_band(records: Sequence[FlightRecord]) -> tuple[float, float]:
     if not driven:
         return BAND_HZ
     return max(0.8 * min(driven), 1e-3), 1.05 * max(driven)
+
+
+def _refuse_without_motion(record: FlightRecord, name: str) -> None:
+    """Refuse a record from whose samples neither motion nor noise can be told."""
+    if record.time.size < _FEWEST:
+        raise DataError(
+            f"has {record.time.size} samples, expected {_FEWEST} or more: its noise cannot be told",
+            where=name,
+            remedy="give the whole manoeuvre",
+        )
+    states = [f"state/{n}" for n in record.group("state")]
+    if states and not any(np.ptp(record[n]) > 0 for n in states):
+        raise DataError(
+            "none of its states moves, so neither motion nor noise can be told",
+            where=name,
+            remedy="see that the log's columns were read as what they are",
+        )
 
 
 def _told_apart(records: Sequence[FlightRecord], names: Sequence[str]) -> None:

@@ -5,20 +5,94 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from math import isfinite
 from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, Mapping[str, float]]
-Asked = TypeVar("Asked")
-Told = TypeVar("Told")
+Departures = Mapping[str, float]
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
-_IN_THREADS = ("scenario",)  # kinds in which nothing changes when they are asked
+_THREAD_SAFE = ("scenario",)  # kinds whose methods change nothing that another thread reads
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far one of a simulation's own parameters may be from its nominal value.
+
+    Attributes
+    ----------
+    sigma : float
+        One standard deviation of the departure from nominal; zero of a parameter that is known exactly.
+    unit : str
+        Of the departure: an SI unit, or "1" where it is a share of the nominal value.
+    actuator : str
+        Effector whose own position is all that the parameter moves; empty where it may move anything.
+
+    Raises
+    ------
+    DataError
+        Where sigma is no finite number from zero up, or the unit is no string.
+    """
+
+    sigma: float
+    unit: str = "1"
+    actuator: str = ""
+
+    def __post_init__(self) -> None:
+        number = isinstance(self.sigma, int | float | np.number) and not isinstance(self.sigma, bool)
+        if not (number and isfinite(self.sigma) and self.sigma >= 0):
+            raise DataError(
+                f"a tolerance has sigma {self.sigma!r}, expected a finite number from zero up",
+                remedy="give one standard deviation of the parameter's departure from nominal",
+            )
+        if not (isinstance(self.unit, str) and self.unit):
+            raise DataError(
+                f"a tolerance has unit {self.unit!r}, expected a string",
+                remedy="give the unit of the departure, '1' for a share of the nominal value",
+            )
+        object.__setattr__(self, "sigma", float(self.sigma))
+
+
+def checked_departures(
+    departures: Departures | None, tolerances: Mapping[str, Tolerance], where: str
+) -> dict[str, float]:
+    """Return departures by name, those of zero left out.
+
+    Parameters
+    ----------
+    departures : dict of float or None
+        In the units of the tolerances.
+    tolerances : dict of Tolerance
+        Of the simulation.
+    where : str
+        Name of the simulation, for errors.
+
+    Raises
+    ------
+    UsageError
+        For a name that the simulation does not have, or a departure that is not finite.
+    """
+    given = dict(departures or {})
+    for name, value in given.items():
+        if name not in tolerances:
+            raise UsageError(
+                f"the simulation has no parameter '{name}' of its own",
+                where=where,
+                remedy=nearest(name, tolerances),
+            )
+        if not isfinite(value):
+            raise UsageError(f"the departure of parameter '{name}' is {value!r}, not finite", where=where)
+    return {name: float(value) for name, value in given.items() if value}
 
 
 class Simulation(Protocol):
@@ -38,6 +112,15 @@ class Simulation(Protocol):
         Effects that it models itself, with the settings in force: these are tested as errors in them.
     parts : tuple of str
         Fields that effects may need and the vehicle does not have, ``simulation.airframe.wake`` for one.
+    tolerances : dict of Tolerance
+        The simulation's own parameters that may be off, by name; empty where none are known.
+    can_fly : bool
+        Whether `fly` returns a flight.
+    has_actuators : bool
+        Whether `positions` may return something.
+    gyroscopic : bool or None
+        Whether its wrench leaves the gyroscopic moments of the vehicle's rotors to the rigid body, so that
+        they are subtracted from the measured moments; None where nobody said.
     """
 
     @property
@@ -70,7 +153,29 @@ class Simulation(Protocol):
         """Fields that effects may need beside the vehicle's."""
         ...
 
-    def predict(self, record: FlightRecord, effects: Settings | None = None) -> Array:
+    @property
+    def tolerances(self) -> Mapping[str, Tolerance]:
+        """Its own parameters that may be off."""
+        ...
+
+    @property
+    def can_fly(self) -> bool:
+        """Whether it has a flight of its own."""
+        ...
+
+    @property
+    def has_actuators(self) -> bool:
+        """Whether it turns commands into positions."""
+        ...
+
+    @property
+    def gyroscopic(self) -> bool | None:
+        """Whether the rotors' gyroscopic moments are left to the rigid body."""
+        ...
+
+    def predict(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> Array:
         """Return the responses on the record's own states and effector positions, shape (response, sample).
 
         Parameters
@@ -78,11 +183,16 @@ class Simulation(Protocol):
         record : FlightRecord
         effects : dict of dict of float, optional
             In place of the settings in force.
+        departures : dict of float, optional
+            Of its own parameters from nominal, in the unit of their tolerances; zero where absent.
 
         Raises
         ------
         DataError
-            Where the record lacks a channel, or the prediction is not finite or has a wrong shape.
+            Where the record lacks a channel, or the prediction is not finite, has a wrong shape or stands
+            still while the record moves.
+        UsageError
+            For an effect or a parameter that the simulation does not have.
         """
         ...
 
@@ -101,18 +211,23 @@ class Simulation(Protocol):
         """
         ...
 
-    def positions(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array]:
+    def positions(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> dict[str, Array]:
         """Return the positions that its actuators make of the record's commands, by effector name.
 
-        Empty where the simulation has no actuators; then no effect of theirs can be tested.
+        Empty where the simulation has no actuators; then no effect of theirs can be tested. Parameters as
+        in `predict`.
         """
         ...
 
-    def fly(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array] | None:
+    def fly(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> dict[str, Array] | None:
         """Return the state channels of its own flight under the record's injected signals, by name.
 
-        None where it cannot fly. In closed loop where the simulation has a control law: then what the law
-        made of it too, as ``effector/NAME`` and ``command/NAME``.
+        None where it cannot fly. Effector positions and commands of that flight, where it has them, are
+        ``effector/NAME`` and ``command/NAME``. Parameters as in `predict`.
 
         Raises
         ------
@@ -122,9 +237,11 @@ class Simulation(Protocol):
         ...
 
 
-def side_by_side(simulation: Simulation, work: Callable[[Asked], Told], asked: Iterable[Asked]) -> list[Told]:
-    """Return what is made of each, in order: on all cores where the simulation may be asked in threads."""
-    if simulation.kind not in _IN_THREADS:
-        return [work(a) for a in asked]
+def side_by_side(
+    simulation: Simulation, work: Callable[[Item], Result], items: Iterable[Item]
+) -> list[Result]:
+    """Return the results of `work` on each item, in order; on all cores where threads are allowed."""
+    if simulation.kind not in _THREAD_SAFE:
+        return [work(item) for item in items]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(work, asked))
+        return list(pool.map(work, items))

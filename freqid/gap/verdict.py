@@ -1,89 +1,203 @@
-"""The verdict of a diagnosis, in one line."""
+"""The verdict of a diagnosis in one line, and what stands beside it: the same as tables and page say."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
-from freqid.core.diagnosis import Closure, Existence, Place, Which
+from freqid.core.diagnosis import Closure, Existence, Place, SensorFault, ToleranceUsed, Which
 from freqid.core.gap_map import GapMap
-from freqid.gap.attribute import NONE, OTHER
-from freqid.gap.score import ITSELF
+from freqid.gap.infer.build import Columns
+from freqid.gap.infer.evidence import NONE
+from freqid.gap.model.candidates import OTHER
+from freqid.gap.model.tolerance import DEFAULT, EACH_FLIGHT, UNDECLARED
+from freqid.gap.simulation import Simulation
+from freqid.gap.stack.block import Block
+from freqid.simulate.effects.effect import Effect
 
 _FEW = 3  # names that are listed
+_POOR_FORM = 0.05  # error of form from which a simulation's form is said to limit the answer
+_POOR_SENSORS = 0.05
+_STRAINED = 2.0  # sigmas from which tolerances are said to be strained
 
 
 def verdict(
-    gap: Existence, where: Sequence[Place], cells: GapMap, which: Which, closures: Sequence[Closure]
+    gap: Existence,
+    where: Sequence[Place],
+    cells: GapMap,
+    which: Which,
+    closures: Sequence[Closure],
+    sensors: Sequence[SensorFault],
+    library: Mapping[str, Effect],
 ) -> str:
     """Return the verdict in one line."""
     if not gap.exists:
-        return (
-            f"No gap that can be resolved: noise and tolerances make as much in {100 * gap.p:.3g} % of cases."
-        )
-    words = ["A gap beyond noise"]
-    if where:
-        place = where[0]
-        row = next(iter(cells.share("row").items()))
-        words.append(
-            f": {100 * row[1]:.0f} % of what is explained is in {row[0]}, mostly {place.band_hz[0]:.2g}-"
-            f"{place.band_hz[1]:.2g} Hz"
-        )
-        if place.regime:
-            words.append(f", at {place.regime}")
-        if place.input:
-            words.append(f", coherent with {place.input}")
-    elif cells.energy.sum() > 0:
+        said = f"No gap beyond noise and tolerances (p = {gap.p:.2g}){_larger_than(gap)}."
+        return said + _limited_by_form(gap)
+    words = ["A gap beyond noise and tolerances"]
+    if cells.energy.sum() > 0:
         row, share = next(iter(cells.share("row").items()))
-        words.append(f": no place holds a tenth of what is explained, {row} most with {100 * share:.0f} %")
-    words.append("; " + _name(which))
-    if closures and np.isfinite(closures[0].wrench.G):
-        gone = 100 * min(closures[0].wrench.G, 1.0)
-        itself = ITSELF in closures[0].note
-        there = "the manoeuvre that it was fitted to" if itself else "manoeuvres that were not used"
-        words.append(f"; adding {_it(which, closures[0])} removes {gone:.0f} % on {there}")
-    if closures and closures[0].consequence.get("matters"):
-        it = "" if _just_named(which, closures[0]) else f"with {_it(which, closures[0])} "
-        words.append("; " + it + closures[0].consequence["sentence"])
-    how = f" (calibrated by {which.calibrated_by})" if which.calibrated_by else ""
-    return "".join(words) + (how if which.calibrated else " (uncalibrated)") + "."
+        words.append(f", {100 * share:.0f} % of it in {row}")
+        if where:
+            low, high = where[0].band_hz
+            words.append(f", mostly {low:.2g}-{high:.2g} Hz")
+            words.append(f", with {where[0].input}" if where[0].input else "")
+    words.append(". ")
+    faults = list(dict.fromkeys(f.fault for f in sensors))
+    if faults:
+        words.append(f"Your sensors: {' and '.join(_said(n, which) for n in faults)}. ")
+    words.append(f"Your simulation: {_name(which, faults, library)}")
+    if closures and np.isfinite(closures[0].wrench.G) and (which.named or which.pair):
+        words.append(_closed(closures[0]))
+    words.append(".")
+    words.append(_limited_by_form(gap))
+    return "".join(words)
 
 
-def _just_named(which: Which, closure: Closure) -> bool:
-    """Return whether a closure adds what the verdict has just named."""
-    return set(which.pair or tuple(which.probabilities)[:1]) == set(closure.effects)
+def _closed(closure: Closure) -> str:
+    """Return what goes with the effect, and what tolerances would have to do without it."""
+    strain = next(((n, x) for n, x in closure.strained.items() if abs(x) >= _STRAINED), None)
+    off = f", with {strain[0]} off by {abs(strain[1]):.0f} sigma" if strain else ""
+    alone = closure.tolerances_only.G
+    return (
+        f"; with it {100 * closure.wrench.G:.0f} % of the gap goes on {_held(closure)}"
+        f" (tolerances alone: {100 * alone:.0f} %{off})"
+    )
 
 
-def _it(which: Which, closure: Closure) -> str:
-    """Return what a closure adds, in words."""
-    if not _just_named(which, closure):
-        return " and ".join(closure.effects)
-    return "both" if which.pair else "it"
+def _held(closure: Closure) -> str:
+    return Path(closure.held_out[0]).name if len(closure.held_out) == 1 else "manoeuvres that were not used"
 
 
-def _name(which: Which) -> str:
+def _larger_than(gap: Existence) -> str:
+    """Return the sizes that would have been found, a few of them."""
+    named = [n for n in ("surface_effectiveness", "actuator_delay", "mass") if n in gap.largest_undetected]
+    if not named:
+        return ""
+    sizes = [f"{n} {_number(gap.largest_undetected[n], gap.unit.get(n, ''))}" for n in named]
+    return f": no gap larger than {', '.join(sizes)}"
+
+
+def _limited_by_form(gap: Existence) -> str:
+    if gap.form_error < _POOR_FORM:
+        return ""
+    share = f"{100 * gap.form_error:.2g} %"
+    return f" The simulation's terms are wrong in form by {share}, which limits the answer."
+
+
+def _number(value: float, unit: str) -> str:
+    return f"{value:.2g}" + (f" {unit}" if unit not in ("", "1") else "")
+
+
+def _said(effect: str, which: Which) -> str:
+    """Return an effect with its place and its size."""
+    place = which.places.get(effect, "")
+    sizes = which.parameters.get(effect, {})
+    label = f"{effect} of {place}" if place and place not in ("all",) and "=" not in place else effect
+    if len(sizes) == 1 or (sizes and "=" in place):
+        one = next(iter(sizes.values()))
+        return f"{label} {_number(one.estimate, one.unit)} ({one.lo:.2g} to {one.hi:.2g})"
+    return label
+
+
+def _name(which: Which, faults: Sequence[str], library: Mapping[str, Effect]) -> str:
+    if which.withdrawn:
+        name, why = next(iter(which.withdrawn.items()))
+        return f"no name; {name} fits best but {why}"
     if which.pair:
-        return f"most likely {which.pair[0]} and {which.pair[1]} together"
-    name, chance = next(iter(which.probabilities.items()))
-    group = next((g for g in which.aliases if name in g), ())
+        rest = [n for n in which.pair if n not in faults]
+        return " and ".join(_said(n, which) for n in rest) or "nothing beside that"
+    if which.named:
+        rest = [n for n in which.named if n not in faults]
+        if not rest:
+            return "nothing beside that"
+        if len(which.named) > 1:
+            return f"one of {', '.join(which.named)}, which these data cannot separate"
+        chance = which.probabilities.get(rest[0], 0.0)
+        effect = library.get(rest[0])
+        meaning = f" ({effect.meaning.rstrip('.')})" if effect else ""
+        return f"{_said(rest[0], which)}{meaning}, probability {chance:.2f}"
+    name, chance = next((n, p) for n, p in which.probabilities.items() if n != NONE)
     if name == OTHER:
-        return f"none of the library's effects explains it ({100 * chance:.0f} %)"
-    if name == NONE:
-        return "no effect of the library explains it better than chance"
-    if not which.named:
-        if group:
-            return f"most likely one of {', '.join(group)}, which these data cannot separate"
-        return f"most likely {name} ({100 * chance:.0f} %), among {', '.join(which.set)}"
-    if group:
-        return f"one of {', '.join(group)}, which these data cannot separate"
-    rest = [n for n in which.set if n not in which.named]
-    open_ = f", {_listed(rest)} not ruled out" if rest else ""
-    return f"{name} ({100 * chance:.0f} %){open_}"
+        return f"no effect of the library explains it ({100 * chance:.0f} % for another)"
+    rest = [n for n in which.set if n not in (NONE, OTHER)]
+    listed = ", ".join(rest[:_FEW]) + (f" and {len(rest) - _FEW} more" if len(rest) > _FEW else "")
+    return f"no single name; {listed} remain possible"
 
 
-def _listed(names: Sequence[str]) -> str:
-    """Return a few names in words, or how many there are."""
-    if len(names) > _FEW:
-        return f"{len(names)} others"
-    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+def remarks_of(
+    used: Sequence[Block], columns: Sequence[Columns], simulation: Simulation, gap: Existence
+) -> Iterator[str]:
+    """Yield what records and simulation leave untold."""
+    if not any(b.lines.inputs for b in used):
+        yield "the records hold no injected signals: where a gap lies by input cannot be told"
+    if not any(row.kind == "kinematic" for b in used for row in b.rows):
+        yield "without velocities, specific forces and attitude, faults of the sensors cannot be told apart"
+    if not any(b.trial.positions for b in used):
+        yield f"{simulation.name} has no actuators: what happens between command and position is not tested"
+    if not simulation.tolerances:
+        yield (
+            "the simulation states no tolerances of its own: a share of each derivative and of each "
+            "actuator's time stands in for them"
+        )
+    for block in used:
+        if block.motion.source == "smoothed record":
+            yield (
+                f"{block.names[0]}: no model follows its motion, so effects are computed on the smoothed "
+                "record, which shares its noise"
+            )
+    poor = max((c.kinematic_error for c in columns), default=0.0)
+    if poor >= _POOR_SENSORS:
+        share = f"{100 * poor:.0f} %"
+        yield f"the sensors contradict each other by {share} of what they show; they count as little"
+    if len(used) == 1 and len(used[0].names) == 1:
+        yield "one manoeuvre only: what is said of it was not tried on another"
+    if gap.form_error:
+        yield (
+            f"the records show the simulation's terms wrong in form by about {100 * gap.form_error:.2g} %, "
+            "which is allowed for"
+        )
+    else:
+        yield "the records show no error of form in the simulation's terms"
+    yield f"noise learned from {' and from '.join(gap.noise_from)}"
+
+
+def tolerances_used(
+    sizes: Mapping[str, float], simulation: Simulation, library: Mapping[str, Effect]
+) -> tuple[ToleranceUsed, ...]:
+    """Return the tolerances that were allowed for, with their units and where each comes from.
+
+    Parameters
+    ----------
+    sizes : dict of float
+        One sigma by name, of `freqid.gap.model.tolerance.stated`.
+    simulation : Simulation
+    library : dict of Effect
+        Of the vehicle at hand.
+    """
+    own = simulation.tolerances
+    silent = {**DEFAULT, **UNDECLARED}
+    found = []
+    for name, sigma in sizes.items():
+        if not sigma:
+            continue
+        if name in own and sigma == own[name].sigma:
+            source = "simulation"
+        elif name in EACH_FLIGHT:
+            source = "each record"
+        else:
+            source = "default" if name not in own and silent.get(name) == sigma else "stated"
+        found.append(ToleranceUsed(name, float(sigma), _unit_of(name, simulation, library), source))
+    return tuple(found)
+
+
+def _unit_of(name: str, simulation: Simulation, library: Mapping[str, Effect]) -> str:
+    if name in simulation.tolerances:
+        return simulation.tolerances[name].unit
+    effect, _, parameter = name.partition(".")
+    if effect not in library:
+        return "1"  # shares: of a derivative, a servo's or a rotor's number
+    parameters = library[effect].parameters
+    return parameters[parameter or next(iter(parameters))].unit

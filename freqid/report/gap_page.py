@@ -8,9 +8,8 @@ import numpy as np
 
 from freqid import __version__
 from freqid.core.gap_result import BeforeAfter, GapResult, ResidualSpectra
-from freqid.report import gap_figures, gap_response_figures, gap_self_test, gap_tables
+from freqid.report import gap_figures, gap_self_test, gap_tables
 from freqid.report.findings import Finding, finding
-from freqid.report.gap_next import next_rows
 from freqid.report.notation import percent, short
 from freqid.report.pictures import Picture, picture
 from freqid.report.rendering import render
@@ -38,6 +37,8 @@ def build_gap_page(result: GapResult) -> str:
         probabilities=_probabilities(result),
         detectable=_detectable(result),
         before_after=_before_after(result),
+        tolerances=gap_tables.tolerance_rows(d),
+        sensors=gap_tables.sensor_rows(d),
         where=gap_tables.where_rows(d),
         which=gap_tables.which_rows(d),
         pair=d.which.pair,
@@ -46,7 +47,7 @@ def build_gap_page(result: GapResult) -> str:
         self_test=gap_self_test.summary(d.self_test),
         confusions=gap_self_test.confusions(d.self_test),
         closures=gap_tables.closures(d),
-        next_tests=next_rows(d.next_flight),
+        next_tests=gap_tables.next_rows(d.next_flight),
         next_groups=[g["sentence"] for g in d.next_flight.get("groups", ())],
         next_design=d.next_flight.get("design") or "",
         provenance=result.provenance,
@@ -56,6 +57,7 @@ def build_gap_page(result: GapResult) -> str:
 def _findings(result: GapResult) -> list[Finding]:
     d = result.diagnosis
     said = [finding("bad" if d.gap.exists else "good", "{}", d.verdict)]
+    said += [finding("note", "Withdrawn: {}, {}.", name, why) for name, why in d.which.withdrawn.items()]
     said += [finding("note", "These data cannot separate {}.", ", ".join(group)) for group in d.which.aliases]
     said += [finding("note", "{}.", remark) for remark in d.remarks]
     return said
@@ -64,15 +66,17 @@ def _findings(result: GapResult) -> list[Finding]:
 def _facts(result: GapResult) -> list[tuple[str, str]]:
     d = result.diagnosis
     hz = [s.hz for s in result.spectra]
-    told = [
+    held_out = len(result.provenance.get("held out", ()))
+    used = len(d.records) - held_out
+    facts = [
         ("p of no gap", f"{d.gap.p:.2g} (level {short(d.gap.level)})"),
         ("p by chi-square, blind to tolerances", f"{d.gap.naive_p:.2g}"),
-        ("Manoeuvres", f"{len(result.spectra)} used, {len(d.records) - len(result.spectra)} held out"),
+        ("Records", f"{used} used, in {len(result.spectra)} conditions; {held_out} held out"),
+        ("Error of form of the simulation's terms", percent(d.gap.form_error)),
     ]
     if hz:
-        low, high = min(h[0] for h in hz), max(h[-1] for h in hz)
-        told.append(("Band", f"{low:.3g} to {high:.3g} Hz"))
-    return told
+        facts.append(("Lines", f"0 to {max(h[-1] for h in hz):.3g} Hz"))
+    return facts
 
 
 def _order(result: GapResult) -> list[int]:
@@ -150,10 +154,10 @@ def _spectra(result: GapResult) -> list[Picture]:
         )
         pictures.append(
             picture(
-                gap_response_figures.residual_spectra(one, rows),
+                gap_figures.residual_spectra(one, rows),
                 f"residual{k}",
-                f"Residual spectra over the noise floor, {Path(one.maneuver).stem}",
-                f"{Path(one.maneuver).stem}: measured less simulated on each line. What stands above the "
+                f"Residual spectra over the noise floor, {_short(one.maneuver)}",
+                f"{_short(one.maneuver)}: measured less simulated on each line. What stands above the "
                 "grey floor is no noise; blue dashes are what the likeliest explanation makes of it: they "
                 "should meet the orange dots that stand out.",
             )
@@ -161,12 +165,18 @@ def _spectra(result: GapResult) -> list[Picture]:
     return pictures
 
 
+def _short(maneuver: str) -> str:
+    """Return the name of a condition without its folder and without the suffix of its file."""
+    record, _, repeats = maneuver.partition(" and ")
+    return Path(record).stem + (f" and {repeats}" if repeats else "")
+
+
 def _explained(one: ResidualSpectra) -> float:
     return float((np.abs(one.explained) ** 2 / one.noise**2).sum())
 
 
 def _increments(result: GapResult) -> list[Picture]:
-    known = [i for i in result.increments if i.clear or i.hi - i.lo < 100][:_BARS]
+    known = result.increments[:_BARS]
     if not known:
         return []
     clear = sum(i.clear for i in result.increments)
@@ -202,18 +212,20 @@ def _probabilities(result: GapResult) -> list[Picture]:
 
 def _detectable(result: GapResult) -> list[Picture]:
     gap = result.diagnosis.gap
-    known = [(n, s / result.expected[n]) for n, s in gap.smallest_detectable.items() if n in result.expected]
+    sizes = gap.smallest_detectable if gap.exists else gap.largest_undetected
+    known = [(n, s / result.expected[n]) for n, s in sizes.items() if n in result.expected]
     known = sorted((k for k in known if np.isfinite(k[1]) and k[1] < 1e4), key=lambda k: k[1])
     if not known:
         return []
     names = [n for n, _ in known]
-    notes = [gap_tables.with_si(gap.smallest_detectable[n], gap.unit.get(n, "1")) for n in names]
+    notes = [gap_tables.with_si(sizes[n], gap.unit.get(n, "1")) for n in names]
+    seen = "is found" if gap.exists else "would have been called a gap"
     return [
         picture(
             gap_figures.detectable_sizes(names, np.array([r for _, r in known]), notes),
             "detectable",
             "Smallest size of each effect that would be found",
-            "What these flights can see: the size of each effect that is found in 95 of 100 cases, over the "
+            f"What these flights can see: the size of each effect that {seen} in 95 of 100 cases, over the "
             "size that is expected of it beforehand. Orange: an effect of the expected size would hide.",
         )
     ]
@@ -224,19 +236,20 @@ def _before_after(result: GapResult) -> list[Picture]:
     for k, one in enumerate(result.before_after):
         rows = _changed(one)
         scored = "held out" if one.held_out else "among those fitted"
-        name, added = Path(one.maneuver).stem, " and ".join(result.diagnosis.how_far[0].effects)
+        name, added = _short(one.maneuver), " and ".join(result.diagnosis.how_far[0].effects)
         pictures.append(
             picture(
-                gap_response_figures.before_after_time(one, rows),
+                gap_figures.before_after_time(one, rows),
                 f"time{k}",
                 f"{name}, {scored}: measured, before and after over time",
-                f"{name}, {scored}: as measured, as simulated, and as simulated with {added}, where that "
-                "does most. Blue should lie on grey where orange does not.",
+                f"{name}, {scored}: as measured, as simulated, and as simulated with {added} and the "
+                "tolerances that go with it, where these do most. Blue should lie on grey where orange does "
+                "not.",
             )
         )
         pictures.append(
             picture(
-                gap_response_figures.before_after_frequency(one, rows),
+                gap_figures.before_after_frequency(one, rows),
                 f"frequency{k}",
                 f"{name}, {scored}: what is left before and after over frequency",
                 f"{name}, {scored}: what is left on each line. Where blue dots stay inside the "

@@ -35,24 +35,37 @@ def summary(test: SelfTest | None) -> dict[str, Any] | None:
         "strata": [
             {
                 "detectability": f"{s.detectability:g}",
-                "rates": [_rate(r) for r in (s.detected, s.named, s.right, s.covered)],
+                "rates": [
+                    *(_rate(r) for r in (s.detected, s.named, s.right, s.covered)),
+                    f"{s.truth_probability:.2f}" if math.isfinite(s.truth_probability) else NONE,
+                ],
             }
             for s in test.strata
         ],
         "false_alarm": _rate(test.false_alarm),
         "outside": {n: _rate(r) for n, r in test.outside.items()},
         "form_error": f"{100 * test.form_error:.0f} %",
-        "reach": [
+        "false_name": _rate(test.false_name),
+        "reliability": test.reliability.sentence(),
+        "bins": [
             {
-                "effect": r.effect,
-                "parameter": r.parameter,
-                "size": with_si(r.size, r.unit) if math.isfinite(r.size) else "none within its range",
-                "linear": with_si(r.linear, r.unit) if math.isfinite(r.linear) else NONE,
-                "detectability": f"{r.detectability:.0f}" if math.isfinite(r.detectability) else NONE,
+                "given": f"{b.low:g} to {b.high:g}",
+                "probability": f"{b.probability:.2f}",
+                "right": _rate(b.right),
             }
-            for r in test.reach
+            for b in test.reliability.bins
+            if b.right.of
         ],
-        "wide": len(test.strata[-1].answers) > _BESIDE,
+        "smallest": [
+            {
+                "effect": s.effect,
+                "place": s.place,
+                "size": with_si(s.size, s.unit) if math.isfinite(s.size) else "none within its range",
+                "detectability": f"{s.detectability:.0f}" if math.isfinite(s.detectability) else NONE,
+            }
+            for s in test.smallest
+        ],
+        "wide": bool(test.strata) and len(test.strata[-1].answers) > _BESIDE,
         "not_inserted": list(test.not_inserted.items()),
     }
 
@@ -77,9 +90,9 @@ def _confusion(test: SelfTest, stratum: Stratum, k: int) -> Picture:
         f"confusion{k}",
         f"Confusion matrix at a detectability of {size}",
         f"What is answered, in per cent of {test.draws} draws, where the effect at the left was inserted at "
-        f"a detectability of {size}. The diagonal is right; an alias that the insertion cannot be told from "
-        "counts as right. Several: the set holds names that are no group. No gap: none was called. Below "
-        "1 % is left blank.",
+        f"a detectability of {size}. The diagonal is right; a group of effects that cannot be told apart and "
+        "holds the inserted one counts as right. Several: no name is likely enough. No gap: none was called. "
+        "Below 1 % is left blank.",
     )
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from freqid.core.diagnosis import Change, Closure, GapDiagnosis, Interval, Share
 from freqid.report.notation import NONE, exact, number, percent, pretty_unit, short
 
 _SHOWN = 0.005  # probability from which an effect has a row
+_FEW_SETTINGS = 12  # more are free changes of terms, which have no names
 
 
 def where_rows(d: GapDiagnosis) -> list[dict[str, Any]]:
@@ -36,6 +38,7 @@ def which_rows(d: GapDiagnosis) -> list[dict[str, Any]]:
         rows.append(
             {
                 "name": name,
+                "place": d.which.places.get(name, ""),
                 "chance": exact(chance, percent(chance)),
                 "in_set": name in d.which.set,
                 "least": NONE if least is None else with_si(least, d.gap.unit.get(name, "1")),
@@ -55,6 +58,29 @@ def untested_rows(d: GapDiagnosis) -> list[tuple[str, str]]:
     return [(", ".join(names), why) for why, names in by_reason.items()]
 
 
+def tolerance_rows(d: GapDiagnosis) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return the tolerances that were allowed for by where they come from: name and one sigma each."""
+    words = {
+        "stated": "Stated",
+        "simulation": "Of the simulation",
+        "default": "By default",
+        "each record": "Offsets of each record",
+    }
+    by_source = [
+        (heading, [(t.name, with_si(t.sigma, t.unit)) for t in d.tolerances if t.source == source])
+        for source, heading in words.items()
+    ]
+    return [(heading, each) for heading, each in by_source if each]
+
+
+def sensor_rows(d: GapDiagnosis) -> list[dict[str, str]]:
+    """Return the faults that the sensors show."""
+    return [
+        {"fault": s.fault, "channel": s.channel, "text": interval(Interval(s.estimate, s.lo, s.hi, s.unit))}
+        for s in d.sensors
+    ]
+
+
 def closures(d: GapDiagnosis) -> list[dict[str, Any]]:
     """Return what each closure did."""
     return [
@@ -63,15 +89,23 @@ def closures(d: GapDiagnosis) -> list[dict[str, Any]]:
             "settings": [
                 {"effect": effect, "name": n, "text": interval(x)}
                 for effect, values in c.settings.items()
+                if len(values) <= _FEW_SETTINGS
                 for n, x in values.items()
             ],
-            "wrench": share(c.wrench),
-            "response": share(c.response),
+            "shares": [
+                ("The effect alone", share(c.effect_only)),
+                ("Tolerances alone", share(c.tolerances_only)),
+                ("Both", share(c.wrench)),
+            ],
+            "strained": ", ".join(f"{n} {x:+.1f}".replace("-", "−") for n, x in c.strained.items()),
+            "log_score": f"{c.log_score:+.1f} nats".replace("-", "−") if math.isfinite(c.log_score) else "",
+            "response": share(c.response) if math.isfinite(c.response.G) else "",
+            "with_cost": bool(c.J),
             "held_out": ", ".join(c.held_out),
             "note": c.note,
             "cost": c.consequence.get("sentence", ""),
             "costs": _costs(c),
-            "rows": [_classical(c, name) for name in c.rmse],
+            "rows": [_classical(c, name) for name in c.listed],
         }
         for c in d.how_far
     ]
@@ -79,7 +113,9 @@ def closures(d: GapDiagnosis) -> list[dict[str, Any]]:
 
 def interval(x: Interval) -> str:
     """Return an estimate with its interval and unit."""
-    unit = "" if x.unit == "1" else f" {pretty_unit(x.unit)}"
+    unit = "" if x.unit in ("", "1") else f" {pretty_unit(x.unit)}"
+    if x.lo == x.hi:
+        return f"{number(x.estimate)}{unit} (given)"
     return f"{number(x.estimate)} ({number(x.lo)} to {number(x.hi)}){unit}"
 
 
@@ -92,7 +128,7 @@ def share(s: Share) -> str:
 
 def with_si(value: float, unit: str) -> str:
     """Return a number with its unit."""
-    return f"{number(value, 2)}" + ("" if unit == "1" else f" {pretty_unit(unit)}")
+    return f"{number(value, 2)}" + ("" if unit in ("", "1") else f" {pretty_unit(unit)}")
 
 
 def _classical(c: Closure, name: str) -> dict[str, Any]:
@@ -104,8 +140,8 @@ def _classical(c: Closure, name: str) -> dict[str, Any]:
     return {
         "name": name,
         "rmse": ends(c.rmse.get(name)),
-        "theil": ends(c.theil.get(name)),
-        "J": ends(c.J.get(name))[:2],
+        "theil": ends(c.theil.get(name))[:2],
+        "J": ends(c.J.get(name))[:2] if c.J else [],
     }
 
 
@@ -133,3 +169,29 @@ def _costs(c: Closure) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def next_rows(table: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the proposed tests, the best first; see ``next_flight`` of `GapDiagnosis`."""
+    return [
+        {
+            "kind": test["kind"],
+            "name": test["name"],
+            "how": test["how"] + _with(test),
+            "pairs": [
+                {
+                    "rivals": " / ".join(p["rivals"]),
+                    "now": number(p["now"], 2),
+                    "after": number(p["after"], 3),
+                }
+                for p in test["pairs"]
+            ],
+        }
+        for test in table.get("tests", ())
+    ]
+
+
+def _with(test: Mapping[str, Any]) -> str:
+    if test["kind"] == "ground":
+        return f" ({test['instrument']})"
+    return f" (predicted by {test['predicted_by']})"

@@ -27,8 +27,10 @@ from .effects import (
     battery_sag,
     gyroscopic,
     loaded,
+    motor_lag,
     rate_limit,
 )
+from .effects.places import alone
 from .integrate import rk4
 from .multibody import Configuration, MassModel
 from .quantities import Aero, Flow, Positions, Wake
@@ -139,12 +141,13 @@ def parameters(scenario: Scenario) -> Parameters:
         mass=multibody.mass_model(loaded(scenario.aircraft(), settings)),
         actuators=actuators(scenario),
     )
-    single = actuator_delay.alone(settings["actuator_delay"])
-    if single:
-        raise UsageError(
-            f"effect actuator_delay: flights have no delay of {single[0]} alone",
-            remedy="set extra, the delay of all effectors, or that of a kind: surface, tilt, rotor",
-        )
+    for effect in (actuator_delay, actuator_lag, motor_lag, rate_limit, backlash):
+        single = alone(effect.EFFECT, settings[effect.EFFECT.id])
+        if single:
+            raise UsageError(
+                f"effect {effect.EFFECT.id}: flights do not have it at {single[0]} alone",
+                remedy=f"set {effect.EFFECT.size}, which all effectors have in common",
+            )
     delays = actuator_delay.delays(built.airframe.effects["actuator_delay"], built.actuators.delay)
     if max(delays) > LONGEST_DELAY:
         raise UsageError(

@@ -27,7 +27,7 @@ def fly_worn(linear_aircraft):
     """Put flights of the linear aircraft with a worn elevator, and its sound simulation, into a folder."""
     project = linear_aircraft.__file__.rpartition("/examples/")[0]
 
-    def fly(folder, loss, seeds):
+    def fly(folder, loss, seeds, period=30.0):
         worn = {
             r: {n: c * (1 - loss * (n == "de")) for n, c in row.items()}
             for r, row in linear_aircraft.DERIVATIVES.items()
@@ -35,7 +35,8 @@ def fly_worn(linear_aircraft):
         shutil.copy(f"{project}/examples/linear_simulation.py", folder)
         for seed in seeds:
             log = folder / f"flight{seed}.csv"
-            linear_aircraft.fly(seed=seed, period=30.0, periods=1, derivatives=worn).to_csv(log, index=False)
+            table = linear_aircraft.fly(seed=seed, period=period, periods=1, derivatives=worn)
+            table.to_csv(log, index=False, float_format="%.10g")
             words = f"import-log {log} --scenario {project}/scenarios/linear.toml --at u20 "
             words += f"--map {project}/scenarios/maps/linear.toml -o {folder}/flight{seed}.h5"
             with pytest.raises(SystemExit) as left:

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
+import msgspec
 import numpy as np
 import pytest
 
+from freqid.compare.scenario_consequence import condition_at, consequence_of_effects, design_law_at
+from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.scenario import read_scenario
-from freqid.gap.rigid_body import inertia_and_spin, rigid_body_matrices
-from freqid.gap.scenario_consequence import consequence
+from freqid.core.vehicle import Inertia
+from freqid.identify.mass import moving_mass
+from freqid.identify.momentum import airframe_momentum
+from freqid.numerics.small_motion import equations_of_motion, rotor_spin
 from freqid.simulate import motion
 from freqid.simulate.linearize import linearize
 from freqid.simulate.trim import trim
@@ -24,7 +30,7 @@ LATE = 0.03
 @pytest.fixture(scope="module")
 def late():
     """What an extra delay of all actuators costs, with the delay known to 10 ms."""
-    return consequence(
+    return consequence_of_effects(
         SCENARIO,
         AT,
         {},
@@ -36,24 +42,43 @@ def late():
 
 
 def test_rigid_body_equations_are_those_of_the_differentiated_simulation():
+    """Those that identification and design use, with the inertia of the tilted wings at this trim."""
     parameters = jax.tree.map(jnp.asarray, motion.parameters(SCENARIO))
     at = trim(SCENARIO, parameters, AT)
     linear = linearize(SCENARIO, parameters, at)
     names = {kind: [e.name for e in SCENARIO.effector if e.kind == kind] for kind in ("rotor", "tilt")}
-    positions = dict(zip(names["rotor"], np.asarray(at.positions.speed), strict=True))
-    positions |= dict(zip(names["tilt"], np.asarray(at.positions.tilt), strict=True))
+    speeds = dict(zip(names["rotor"], np.asarray(at.positions.speed).tolist(), strict=True))
+    tilts = dict(zip(names["tilt"], np.asarray(at.positions.tilt).tolist(), strict=True))
     vehicle = SCENARIO.aircraft()
-    inertia, spin = inertia_and_spin(vehicle, positions)
-    A, B = rigid_body_matrices(
-        linear.wrench,
-        vehicle.mass_properties.mass_kg,
-        inertia,
+    spin = rotor_spin(vehicle, linear.effectors, tilts)
+    momentum = spin @ [speeds.get(name, 0.0) for name in linear.effectors]
+    assert float(at.angles[0]) == pytest.approx(0.0, abs=1e-9)  # the equations are for level wings
+    wrench = np.hstack([linear.wrench[:, :6], np.zeros((6, 2)), linear.wrench[:, 6:]])
+    E, motion_and_input = equations_of_motion(
+        wrench,
+        _tilted(vehicle, tilts),
         np.asarray(at.body.velocity),
-        (float(at.angles[0]), float(at.angles[1])),
-        spin=spin,
+        float(at.angles[1]),
+        spin,
+        momentum,
     )
-    np.testing.assert_allclose(A, linear.A, atol=1e-9)
-    np.testing.assert_allclose(B, linear.B, atol=1e-9)
+    rates = np.linalg.solve(E[:, :8], motion_and_input)
+    np.testing.assert_allclose(rates[:, :8], linear.A[:8, :8], atol=1e-9)
+    np.testing.assert_allclose(rates[:, 8:], linear.B[:8], atol=1e-9)
+
+
+def _tilted(vehicle, tilts):
+    """Return the vehicle with the inertia that its wings give it at their tilts."""
+    held = {
+        f"effector/{n}": Channel(f"effector/{n}", "rad", np.full(3, x), 1.0, "") for n, x in tilts.items()
+    }
+    at_rest = Maneuver(FlightRecord(np.arange(3.0), held), vehicle)
+    mass = moving_mass(at_rest, lambda x, dt: np.zeros_like(x))
+    matrix = airframe_momentum(mass, np.eye(3))
+    xx, yy, zz = np.diag(matrix)
+    inertia = Inertia(xx=xx, yy=yy, zz=zz, xz=-matrix[0, 2], xy=-matrix[0, 1], yz=-matrix[1, 2])
+    mass_properties = msgspec.structs.replace(vehicle.mass_properties, inertia=inertia)
+    return msgspec.structs.replace(vehicle, mass_properties=mass_properties)
 
 
 def test_a_delay_costs_the_turn_at_the_crossover(late):
@@ -83,7 +108,7 @@ def test_what_is_not_known_of_the_delay_is_an_interval_of_the_margin(late):
 
 def test_surfaces_that_do_less_lower_the_gain_as_much():
     """A fifth less effect: the roll axis, which surfaces make with rotors, bears up to as much more gain."""
-    found = consequence(SCENARIO, AT, {}, {"surface_effectiveness": {"loss": 0.2}})
+    found = consequence_of_effects(SCENARIO, AT, {}, {"surface_effectiveness": {"loss": 0.2}})
     before, after = found.before, found.after
     lost = 20 * np.log10(1 / 0.8)
     assert 0.3 * lost < after.margins["L"].gain_up_db - before.margins["L"].gain_up_db < 1.05 * lost
@@ -93,11 +118,7 @@ def test_surfaces_that_do_less_lower_the_gain_as_much():
 
 def test_the_margin_of_one_command_is_where_the_closed_loop_loses_its_stability(late):
     """More gain in the roll axis alone, eigenvalues by eigenvalues, until one grows."""
-    from dataclasses import replace
-
-    from freqid.gap.scenario_consequence import _law, condition
-
-    loop = condition(SCENARIO, AT, {}, _law(SCENARIO, AT, {})).loop
+    loop = condition_at(SCENARIO, AT, {}, design_law_at(SCENARIO, AT, {})).loop
     place = loop.axes.index("L")
 
     def stable(gain):

@@ -1,191 +1,242 @@
-"""Evidence from inner products beside the same Gaussians written out with their whole covariance."""
+"""The gap's small matrices beside the same Gaussians written out with their whole covariance."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.linalg import block_diag, subspace_angles
-from scipy.stats import chi2, multivariate_normal
+from scipy.linalg import block_diag
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
 
-from freqid.gap.evidence import Hypothesis
-from freqid.gap.gather import gather
+from freqid.gap.infer.evidence import estimate, separation, weigh
+from freqid.gap.infer.explain import explain
+from freqid.gap.infer.null_draws import drawn, effects_of
+from freqid.gap.infer.system import BlockMatrices, Form, System
+from freqid.gap.model.candidates import Candidate, Place
+from freqid.gap.self_test.answers import Draws
 
-SIZES = (40, 55)  # white numbers of each manoeuvre
-SIGNATURES = ("worn:share", "late:by", "late:d1")
-COMMON = ("derivatives:M:q", "derivatives:M:de", "tolerance:mass:fraction")
-TWO = Hypothesis("late", (2, 3), (0.4, 1.5))
-ONE = Hypothesis("worn", (1,), (0.7,))
+NUMBERS = (30, 42)  # real numbers of each block
+NONE = Form(0.0, 0.0)
+FORMS = (NONE, Form(0.05, 0.0), Form(0.2, 0.0), Form(0.0, 0.1), Form(0.2, 0.1))
+TOLERANCES, OWN, LOADS, ACTUATORS = 4, 2, 6, 3
+LOG_SIZES = np.geomspace(0.05, 5.0, 33)
+
+
+def scalar(effect, sizes, prior, place=""):
+    return Candidate(effect, Place(place, (effect,)), "scalar", np.array(sizes), np.array(prior), [])
+
+
+def vector(effect, count):
+    names = tuple(f"{effect}{k}" for k in range(count))
+    return Candidate(effect, Place("", names), "vector", np.ones(count), np.array([0.3, 1.0, 3.0]), [])
 
 
 class Dense:
-    """Two manoeuvres in one: everything stacked, nothing reduced."""
+    """Two blocks: everything stacked, nothing reduced."""
 
-    def __init__(self, draws=12, alone=(2, 3), shared=False, absent=(), seed=3):
+    def __init__(self, seed=3, effect=None, visible=1.0):
         rng = np.random.default_rng(seed)
-        self.h = [0.4 * rng.standard_normal((len(SIGNATURES), n)) for n in SIZES]
-        for h in self.h:
-            h[2] += 0.8 * h[1]
-        for manoeuvre, k in absent:
-            self.h[manoeuvre][k] = 0.0
-        self.t = [0.5 * rng.standard_normal((len(COMMON), n)) for n in SIZES]
-        for t, h in zip(self.t, self.h, strict=True):
-            t[0] += 0.6 * h[0]
-        self.own = [
-            0.7 * rng.standard_normal((k, n)) + h[:1] for k, n, h in zip(alone, SIZES, self.h, strict=True)
+        both = np.concatenate([-LOG_SIZES[::-1], LOG_SIZES])
+        self.candidates = [
+            scalar("heavy", [0.5], both),
+            scalar("late", [0.2, 1.0, 4.0], LOG_SIZES, "de"),
+            scalar("late", [0.2, 1.0, 4.0], LOG_SIZES, "da"),
+            vector("off", 3),
         ]
-        self.y = [2.0 * h[0] + 0.5 * h[1] + rng.standard_normal(h.shape[1]) for h in self.h]
-        self.noise = [rng.standard_normal((draws, n)) for n in SIZES]
-        names = (*SIGNATURES, *COMMON)
-        count = len(names)
-        self.shared = [
-            (0.5 * shared * rng.standard_normal(count), 0.5 * shared * rng.standard_normal(k)) for k in alone
+        self.start = np.concatenate([[0], np.cumsum([c.sizes.size for c in self.candidates])]).astype(int)
+        count = self.start[-1]
+        self.x = [0.4 * rng.standard_normal((count, n)) for n in NUMBERS]
+        self.t = [0.5 * rng.standard_normal((TOLERANCES, n)) for n in NUMBERS]
+        for x, t in zip(self.x, self.t, strict=True):
+            t[0] += 0.6 * x[0]
+            x[2] += 3.0 * x[1]
+            x[0] *= visible
+        self.u = [0.7 * rng.standard_normal((OWN, n)) + x[:1] for n, x in zip(NUMBERS, self.x, strict=True)]
+        self.form = [2.0 * rng.standard_normal((LOADS, n)) for n in NUMBERS]
+        for form in self.form:
+            form[-1] = form[0] + form[1]  # a direction that is there already
+        self.servos = [3.0 * rng.standard_normal((ACTUATORS, n)) for n in NUMBERS]
+        for servos, form, x in zip(self.servos, self.form, self.x, strict=True):
+            servos[0] += form[0] + x[1]  # shared with the loads' form and with an effect
+        weights = np.zeros(count) if effect is None else np.asarray(effect)
+        self.r = [rng.standard_normal(n) + weights @ x for n, x in zip(NUMBERS, self.x, strict=True)]
+        blocks = [
+            BlockMatrices.of(x, t, r, u, form, servos)
+            for x, t, r, u, form, servos in zip(
+                self.x, self.t, self.r, self.u, self.form, self.servos, strict=True
+            )
         ]
-        white = []
-        for h, t, y, z in zip(self.h, self.t, self.y, self.noise, strict=True):
-            columns = dict(zip(names, np.concatenate([h, t]), strict=True))
-            white.append({n: x for n, x in columns.items() if x.any()} | {"data": y, "draws": z})
-        self.evidence = gather(white, self.own, SIGNATURES, COMMON, self.shared, draws, seed=11)
+        names = tuple(f"t{k}" for k in range(TOLERANCES))
+        self.system = System(self.candidates, self.start, names, blocks, FORMS)
+        self.columns, self.residual = np.concatenate(self.x, axis=1), np.concatenate(self.r)
 
-    @property
-    def columns(self) -> np.ndarray:
-        """Signatures and common tolerances, shape (column, number)."""
-        return np.concatenate([np.concatenate(self.h, axis=1), np.concatenate(self.t, axis=1)])
+    def covariance(self, f):
+        """Of noise, own unknowns, form and tolerances; tolerances and actuators' form are the same in all blocks."""
+        own = [
+            np.eye(u.shape[1]) + u.T @ u + f.loads**2 * z.T @ z
+            for u, z in zip(self.u, self.form, strict=True)
+        ]
+        t, servos = np.concatenate(self.t, axis=1), np.concatenate(self.servos, axis=1)
+        return block_diag(*own) + t.T @ t + f.actuators**2 * servos.T @ servos
 
-    @property
-    def covariance(self) -> np.ndarray:
-        """Of noise and tolerances of both sorts."""
-        t = np.concatenate(self.t, axis=1)
-        return np.eye(sum(SIZES)) + t.T @ t + block_diag(*(u.T @ u for u in self.own))
+    def log_density(self, f, mean=0.0, more=0.0):
+        return multivariate_normal(np.zeros(self.residual.size), self.covariance(f) + more).logpdf(
+            self.residual - mean
+        )
 
-    @property
-    def data(self) -> np.ndarray:
-        """The data whose products with all columns are less by what noise puts into both."""
-        found = []
-        for h, t, u, y, (common, mine) in zip(self.h, self.t, self.own, self.y, self.shared, strict=True):
-            every = np.concatenate([h, t, u])
-            found.append(y - np.linalg.pinv(every) @ np.concatenate([common, mine]))
-        return np.concatenate(found)
-
-    def log_bayes(self, y: np.ndarray, hypothesis: Hypothesis) -> float:
-        h = self.columns[[c - 1 for c in hypothesis.columns]] * np.array(hypothesis.scale)[:, None]
-        zero = np.zeros(y.size)
-        with_it = multivariate_normal(zero, self.covariance + h.T @ h).logpdf(y)
-        return float(with_it - multivariate_normal(zero, self.covariance).logpdf(y))
+    def at(self, i):
+        return self.columns[self.system.columns_of(i)]
 
 
-@pytest.mark.parametrize("hypothesis", [ONE, TWO, Hypothesis("worn+late", (1, 2, 3), (0.7, 0.4, 1.5))])
-@pytest.mark.parametrize("case", [{}, {"alone": (0, 0)}, {"shared": True}, {"absent": ((1, 0), (0, 2))}])
-def test_log_bayes_factor_is_the_difference_of_two_densities(hypothesis, case):
-    dense = Dense(**case)
-    expected = dense.log_bayes(dense.data, hypothesis)
-    assert dense.evidence.evidences(hypothesis)[0] == pytest.approx(expected, rel=1e-8)
-    assert dense.evidence.estimate(hypothesis).evidence == pytest.approx(expected, rel=1e-8)
+@pytest.fixture(scope="module")
+def dense():
+    return Dense()
 
 
-@pytest.mark.parametrize("shared", [False, True])
-def test_estimate_is_the_gaussian_conditional_of_coefficients(shared):
-    dense = Dense(shared=shared)
-    h, prior = dense.columns[1:3], np.diag(np.square(TWO.scale))
-    whole = dense.covariance + h.T @ prior @ h
-    gain = prior @ h @ np.linalg.inv(whole)  # conditional of jointly Gaussian coefficients and data
-    found = dense.evidence.estimate(TWO)
-    assert found.value == pytest.approx(gain @ dense.data, rel=1e-8)
-    assert found.covariance == pytest.approx(prior - gain @ h.T @ prior, rel=1e-7)
-    made = found.value @ h
-    assert found.detectability == pytest.approx(made @ np.linalg.solve(dense.covariance, made), rel=1e-8)
+def test_reduced_matrices_are_products_in_the_whole_covariance(dense):
+    for f in FORMS:
+        inverse, reduced = np.linalg.inv(dense.covariance(f)), dense.system.reduced(f)
+        products = dense.columns @ inverse @ dense.columns.T
+        np.testing.assert_allclose(reduced.G, products, rtol=1e-8, atol=1e-9)
+        assert reduced.g == pytest.approx(dense.columns @ inverse @ dense.residual, rel=1e-8, abs=1e-9)
+        mean = np.concatenate(dense.t, axis=1) @ inverse @ dense.residual
+        assert reduced.tolerance[:TOLERANCES, -1] == pytest.approx(mean, rel=1e-8)
 
 
-def test_a_tolerance_may_be_an_explanation_of_its_own():
-    """A derivative that may be wrong by more than its tolerance: its prior variances add up."""
-    dense = Dense()
-    column = dense.evidence.column("derivatives:M:de")
-    wider = Hypothesis("other", (column,), (np.sqrt(15),))  # four sigma in all
-    expected = dense.log_bayes(dense.data, wider)
-    assert dense.evidence.evidences(wider)[0] == pytest.approx(expected, rel=1e-8)
+def test_evidence_of_no_effect_is_the_log_density_but_for_a_constant(dense):
+    found = [dense.system.reduced(f).log_evidence for f in FORMS]
+    expected = [dense.log_density(f) for f in FORMS]
+    assert np.diff(found) == pytest.approx(np.diff(expected), rel=1e-8)
 
 
-def test_best_fit_lowers_the_misfit_by_its_gain():
-    dense = Dense()
-    root = np.linalg.cholesky(np.linalg.inv(dense.covariance)).T
-    y, h = root @ dense.data, root @ dense.columns[1:3].T
+def integral(dense, i, f):
+    """Return the log mean density ratio over sizes of a scalar, spread evenly in the logarithm."""
+    c, inverse = dense.candidates[i], np.linalg.inv(dense.covariance(f))
+    signs, logs = np.unique(np.sign(c.prior)), np.linspace(*np.log(LOG_SIZES[[0, -1]]), 6401)
+    change = np.array([[c.weights(s * x) @ dense.at(i) for x in np.exp(logs)] for s in signs])
+    each = change @ inverse @ dense.residual - 0.5 * ((change @ inverse) * change).sum(axis=-1)
+    trapezoid = np.r_[0.5, np.ones(logs.size - 2), 0.5]
+    return logsumexp(each, b=trapezoid) - np.log(signs.size * (logs.size - 1))
+
+
+def test_scalar_bayes_factor_is_the_integral_over_log_uniform_sizes(dense):
+    places = weigh(dense.system).places
+    for i in (0, 1, 2):
+        assert places[1, i] == pytest.approx(integral(dense, i, FORMS[1]), abs=0.05)
+
+
+@pytest.mark.parametrize("size", [0.3, 1.0, 3.05, 3.2, 3.4])
+def test_it_is_so_for_effects_that_leave_no_doubt_of_their_size(size):
+    """The likelihood is far narrower than the distance between sizes of the prior."""
+    dense = Dense(effect=np.r_[2 * size, np.zeros(9)], visible=5.0)
+    assert weigh(dense.system).places[1, 0] == pytest.approx(integral(dense, 0, FORMS[1]), abs=0.1)
+
+
+def test_vector_bayes_factor_is_the_mean_density_ratio_over_its_scales(dense):
+    places = weigh(dense.system).places
+    columns = dense.at(3)
+    for k, f in enumerate(FORMS):
+        each = [dense.log_density(f, more=t**2 * columns.T @ columns) for t in dense.candidates[3].prior]
+        expected = logsumexp(each) - np.log(3) - dense.log_density(f)
+        assert places[k, 3] == pytest.approx(expected, rel=1e-8, abs=1e-8)
+
+
+def test_effects_share_their_prior_over_places_and_form_is_integrated_out(dense):
+    evidence = weigh(dense.system)
+    none = logsumexp([dense.log_density(f) for f in FORMS])
+    each = [dense.log_density(f) + evidence.places[k, i] for k, f in enumerate(FORMS) for i in (1, 2)]
+    assert evidence.effect["late"] == pytest.approx(logsumexp(each) - np.log(2) - none, rel=1e-8, abs=1e-8)
+    posterior = np.exp([dense.log_density(f) for f in FORMS] - none) * np.exp(evidence.places[:, 0])
+    assert evidence.form_weights(0) == pytest.approx(posterior / posterior.sum(), rel=1e-7)
+
+
+@pytest.mark.parametrize("inserted", [False, True])
+def test_draws_have_the_moments_of_the_whole_gaussian(dense, inserted):
+    """At each error of form: products with columns, and log evidence of no effect less the first one's."""
+    drawn_at, count = FORMS[-1], 40000
+    weights = np.r_[0.7, np.zeros(7), 0.4, -0.5] if inserted else None
+    data = drawn(dense.system, drawn_at, count, np.random.default_rng(5), mean=weights)
+    truth = dense.covariance(drawn_at)
+    shift = weights @ dense.columns if inserted else np.zeros(dense.residual.size)
+    inverse = {f: np.linalg.inv(dense.covariance(f)) for f in FORMS}
+    half = {f: 0.5 * np.linalg.slogdet(dense.covariance(f))[1] for f in FORMS}
+    for f in FORMS:
+        g, log = data[f]
+        x = dense.columns @ inverse[f]
+        expected = x @ truth @ x.T
+        sigma = np.sqrt(np.diag(expected))
+        assert (g.mean(axis=1) - x @ shift) / sigma == pytest.approx(np.zeros(len(g)), abs=5 / np.sqrt(count))
+        scale = np.outer(sigma, sigma)
+        np.testing.assert_allclose(np.cov(g) / scale, expected / scale, atol=0.03)
+        more = inverse[f] - inverse[NONE]
+        middle = -0.5 * np.trace(more @ truth) - 0.5 * shift @ more @ shift - half[f] + half[NONE]
+        apart = log - data[NONE][1]
+        assert apart.mean() == pytest.approx(middle, abs=1e-9 + 5 * apart.std() / np.sqrt(count))
+
+
+def test_an_effect_added_to_draws_is_one_that_was_drawn_with_them(dense):
+    weights = np.r_[0.7, np.zeros(7), 0.4, -0.5]
+    bare = drawn(dense.system, FORMS[-1], 4, np.random.default_rng(1))
+    with_it = drawn(dense.system, FORMS[-1], 4, np.random.default_rng(1), mean=weights)
+    added = Draws(dense.system, bare).with_effect(weights, range(4))
+    for f in FORMS:
+        assert added[f][0] == pytest.approx(with_it[f][0], rel=1e-8)
+        between = added[f][1] - with_it[f][1] - (added[NONE][1] - with_it[NONE][1])
+        assert between == pytest.approx(np.zeros(4), abs=1e-8)
+
+
+def test_draws_are_weighed_as_data_are(dense):
+    evidence = weigh(dense.system)
+    each = {f: dense.system.reduced(f) for f in FORMS}
+    data = {f: (r.g[:, None], np.array([r.log_evidence])) for f, r in each.items()}
+    effects, none = effects_of(evidence, data)
+    joint = logsumexp(none + effects[:, :, 0], axis=0) - logsumexp(none)
+    assert joint == pytest.approx(list(evidence.effect.values()), rel=1e-8)
+
+
+def test_vector_estimate_is_the_gaussian_conditional_mixed_over_scales_and_form():
+    dense = Dense(effect=np.r_[np.zeros(7), 1.0, -0.5, 0.3])
+    columns, logs, means, spreads = dense.at(3), [], [], []
+    for f in FORMS:
+        for t in dense.candidates[3].prior:
+            whole = dense.covariance(f) + t**2 * columns.T @ columns
+            gain = t**2 * columns @ np.linalg.inv(whole)
+            logs.append(dense.log_density(f, more=t**2 * columns.T @ columns))
+            means.append(gain @ dense.residual)
+            spreads.append(np.diag(t**2 * np.eye(3) - t**2 * gain @ columns.T))
+    share = np.exp(logs - logsumexp(logs))
+    mean = share @ np.array(means)
+    variance = share @ (np.array(spreads) + np.array(means) ** 2) - mean**2
+    found = estimate(weigh(dense.system), 3, 0.9)
+    assert found.size == pytest.approx(mean, rel=1e-6)
+    assert found.hi - found.size == pytest.approx(1.6449 * np.sqrt(variance), rel=1e-4)
+
+
+def test_separation_from_a_vector_is_what_no_combination_of_it_copies(dense):
+    evidence = weigh(dense.system)
+    inverse = np.linalg.inv(dense.covariance(evidence.form_error(0)))
+    one = estimate(evidence, 0, 0.9).weights @ dense.at(0)
+    root = np.linalg.cholesky(inverse).T
+    y, h = root @ one, root @ dense.at(3).T
     left = y - h @ np.linalg.lstsq(h, y)[0]
-    expected = 0.5 * (y @ y - left @ left)
-    assert dense.evidence.likelihood_gain(TWO)[0] == pytest.approx(expected, rel=1e-8)
+    assert separation(evidence, 0, 3) == pytest.approx(left @ left, rel=1e-6)
 
 
-def test_alignment_is_the_cosine_of_the_smallest_angle_between_spans():
-    dense = Dense()
-    root = np.linalg.cholesky(np.linalg.inv(dense.covariance)).T
-    a, b = root @ dense.columns[:1].T, root @ dense.columns[1:3].T
-    expected = np.cos(subspace_angles(a, b).min())
-    assert dense.evidence.alignment(ONE, TWO) == pytest.approx(expected, rel=1e-8)
-    angle = np.linspace(0, np.pi, 20001)  # and by trying every direction of the plane
-    q = np.linalg.qr(b)[0]
-    tried = np.abs((a[:, 0] / np.linalg.norm(a)) @ (q @ np.array([np.cos(angle), np.sin(angle)])))
-    assert dense.evidence.alignment(TWO, ONE) == pytest.approx(tried.max(), rel=1e-6)
-    assert dense.evidence.alignment(TWO, Hypothesis("same", (3,), (1.0,))) == pytest.approx(1.0)
-
-
-def test_one_manoeuvre_alone_is_what_it_would_be_had_it_flown_alone():
-    dense = Dense()
-    alone = Dense()
-    for part in (alone.h, alone.t, alone.own, alone.y, alone.shared):
-        del part[0]
-    second = dense.evidence.only([1])
-    found = second.estimate(TWO)
-    covariance = np.eye(SIZES[1]) + alone.t[0].T @ alone.t[0] + alone.own[0].T @ alone.own[0]
-    h = alone.h[0][1:3]
-    precision = h @ np.linalg.solve(covariance, h.T) + np.diag(1 / np.square(TWO.scale))
-    expected = np.linalg.solve(precision, h @ np.linalg.solve(covariance, alone.y[0]))
-    assert found.value == pytest.approx(expected, rel=1e-8)
-
-
-def test_null_draws_are_noise_and_tolerances_and_are_weighed_as_data_are():
-    dense = Dense(alone=(0, 0))
-    t = np.concatenate(dense.t, axis=1)
-    draws = np.concatenate(dense.noise, axis=1) + dense.evidence.null @ t
-    inverse = np.linalg.inv(dense.covariance)
-    for column in (1, 3):
-        expected = draws @ inverse @ dense.columns[column - 1]
-        assert dense.evidence.null_products(column) == pytest.approx(expected, rel=1e-8)
-    expected = [dense.log_bayes(x, TWO) for x in draws]
-    assert dense.evidence.evidences(TWO)[1:] == pytest.approx(expected, rel=1e-7)
-
-
-def test_null_draws_scatter_as_noise_and_every_tolerance_say():
-    """Products of a column h with draws of covariance S have the variance ``h^T S^-1 h``."""
-    dense = Dense(draws=2000)
-    inverse = np.linalg.inv(dense.covariance)
-    for column in (1, 2, 3):
-        h = dense.columns[column - 1]
-        found = dense.evidence.null_products(column)
-        energy = np.square(found).sum() / (h @ inverse @ h)
-        assert chi2.ppf(1e-4, 2000) < energy < chi2.isf(1e-4, 2000)
-
-
-def test_without_an_effect_the_evidence_is_against_it_on_average():
-    """The mean of a log Bayes factor under the null is minus a Kullback-Leibler divergence."""
-    dense = Dense(draws=2000)
-    h = dense.columns[1:3] * np.array(TWO.scale)[:, None]
-    inner = h @ np.linalg.solve(dense.covariance, h.T)
-    share = np.linalg.eigvalsh(inner)
-    mean = 0.5 * (share / (1 + share) - np.log1p(share)).sum()
-    scatter = np.sqrt(0.5 * np.square(share / (1 + share)).sum())
-    found = dense.evidence.evidences(TWO)[1:]
-    assert abs(found.mean() - mean) < 4 * scatter / np.sqrt(2000)
-    assert found.std() == pytest.approx(scatter, rel=0.15)
-
-
-def test_metric_holds_the_products_of_data_signatures_and_tolerances():
-    dense = Dense()
-    stacked = np.concatenate([dense.data[None], dense.columns])
-    expected = stacked @ np.linalg.solve(dense.covariance, stacked.T)
-    assert dense.evidence.metric[:7, :7] == pytest.approx(expected, rel=1e-8, abs=1e-10)
-
-
-def test_energy_of_null_draws_is_a_white_number_each():
-    """``x^T S^-1 x`` of draws of covariance S is chi-square with as many degrees as numbers."""
-    for alone in ((0, 0), (2, 3)):
-        found = Dense(draws=2000, alone=alone).evidence.null_energy
-        assert abs(found.mean() - sum(SIZES)) < 4 * np.sqrt(2 * sum(SIZES) / 2000)
-        assert found.var() == pytest.approx(2 * sum(SIZES), rel=0.15)
+def test_a_second_effect_is_weighed_with_the_first_one_free():
+    dense = Dense(effect=np.r_[2.0, np.zeros(6), 1.5, -1.0, 1.0])
+    evidence = weigh(dense.system)
+    found = explain(evidence, "heavy")
+    assert set(found.effects) == {"heavy", "off"}
+    first = estimate(evidence, 0, 0.9).weights @ dense.at(0)
+    free = 1e8 * np.outer(first, first)
+    columns = dense.at(3)
+    with_it, without = [], []
+    for f in FORMS:
+        power = first @ np.linalg.solve(dense.covariance(f), first)
+        same = 0.5 * np.log(power)  # the freed direction itself counts for nothing at any error of form
+        without.append(dense.log_density(f, more=free) + same)
+        scales = dense.candidates[3].prior
+        each = [dense.log_density(f, more=free + t**2 * columns.T @ columns) for t in scales]
+        with_it.append(logsumexp(each) - np.log(3) + same)
+    expected = logsumexp(with_it) - logsumexp(without)
+    assert found.gains[1] == pytest.approx(expected, rel=1e-4)

@@ -5,7 +5,7 @@ import pytest
 from freqid.core.record import Maneuver
 from freqid.gap.connect import connect
 from freqid.gap.diagnose import Question, diagnose
-from freqid.gap.tolerance import stated
+from freqid.gap.model.tolerance import stated
 from freqid.simulate.effects import shipped
 
 pytest.importorskip("jsbsim", reason="JSBSim is not installed")

@@ -5,7 +5,7 @@ import pytest
 from freqid.core.record import Maneuver
 from freqid.gap.connect.callable import CallableSimulation
 from freqid.gap.diagnose import Question, diagnose
-from freqid.gap.tolerance import stated
+from freqid.gap.model.tolerance import stated
 from freqid.gap.undescribed import without_vehicle
 from freqid.simulate.effects import shipped
 

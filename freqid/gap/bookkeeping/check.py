@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.channels import WRENCH
+from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.core.vehicle import Vehicle
@@ -20,6 +21,7 @@ from freqid.gap.bookkeeping.candidates import candidates
 from freqid.gap.bookkeeping.comparison import Comparison, bench_of, energy
 from freqid.gap.bookkeeping.correction import Correction
 from freqid.gap.bookkeeping.fault import Bench, Fault
+from freqid.gap.bookkeeping.gyroscopic import rotor_account
 from freqid.gap.simulation import Simulation
 
 Array = NDArray[np.float64]
@@ -81,9 +83,12 @@ def check(
     Raises
     ------
     DataError
-        Where records lack what the responses are made of.
+        Where records lack what the responses are made of, or the simulation returns a constant as a
+        response that moves in the records.
     """
+    vehicle = rotor_account(simulation, records, vehicle).vehicle
     comparisons = [Comparison(simulation, bench_of(simulation, record, vehicle)) for record in records]
+    _refuse_constants(comparisons, simulation.name)
     findings: list[Finding] = []
     while len(findings) < _MOST:
         found = _next(comparisons)
@@ -96,6 +101,22 @@ def check(
     if own and not findings:
         findings += _not_its_own(comparisons)
     return findings
+
+
+def _refuse_constants(comparisons: Sequence[Comparison], where: str) -> None:
+    """Refuse a response that is constant in every prediction and moves in a record."""
+    for i, name in enumerate(comparisons[0].bench.names):
+        still = not any(np.ptp(c.predicted[i]) for c in comparisons)
+        moving = [c for c in comparisons if np.ptp(c.bench.measured[i]) > 1e-9 * c.scale[1][i]]
+        if still and moving:
+            rms = float(moving[0].bench.measured[i].std())
+            value = comparisons[0].predicted[i, 0] + 0.0  # -0 is 0
+            raise DataError(
+                f"the simulation returned the constant {value:.4g} as '{name}', which changes by {rms:.3g} "
+                "(rms) in the records",
+                where=where,
+                remedy=f"compute {name} from state and effector, or leave it out of the responses",
+            )
 
 
 def _not_its_own(comparisons: Sequence[Comparison]) -> list[Finding]:

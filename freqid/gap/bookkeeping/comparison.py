@@ -31,9 +31,9 @@ class Comparison:
     def __init__(self, simulation: Simulation, bench: Bench):
         self.simulation, self.bench = simulation, bench
         self.faults: list[Fault] = []
-        self._keep = _Kept(bench)
-        self.scale = self._keep.scale(bench.measured)
-        self.fluctuation, self.level = self._keep(bench.measured, self.scale)
+        self._slow_motion = _SlowMotion(bench)
+        self.scale = self._slow_motion.scale(bench.measured)
+        self.fluctuation, self.level = self._slow_motion(bench.measured, self.scale)
         self.predicted = self._predict(())
         self._slopes: Array | None = None
 
@@ -45,8 +45,17 @@ class Comparison:
 
     def residual(self, predicted: Array) -> Parts:
         """Return fluctuation, shape (response, sample), and level, shape (response,), over their scales."""
-        fluctuation, level = self._keep(predicted, self.scale)
+        fluctuation, level = self._slow_motion(predicted, self.scale)
         return self.fluctuation - fluctuation, self.level - level
+
+    def scaled(self, rows: Array) -> Array:
+        """Return the slow fluctuation of rows over the responses' scales, shape (response, sample)."""
+        return self._slow_motion(rows, self.scale)[0]
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """How many independent numbers the fluctuation of one response holds."""
+        return self._slow_motion.dimension
 
     def without(self, fault: Fault) -> Array | None:
         """Return the prediction with one more mistake taken back; None where the simulation cannot."""
@@ -72,8 +81,8 @@ class Comparison:
                 maneuver = replace(self.bench.maneuver, record=record)
                 changed = _measured(maneuver, self.bench.names) - self.bench.measured
                 # inputs' noise itself is among what residuals are projected on, another draw is not
-                total += energy(self._keep(noisy - still, self.scale, whole=True))
-                total += energy(self._keep(changed, self.scale))
+                total += energy(self._slow_motion(noisy - still, self.scale, whole=True))
+                total += energy(self._slow_motion(changed, self.scale))
         except DataError:
             return total
         return total / _DRAWS
@@ -116,7 +125,7 @@ def _noisier(record: FlightRecord, rng: np.random.Generator) -> FlightRecord:
     return record.with_channels(*channels)
 
 
-class _Kept:
+class _SlowMotion:
     """What is compared: slow enough to be flown, not at the ends, spanned by what moved.
 
     Fluctuations are projected on states, attitude, effectors and their rates, so that noise that no input
@@ -128,6 +137,7 @@ class _Kept:
         self._sigma = 0.1325 / (min(_BAND, 0.2 / record.dt) * record.dt)
         margin = int(2 * self._sigma) + 1
         self._pick = slice(margin, record.time.size - margin, max(1, int(0.1 / record.dt)))
+        self._count = len(range(record.time.size)[self._pick])
         names = [f"state/{n}" for n in ("u", "v", "w", "p", "q", "r", "phi", "theta")]
         names += [f"effector/{n}" for n in record.group("effector")]
         slow = self._slow(record.matrix(n for n in names if n in record))
@@ -140,20 +150,25 @@ class _Kept:
             u, s, _ = np.linalg.svd(x / np.linalg.norm(x, axis=0), full_matrices=False)
             self._basis = u[:, s > 1e-6 * s[0]]
 
+    @property
+    def dimension(self) -> int:
+        """Of the space that fluctuations are projected on; samples kept where they are not."""
+        return self._count if self._basis is None else self._basis.shape[1]
+
     def __call__(self, rows: Array, scale: Parts, *, whole: bool = False) -> Parts:
         """Return fluctuation and level over their scales; the `whole` fluctuation, or what is spanned."""
-        kept = self._slow(rows)[:, self._pick]
-        level = kept.mean(axis=1)
-        fluctuation = kept - level[:, None]
+        slow = self._slow(rows)[:, self._pick]
+        level = slow.mean(axis=1)
+        fluctuation = slow - level[:, None]
         if self._basis is not None and not whole:
             fluctuation = (fluctuation @ self._basis) @ self._basis.T
-        return fluctuation / (scale[0][:, None] * np.sqrt(kept.shape[1])), level / scale[1]
+        return fluctuation / (scale[0][:, None] * np.sqrt(slow.shape[1])), level / scale[1]
 
     def scale(self, measured: Array) -> Parts:
         """Return what fluctuations and levels are judged by, each of shape (response,)."""
-        kept = self._slow(measured)[:, self._pick]
-        rms = np.maximum(kept.std(axis=1), 1e-12)
-        return rms, np.maximum(np.abs(kept.mean(axis=1)), 3 * rms)
+        slow = self._slow(measured)[:, self._pick]
+        rms = np.maximum(slow.std(axis=1), 1e-12)
+        return rms, np.maximum(np.abs(slow.mean(axis=1)), 3 * rms)
 
     def _slow(self, rows: Array) -> Array:
         return gaussian_filter1d(rows, self._sigma, axis=1, mode="nearest")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,20 +15,27 @@ from scipy.signal import lfilter
 from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
 from freqid.gap.connect.loads import Along, torques
-from freqid.gap.connect.servos import STEP, follow
 from freqid.gap.simulation import Settings
 from freqid.simulate import airframe
-from freqid.simulate.actuators import Actuators, Commands, by_kind
+from freqid.simulate.actuators import Actuators, Commands, by_kind, motor_acceleration, servo_acceleration
 from freqid.simulate.battery import charge_rate, power
-from freqid.simulate.effects import actuator_delay, battery_sag, rate_limit
+from freqid.simulate.effects import actuator_delay, actuator_lag, battery_sag, rate_limit
+from freqid.simulate.integrate import rk4
 
 Array = NDArray[np.float64]
 
-_ELSEWHERE = 0.03  # of an effector's range
+STEP = 0.005  # s, of the integration; as in flight
+_LEG = 1000  # steps that are compiled into one loop
+_ELSEWHERE = 0.03  # of an effector's range, from which a measured start is not taken for noise and bias
 
 
 def positions(
-    record: FlightRecord, vehicle: Vehicle, act: Actuators, settings: Settings, ratio: Array
+    record: FlightRecord,
+    vehicle: Vehicle,
+    act: Actuators,
+    settings: Settings,
+    ratio: Array,
+    gain: Mapping[str, float],
 ) -> dict[str, Array]:
     """Return the positions of all effectors that have a command.
 
@@ -42,6 +49,8 @@ def positions(
         Of the effects of actuators.
     ratio : ndarray, shape (sample,)
         Voltage over nominal voltage as the motors feel it.
+    gain : dict of float
+        Position over command at rest, by effector.
 
     Returns
     -------
@@ -64,15 +73,15 @@ def positions(
         if name not in commanded:
             continue
         lag = settings["motor_lag" if kinds[name] == "rotor" else "actuator_lag"]["extra"]
-        sent[row] = _arriving(record, name, fine, float(delays[kinds[name]]), lag)
-        held = _split(record, name)[0][0] * (ratio[0] if kinds[name] == "rotor" else 1.0)
+        sent[row] = gain[name] * _arriving(record, name, fine, float(delays[kinds[name]]), lag)
+        held = gain[name] * _split(record, name)[0][0] * (ratio[0] if kinds[name] == "rotor" else 1.0)
         rest[row] = held
         if f"effector/{name}" in record:
             # One sample is noise and its sensor's bias; only a start that is plainly elsewhere counts.
             start, low, high = record[f"effector/{name}"][0], *vehicle.effector(name).limits
             if abs(start - held) > _ELSEWHERE * (high - low):
                 rest[row] = start
-    found = follow(
+    followed = follow(
         act,
         leaves(settings["actuator_lag"]),
         split_by_kind(vehicle, sent.T),
@@ -80,7 +89,7 @@ def positions(
         split_by_kind(vehicle, rest),
     )
     rows = np.empty((steps, len(names)))
-    for columns, values in zip(by_kind(vehicle, np.arange(len(names))), found, strict=True):
+    for columns, values in zip(by_kind(vehicle, np.arange(len(names))), followed, strict=True):
         rows[:, np.asarray(columns)] = values
     spline = CubicSpline(fine[:steps], rows)(time)
     return {n: spline[:, names.index(n)] for n in commanded}
@@ -116,11 +125,11 @@ def voltage_ratio(
     torque: Any = torques(loaded, along)
     charge: Any = np.full(count, float(act.battery.charge))
     given = jax.vmap(power, in_axes=(None, 0, 0, 0))
-    for _ in range(3):  # what a minute takes changes the voltage, which tells what it takes, by a percent
-        found = given(act.battery, charge, torque, along.positions.speed)
-        used = np.asarray(charge_rate(act.battery, found.current)) * dt
+    for _ in range(3):  # the charge used in a minute changes the voltage, and so the current, by a percent
+        supply = given(act.battery, charge, torque, along.positions.speed)
+        used = np.asarray(charge_rate(act.battery, supply.current)) * dt
         charge = charge[0] + np.concatenate([[0.0], np.cumsum(used[:-1])])
-    voltage: Any = np.asarray(found.voltage)
+    voltage: Any = np.asarray(supply.voltage)
     ratio = battery_sag.voltage_ratio(leaves(sag), voltage, act.battery.nominal)
     return np.broadcast_to(ratio, (count,))
 
@@ -135,3 +144,76 @@ def leaves(settings: Mapping[str, float]) -> dict[str, Any]:
     return {
         name: jnp.asarray(value, dtype=float) for name, value in settings.items()
     }  # strong: no recompiling
+
+
+class Driven(NamedTuple):
+    """What moves: positions and rates of servos and tilt drives, speeds of rotors; rad, rad/s."""
+
+    surface: jax.Array
+    surface_rate: jax.Array
+    tilt: jax.Array
+    tilt_rate: jax.Array
+    speed: jax.Array
+
+
+def follow(
+    actuators: Actuators, lag: dict[str, Array], arriving: Commands, ratio: Array, start: Commands
+) -> Commands:
+    """Return the positions at every step.
+
+    Parameters
+    ----------
+    actuators : Actuators
+    lag : dict of Array
+        Settings of effect ``actuator_lag``.
+    arriving : Commands of ndarray, shape (step, ...)
+        As they reach the actuators; held over each step.
+    ratio : ndarray, shape (step + 1,)
+        Voltage over nominal voltage; straight over each step.
+    start : Commands
+        Positions at the first step, at rest.
+
+    Returns
+    -------
+    Commands of ndarray, shape (step, ...)
+        At the start of every step.
+    """
+    still = [jnp.zeros_like(x) for x in (start.surface, start.tilt)]
+    carry = Driven(
+        jnp.asarray(start.surface), still[0], jnp.asarray(start.tilt), still[1], jnp.asarray(start.speed)
+    )
+    count, legs = len(ratio) - 1, []
+    schedule = (arriving, ratio[:-1], ratio[1:])
+    for first in range(0, count, _LEG):
+        now = jax.tree.map(lambda x: _leg(x, first), schedule)  # noqa: B023  used at once
+        positions, carry = _followed(actuators, lag, carry, now)
+        legs.append(jax.tree.map(np.asarray, positions))
+    return jax.tree.map(lambda *x: np.concatenate(x)[:count], *legs)
+
+
+def _leg(values: Array, first: int) -> Array:
+    piece = np.asarray(values[first : first + _LEG])
+    short = _LEG - len(piece)
+    return np.concatenate([piece, np.repeat(piece[-1:], short, axis=0)]) if short else piece
+
+
+@jax.jit
+def _followed(actuators: Actuators, lag: dict[str, jax.Array], carry: Driven, schedule):
+    def step(driven: Driven, now):
+        commands, before, after = now
+
+        def rate(x: Driven, elapsed: jax.Array) -> Driven:
+            ratio = before + (after - before) * elapsed / STEP
+            return Driven(
+                x.surface_rate,
+                servo_acceleration(actuators.surface, x.surface, x.surface_rate, commands.surface),
+                x.tilt_rate,
+                servo_acceleration(actuators.tilt, x.tilt, x.tilt_rate, commands.tilt),
+                motor_acceleration(actuators.motor, x.speed, commands.speed, ratio),
+            )
+
+        surface = actuator_lag.position(lag, driven.surface, commands.surface)
+        return rk4(rate, driven, STEP), Commands(surface, driven.tilt, driven.speed)
+
+    carry, positions = jax.lax.scan(step, carry, schedule)
+    return positions, carry

@@ -20,7 +20,7 @@ from freqid.core.scenario import read_scenario
 from freqid.core.vehicle import Vehicle
 from freqid.gap.connect import answers
 from freqid.gap.connect.differences import central
-from freqid.gap.simulation import Settings
+from freqid.gap.simulation import Departures, Settings, Tolerance, checked_departures
 from freqid.identify.explanatory import history
 
 Array = NDArray[np.float64]
@@ -35,8 +35,9 @@ class CallableSimulation:
 
     Methods as in `freqid.gap.simulation.Simulation`. Optional attributes of the function: ``responses``
     (tuple of names), ``vehicle`` (a `Vehicle`, or the path of a scenario), ``effects`` (settings of effects
-    that it models itself, handed back as `parameters`), ``positions(time, command, parameters)`` and
-    ``fly(record, parameters)``, dictionaries both.
+    that it models itself), ``tolerances`` (``{name: (sigma, unit)}`` of its own parameters), ``gyroscopic``
+    (bool), ``positions(time, command, parameters)`` and ``fly(record, parameters)``, dictionaries both.
+    `parameters` holds the effects' settings by effect and the departures of its own parameters by name.
 
     Attributes
     ----------
@@ -48,6 +49,15 @@ class CallableSimulation:
     effects : dict of dict of float
     source : str
         File in which an error's line is looked for.
+    tolerances : dict of Tolerance
+        Those that the function states where left out.
+    gyroscopic : bool or None
+        What the function states where left out.
+
+    Raises
+    ------
+    DataError
+        Where the function's ``tolerances`` or ``gyroscopic`` are not of their form.
     """
 
     function: Callable[..., Any]
@@ -58,80 +68,156 @@ class CallableSimulation:
     source: str = ""
     kind: Literal["callable"] = "callable"
     parts: tuple[str, ...] = ()
+    tolerances: Mapping[str, Tolerance] = None  # type: ignore[assignment]
+    gyroscopic: bool | None = None
 
     def __post_init__(self) -> None:
-        if self.effects is None:
-            object.__setattr__(self, "effects", {})
+        def fill(name: str, value: Any) -> None:
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, value)
 
-    def predict(self, record: FlightRecord, effects: Settings | None = None) -> Array:
+        fill("effects", {})
+        fill("tolerances", _tolerances(self.function, self.effects, self.name))
+        fill("gyroscopic", _gyroscopic(self.function, self.name))
+
+    @property
+    def can_fly(self) -> bool:
+        """Whether the function has ``fly``."""
+        return getattr(self.function, "fly", None) is not None
+
+    @property
+    def has_actuators(self) -> bool:
+        """Whether the function has ``positions``."""
+        return getattr(self.function, "positions", None) is not None
+
+    def predict(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> Array:
         """Return the responses on the record, shape (response, sample)."""
-        return self._answer(record, effects)[1]
+        return self._answer(record, effects, departures)[1]
 
     def probed(self, record: FlightRecord) -> CallableSimulation:
         """Return the simulation with the responses that it has on a record, unless it states them."""
-        return self if self.responses else replace(self, responses=self._answer(record, None)[0])
+        return self if self.responses else replace(self, responses=self._answer(record)[0])
 
     def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
         """Return derivatives by central differences, shape (response, input, sample)."""
         return central(self.predict, record, inputs)
 
-    def positions(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array]:
+    def positions(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> dict[str, Array]:
         """Return what its ``positions`` makes of the commands; empty without that or without commands."""
-        answer = getattr(self.function, "positions", None)
         command = {n: record[f"command/{n}"].copy() for n in record.group("command")}
-        if answer is None or not command:
+        if not self.has_actuators or not command:
             return {}
-        found = self._called(answer, record.time.copy(), command, self._parameters(effects))
-        return self._signals(found, record.time, tuple(command), "positions")
+        where, parameters = f"{self.name}.positions", self._parameters(effects, departures)
+        made = self._called(self.function.positions, record.time.copy(), command, parameters)
+        return answers.signals(made, record.time, dict.fromkeys(command), where)
 
-    def fly(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array] | None:
-        """Return the states of its own flight; None without ``fly``."""
-        answer = getattr(self.function, "fly", None)
-        if answer is None:
+    def fly(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> dict[str, Array] | None:
+        """Return the states, and positions and commands if any, of its own flight; None without ``fly``."""
+        if not self.can_fly:
             return None
-        found = self._called(answer, record, self._parameters(effects))
-        return self._signals(found, record.time, tuple(STATE), "fly")
+        where, parameters = f"{self.name}.fly", self._parameters(effects, departures)
+        flown = self._called(self.function.fly, record, parameters, during=record)
+        described = self.vehicle or record.vehicle
+        effectors = [e.name for e in described.effectors] if described else []
+        effectors += [*record.group("effector"), *record.group("command")]
+        moving = [f"{group}/{name}" for group in ("effector", "command") for name in effectors]
+        names = {**{f"state/{n}": n for n in STATE}, **dict.fromkeys(STATE), **dict.fromkeys(moving)}
+        flight = answers.signals(flown, record.time, names, where)
+        answers.check_flight(flight, record, where)
+        return flight
 
-    def _answer(self, record: FlightRecord, effects: Settings | None) -> tuple[tuple[str, ...], Array]:
+    def _answer(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> tuple[tuple[str, ...], Array]:
         state, effector, air = arguments(record, self.vehicle)
-        found = self._called(
-            self.function, record.time.copy(), state, effector, air, self._parameters(effects)
-        )
-        return answers.stacked(found, record.time, self.name, self.responses)
+        parameters = self._parameters(effects, departures)
+        returned = self._called(self.function, record.time.copy(), state, effector, air, parameters)
+        names, rows = answers.stacked(returned, record.time, self.name, self.responses)
+        answers.check_moving(names, rows, record, self.name)
+        return names, rows
 
-    def _parameters(self, changed: Settings | None) -> dict[str, dict[str, float]]:
+    def _parameters(self, changed: Settings | None, departures: Departures | None) -> dict[str, Any]:
+        """Return settings by effect and departures by name, as the function gets them."""
         names = {**self.effects, **(changed or {})}
-        return {i: {**self.effects.get(i, {}), **(changed or {}).get(i, {})} for i in names}
+        settings = {i: {**self.effects.get(i, {}), **(changed or {}).get(i, {})} for i in names}
+        own = checked_departures(departures, self.tolerances, self.name)
+        return {**settings, **dict.fromkeys(self.tolerances, 0.0), **own}
 
-    def _signals(self, found: Any, time: Array, known: Sequence[str], what: str) -> dict[str, Array]:
-        where = f"{self.name}.{what}"
-        if not isinstance(found, Mapping):
-            raise DataError(
-                f"{what} returned {type(found).__name__}, expected a dictionary of arrays by name",
-                where=where,
-            )
-        for name in found:
-            if name not in known:
-                raise DataError(
-                    f"{what} returned '{name}', which is not known",
-                    where=where,
-                    remedy=nearest(str(name), known),
-                )
-        return {str(n): answers.row(values, str(n), time, where) for n, values in found.items()}
-
-    def _called(self, function: Callable[..., Any], *given: Any) -> Any:
+    def _called(self, function: Callable[..., Any], *given: Any, during: FlightRecord | None = None) -> Any:
         try:
-            with np.errstate(all="ignore"):  # what is not finite is said with its time
+            with np.errstate(all="ignore"):  # a sample that is not finite is reported with its time
                 return function(*given)
         except FreqidError:
             raise
         except Exception as error:
+            if during is not None:
+                start, stop = during.time[[0, -1]]
+                raise DataError(
+                    f"the simulation's own flight from t = {start:.4g} to {stop:.4g} s raised "
+                    + _described(error, self.source),
+                    where=f"{self.name}.fly",
+                    remedy="let it fly from its own trim under the record's excitation, or leave out fly",
+                ) from error
             raise DataError(
                 f"the simulation raised {_described(error, self.source)}",
                 where=self.name,
                 remedy="see that it runs on this record's channels: "
                 "state, effector and air hold what was logged",
             ) from error
+
+
+def _tolerances(function: Callable[..., Any], effects: Settings, where: str) -> dict[str, Tolerance]:
+    """Return what a function states of its own parameters: ``{name: (sigma, unit)}``."""
+    stated = getattr(function, "tolerances", {})
+    if not isinstance(stated, Mapping):
+        raise DataError(
+            f"tolerances is {type(stated).__name__}, expected a dictionary",
+            where=where,
+            remedy='write tolerances = {"lift_slope": (0.3, "1/rad")}',
+        )
+    tolerances = {}
+    for name, value in stated.items():
+        if not (isinstance(name, str) and isinstance(value, tuple | list) and len(value) == 2):
+            raise DataError(
+                f"tolerance {name!r} is {value!r}, expected a pair of one sigma and its unit",
+                where=where,
+                remedy='write tolerances = {"lift_slope": (0.3, "1/rad")}',
+            )
+        if name in effects:
+            raise DataError(
+                f"tolerance '{name}' has the name of an effect of the same function",
+                where=where,
+                remedy="give the parameter another name: both are keys of `parameters`",
+            )
+        try:
+            tolerances[name] = Tolerance(*value)
+        except DataError as error:
+            raise error.at(f"{where}.tolerances['{name}']") from None
+        if not tolerances[name].sigma:
+            raise DataError(
+                f"tolerance '{name}' has sigma 0",
+                where=where,
+                remedy="leave out what is known exactly, or give one standard deviation",
+            )
+    return tolerances
+
+
+def _gyroscopic(function: Callable[..., Any], where: str) -> bool | None:
+    """Return whether a function leaves the rotors' gyroscopic moments to the rigid body; None if unstated."""
+    stated = getattr(function, "gyroscopic", None)
+    if stated is not None and not isinstance(stated, bool):
+        raise DataError(
+            f"gyroscopic is {stated!r}, expected True or False",
+            where=where,
+            remedy="True where the wrench is without the rotors' gyroscopic moments, False where it has them",
+        )
+    return stated
 
 
 def arguments(

@@ -1,4 +1,4 @@
-"""What a control law adds to injected signals, as far as a record tells."""
+"""The control law that a record shows: commands without injected signals, fitted by attitude and rates."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 HEARD = ("phi", "theta", "p", "q", "r")
 """States that a law is sought in."""
 
-_TOLD = 0.8  # of a command's variance beside the injected signal, from which a law makes it
+_EXPLAINED = 0.8  # of a command's variance beside the injected signal, from which a law makes it
 
 
 def law(record: FlightRecord, rest: Array, injected: Sequence[bool]) -> tuple[Array, NDArray[np.bool_]]:
@@ -29,16 +29,16 @@ def law(record: FlightRecord, rest: Array, injected: Sequence[bool]) -> tuple[Ar
     rest : ndarray, shape (command, sample)
         Commands without the injected signals.
     injected : sequence of bool
-        By command, whether the record tells what was injected. Of others nothing is told: a pilot's input
-        looks like a law in what it makes of the motion.
+        By command, whether the record has the injected signal. Other commands get no law: a pilot's input
+        moves the aircraft, and so correlates with its motion as a law's command would.
 
     Returns
     -------
     gains : ndarray, shape (command, state)
         By rad or rad/s of the states in `HEARD`, by least squares; zero of commands that stand still, and
         of those that no such law makes.
-    told : ndarray of bool, shape (command,)
-        Whether that is what makes them.
+    by_law : ndarray of bool, shape (command,)
+        Whether that law explains the command.
     """
     names = [f"state/{n}" for n in HEARD]
     heard = np.array([record[n] if n in record else 0 * record.time for n in names])
@@ -46,5 +46,5 @@ def law(record: FlightRecord, rest: Array, injected: Sequence[bool]) -> tuple[Ar
     moved = rest - rest.mean(axis=1, keepdims=True)
     gains = np.linalg.lstsq(heard.T, moved.T, rcond=1e-9)[0].T
     whole, left = (moved**2).sum(axis=1), ((moved - gains @ heard) ** 2).sum(axis=1)
-    told = np.array(injected, dtype=bool) & (left <= (1 - _TOLD) * whole)
-    return np.where(told[:, None], gains, 0.0), told
+    by_law = np.array(injected, dtype=bool) & (left <= (1 - _EXPLAINED) * whole)
+    return np.where(by_law[:, None], gains, 0.0), by_law

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -17,7 +17,7 @@ from freqid.core.vehicle import Vehicle
 from freqid.gap.connect import answers
 from freqid.gap.connect.callable import arguments
 from freqid.gap.connect.differences import central
-from freqid.gap.simulation import Settings
+from freqid.gap.simulation import Departures, Settings, Tolerance, checked_departures
 
 Array = NDArray[np.float64]
 
@@ -52,11 +52,21 @@ class FmuSimulation:
     kind: Literal["fmu"] = "fmu"
     effects: Settings = field(default_factory=dict)
     parts: tuple[str, ...] = ()
+    tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
+    can_fly: bool = False
+    gyroscopic: bool | None = None
 
-    def predict(self, record: FlightRecord, effects: Settings | None = None) -> Array:
+    @property
+    def has_actuators(self) -> bool:
+        """Whether it has inputs ``command.<name>`` and outputs ``effector.<name>``."""
+        made = any(n.startswith("effector.") for n in self.outputs)
+        return made and any(n.startswith("command.") for n in self.inputs)
+
+    def predict(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> Array:
         """Return the responses, shape (response, sample)."""
-        if effects:
-            raise UsageError("an FMU has no effects that could be set", where=self.name)
+        self._nothing_to_set(effects, departures)
         given = {n: row for n in self.inputs if (row := self._channel(record, n)) is not None}
         lacking = [n for n in self.inputs if n not in given and not n.startswith("command.")]
         if lacking:
@@ -67,15 +77,20 @@ class FmuSimulation:
             )
         outputs = [self._output("response.", r) or self._output("state.", r) or r for r in self.responses]
         rows = self._stepped(record.time, given, outputs)
-        found = dict(zip(self.responses, rows, strict=True))
-        return answers.stacked(found, record.time, self.name, self.responses)[1]
+        predicted = dict(zip(self.responses, rows, strict=True))
+        names, rows = answers.stacked(predicted, record.time, self.name, self.responses)
+        answers.check_moving(names, rows, record, self.name)
+        return rows
 
     def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
         """Return derivatives by central differences, shape (response, input, sample)."""
         return central(self.predict, record, inputs)
 
-    def positions(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array]:
+    def positions(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> dict[str, Array]:
         """Return its outputs ``effector.<name>`` at the record's commands; empty where it has none."""
+        self._nothing_to_set(effects, departures)
         names = [n for n in record.group("command") if f"effector.{n}" in self.outputs]
         given = {n: row for n in self.inputs if (row := self._channel(record, n)) is not None}
         if not names or not any(n.startswith("command.") for n in given):
@@ -83,8 +98,15 @@ class FmuSimulation:
         rows = self._stepped(record.time, given, [f"effector.{n}" for n in names])
         return {n: answers.row(r, n, record.time, self.name) for n, r in zip(names, rows, strict=True)}
 
-    def fly(self, record: FlightRecord, effects: Settings | None = None) -> None:
+    def fly(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> None:
         """Return nothing: an FMU is stepped along what was flown."""
+
+    def _nothing_to_set(self, effects: Settings | None, departures: Departures | None) -> None:
+        checked_departures(departures, self.tolerances, self.name)
+        if effects:
+            raise UsageError("an FMU has no effects that could be set", where=self.name)
 
     def _output(self, prefix: str, response: str) -> str | None:
         return prefix + response if prefix + response in self.outputs else None

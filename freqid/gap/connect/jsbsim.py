@@ -8,8 +8,9 @@ ones are taken out of a working copy of the aircraft.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -22,23 +23,28 @@ from freqid.core.vehicle import Vehicle
 from freqid.gap.connect import answers
 from freqid.gap.connect.differences import size
 from freqid.gap.connect.feedback import HEARD, law
-from freqid.gap.connect.flow import RATES
-from freqid.gap.connect.jsbsim_aircraft import SETTLED, JsbsimAircraft
-from freqid.gap.connect.jsbsim_properties import (
+from freqid.gap.connect.flow import RATES, velocity
+from freqid.gap.connect.jsbsim_aircraft import (
     FOOT,
+    SETTLED,
     STATES,
-    command,
-    effector_name,
+    JsbsimAircraft,
     loads,
     place,
     put,
+    quiet,
     states,
 )
-from freqid.gap.connect.jsbsim_run import INTEGRATORS, JsbsimRun
-from freqid.gap.simulation import Settings
+from freqid.gap.simulation import Departures, Settings, Tolerance, checked_departures
 
 Array = NDArray[np.float64]
 
+_INTEGRATORS = ("rate/rotational", "rate/translational", "position/rotational", "position/translational")
+"""JSBSim's own, by which it moves on from one step to the next."""
+
+_STEP = 1 / 120  # s, the longest of JSBSim's own steps
+_ENGINES = 15.0  # s, until engines have the speed they start with
+_CLEARANCE = 1000.0  # m, above ground: manoeuvres are flown high
 _GRID_HZ = 10.0  # of derivatives
 _FELT = ("state/u", "state/v", "state/w", *RATES)
 
@@ -66,15 +72,26 @@ class JsbsimSimulation:
     responses: tuple[str, ...] = WRENCH
     effects: Settings = field(default_factory=dict)
     parts: tuple[str, ...] = ()
+    tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
+    can_fly: bool = True
+    has_actuators: bool = True
+    gyroscopic: bool | None = False
 
-    def predict(self, record: FlightRecord, effects: Settings | None = None) -> Array:
+    @quiet()
+    def predict(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> Array:
         """Return the wrench about the centre of gravity, shape (6, sample)."""
-        self._has_none(effects)
+        self._nothing_to_set(effects, departures)
         rows = [loads(fdm) for _, fdm in self._run(record).along()]
         if not np.isfinite(rows).all():
             self.aircraft.forget()
-        return answers.stacked(dict(zip(WRENCH, np.array(rows).T, strict=True)), record.time, self.name)[1]
+        predicted = dict(zip(WRENCH, np.array(rows).T, strict=True))
+        names, checked = answers.stacked(predicted, record.time, self.name)
+        answers.check_moving(names, checked, record, self.name)
+        return checked
 
+    @quiet()
     def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
         """Return derivatives, shape (6, input, sample): central differences each tenth of a second.
 
@@ -84,7 +101,7 @@ class JsbsimSimulation:
         felt = [(i, n) for i, n in enumerate(inputs) if n in _FELT or n.startswith("effector/")]
         steps = {name: size(record[name]) for _, name in felt}
         every = max(1, int(1 / (_GRID_HZ * record.dt)))
-        grid, found = [], []
+        grid, table = [], []
         for k, fdm in run.along():
             if k % every and k != record.time.size - 1:
                 continue
@@ -105,43 +122,49 @@ class JsbsimSimulation:
             put(fdm, run.motion[:, k])
             fdm.run_ic()
             grid.append(record.time[k])
-            found.append(slopes)
-        table = np.array(found)
-        return np.array(
-            [[np.interp(record.time, grid, table[:, r, i]) for i in range(len(inputs))] for r in range(6)]
-        )
+            table.append(slopes)
+        columns = np.moveaxis(np.array(table), 0, -1)
+        return np.array([[np.interp(record.time, grid, x) for x in row] for row in columns])
 
-    def positions(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array]:
-        """Return what the flight control system makes of the commands, the motion held still."""
-        self._has_none(effects)
+    @quiet()
+    def positions(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> dict[str, Array]:
+        """Return what the flight control system makes of the commands in the recorded motion.
+
+        Dampers of the aircraft's own feel that motion.
+        """
+        self._nothing_to_set(effects, departures)
         names = [n for n in record.group("command") if self.aircraft.where(n)]
         if not names:
             return {}
         run = self._run(record)
         commands = np.array([run.command(n) for n in names])
         fdm, steps = run.ready(())
-        for what in INTEGRATORS:
-            fdm[f"simulation/integrator/{what}"] = 0
-        command(fdm, names, commands[:, 0])
+        self.aircraft.command(fdm, names, commands[:, 0])
         for _ in range(int(SETTLED / fdm.get_delta_t())):
-            fdm.run()
+            fdm.run_ic()  # one step of the control system, the motion as it was put
         out = np.empty_like(commands)
         for k in range(record.time.size):
             for j in range(1, steps + 1) if k else ():
-                between = commands[:, k - 1] + (commands[:, k] - commands[:, k - 1]) * j / steps
-                command(fdm, names, between)
-                fdm.run()
+                share = j / steps
+                put(fdm, run.motion[:, k - 1] + share * (run.motion[:, k] - run.motion[:, k - 1]))
+                self.aircraft.command(fdm, names, (1 - share) * commands[:, k - 1] + share * commands[:, k])
+                fdm.run_ic()
             out[:, k] = [fdm[self.aircraft.where(n)[0][0]] for n in names]
         return dict(zip(names, out, strict=True))
 
-    def fly(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array]:
+    @quiet()
+    def fly(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> dict[str, Array]:
         """Return states, and positions of effectors, of its own flight: from its own trim, by departures.
 
         Where attitude and rates tell what was added to injected signals, the law that did it flies along.
         """
         import jsbsim
 
-        self._has_none(effects)
+        self._nothing_to_set(effects, departures)
         names = [n for n in record.group("command") if self.aircraft.where(n)]
         run = self._run(record)
         commands = np.array([run.command(n) for n in names]).reshape(len(names), -1)
@@ -157,10 +180,10 @@ class JsbsimSimulation:
                 where=self.name,
                 remedy="compare by replay, or begin the record in steady level flight",
             ) from None
-        trim = np.array([fdm[f"fcs/{effector_name(n)}-cmd-norm"] for n in names])
+        trim = np.array([fdm[self.aircraft.commands(n)[0]] for n in names])
         rest = np.array([run.command(n, of_law=True) for n in names]).reshape(commands.shape)
-        gains, told = law(record, rest, [f"excitation/{n}" in record for n in names])
-        departure = commands - np.where(told[:, None], rest, commands[:, :1])
+        gains, by_law = law(record, rest, [f"excitation/{n}" in record for n in names])
+        departure = commands - np.where(by_law[:, None], rest, commands[:, :1])
         rows, moved = [states(fdm)], [self._placed(fdm, names)]
         heard = [STATES.index(n) for n in HEARD]
         start = np.array(rows[0])[heard]
@@ -168,7 +191,7 @@ class JsbsimSimulation:
             departure[:, k] += gains @ (np.array(rows[-1])[heard] - start)
             for j in range(1, steps + 1):
                 between = departure[:, k - 1] + (departure[:, k] - departure[:, k - 1]) * j / steps
-                command(fdm, names, trim + between)
+                self.aircraft.command(fdm, names, trim + between)
                 fdm.run()
             rows.append(states(fdm))
             moved.append(self._placed(fdm, names))
@@ -189,12 +212,13 @@ class JsbsimSimulation:
     def _placed(self, fdm: Any, names: Sequence[str]) -> list[float]:
         return [fdm[self.aircraft.where(n)[0][0]] for n in names]
 
-    def _run(self, record: FlightRecord) -> JsbsimRun:
+    def _run(self, record: FlightRecord) -> _Run:
         described = record.vehicle or self.vehicle
         centre = described.mass_properties.cg_m if described else (0.0, 0.0, 0.0)
-        return JsbsimRun(self.aircraft, record, centre, self.name)
+        return _Run(self.aircraft, record, centre, self.name)
 
-    def _has_none(self, effects: Settings | None) -> None:
+    def _nothing_to_set(self, effects: Settings | None, departures: Departures | None) -> None:
+        checked_departures(departures, self.tolerances, self.name)
         if effects:
             raise UsageError("a JSBSim aircraft has no effects that could be set", where=self.name)
 
@@ -207,6 +231,103 @@ def load(aircraft: str, vehicle: Vehicle | None = None) -> JsbsimSimulation:
     DataError
         Where JSBSim is not installed, or has or accepts no such aircraft.
     """
-    found = JsbsimAircraft.of(aircraft)
+    loaded = JsbsimAircraft.of(aircraft)
     # described by an instance of its own, whose effectors are moved all the way
-    return JsbsimSimulation(found, vehicle or JsbsimAircraft(aircraft).vehicle(), name=found.name)
+    return JsbsimSimulation(loaded, vehicle or JsbsimAircraft(aircraft).vehicle(), name=loaded.name)
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """An aircraft along one record.
+
+    Attributes
+    ----------
+    aircraft : JsbsimAircraft
+    record : FlightRecord
+    centre : tuple of 3 floats
+        Of gravity, m.
+    name : str
+        Of the simulation, for errors.
+    """
+
+    aircraft: JsbsimAircraft
+    record: FlightRecord
+    centre: tuple[float, float, float]
+    name: str
+
+    @cached_property
+    def velocity(self) -> Array:
+        """Velocity of the centre of gravity through the air, m/s, shape (3, sample)."""
+        return velocity(self.record, self.centre)
+
+    @cached_property
+    def motion(self) -> Array:
+        """What JSBSim is put into: u v w p q r, phi theta psi, altitude, shape (10, sample)."""
+        record = self.record
+        angles = [
+            record[f"state/{n}"] if f"state/{n}" in record else 0 * record.time
+            for n in ("phi", "theta", "psi")
+        ]
+        if "air/rho" in record:  # the altitude in the standard troposphere
+            altitude = (1 - (record["air/rho"] / 1.225) ** (1 / 4.25588)) / 2.25577e-5
+        else:
+            altitude = record["state/alt"] if "state/alt" in record else np.full(record.time.size, 300.0)
+        return np.concatenate([self.velocity, record.matrix(RATES), angles, np.array(altitude)[None]])
+
+    def command(self, name: str, *, of_law: bool = False) -> Array:
+        """Return a command as JSBSim wants it, from -1 to 1; `of_law` without what was injected."""
+        record = self.record
+        channel, injected = record.channel(f"command/{name}"), f"excitation/{name}"
+        values = channel.values - record[injected] if of_law and injected in record else channel.values
+        if channel.unit == "1":
+            return values
+        norm, position = self.aircraft.travel(name)
+        order = np.argsort(position)
+        return np.interp(values, position[order], norm[order])
+
+    def ready(self, prescribed: tuple[str, ...]) -> tuple[Any, int]:
+        """Return JSBSim at the record's start with running engines, and its steps for each sample."""
+        fdm = self.aircraft.model(prescribed)
+        steps = max(1, int(np.ceil(self.record.dt / _STEP - 1e-6)))
+        fdm.reset_to_initial_conditions(1)
+        fdm.set_dt(self.record.dt / steps)
+        for what, how in zip(_INTEGRATORS, (3, 4, 2, 3), strict=True):
+            fdm[f"simulation/integrator/{what}"] = how
+        fdm["ic/terrain-elevation-ft"] = (float(self.motion[9].min()) - _CLEARANCE) / FOOT
+        put(fdm, self.motion[:, 0])
+        self.aircraft.start_engines(fdm)
+        fdm.run_ic()
+        return fdm, steps
+
+    def along(self) -> Iterator[tuple[int, Any]]:
+        """Yield JSBSim in the motion and with the effectors of every sample."""
+        record = self.record
+        names, prescribed = [], []
+        for name in record.group("effector"):
+            where = self.aircraft.where(name)
+            if not where:
+                raise DataError(
+                    f"the aircraft has no effector '{name}'",
+                    where=self.name,
+                    remedy="name effectors as in fcs/<name>-pos-rad: elevator, aileron, rudder, throttle",
+                )
+            names.append(name)
+            prescribed += [p for p, _ in where]
+        fdm, steps = self.ready(tuple(prescribed))
+        places = record.matrix(f"effector/{n}" for n in names).reshape(len(names), -1)
+
+        def move(k: int) -> None:
+            put(fdm, self.motion[:, k])
+            for name, value in zip(names, places[:, k], strict=True):
+                place(fdm, self.aircraft.where(name), value)
+            fdm.run_ic()
+
+        move(0)
+        for _ in range(int(_ENGINES / fdm.get_delta_t())):  # to the speed they start with
+            move(0)
+            fdm.run()
+        for k in range(record.time.size):
+            move(k)
+            yield k, fdm
+            for _ in range(steps):
+                fdm.run()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -15,7 +15,7 @@ from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.record import FlightRecord
 from freqid.core.record_file import read_record
 from freqid.core.vehicle import Vehicle
-from freqid.gap.simulation import Settings
+from freqid.gap.simulation import Departures, Settings, Tolerance, checked_departures
 
 Array = NDArray[np.float64]
 
@@ -44,9 +44,20 @@ class RecordedPredictions:
     kind: Literal["predictions"] = "predictions"
     effects: Settings = field(default_factory=dict)
     parts: tuple[str, ...] = ()
+    tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
+    can_fly: bool = False
+    gyroscopic: bool | None = None
 
-    def predict(self, record: FlightRecord, effects: Settings | None = None) -> Array:
+    @property
+    def has_actuators(self) -> bool:
+        """Whether positions are among the logs."""
+        return any(log.group("effector") for _, log in self.logs)
+
+    def predict(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> Array:
         """Return the recorded responses on the record's clock, shape (response, sample)."""
+        checked_departures(departures, self.tolerances, self.name)
         if effects:
             raise UsageError("recorded predictions have no effects that could be set", where=self.name)
         return self._on(record, [f"response/{name}" for name in self.responses])
@@ -76,7 +87,9 @@ class RecordedPredictions:
                 out[:, i] = slopes[:, felt.index(name)][:, None]
         return out
 
-    def positions(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array]:
+    def positions(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> dict[str, Array]:
         """Return the positions that the simulator logged beside its predictions, by effector.
 
         Only those that it made itself: positions equal to the record's were given to it.
@@ -92,7 +105,9 @@ class RecordedPredictions:
             if f"effector/{n}" not in record or not np.array_equal(row, record[f"effector/{n}"])
         }
 
-    def fly(self, record: FlightRecord, effects: Settings | None = None) -> None:
+    def fly(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> None:
         """Return nothing: a log cannot fly."""
 
     def _of(self, record: FlightRecord) -> tuple[FlightRecord, str]:

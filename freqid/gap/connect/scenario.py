@@ -13,31 +13,44 @@ import jax.numpy as jnp
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from freqid.core.channels import KNOWN, WRENCH, split
 from freqid.core.design import SampledInputs
 from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.frames import cross, specific_force_at
 from freqid.core.record import FlightRecord
 from freqid.core.scenario import Reference, Scenario
 from freqid.core.vehicle import Vehicle
 from freqid.gap.connect import actuation, loads
 from freqid.gap.connect.flow import RATES, density, velocity
-from freqid.gap.connect.sensed import as_measured
-from freqid.gap.simulation import Settings
+from freqid.gap.connect.own_parameters import (
+    actuators_with,
+    changes_airframe,
+    gains,
+    own_tolerances,
+    with_departures,
+)
+from freqid.gap.simulation import Departures, Settings, Tolerance, checked_departures
 from freqid.identify.smoothing import local_derivative
+from freqid.simulate import description, motion, multibody
 from freqid.simulate import effects as library
-from freqid.simulate import motion, multibody
 from freqid.simulate.actuators import by_kind
 from freqid.simulate.atmosphere import altitude_of
-from freqid.simulate.fly import fly, sortie
+from freqid.simulate.fly import Flight, fly, sortie
 from freqid.simulate.lq import ClosedLoop, close_loop, corridor
 from freqid.simulate.maneuver import with_effects
 from freqid.simulate.quantities import Flow, Positions
 from freqid.simulate.small_motion import HEIGHT
+from freqid.simulate.trim import trim
+from freqid.simulate.truth import truth_of
 
 Array = NDArray[np.float64]
 
 MOTION = ("state/u", "state/v", "state/w", *RATES, "air/rho", "state/alt")
+_VELOCITIES = ("state/u", "state/v", "state/w")
+_FORCES = ("state/ax", "state/ay", "state/az")
+_ACCELERATIONS = ("state/pdot", "state/qdot", "state/rdot")
 _DESIGNING = Lock()
 _GRID_HZ = 10.0  # of the states at which derivatives are taken: beyond what is excited
 
@@ -46,7 +59,8 @@ _GRID_HZ = 10.0  # of the states at which derivatives are taken: beyond what is 
 class ScenarioSimulation:
     """The simulation that a scenario describes; methods as in `freqid.gap.simulation.Simulation`.
 
-    Moments are about the centre of gravity that the record's mass properties give, else the scenario's.
+    Moments are about the centre of gravity that the record's mass properties give, else the scenario's;
+    the rotors' gyroscopic moments belong to the rigid body. Own parameters: `connect.own_parameters`.
 
     Attributes
     ----------
@@ -58,6 +72,8 @@ class ScenarioSimulation:
     name: str = "scenario"
     kind: Literal["scenario"] = "scenario"
     responses: tuple[str, ...] = WRENCH
+    can_fly: bool = True
+    gyroscopic: bool | None = True
     _loops: dict[str, ClosedLoop] = field(default_factory=dict, repr=False)
 
     @property
@@ -75,19 +91,32 @@ class ScenarioSimulation:
         """Tables of ``[simulation]`` and what they hold, by dotted path."""
         return tuple(_paths("simulation", msgspec.structs.asdict(self.scenario.simulation)))
 
-    def predict(self, record: FlightRecord, effects: Settings | None = None) -> Array:
+    @property
+    def tolerances(self) -> Mapping[str, Tolerance]:
+        """Numbers of the airframe and the actuators, one sigma of each."""
+        return self._tolerances
+
+    @property
+    def has_actuators(self) -> bool:
+        """Whether the scenario describes actuators."""
+        return bool(self.scenario.simulation.actuators)
+
+    def predict(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> Array:
         """Return the wrench on the record's states and positions, shape (6, sample)."""
-        found = loads.wrench(
-            self._airframe(effects), self._mass(record), self._along(record), record.time - record.time[0]
+        airframe = self._airframe(effects, self._departures(departures))
+        predicted = loads.wrench(
+            airframe, self._mass(record), self._along(record), record.time - record.time[0]
         )
-        bad = np.flatnonzero(~np.isfinite(found).all(axis=0))
+        bad = np.flatnonzero(~np.isfinite(predicted).all(axis=0))
         if bad.size:
             raise DataError(
                 f"the prediction is not finite at t = {record.time[bad[0]]:.4g} s",
                 where=self.name,
                 remedy="check the record's states and positions there",
             )
-        return found
+        return predicted
 
     def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
         """Return derivatives by channels along the record, shape (6, input, sample).
@@ -98,17 +127,17 @@ class ScenarioSimulation:
         place = record.channels[MOTION[0]].position_m if MOTION[0] in record else None
         sensor = np.array(place or (0.0, 0.0, 0.0))
         at, grid = self._smoothed(record)
-        found = loads.derivatives(self._airframe(None), self._mass(record), at, sensor)
+        slopes = loads.derivatives(self._airframe(None), self._mass(record), at, sensor)
         kinds = by_kind(self.vehicle, np.arange(len(self.vehicle.effectors)))
         columns = np.concatenate([np.asarray(k) for k in kinds])
         by_effector = np.empty((len(WRENCH), columns.size, grid.size))
-        by_effector[:, columns] = np.concatenate(found[1:], axis=1)
+        by_effector[:, columns] = np.concatenate(slopes[1:], axis=1)
         names = [e.name for e in self.vehicle.effectors]
         out = np.zeros((len(WRENCH), len(inputs), record.time.size))
         for i, channel in enumerate(inputs):
             group, name = split(channel)
             if channel in MOTION:
-                coarse = found[0][:, MOTION.index(channel)]
+                coarse = slopes[0][:, MOTION.index(channel)]
             elif group == "effector" and name in names:
                 coarse = by_effector[:, names.index(name)]
             elif group in KNOWN:
@@ -122,7 +151,9 @@ class ScenarioSimulation:
             out[:, i] = [np.interp(record.time, grid, row) for row in coarse]
         return out
 
-    def positions(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array]:
+    def positions(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> dict[str, Array]:
         """Return positions by effector: servos, tilt drives and motors at the record's commands.
 
         The injected signal is straight between samples, the control law's part a cubic spline. The voltage
@@ -131,29 +162,37 @@ class ScenarioSimulation:
         """
         if not any(f"command/{e.name}" in record for e in self.vehicle.effectors):
             return {}
-        settings = self._settings(effects)
+        settings, own = self._settings(effects), self._departures(departures)
         act = motion.parameters(self._scenario(effects)).actuators
+        act = actuators_with(act, self.vehicle, own)
         ratio = np.ones(record.time.size)
         if "rotor" in self.vehicle.effector_kinds.values():
             ratio = actuation.voltage_ratio(
-                self._parameters.airframe, act, settings["battery_sag"], self._along(record), record.dt
+                self._airframe(None, own), act, settings["battery_sag"], self._along(record), record.dt
             )
-        return actuation.positions(record, self.vehicle, act, settings, ratio)
+        return actuation.positions(record, self.vehicle, act, settings, ratio, gains(self.vehicle, own))
 
-    def fly(self, record: FlightRecord, effects: Settings | None = None) -> dict[str, Array]:
+    def fly(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> dict[str, Array]:
         """Return its own closed-loop flight from the record's reference; effectors and commands too.
 
-        Calm air; velocities and specific forces where the record's sensors are.
+        Calm air; velocities and specific forces where the record's sensors are. With departures, the
+        vehicle flies from its own trim, with the control law of the nominal vehicle.
         """
         scenario, reference = self._scenario(effects), self._reference(record)
+        own = self._departures(departures)
+        gain = gains(self.vehicle, own)
         excited = record.group("excitation")
         inputs = SampledInputs(
             excited,
             tuple(record.channel(f"excitation/{n}").unit for n in excited),
             record.time - record.time[0],
-            record.matrix(f"excitation/{n}" for n in excited).reshape(len(excited), -1),
+            np.array([gain[n] * record[f"excitation/{n}"] for n in excited]).reshape(len(excited), -1),
         )
         loop = self._loop(scenario, reference, effects)
+        if own:
+            loop = self._off_nominal(scenario, loop, reference, own)
         flight = fly(sortie(scenario, loop, reference, inputs if excited else None, duration=record.duration))
         if flight.divergence:
             raise DataError(
@@ -161,7 +200,35 @@ class ScenarioSimulation:
                 where=self.name,
                 remedy="compare by replay on the flown states, or lower the inputs",
             )
-        return as_measured(scenario, flight, record)
+        flown = _as_measured(scenario, flight, record)
+        return {n: x / gain.get(n.removeprefix("command/"), 1.0) for n, x in flown.items()}
+
+    def _off_nominal(
+        self, scenario: Scenario, nominal: ClosedLoop, reference: Reference, own: Departures
+    ) -> ClosedLoop:
+        """Return the vehicle with departures, at its own trim, under the law of the nominal one.
+
+        A servo's gain scales what it is sent, so it stands in the law's allocation here.
+        """
+        parameters = nominal.parameters
+        if changes_airframe(own, scenario):
+            airframe = description.parameters(with_departures(scenario, own))
+            parameters = parameters._replace(airframe=airframe)
+        act = actuators_with(parameters.actuators, self.vehicle, own)
+        parameters = jax.tree.map(jnp.asarray, parameters._replace(actuators=act))
+        trimmed = trim(scenario, parameters, reference)
+        law, at = nominal.law, int(np.argmin(np.abs(np.asarray(nominal.law.u) - reference.u)))
+        table = law.settings
+        state = table.state.at[at, :3].set(trimmed.body.velocity).at[at, 6:8].set(jnp.asarray(trimmed.angles))
+        rows = actuation.split_by_kind(self.vehicle, np.array(list(gains(self.vehicle, own).values())))
+        settings = table._replace(
+            commands=jax.tree.map(lambda x, new: x.at[at].set(new), table.commands, trimmed.commands),
+            state=state,
+            surface=table.surface * rows.surface[:, None],
+            speed=table.speed * rows.speed[:, None],
+        )
+        trims = {**nominal.trims, reference.id: trimmed}
+        return ClosedLoop(parameters, trims, law._replace(settings=settings))
 
     def _loop(self, scenario: Scenario, reference: Reference, changed: Settings | None) -> ClosedLoop:
         """Return the vehicle with its control law, one for all references of a corridor."""
@@ -183,15 +250,25 @@ class ScenarioSimulation:
         )
 
     @cached_property
+    def _tolerances(self) -> dict[str, Tolerance]:
+        return own_tolerances(self.scenario)
+
+    @cached_property
     def _parameters(self) -> motion.Parameters:
         return jax.tree.map(jnp.asarray, motion.parameters(self.scenario))
 
-    def _airframe(self, changed: Settings | None):
+    def _departures(self, departures: Departures | None) -> dict[str, float]:
+        return checked_departures(departures, self.tolerances, self.name)
+
+    def _airframe(self, changed: Settings | None, own: Departures | None = None):
+        airframe = self._parameters.airframe
+        if own and changes_airframe(own, self.scenario):
+            airframe = description.parameters(with_departures(self.scenario, own))
         if not changed:
-            return self._parameters.airframe
-        self._scenario(changed)  # says what is unknown
+            return airframe
+        self._scenario(changed)  # refuses what is unknown
         leaves = {i: actuation.leaves(s) for i, s in self._settings(changed).items()}
-        return self._parameters.airframe._replace(effects=leaves)
+        return airframe._replace(effects=leaves)
 
     def _mass(self, record: FlightRecord) -> multibody.MassModel:
         if record.mass_properties is None:
@@ -240,3 +317,23 @@ def _paths(stem: str, table: Mapping[str, Any]) -> list[str]:
             found.append(f"{stem}.{name}")
             found += _paths(found[-1], value) if isinstance(value, dict) else []
     return found
+
+
+def _as_measured(scenario: Scenario, flight: Flight, record: FlightRecord) -> dict[str, Array]:
+    """Return a flight's states where the record's sensors are, effectors and commands; without errors."""
+    truth, _ = truth_of(scenario, flight, excited=(), reference=record.reference)
+    time = np.minimum(record.time - record.time[0], truth.time[-1])
+    rates, turning = truth.matrix(RATES), truth.matrix(_ACCELERATIONS)
+    states = {}
+    for name in truth.group("state"):
+        channel, values = f"state/{name}", truth[f"state/{name}"]
+        place = record.channels[channel].position_m if channel in record else None
+        if place and channel in _VELOCITIES:
+            arm = np.broadcast_to(np.array(place)[:, None], rates.shape)
+            values = values + cross(rates, arm)[_VELOCITIES.index(channel)]
+        elif place and channel in _FORCES:
+            values = specific_force_at(truth.matrix(_FORCES), rates, turning, place)[_FORCES.index(channel)]
+        states[name] = CubicSpline(truth.time, values)(time)
+    for name in (f"{group}/{n}" for group in ("effector", "command") for n in truth.group(group)):
+        states[name] = CubicSpline(truth.time, truth[name])(time)
+    return states

@@ -8,10 +8,14 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.vehicle import Vehicle
 from .effect import Effect, Parameter
+from .places import one_each
 from .signals import lagged
 
 Signals = dict[str, NDArray[np.float64]]
+
+_KINDS = ("surface", "tilt")
 
 
 def position(settings: dict[str, jax.Array], servo: jax.Array, command: jax.Array) -> jax.Array:
@@ -42,9 +46,14 @@ def behind(time_constant: jax.Array, command: jax.Array, before: jax.Array, dt: 
 def _act(settings: Mapping[str, float], signals: Signals, dt: float, kinds: dict[str, str]) -> Signals:
     """Return the positions of surfaces and tilts behind those that are described."""
     return {
-        name: lagged(values, dt, settings["extra"]) if kinds.get(name) in ("surface", "tilt") else values
-        for name, values in signals.items()
+        name: lagged(x, dt, settings["extra"] + settings.get(name, 0.0)) if kinds.get(name) in _KINDS else x
+        for name, x in signals.items()
     }
+
+
+def _for_vehicle(vehicle: Vehicle) -> dict[str, Parameter]:
+    """Return a time constant for each surface and tilt drive."""
+    return one_each(vehicle, EFFECT.parameters["extra"], _KINDS)
 
 
 EFFECT = Effect(
@@ -53,11 +62,13 @@ EFFECT = Effect(
     meaning="A control surface or a tilting wing follows its command with the dynamics of its servo.",
     parameters={
         "extra": Parameter(
-            0.0, "s", "time constant of a first-order lag that no one described", 0.03, 0.0, 1.0
+            0.0, "s", "time constant of a first-order lag that no one described", 0.03, 0.0, 0.5
         ),
         "strength": Parameter(1.0, "1", "share of the distance between command and described servo", 0.0),
     },
     needs=("command",),
     states={"surface": "rad", "tilt": "rad"},
+    alternatives=True,
     act=_act,
+    for_vehicle=_for_vehicle,
 )

@@ -1,7 +1,7 @@
 """What effects read off a record: flow, tilting wings, shafts, thrust, and loads about the centre of gravity.
 
 Vectors have shape (3, sample), body axes; positions are in vehicle axes. `replay` is a
-`freqid.gap.replay.Replay` throughout.
+`freqid.gap.model.replay.Replay` throughout.
 """
 
 from __future__ import annotations

@@ -9,7 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.vehicle import Vehicle
 from .effect import Effect, Parameter
+from .places import one_each
 
 Signals = dict[str, NDArray[np.float64]]
 
@@ -23,10 +25,17 @@ def dragged(settings: dict[str, jax.Array], surface: jax.Array, servo: jax.Array
 def _feel(settings: Mapping[str, float], signals: Signals, dt: float, kinds: dict[str, str]) -> Signals:
     """Return the positions of surfaces that are dragged by the measured ones of their servos."""
     del dt
-    half = settings["width"] / 2
-    if half <= 0:
-        return signals
-    return {n: _played(v, half) if kinds.get(n) == "surface" else v for n, v in signals.items()}
+    found = dict(signals)
+    for name in (n for n in signals if kinds.get(n) == "surface"):
+        half = (settings["width"] + settings.get(name, 0.0)) / 2
+        if half > 0:
+            found[name] = _played(signals[name], half)
+    return found
+
+
+def _for_vehicle(vehicle: Vehicle) -> dict[str, Parameter]:
+    """Return a play for each surface."""
+    return one_each(vehicle, EFFECT.parameters["width"], ("surface",))
 
 
 def _played(values: NDArray[np.float64], half: float) -> NDArray[np.float64]:
@@ -44,6 +53,8 @@ EFFECT = Effect(
     parameters={"width": Parameter(0.0, "rad", "of the play, from one side to the other", 0.02, 0.0, 0.5)},
     needs=("surface", "effector"),
     states={"surface": "rad"},
-    sizes=(0.001, 0.003, 0.008, 0.05),
+    alternatives=True,
+    sizes=(0.0005, 0.001, 0.002, 0.004, 0.008, 0.016, 0.05),
     feel=_feel,
+    for_vehicle=_for_vehicle,
 )

@@ -7,26 +7,37 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.vehicle import Vehicle
 from .effect import Effect, Parameter
+from .places import one_each
 from .signals import lagged
 
 Signals = dict[str, NDArray[np.float64]]
+
+_KINDS = ("rotor", "thrust", "throttle")
 
 
 def _act(settings: Mapping[str, float], signals: Signals, dt: float, kinds: dict[str, str]) -> Signals:
     """Return the speeds of rotors, thrusts and throttles behind those that are described."""
     return {
-        name: lagged(v, dt, settings["extra"]) if kinds.get(name) in ("rotor", "thrust", "throttle") else v
+        name: lagged(v, dt, settings["extra"] + settings.get(name, 0.0)) if kinds.get(name) in _KINDS else v
         for name, v in signals.items()
     }
+
+
+def _for_vehicle(vehicle: Vehicle) -> dict[str, Parameter]:
+    """Return a time constant for each motor."""
+    return one_each(vehicle, EFFECT.parameters["extra"], _KINDS)
 
 
 EFFECT = Effect(
     id="motor_lag",
     stage="command",
     meaning="Motors follow their commands later than described, by a first-order lag.",
-    parameters={"extra": Parameter(0.0, "s", "time constant of that lag", 0.04, 0.0, 1.0)},
+    parameters={"extra": Parameter(0.0, "s", "time constant of that lag", 0.04, 0.0, 0.5)},
     needs=("command", "rotor"),
     states={"speed": "rad/s"},
+    alternatives=True,
     act=_act,
+    for_vehicle=_for_vehicle,
 )

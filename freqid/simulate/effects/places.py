@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +12,18 @@ from numpy.typing import NDArray
 
 from ...core.vehicle import Vehicle
 from .. import precision as precision
+from .effect import Effect, Parameter
+
+
+def one_each(vehicle: Vehicle, like: Parameter, kinds: Collection[str]) -> dict[str, Parameter]:
+    """Return a parameter for each effector of some kinds beside the one that all have in common."""
+    names = [e.name for e in vehicle.effectors if e.kind in kinds]
+    return {n: replace(like, meaning=f"{like.meaning}, of {n} alone") for n in names}
+
+
+def alone(effect: Effect, settings: Mapping[str, float]) -> list[str]:
+    """Return the effectors at which an effect acts by themselves: flights have it at all of a kind only."""
+    return [name for name, size in settings.items() if size and name not in (*effect.parameters, *effect.jointly)]
 
 
 def order(vehicle: Vehicle, kind: str) -> NDArray[np.float64]:

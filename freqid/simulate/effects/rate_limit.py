@@ -9,7 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.vehicle import Vehicle
 from .effect import Effect, Parameter
+from .places import one_each
 
 Signals = dict[str, NDArray[np.float64]]
 
@@ -23,10 +25,17 @@ def limits(settings: dict[str, jax.Array], described: jax.Array) -> jax.Array:
 
 def _act(settings: Mapping[str, float], signals: Signals, dt: float, kinds: dict[str, str]) -> Signals:
     """Return the positions of surfaces that chase the described ones no faster than the limit."""
-    if settings["slowness"] <= 0:
-        return signals
-    most = dt / settings["slowness"]
-    return {n: _chased(v, most) if kinds.get(n) == "surface" else v for n, v in signals.items()}
+    found = dict(signals)
+    for name in (n for n in signals if kinds.get(n) == "surface"):
+        slowness = settings["slowness"] + settings.get(name, 0.0)
+        if slowness > 0:
+            found[name] = _chased(signals[name], dt / slowness)
+    return found
+
+
+def _for_vehicle(vehicle: Vehicle) -> dict[str, Parameter]:
+    """Return a limit for each surface."""
+    return one_each(vehicle, EFFECT.parameters["slowness"], ("surface",))
 
 
 def _chased(values: NDArray[np.float64], most: float) -> NDArray[np.float64]:
@@ -47,7 +56,9 @@ EFFECT = Effect(
         "slowness": Parameter(0.0, "s/rad", "one over the limit; 2 s/rad is 0.5 rad/s", 2.0, 0.0, 100.0)
     },
     needs=("command", "surface"),
-    sizes=(0.25, 0.5, 1.0, 4.0, 8.0, 16.0, 32.0),
+    alternatives=True,
+    sizes=(0.25, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0, 8.0, 16.0, 32.0),
     in_loop=True,
     act=_act,
+    for_vehicle=_for_vehicle,
 )

@@ -2,12 +2,14 @@
 
 import json
 import math
+from dataclasses import replace
 
 import h5py
 import numpy as np
 import pytest
 from made_up_gap import made_up
 
+from freqid.core.diagnosis import Change, GapDiagnosis
 from freqid.core.errors import DataError
 from freqid.core.gap_file import read_gap, write_gap
 
@@ -19,7 +21,10 @@ def test_what_is_written_is_read(tmp_path):
     # NaN is not itself: the tables, in which it is null, are compared
     assert again.diagnosis.to_json() == first.diagnosis.to_json()
     assert math.isnan(again.diagnosis.how_far[0].response.G)
-    assert again.diagnosis.which == first.diagnosis.which
+    for name in ("which", "gap", "sensors", "tolerances"):
+        assert getattr(again.diagnosis, name) == getattr(first.diagnosis, name), name
+    for name in ("effect_only", "tolerances_only", "log_score", "strained"):
+        assert getattr(again.diagnosis.how_far[0], name) == getattr(first.diagnosis.how_far[0], name), name
     assert (again.coherence, again.increments, again.expected, again.provenance) == (
         first.coherence,
         first.increments,
@@ -48,6 +53,23 @@ def test_the_table_has_one_number_before_and_after_of_each_figure():
     assert (how_far["J"]["before"], how_far["J"]["after"], how_far["J"]["zero"]) == (100.0, 30.0, None)
     assert how_far["rmse"]["by_response"]["Z"] == {"before": 4.0, "after": 1.0, "zero": 8.0}
     assert how_far["per_effect"]["stall"]["wrench"]["G"] == 0.8
+
+
+def test_relations_between_sensors_count_in_no_figure_of_the_simulation():
+    closure = made_up().diagnosis.how_far[0]
+    more = {**closure.rmse, "kinematic/w": Change(0.3, 0.3, 0.3), "kinematic/u": Change(0.3, 0.1, 0.3)}
+    more = replace(closure, rmse=more)
+    assert more.to_json()["rmse"]["before"] == closure.to_json()["rmse"]["before"]
+    assert more.listed == ("Z", "M", "kinematic/u")  # the one that changes
+
+
+def test_a_table_without_what_was_added_since_is_read():
+    table = made_up().diagnosis.to_json()
+    for name in ("sensors", "tolerances"):
+        del table[name]
+    for name in ("withdrawn", "places", "groups"):
+        del table["which"][name]
+    assert GapDiagnosis.from_json(table).tolerances == ()
 
 
 def test_what_is_damaged_is_refused(tmp_path):

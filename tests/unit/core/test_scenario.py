@@ -1,7 +1,8 @@
 import pytest
 
 from freqid.core.errors import DataError, UsageError
-from freqid.core.scenario import read_scenario
+from freqid.core.scenario import Scenario, read_scenario
+from freqid.core.vehicle import Group, proposed_groups
 
 GOOD = """
 [vehicle]
@@ -81,3 +82,79 @@ def test_no_toml_and_no_file_are_data_errors(scenario, tmp_path):
         scenario("[vehicle\n")
     with pytest.raises(DataError, match="cannot be read"):
         read_scenario(tmp_path / "absent.toml")
+
+
+ROTORS = """
+[[effector]]
+name = "elevon_left"
+kind = "surface"
+limits = [-0.3, 0.3]
+[[effector]]
+name = "elevon_right"
+kind = "surface"
+limits = [-0.3, 0.3]
+""" + "".join(
+    f"""
+[[effector]]
+name = "n{i}"
+kind = "rotor"
+limits = [0, 900]
+[[rotor]]
+name = "n{i}"
+spin = 1
+inertia = 1e-4
+position_m = [{x}, 0, 0]
+"""
+    for i, x in ((1, 0.5), (2, 0.5), (3, -0.5))
+)
+GROUP = """
+[[group]]
+name = "pair"
+effectors = ["elevon_left", "elevon_right"]
+kind = "one servo bus"
+"""
+
+
+def test_groups_are_stated_or_proposed(scenario):
+    stated = proposed_groups(scenario(GOOD + ROTORS + GROUP).aircraft())
+    assert stated == (Group(name="pair", effectors=("elevon_left", "elevon_right"), kind="one servo bus"),)
+    proposed = {g.name: g.effectors for g in proposed_groups(scenario(GOOD + ROTORS).aircraft())}
+    assert proposed == {
+        "elevon": ("elevon_left", "elevon_right"),
+        "all surfaces": ("de", "elevon_left", "elevon_right"),
+        "x = 0.50 m rotors": ("n1", "n2"),
+        "n": ("n1", "n2", "n3"),
+    }
+    assert proposed_groups(scenario(GOOD).aircraft()) == ()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('"elevon_right"]', '"elevon_rigt"]', "names effector 'elevon_rigt'.*did you mean 'elevon_right'"),
+        (', "elevon_right"]', "]", "expected two or more, each once"),
+        ('"elevon_right"]', '"elevon_left"]', "expected two or more, each once"),
+        ('name = "pair"', 'name = ""', "a group has no name"),
+        ("kind", "kin", "key 'kin' is unknown"),
+    ],
+)
+def test_a_group_that_is_none_is_refused(scenario, old, new, says):
+    with pytest.raises(UsageError, match=says):
+        scenario(GOOD + ROTORS + GROUP.replace(old, new))
+    with pytest.raises(UsageError, match=r"groups name .* more than once"):
+        scenario(GOOD + ROTORS + GROUP + GROUP)
+
+
+def test_tolerances_of_one_effector_have_dotted_names(scenario):
+    stated = '[tolerance]\nmass = 0.01\nde.natural_frequency = 0.05\n"n1.thrust" = 0.03\nwing.front.span_m=1'
+    read = scenario(GOOD + stated)
+    assert read.tolerance == {
+        "mass": 0.01,
+        "de.natural_frequency": 0.05,
+        "n1.thrust": 0.03,
+        "wing.front.span_m": 1.0,
+    }
+    assert type(read) is Scenario
+    for slip in ('de.gain = "5 %"', 'mass = "5 %"'):
+        with pytest.raises(UsageError, match=r"at tolerance.*`str`"):
+            scenario(GOOD + "[tolerance]\n" + slip)

@@ -1,70 +1,121 @@
-"""When a name is given, and the words that a verdict gives it in."""
+"""The words that a verdict gives a diagnosis in, and what stands beside it."""
+
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
-import pytest
 
-from freqid.core.diagnosis import Closure, Existence, Share, Which
+from freqid.core.diagnosis import Closure, Existence, Interval, SensorFault, Share, Which
 from freqid.core.gap_map import GapMap
-from freqid.gap.calibrate import named
-from freqid.gap.verdict import verdict
+from freqid.gap.simulation import Tolerance
+from freqid.gap.verdict import remarks_of, tolerances_used, verdict
+from freqid.simulate.effects import library
 
-GAP = Existence(True, 1e-6, 0.02, 0.0, {}, {})
-
-
-def said(chances, inside, aliases=()):
-    which = Which(chances, inside, aliases, {}, {}, named=named(chances, aliases))
-    text = verdict(GAP, (), GapMap((), (), (), (), np.zeros((0, 0, 0, 0)), np.zeros((0, 3))), which, ())
-    return text.partition("; ")[2].removesuffix(" (uncalibrated).")
-
-
-@pytest.mark.parametrize(
-    ("chances", "groups", "answer"),
-    [
-        ({"a": 0.76, "b": 0.24}, (), ("a",)),
-        ({"a": 0.74, "b": 0.26}, (), ()),
-        ({"a": 0.5, "b": 0.3, "c": 0.2}, (("a", "b"),), ("a", "b")),
-        ({"a": 0.3, "b": 0.2, "c": 0.2}, (("a", "b"),), ()),
-        ({"other": 0.9, "a": 0.1}, (), ()),
-        ({"none": 0.9, "a": 0.1}, (), ()),
-    ],
+GAP = Existence(True, 1e-6, 0.02, 0.0, {}, {}, noise_from=("repeats of the manoeuvre",))
+NOWHERE = GapMap((), (), (), (), np.zeros((0, 0, 0, 0)), np.zeros((0, 3)))
+LOSS = Interval(0.5, 0.4, 0.6, "1")
+WORN = Which(
+    {"surface_effectiveness": 0.97, "none": 0.03},
+    ("surface_effectiveness",),
+    (),
+    {},
+    {"surface_effectiveness": {"de": LOSS}},
+    named=("surface_effectiveness",),
+    places={"surface_effectiveness": "de"},
 )
-def test_a_name_is_given_from_three_quarters_of_its_group_on(chances, groups, answer):
-    assert named(chances, groups) == answer
+CLOSURE = Closure(
+    ("surface_effectiveness",),
+    {},
+    Share(0.98, 0.9, 1.0),
+    Share(np.nan, np.nan, np.nan),
+    {},
+    {},
+    {},
+    ("far/away/c.h5",),
+    tolerances_only=Share(0.9, 0.8, 1.0),
+    strained={"derivatives.M.de": -9.4},
+)
 
 
-def test_a_name_is_given_alone_or_with_what_is_not_ruled_out():
-    assert said({"a": 0.97, "b": 0.03}, ("a",)) == "a (97 %)"
-    assert said({"a": 0.8, "b": 0.12, "c": 0.08}, ("a", "b", "c")) == "a (80 %), b and c not ruled out"
-    rest = dict.fromkeys("bcde", 0.06)
-    assert said({"a": 0.76, **rest}, ("a", *rest)) == "a (76 %), 4 others not ruled out"
+def said(which=WORN, closures=(), sensors=(), gap=GAP):
+    return verdict(gap, (), NOWHERE, which, closures, sensors, library())
 
 
-def test_what_is_not_likely_enough_is_no_answer():
-    assert said({"a": 0.5, "b": 0.4, "none": 0.1}, ("a", "b")) == "most likely a (50 %), among a, b"
-    group = (("a", "b"),)
-    assert said({"a": 0.3, "b": 0.25, "c": 0.2}, ("a", "b", "c"), group).startswith("most likely one of a, b")
-    assert said({"a": 0.5, "b": 0.3, "c": 0.2}, ("a", "b"), group) == (
-        "one of a, b, which these data cannot separate"
+def test_a_name_stands_with_place_size_meaning_and_probability():
+    text = said()
+    assert text.startswith("A gap beyond noise and tolerances. Your simulation: ")
+    assert "surface_effectiveness of de 0.5 (0.4 to 0.6) (The air feels less" in text
+    assert text.endswith("probability 0.97.")
+
+
+def test_what_goes_stands_beside_what_tolerances_would_have_to_do():
+    text = said(closures=(CLOSURE,))
+    assert (
+        "with it 98 % of the gap goes on c.h5 (tolerances alone: 90 %, with derivatives.M.de off by 9 sigma)"
+        in text
+    )
+    near = replace(CLOSURE, strained={"derivatives.M.de": 1.2})
+    assert said(closures=(near,)).endswith("(tolerances alone: 90 %).")
+
+
+def test_a_name_that_is_withdrawn_is_none():
+    gone = replace(WORN, named=(), withdrawn={"surface_effectiveness": "its size is at the end"})
+    text = said(gone, (CLOSURE,))
+    assert "no name; surface_effectiveness fits best but its size is at the end" in text
+    assert "goes on" not in text
+
+
+def test_sensors_and_simulation_have_a_sentence_each():
+    bias = {"sensor_bias": {"q": Interval(0.01, 0.008, 0.012, "rad/s")}}
+    fault = SensorFault("sensor_bias", "q", 0.01, 0.008, 0.012, "rad/s")
+    both = replace(
+        WORN,
+        pair=("sensor_bias", "surface_effectiveness"),
+        named=(),
+        parameters={**WORN.parameters, **bias},
+        places={"sensor_bias": "q", **WORN.places},
+    )
+    text = said(both, sensors=(fault,))
+    assert "Your sensors: sensor_bias of q 0.01 rad/s (0.008 to 0.012). Your simulation: surface_eff" in text
+    alone = replace(both, pair=(), named=("sensor_bias",))
+    assert "Your simulation: nothing beside that" in said(alone, sensors=(fault,))
+
+
+def test_where_nothing_is_likely_enough_what_remains_is_listed():
+    open_ = replace(
+        WORN, probabilities={"mass": 0.5, "stall": 0.4, "none": 0.1}, set=("mass", "stall"), named=()
+    )
+    assert "no single name; mass, stall remain possible" in said(open_)
+    alike = replace(WORN, named=("mass", "sensor_scale"))
+    assert "one of mass, sensor_scale, which these data cannot separate" in said(alike)
+    other = replace(WORN, probabilities={"other": 0.9, "none": 0.1}, named=())
+    assert "no effect of the library explains it (90 % for another)" in said(other)
+
+
+def test_without_a_gap_the_sizes_that_would_have_been_seen_are_said():
+    none = Existence(False, 0.4, 0.02, 0.5, largest_undetected={"mass": 0.1}, unit={"mass": "1"})
+    assert said(gap=none) == "No gap beyond noise and tolerances (p = 0.4): no gap larger than mass 0.1."
+    poor = replace(none, form_error=0.1)
+    assert said(gap=poor).endswith(
+        "The simulation's terms are wrong in form by 10 %, which limits the answer."
     )
 
 
-def whole(which, energy=(), closures=()):
-    rows = tuple("LMN"[: len(energy)])
-    each = np.array(energy, dtype=float).reshape(len(energy), 1, 1, 1)
-    cells = GapMap(rows, ("u20",), ("",), ((0.1, 1.0),), each, np.zeros((len(energy), 3)))
-    return verdict(GAP, (), cells, which, closures)
+def test_error_of_form_and_noise_are_said_in_words():
+    simulation = SimpleNamespace(name="sim", tolerances={})
+    remarks = list(remarks_of([], [], simulation, replace(GAP, form_error=0.02)))
+    assert any("wrong in form by about 2 %" in r for r in remarks)
+    assert "noise learned from repeats of the manoeuvre" in remarks
+    assert any("no error of form" in r for r in remarks_of([], [], simulation, GAP))
 
 
-def test_a_gap_that_no_place_holds_a_tenth_of_is_said_to_be_spread():
-    which = Which({"a": 1.0}, ("a",), (), {}, {}, named=("a",))
-    spread = "A gap beyond noise: no place holds a tenth of what is explained, M most with 50 %; a (100 %)"
-    assert whole(which, (1, 2, 1)).startswith(spread)
-    assert whole(which, (0, 0, 0)).startswith("A gap beyond noise; a (100 %)")
-
-
-def test_two_effects_that_are_called_are_added_both():
-    which = Which({"a": 0.6, "b": 0.4}, ("a", "b"), (), {}, {}, pair=("a", "b"))
-    share = Share(0.9, 0.8, 1.0)
-    both, one = (Closure(e, {}, share, share, {}, {}, {}, ()) for e in (("b", "a"), ("a",)))
-    assert "a and b together; adding both removes 90 %" in whole(which, closures=(both,))
-    assert "a and b together; adding a removes 90 %" in whole(which, closures=(one,))
+def test_tolerances_stand_with_unit_and_source():
+    simulation = SimpleNamespace(tolerances={"lift_slope": Tolerance(0.3, "1/rad")})
+    sizes = {"mass": 0.01, "cg_offset": 0.02, "lift_slope": 0.3, "sensor_bias.q": 0.002, "inertia": 0.0}
+    found = {t.name: (t.sigma, t.unit, t.source) for t in tolerances_used(sizes, simulation, library())}
+    assert found == {
+        "mass": (0.01, "1", "default"),
+        "cg_offset": (0.02, "m", "stated"),
+        "lift_slope": (0.3, "1/rad", "simulation"),
+        "sensor_bias.q": (0.002, "rad/s", "each record"),
+    }

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 from linear_flight import LIBRARY, OWN, Linear, fly
 
-from freqid.gap.testable import untestable
-from freqid.gap.trial import Trial
+from freqid.gap.model.testable import untestable
+from freqid.gap.stack.trial import Trial
 
 HAS_IT = Linear(effects={"damping": {"extra": 0.0}})
 

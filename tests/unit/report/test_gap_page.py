@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from made_up_gap import made_up
 
-from freqid.report.gap_figures import heat_panels, increment_bars
+from freqid.cli.gap_texts import diagnosis_text
+from freqid.report.gap_figures import before_after_time, heat_panels, increment_bars
 from freqid.report.gap_page import build_gap_page
-from freqid.report.gap_response_figures import before_after_time
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,9 @@ def test_the_verdict_comes_first_and_every_part_follows(page):
         page.index(words)
         for words in (
             "A gap beyond noise.",
+            "<h2>What counts as no gap",
             "<h2>Where",
+            "<h2>Your sensors",
             "<h2>Which effect",
             "Not tested, so not ruled out",
             "<h2>How far the gap shrinks",
@@ -37,12 +39,40 @@ def test_the_verdict_comes_first_and_every_part_follows(page):
 
 def test_numbers_stand_with_their_units_and_reasons(page):
     assert "0.450 (0.400 to 0.500)" in page
-    assert "undefined: the simulation does not fly by itself" in page
     assert "needs rotor, which is not there" in page
     assert "These data cannot separate mass, sensor_scale." in page
     assert "as flown it costs 3.0 deg" in page
     for label in ("Frequency (Hz)", "Time (s)", "Z (N)", "M (N m)", "Z (N/√Hz)", "Probability (%)"):
         assert label in page, label
+
+
+def test_page_text_and_table_say_the_same(page):
+    d = made_up().diagnosis
+    text, table = diagnosis_text(d), d.to_json()
+    both = (
+        d.verdict,
+        "the size of mass is at the end of what is physical",
+        "onset=0.2",
+        "0.75 (0.65 to 0.85)",  # the effect alone
+        "0.30 (0.20 to 0.40)",  # tolerances alone
+        "0.80 (0.70 to 0.90)",
+        "+12.5 nats",
+        "derivatives.Z.w",
+        "sensor_bias",
+        "lift_slope",
+        "needs rotor, which is not there",
+        "a remark",
+    )
+    for words in both:
+        assert words in text, words
+        assert words in page, words
+    assert table["verdict"] == d.verdict
+    assert table["which"]["withdrawn"] == d.which.withdrawn
+    assert table["how_far"]["tolerances_only"]["G"] == 0.3
+    assert table["how_far"]["log_score"] == 12.5
+    assert table["gap"]["form_error"] == 0.02
+    assert table["sensors"][0]["fault"] == "sensor_bias"
+    assert {t["name"] for t in table["tolerances"]} == {"mass", "lift_slope"}
 
 
 def test_where_there_is_no_gap_no_map_is_drawn():

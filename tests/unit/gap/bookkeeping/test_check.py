@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from freqid.core.errors import DataError
 from freqid.core.frames import level_from_body
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Rotor, Vehicle
@@ -121,8 +122,9 @@ class Made:
     vehicle: Vehicle = VEHICLE
     effects: object = None
     parts: tuple = ()
+    gyroscopic: object = True
 
-    def predict(self, record, effects=None):
+    def predict(self, record, effects=None, departures=None):
         x = inputs(record)
         x = self.before(x) if self.before else x
         loads = aerodynamics(x)
@@ -266,3 +268,8 @@ def test_a_simulation_that_does_not_reproduce_its_own_flight_is_told(flight):
     (found,) = check(Made(), [flight(weaker, noise=0.0)], own=True)
     assert (found.fault, found.subject) == ("self_replay", "M")
     assert check(Made(), [flight(noise=0.0)], own=True) == []
+
+
+def test_a_constant_where_the_records_move_is_refused(flight):
+    with pytest.raises(DataError, match=r"returned the constant 0 as 'Y', which changes by .* \(rms\)"):
+        check(Made(after=times(0.0, 1)), [flight()])

@@ -2,15 +2,15 @@
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
 from freqid.core.errors import DataError, UsageError
-from freqid.core.record import Channel, Maneuver
-from freqid.gap.connect import loads
+from freqid.core.record import Channel
+from freqid.gap.connect import actuation, loads
 from freqid.gap.connect.scenario import ScenarioSimulation
-from freqid.gap.together import together
-from freqid.gap.trial import Trial
+from freqid.gap.simulation import Tolerance
 from freqid.simulate.effects import library
 from freqid.simulate.maneuver import Conditions, fly_maneuver, with_effects
 
@@ -160,17 +160,90 @@ def test_lags_and_rate_limits_act_on_positions_as_in_flight(simulation, la8, inp
         assert np.abs(plain[name] - flown_there)[25:].max() > 1e-3 * size, name
 
 
-def test_a_rate_limit_is_refitted_inside_the_servo_where_the_simulation_has_it(simulation, la8, inputs):
-    """Behind the servo it only comes near: the rate in the loop approaches its limit and stays below."""
+def test_a_strong_rate_limit_acts_inside_the_servo(simulation, la8, inputs):
+    """The rate in the loop approaches its limit and stays below, unlike a limit behind the servo."""
     settings = {"rate_limit": {"slowness": 2.5}}
     record = fly_maneuver(with_effects(la8, settings), la8.reference_of("u45"), inputs, Conditions()).record
-    trial = Trial.of(simulation, Maneuver.of(record))
-    effect = library()["rate_limit"].of(record.vehicle)
-    gap = trial.residual
-    row = [r.name for r in gap.rows].index("actuator/de1")
-    left = {
-        full: np.std((gap - together([effect], trial, settings, in_full=full)).direct[row])
-        for full in (True, False)
-    }
-    assert left[True] < 1e-4 * np.std(gap.direct[row])
-    assert left[False] > 1e-2 * np.std(gap.direct[row])
+    limited, plain = (simulation.positions(record, s)["de1"] for s in (settings, None))
+    assert np.std(limited - record["effector/de1"]) < 1e-4 * np.std(plain - record["effector/de1"])
+
+
+def test_departures_are_those_of_the_described_numbers(simulation, la8, flown):
+    record = flown("u45").record
+    steeper = msgspec.json.decode(msgspec.json.encode(la8.simulation.airframe))
+    steeper["aerofoil"]["lift_slope"] *= 1.05
+    changed = msgspec.structs.replace(
+        la8, simulation=msgspec.structs.replace(la8.simulation, airframe=steeper)
+    )
+    expected = ScenarioSimulation(changed).predict(record)
+    assert np.allclose(simulation.predict(record, departures={"aerofoil.lift_slope": 0.05}), expected)
+    assert np.abs(expected - simulation.predict(record))[2].mean() > 1.0
+    there = simulation.predict(record, departures={"de1.gain": 0.1})  # of actuators: not felt
+    assert np.array_equal(there, simulation.predict(record))
+
+
+def test_departures_of_actuators_move_positions_and_compile_nothing(simulation, flown):
+    record = flown("u45").record
+    plain = simulation.positions(record)
+    compiled = actuation._followed._cache_size()
+    slow = simulation.positions(record, departures={"de1.natural_frequency": -0.1})
+    assert np.abs(slow["de1"] - plain["de1"]).max() > 1e-3
+    assert np.array_equal(slow["de2"], plain["de2"])
+    gain = simulation.positions(record, departures={"n3.gain": 0.01})
+    assert np.allclose(gain["n3"], 1.01 * plain["n3"], rtol=1e-3)
+    late = simulation.positions(record, departures={"surface.delay": 0.01})
+    assert np.abs(late["df1"] - plain["df1"]).max() > 1e-3
+    assert np.array_equal(late["n1"], plain["n1"])
+    assert actuation._followed._cache_size() == compiled
+
+
+def test_many_departures_are_cheap(simulation, flown):
+    record = flown("u45").record
+    names = [n for n in simulation.tolerances if n.startswith(("aerofoil", "propeller", "tail", "surface"))]
+    simulation.predict(record, departures={names[0]: 0.01})
+    compiled = loads._loads._cache_size()
+    for name in names:
+        simulation.predict(record, departures={name: simulation.tolerances[name].sigma})
+    assert len(names) > 30
+    assert loads._loads._cache_size() == compiled
+
+
+def test_a_flight_with_departures_starts_from_its_own_trim(simulation, flown):
+    """With another gain, the same position needs another command; with a steeper wing, another angle."""
+    record = flown("u45").record
+    plain = simulation.fly(record)
+    gain = simulation.fly(record, departures={"de1.gain": 0.1})
+    assert gain["effector/de1"][0] == pytest.approx(plain["effector/de1"][0], abs=1e-6)
+    injected = record["excitation/de1"][0]
+    trim, off = (f["command/de1"][0] - injected for f in (plain, gain))
+    assert off == pytest.approx(trim / 1.1, rel=1e-6)
+    assert np.ptp(gain["effector/de1"]) > 1.03 * np.ptp(plain["effector/de1"])
+    steeper = simulation.fly(record, departures={"aerofoil.lift_slope": 0.05})
+    change = steeper["w"] - plain["w"]
+    assert abs(change.mean()) > 0.05
+    assert change.std() < 0.2 * abs(change.mean())  # no transient from one trim to the other
+
+
+def test_tolerances_are_of_every_number_and_the_scenario_replaces_them(la8):
+    tolerances = ScenarioSimulation(la8).tolerances
+    assert tolerances["aerofoil.lift_slope"] == Tolerance(0.05, "1")
+    assert tolerances["wing.front.span_m"] == Tolerance(0.01, "1")
+    assert tolerances["de1.natural_frequency"] == Tolerance(0.05, "1", "de1")
+    assert tolerances["n8.time_constant"] == Tolerance(0.05, "1", "n8")
+    assert tolerances["dw1.gain"] == Tolerance(0.01, "1", "dw1")
+    assert tolerances["motor.delay"] == Tolerance(0.002, "s")
+    assert "tail.incidence_rad" not in tolerances  # zero: a share of it is nothing
+    stated = msgspec.structs.replace(la8, tolerance={"aerofoil.lift_slope": 0.02, "mass": 0.01})
+    changed = ScenarioSimulation(stated).tolerances
+    assert changed["aerofoil.lift_slope"].sigma == 0.02
+    assert "mass" not in changed
+    for sigma in (-0.1, float("nan"), 3.0):
+        absurd = msgspec.structs.replace(la8, tolerance={"aerofoil.lift_slope": sigma})
+        with pytest.raises(DataError, match=r"\[tolerance\] aerofoil.lift_slope"):
+            _ = ScenarioSimulation(absurd).tolerances
+
+
+def test_an_unknown_parameter_is_refused(simulation, flown):
+    for ask in (simulation.predict, simulation.positions, simulation.fly):
+        with pytest.raises(UsageError, match=r"did you mean 'aerofoil\.lift_slope'"):
+            ask(flown("u45").record, departures={"aerofoil.lift_slop": 0.05})

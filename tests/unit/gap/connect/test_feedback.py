@@ -1,4 +1,4 @@
-"""A control law that a record tells of."""
+"""The control law that a record shows."""
 
 import numpy as np
 
@@ -22,15 +22,15 @@ def flight(seed=0, samples=2000, noise=0.0):
 
 def test_a_law_of_attitude_and_rates_is_found_exactly():
     record, rest = flight()
-    gains, told = law(record, rest, [True, True, True])
+    gains, by_law = law(record, rest, [True, True, True])
     expected = [GAINS.get(n, 0.0) for n in HEARD]
     assert np.allclose(gains[0], expected, atol=1e-9)
-    assert told[0]
+    assert by_law[0]
 
 
 def test_what_no_law_makes_is_left_as_it_was_commanded():
-    gains, told = law(*flight(), [True, True, True])
-    assert not told[1]
+    gains, by_law = law(*flight(), [True, True, True])
+    assert not by_law[1]
     assert not gains[1].any()
 
 
@@ -41,12 +41,12 @@ def test_a_command_that_stands_still_has_no_law():
 
 def test_sensor_noise_moves_the_gains_by_its_share():
     record, rest = flight(noise=0.01)
-    gains, told = law(record, rest, [True, True, True])
-    assert told[0]
+    gains, by_law = law(record, rest, [True, True, True])
+    assert by_law[0]
     assert np.allclose(gains[0], [GAINS.get(n, 0.0) for n in HEARD], atol=0.05)
 
 
-def test_without_what_was_injected_nothing_is_told():
-    gains, told = law(*flight(), [False, False, False])
-    assert not told.any()
+def test_without_the_injected_signal_no_law_is_fitted():
+    gains, by_law = law(*flight(), [False, False, False])
+    assert not by_law.any()
     assert not gains.any()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from freqid.core.channels import si_unit
-from freqid.core.errors import DataError
+from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Channel, FlightRecord
 from freqid.gap.connect import connect
 
@@ -44,16 +44,16 @@ def seen(fdm, excitation):
     return row
 
 
-@pytest.fixture(scope="module")
-def record():
-    """Ten seconds from trim, excited on all controls; loads as JSBSim had them."""
+def flown(aircraft, speed_fps, height_ft):
+    """Return ten seconds from trim, excited on all controls; loads as JSBSim had them."""
     fdm, rate, duration = jsbsim.FGFDMExec(None), 50, 10.0
     fdm.set_debug_level(0)
-    fdm.load_model("c172p")
+    fdm.load_model(aircraft)
     fdm.set_dt(0.01)
-    for name, value in {"h-sl-ft": 3000.0, "vt-fps": 170.0, "gamma-deg": 0.0}.items():
+    for name, value in {"h-sl-ft": height_ft, "vt-fps": speed_fps, "gamma-deg": 0.0}.items():
         fdm[f"ic/{name}"] = value
     fdm["fcs/mixture-cmd-norm"] = 1.0
+    second = "fcs/throttle-pos-norm[1]" in str(fdm.query_property_catalog("fcs/"))
     fdm["propulsion/set-running"] = -1
     fdm.run_ic()
     fdm["simulation/do_simple_trim"] = 1
@@ -75,6 +75,8 @@ def record():
             now = signals[:, k - 1] + share * (signals[:, k] - signals[:, k - 1])
             for name, value in zip(POSITION, trim + now, strict=True):
                 fdm[f"fcs/{name}-cmd-norm"] = float(value)
+            if second:
+                fdm["fcs/throttle-cmd-norm[1]"] = fdm["fcs/throttle-cmd-norm"]
             fdm.run()
         rows.append(seen(fdm, signals[:, k]))
     channels = {}
@@ -82,6 +84,11 @@ def record():
         unit = "1" if name.startswith(("command", "excitation")) else si_unit(name, KINDS) or "1"
         channels[name] = Channel(name, unit, np.array([row[name] for row in rows]), float(rate), "JSBSim")
     return FlightRecord(time, channels)
+
+
+@pytest.fixture(scope="module")
+def record():
+    return flown("c172p", 170.0, 3000.0)
 
 
 @pytest.fixture(scope="module")
@@ -153,3 +160,43 @@ def test_what_jsbsim_does_not_have_is_said(simulation, record):
     odd = record.with_channels(replace(record.channel("effector/rudder"), name="effector/fin"))
     with pytest.raises(DataError, match="no effector 'fin'"):
         simulation.predict(odd)
+
+
+def test_all_engines_and_the_yaw_damper_of_the_737_are_its_own():
+    """Flown from trim with multisines; the aircraft's damper adds a quarter to the rudder's motion."""
+    record = flown("737", 600.0, 10000.0)
+    simulation = connect("jsbsim:737")
+    assert len(simulation.aircraft.where("throttle")) == 2
+    assert simulation.aircraft.where("throttle2") == [("fcs/throttle-pos-norm[1]", 1.0)]
+    truth = record.matrix(f"response/{n}" for n in "XYZLMN")
+    error = simulation.predict(record) - truth
+    assert (error.std(axis=1) < 0.01 * truth.std(axis=1)).all()
+    assert abs(error[0].mean()) < 0.01 * abs(truth[0].mean())  # the thrust of both
+    for name, row in simulation.positions(record).items():
+        assert np.abs(row - record[f"effector/{name}"]).max() < 2e-4, name
+    own = simulation.fly(record)
+    for name, tolerance in {"v": 0.02, "p": 5e-4, "r": 5e-4, "u": 0.002}.items():
+        assert np.abs(own[name] - record[f"state/{name}"]).max() < tolerance, name
+
+
+def test_nothing_is_printed(record, capfd):
+    simulation = connect("jsbsim:c172p")
+    short = record.cut(0.0, 0.5)
+    for ask in (simulation.predict, simulation.positions, simulation.fly):
+        ask(short)
+    simulation.gradient(short, ["state/w"])
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_file_that_jsbsim_cannot_load_is_said_with_its_reason(tmp_path):
+    broken = tmp_path / "broken.xml"
+    broken.write_text("<fdm_config name='broken'><metrics></fdm_config>")
+    with pytest.raises(DataError, match=r"cannot load it \(.+\)"):
+        connect(f"jsbsim:{broken}")
+
+
+def test_it_has_no_parameters_of_its_own_to_be_off(simulation, record):
+    assert simulation.tolerances == {}
+    assert (simulation.can_fly, simulation.has_actuators, simulation.gyroscopic) == (True, True, False)
+    with pytest.raises(UsageError, match="no parameter 'mass' of its own"):
+        simulation.predict(record, departures={"mass": 0.1})

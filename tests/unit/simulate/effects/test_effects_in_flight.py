@@ -13,7 +13,7 @@ import pytest
 from freqid.core.design import SampledInputs
 from freqid.core.frames import cross
 from freqid.core.scenario import read_scenario
-from freqid.gap.replay import Replay
+from freqid.gap.model.replay import Replay
 from freqid.simulate import airframe, effects, motion
 from freqid.simulate.airframe import Situation
 from freqid.simulate.fly import fly, sortie

@@ -1,0 +1,245 @@
+"""Make judging cases: `python benchmarks/gap_judging/generate.py OUT --vehicle quadplane --kind null`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import pickle
+import sys
+import time
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import numpy as np
+import sensing
+from candidates import Candidate, candidates, outsiders
+from detectability import STRATA, IdealScan, metric, signatures
+from motion import fly
+from multisine import load_module
+from scatter import added, draw, per_case, per_flight
+from settings import Settings
+from stack import stack
+
+from freqid.core.channels import si_unit
+from freqid.core.record import Channel, FlightRecord
+from freqid.core.record_file import write_record
+from freqid.core.scenario import read_scenario
+
+HERE = Path(__file__).resolve().parent
+FILES = ("1", "2", "h")  # repeats of one excitation, and another that is held out
+CASES = 50  # flown together
+
+
+def matrices(out: Path, vehicle: str):
+    """Return truth, simulation, metric, signatures of effects and of outsiders, ideal scan; kept in `out`."""
+    truth = load_module(HERE / vehicle / "truth.py")
+    simulation = load_module(truth.SIMULATION)
+    kept = out / f"{vehicle}.pickle"
+    if kept.exists():
+        m, known, others = pickle.loads(kept.read_bytes())
+    else:
+        m = metric(truth, simulation)
+        print("metric is made", flush=True)
+        known = signatures(truth, simulation, m, candidates(truth))
+        print("signatures of effects are made", flush=True)
+        others = signatures(truth, simulation, m, outsiders(truth))
+        out.mkdir(parents=True, exist_ok=True)
+        kept.write_bytes(pickle.dumps((m, known, others)))
+        for found in (known, others):
+            for c, sizes in zip(found.candidates, found.size, strict=True):
+                missed = [f"{s:g}" for s, size in zip(STRATA, sizes, strict=True) if np.isnan(size)]
+                if missed:
+                    print(f"{c.label} does not reach {', '.join(missed)}")
+    return truth, simulation, m, known, others, IdealScan(m, known)
+
+
+def plans(args, known, others) -> list[dict]:
+    """Return what acts in each case, without scatter."""
+    rng = np.random.default_rng([args.seed, 7])
+    if args.kind == "null":
+        return [{"id": f"null_{args.seed}_{i:03d}", "stratum": None, "acts": []} for i in range(args.count)]
+    if args.kind == "outsider":
+        wanted = [float(x) for x in (args.strata or "200").split(",")]
+        return [
+            {"id": f"outsider_{c.parameter}_{s:g}", "stratum": s, "acts": [(others, i, STRATA.index(s))]}
+            for i, c in enumerate(others.candidates)
+            for s in wanted
+            if not np.isnan(others.size[i, STRATA.index(s)])
+        ]
+    by_id: dict[str, list[int]] = {}
+    for i, c in enumerate(known.candidates):
+        by_id.setdefault(c.id, []).append(i)
+    out = []
+    if args.kind == "single":
+        for s in (float(x) for x in (args.strata or "15,50,200,1000").split(",")):
+            j = STRATA.index(s)
+            for members in by_id.values():
+                able = [i for i in members if not np.isnan(known.size[i, j])]
+                if not able:
+                    continue
+                chosen = rng.permutation(able)[: args.places]
+                for i in chosen:
+                    c = known.candidates[i]
+                    label = f"{c.id}-{c.parameter}" + (f"-{c.place}" if c.place else "")
+                    out.append(
+                        {
+                            "id": f"single_{label}_{s:g}_{args.seed}",
+                            "stratum": s,
+                            "acts": [(known, int(i), j)],
+                        }
+                    )
+        return out
+    j = STRATA.index(200.0)
+    able = {n: [i for i in members if not np.isnan(known.size[i, j])] for n, members in by_id.items()}
+    names = [n for n, members in able.items() if members]
+    for k in range(args.count):
+        a, b = rng.choice(names, 2, replace=False)
+        acts = [(known, int(rng.choice(able[n])), j) for n in (a, b)]
+        out.append({"id": f"pair_{args.seed}_{k:02d}_{a}+{b}", "stratum": 200.0, "acts": acts})
+    return out
+
+
+def record_of(truth, scenario, channels, condition, name) -> FlightRecord:
+    """Return a record as a logger would have written it; it says nothing of the truth."""
+    vehicle = scenario.aircraft()
+    kinds = vehicle.effector_kinds
+    place = tuple(float(x) for x in truth.SENSOR)
+    made = {
+        key: Channel(
+            key,
+            si_unit(key, kinds),
+            values,
+            50.0,
+            "judging set",
+            place if key[6:] in ("ax", "ay", "az") else None,
+        )
+        for key, values in channels.items()
+    }
+    return FlightRecord(sensing.TIME, made, vehicle, None, condition, provenance={"file": name})
+
+
+def make(args, plan, setup) -> None:
+    """Fly, measure, judge and write a batch of cases."""
+    truth, simulation, m, known, others, scan = setup
+    scenario, sha = read_scenario(HERE / args.vehicle / "scenario.toml")
+    conditions = list(truth.TRIM)
+    sigmas, biases = per_case(truth), per_flight(truth)
+    flights, departures = [], []
+    for case in plan:
+        case["seed"] = int(np.random.SeedSequence([args.seed, *args.vehicle.encode(), *case["id"].encode()]).generate_state(1)[0])
+        rng = np.random.default_rng(case["seed"])
+        case["common"], case["own"] = draw(sigmas, rng), []
+        effect = {}
+        for source, i, j in case["acts"]:
+            c: Candidate = source.candidates[i]
+            effect[c.key] = c.sign * float(source.size[i, j])
+        for condition in conditions:
+            for name in FILES:
+                flights.append({"condition": condition, "design": 1 if name == "h" else 0})
+                case["own"].append(draw(biases, rng))
+                departures.append(added(case["common"], case["own"][-1], effect))
+    log = fly(truth, flights, Settings(departures))
+    at = 0
+    for case in plan:
+        rng = np.random.default_rng([case["seed"], 1])
+        folder = args.out / args.vehicle / case["id"]
+        noise = m.nominal - m.bias
+        for c, condition in enumerate(conditions):
+            rho = truth.TRIM[condition]["rho"]
+            if not np.abs(log.state[:, 6:8, at]).max() < 1.0:
+                print(f"{case['id']} lost control in {condition}")
+            for name in FILES:
+                channels = sensing.measure(truth, log, at, departures[at], rng)
+                if name != "h":
+                    quiet = sensing.measure(truth, log, at, departures[at], None)
+                    noise[c] += 0.5 * stack(truth, simulation, channels, rho)
+                    noise[c] -= 0.5 * stack(truth, simulation, quiet, rho)
+                for i, e in enumerate(truth.EFFECTORS):
+                    channels[f"excitation/{e}"] = truth.excitation(sensing.TIME)[flights[at]["design"], i]
+                file = f"{condition}_{name}.h5"
+                record = record_of(truth, scenario, sensing.with_air(channels, rho), condition, file)
+                write_record(folder / file, record, sha)
+                at += 1
+        # The scan is ideal in this too: this case's noise, and scatter and effect to first order.
+        white = m.whiten(noise) + m.tolerance @ in_sigmas(case, sigmas, biases, len(conditions))
+        white = white + sum(source.column[i, j] for source, i, j in case["acts"])
+        case["ideal"] = scan.judge(white, [s.candidates[i].id for s, i, _ in case["acts"]])
+        text = json.dumps(described(args, case, truth, m, conditions), indent=1)
+        (folder / "case.json").write_text(text + "\n")
+
+
+def in_sigmas(case, sigmas, biases, conditions) -> np.ndarray:
+    """Return the scatter of a case in units of one sigma, in the order of the metric's columns."""
+    out = [case["common"][name] / sigma for name, sigma in sigmas.items()]
+    flown = [i for i, name in enumerate(FILES) if name != "h"]
+    for name, sigma in biases.items():
+        for c in range(conditions):
+            mean = np.mean([case["own"][c * len(FILES) + i][name] for i in flown])
+            out.append(mean / sigma * np.sqrt(2))
+    return np.array(out)
+
+
+def described(args, case, truth, m, conditions) -> dict:
+    """Return the content of ``case.json``."""
+    effects: dict[str, dict[str, float]] = {}
+    places, power, where = {}, {}, {"rows": {}, "inputs": {}}
+    total = 0.0
+    for source, i, j in case["acts"]:
+        c = source.candidates[i]
+        name = f"outsider:{c.parameter}" if c.id == "outsider" else c.id
+        effects.setdefault(name, {}).update(c.described(c.sign * float(source.size[i, j])))
+        places[name] = c.place
+        power[name] = round(float(source.detectability[i, j]), 2)
+        for kind, parts in source.shares[i][j].items():
+            for key, value in parts.items():
+                where[kind][key] = where[kind].get(key, 0.0) + value * power[name]
+        total += power[name]
+    where = {kind: {k: round(v / total, 4) for k, v in parts.items()} for kind, parts in where.items()}
+    return {
+        "case": case["id"],
+        "vehicle": args.vehicle,
+        "set": args.vehicle,
+        "kind": args.kind,
+        "effects": effects,
+        "place": places,
+        "stratum": case["stratum"],
+        "lambda": power,
+        "where": where,
+        "ideal": case["ideal"],
+        "use": [f"{c}_{n}.h5" for c in conditions for n in ("1", "2")],
+        "holdout": [f"{c}_h.h5" for c in conditions],
+        "simulation": f"benchmarks/gap_judging/{args.vehicle}/simulation.py:wrench",
+        "scenario": f"benchmarks/gap_judging/{args.vehicle}/scenario.toml",
+        "seed": case["seed"],
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--vehicle", choices=("quadplane", "vtail"), required=True)
+    parser.add_argument("--kind", choices=("null", "single", "pair", "outsider"), required=True)
+    parser.add_argument("--count", type=int, default=10, help="of nulls or pairs")
+    parser.add_argument("--strata", help="of singles and outsiders, such as 15,50,200,1000")
+    parser.add_argument(
+        "--places", type=int, default=1, help="parameters or places of one effect in a stratum"
+    )
+    parser.add_argument("--seed", type=int, default=0)
+    args = parser.parse_args()
+    start = time.time()
+    setup = matrices(args.out, args.vehicle)
+    print(f"matrices after {time.time() - start:.0f} s")
+    plan = plans(args, setup[3], setup[4])
+    for first in range(0, len(plan), CASES):
+        make(args, plan[first : first + CASES], setup)
+        print(
+            f"{min(first + CASES, len(plan))} of {len(plan)} cases after {time.time() - start:.0f} s",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

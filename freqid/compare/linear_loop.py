@@ -1,0 +1,343 @@
+"""A linear vehicle with its actuators under a control law, and the stability margins of that loop.
+
+References
+----------
+K. J. Astrom, R. M. Murray, *Feedback Systems*, 2nd ed., Princeton, 2021, sec. 10.3 (margins, delay margin).
+J. M. Maciejowski, *Multivariable Feedback Design*, Addison-Wesley, 1989, sec. 2 (loops broken one at a time).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
+from scipy.optimize import brentq
+
+from freqid.compare.modes import Mode, named_modes
+from freqid.core.errors import UsageError, nearest
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+LoopGain = Callable[[Array], Complex]
+
+PADE_ORDER = 3
+"""Order of the delays' approximation in eigenvalues. Frequency responses use the exact delay."""
+
+MARGIN_RANGE = (0.01, 300.0)
+"""Frequencies in which margins are sought, rad/s."""
+
+POINTS = 1500
+"""Frequencies between which crossings are sought. Two crossings closer than their spacing are missed."""
+
+_ZERO_FREQUENCY = 1e-6  # of the lowest frequency: an added point that stands for zero frequency
+# At that point a loop counts as a static gain, without an integrator, if its imaginary part is less than
+# this share of the real part, and the real part is below this size.
+_REAL, _LARGEST = 1e-5, 1e4
+_NO_LOOP = 1e-9  # largest loop gain of an effector that takes no part in the law
+_STABLE = 1e-6  # rad/s: growth rate up to which an eigenvalue at the origin counts as not growing
+
+
+@dataclass(frozen=True)
+class Margins:
+    """How far a stable loop is from the limit of stability.
+
+    Attributes
+    ----------
+    gain_up_db, gain_down_db : float
+        Least increase and least decrease of the gain that make the loop unstable, dB, both positive; infinite
+        if none does.
+    phase_deg : float
+        Least phase shift, in either direction, that makes it unstable, deg; infinite if the gain is never
+        one.
+    delay_s : float
+        Least added delay that makes it unstable, s.
+    crossover_hz : float
+        Frequency of `phase_deg`, Hz; nan if the gain is never one.
+    modulus : float
+        Least distance of the loop gain from -1, over all frequencies.
+    """
+
+    gain_up_db: float
+    gain_down_db: float
+    phase_deg: float
+    delay_s: float
+    crossover_hz: float
+    modulus: float
+
+
+@dataclass(frozen=True, eq=False)
+class Actuation:
+    """Linear dynamics from the commands to the positions of n effectors; every field of shape (n,).
+
+    ``gain exp(-s delay) (1 + k (w^2 / (s^2 + 2 z w s + w^2) - 1)) / (lag s + 1) / (lag_2 s + 1)``
+
+    Attributes
+    ----------
+    gain : ndarray
+        Position per command at zero frequency.
+    delay : ndarray
+        s.
+    frequency, damping : ndarray
+        Natural frequency w, rad/s, and damping ratio z of a second-order servo; infinite w for no servo.
+    share : ndarray
+        k: 1 for the whole servo, 0 for a position that equals the command.
+    lag, lag_2 : ndarray
+        Time constants of first-order lags, s; zero for none.
+    """
+
+    gain: Array
+    delay: Array
+    frequency: Array
+    damping: Array
+    share: Array
+    lag: Array
+    lag_2: Array
+
+    @classmethod
+    def ideal(cls, count: int) -> Actuation:
+        """Return actuators whose positions equal their commands."""
+        one, zero = np.ones(count), np.zeros(count)
+        return cls(one, zero, np.full(count, np.inf), one, one, zero, zero)
+
+    def response(self, omega: Array) -> Complex:
+        """Return the frequency responses, shape (n, M), for omega in rad/s of shape (M,)."""
+        s = 1j * np.asarray(omega, dtype=float)
+        ratio = s / self.frequency[:, None]
+        servo = 1 / (ratio**2 + 2 * self.damping[:, None] * ratio + 1)
+        second_order = 1 + self.share[:, None] * (servo - 1)
+        lags = (self.lag[:, None] * s + 1) * (self.lag_2[:, None] * s + 1)
+        return self.gain[:, None] * np.exp(-s * self.delay[:, None]) * second_order / lags
+
+    def state_space(self, i: int) -> tuple[Array, Array, Array, float]:
+        """Return A, B, C and D of one effector, with its delay by Pade's approximation."""
+        numerator, denominator = np.array([self.gain[i]]), np.array([1.0])
+        w, z, share = self.frequency[i], self.damping[i], self.share[i]
+        if np.isfinite(w):
+            servo = np.array([1.0, 2 * z * w, w**2])
+            numerator = np.polymul(numerator, (1 - share) * servo + [0.0, 0.0, share * w**2])
+            denominator = servo
+        for lag in (self.lag[i], self.lag_2[i]):
+            if lag > 0:
+                denominator = np.polymul(denominator, [lag, 1.0])
+        if self.delay[i] > 0:
+            above, below = _pade(float(self.delay[i]))
+            numerator, denominator = np.polymul(numerator, above), np.polymul(denominator, below)
+        return _companion(np.array(numerator, dtype=float), np.array(denominator, dtype=float))
+
+
+@dataclass(frozen=True, eq=False)
+class LinearLoop:
+    """``x' = A x + B d``, ``d = actuation(c)``, ``c = -allocation @ gain @ x``.
+
+    Attributes
+    ----------
+    states, effectors, axes : tuple of str
+        Names of x (k of them), of d and c (n), and of the axes that the control law commands (a). A law
+        without allocation has the effectors as its axes.
+    A, B : ndarray, shape (k, k), (k, n)
+        Integrators of the law are states too.
+    gain, allocation : ndarray, shape (a, k), (n, a)
+    actuation : Actuation
+    """
+
+    states: tuple[str, ...]
+    effectors: tuple[str, ...]
+    axes: tuple[str, ...]
+    A: Array
+    B: Array
+    gain: Array
+    allocation: Array
+    actuation: Actuation
+
+    @cached_property
+    def eigenvalues(self) -> Complex:
+        """Of the closed loop, rad/s; delays by Pade's approximation."""
+        return np.asarray(np.linalg.eigvals(self._closed), dtype=np.complex128)
+
+    @property
+    def stable(self) -> bool:
+        """Whether no eigenvalue grows."""
+        return bool(self.eigenvalues.real.max() < _STABLE)
+
+    def modes(self) -> tuple[Mode, ...]:
+        """Return the named modes of the closed loop in which the vehicle's motion takes most part."""
+        count = len(self._closed) - len(self.states)
+        every = named_modes(self._closed, (*self.states, *(f"actuator {i}" for i in range(count))))
+        return tuple(m for m in every if not m.name.startswith("control"))
+
+    def loop_gain(self, place: str, omega: Array) -> Complex:
+        """Return the loop gain at one command or axis, broken there, with all other loops closed.
+
+        Parameters
+        ----------
+        place : str
+            One of `effectors` or `axes`.
+        omega : ndarray, shape (M,)
+            rad/s.
+
+        Raises
+        ------
+        UsageError
+            If there is no such effector or axis.
+        """
+        every = self.loop_gains(omega)
+        if place not in every:
+            raise UsageError(f"the loop has no '{place}'", remedy=nearest(place, every))
+        return every[place]
+
+    def loop_gains(self, omega: Array) -> dict[str, Complex]:
+        """Return the loop gain, shape (M,), broken at each axis and at each effector's command in turn.
+
+        Notes
+        -----
+        With M the return ratio matrix of the loop that is broken at all commands at once,
+        ``1 + l_i = 1 / [(1 + M)^-1]_ii``: Maciejowski, 1989, sec. 2.
+        """
+        s = 1j * np.asarray(omega, dtype=float)
+        motion = np.linalg.solve(s[:, None, None] * np.eye(len(self.A)) - self.A, self.B.astype(complex))
+        law = self.gain @ motion * self.actuation.response(omega).T[:, None]  # (M, axis, effector)
+        gains = {}
+        for names, matrix in ((self.axes, law @ self.allocation), (self.effectors, self.allocation @ law)):
+            inverse = np.linalg.inv(np.eye(len(names)) + matrix)
+            with np.errstate(divide="ignore"):
+                each = 1 / np.diagonal(inverse, axis1=1, axis2=2).T - 1
+            gains |= dict(zip(names, each, strict=True))
+        return gains
+
+    def margins(self, *, exact: bool = True, span: tuple[float, float] = MARGIN_RANGE) -> dict[str, Margins]:
+        """Return the margins at every axis and effector, by name; they are meaningful only if `stable`.
+
+        Effectors that take no part in the law are left out. `exact` as in `stability_margins`.
+        """
+        if not self.axes:
+            return {}
+        omega = margin_frequencies(*span)
+        found = {}
+        for name, values in self.loop_gains(omega).items():
+            if np.abs(values).max() > _NO_LOOP:
+                refine = (lambda w, name=name: self.loop_gains(w)[name]) if exact else None
+                found[name] = margins_from_samples(omega, values, refine)
+        return found
+
+    @cached_property
+    def _closed(self) -> Array:
+        """Matrix of the closed loop, for the states of x and then of the actuators."""
+        parts = [self.actuation.state_space(i) for i in range(len(self.effectors))]
+        a, b, c = (block_diag(*matrices) for matrices in zip(*(part[:3] for part in parts), strict=True))
+        direct = np.array([part[3] for part in parts])
+        command = -self.allocation @ self.gain
+        motion = self.A + self.B @ (direct[:, None] * command)
+        if not any(len(part[0]) for part in parts):
+            return motion
+        return np.block([[motion, self.B @ c], [b @ command, a]])
+
+
+def stability_margins(
+    loop: LoopGain, low: float, high: float, *, exact: bool = True, points: int = POINTS
+) -> Margins:
+    """Return the margins of ``1 + loop``; they are meaningful only if the closed loop is stable.
+
+    Parameters
+    ----------
+    loop : callable
+        ``loop(omega)``, omega in rad/s of shape (M,), negative feedback: -1 is the critical point.
+    low, high : float
+        Range of frequencies, rad/s.
+    exact : bool
+        False interpolates crossings linearly between the frequencies: less accurate, and fast enough for
+        hundreds of systems.
+    points : int
+
+    Returns
+    -------
+    Margins
+
+    Notes
+    -----
+    Whatever the poles of the open loop: as gain, phase or delay leave their nominal values, stability can
+    end only where ``loop`` reaches -1, so the nearest such change in each direction is the margin.
+    """
+    omega = margin_frequencies(low, high, points)
+    return margins_from_samples(omega, loop(omega), loop if exact else None)
+
+
+def margin_frequencies(low: float, high: float, points: int = POINTS) -> Array:
+    """Return the frequencies at which loops are sampled, rad/s: near zero, then `low` to `high`."""
+    return np.concatenate([[_ZERO_FREQUENCY * low], np.geomspace(low, high, points)])
+
+
+def margins_from_samples(omega: Array, values: ArrayLike, loop: LoopGain | None = None) -> Margins:
+    """Return the margins of a loop gain that is sampled in frequency.
+
+    Parameters
+    ----------
+    omega : ndarray, shape (M,)
+        rad/s, increasing.
+    values : array_like of complex, shape (M,)
+    loop : callable, optional
+        The loop gain as a function of frequency, to refine the crossings with.
+    """
+    v = np.array(values, dtype=np.complex128)
+
+    def crossings(of: Array, exact: Callable[[complex], float]) -> list[tuple[float, complex]]:
+        found = []
+        for i in np.flatnonzero(np.sign(of[:-1]) * np.sign(of[1:]) < 0):
+            if loop is None:
+                share = of[i] / (of[i] - of[i + 1])
+                at = float(omega[i] * (omega[i + 1] / omega[i]) ** share)
+                found.append((at, complex(v[i] + share * (v[i + 1] - v[i]))))
+            else:
+                at = float(
+                    brentq(lambda w: exact(_one(loop, w)), omega[i], omega[i + 1], xtol=1e-12 * omega[i])  # pyright: ignore
+                )
+                found.append((at, _one(loop, at)))
+        return found
+
+    imaginary: Array = np.imag(v)
+    unity = crossings(np.log(np.abs(v)), lambda x: float(np.log(abs(x))))
+    # of the zeros of the imaginary part only those on the negative real axis matter
+    real = [x for _, x in crossings(imaginary, lambda x: x.imag) if x.real < 0]
+    if v[0].real < 0 and abs(v[0].imag) < _REAL * abs(v[0].real) < _REAL * _LARGEST:
+        real.append(complex(v[0]))  # static gain of a loop that has no integrator
+    up = [-20 * np.log10(-x.real) for x in real if x.real > -1]
+    down = [20 * np.log10(-x.real) for x in real if x.real < -1]
+    shift = [(abs(np.angle(-x)), w) for w, x in unity]
+    delay = [(np.angle(-x) % (2 * np.pi)) / w for w, x in unity]
+    phase, at = min(shift, default=(np.inf, np.nan))
+    return Margins(
+        gain_up_db=float(min(up, default=np.inf)),
+        gain_down_db=float(min(down, default=np.inf)),
+        phase_deg=float(np.degrees(phase)),
+        delay_s=float(min(delay, default=np.inf)),
+        crossover_hz=float(at / (2 * np.pi)),
+        modulus=float(np.abs(1 + v).min()),
+    )
+
+
+def _one(loop: LoopGain, omega: float) -> complex:
+    return complex(loop(np.array([omega]))[0])
+
+
+def _pade(delay: float) -> tuple[Array, Array]:
+    """Return numerator and denominator of Pade's approximation of a delay, falling powers of s."""
+    n, coefficient = PADE_ORDER, [1.0]
+    for k in range(1, n + 1):
+        coefficient.append(coefficient[-1] * (n - k + 1) / (k * (2 * n - k + 1)))
+    rising: Array = np.array([c * delay**k for k, c in enumerate(coefficient)])
+    return (rising * (-1.0) ** np.arange(n + 1))[::-1], rising[::-1]
+
+
+def _companion(numerator: Array, denominator: Array) -> tuple[Array, Array, Array, float]:
+    """Return a state space of a transfer function, in controllable canonical form."""
+    n = len(denominator) - 1
+    padded = np.zeros(n + 1)
+    padded[n + 1 - len(numerator) :] = numerator
+    above, below = padded / denominator[0], np.asarray(denominator) / denominator[0]
+    A = np.zeros((n, n))
+    if n:
+        A[0], A[1:, :-1] = -below[1:], np.eye(n - 1)
+    return A, np.eye(n)[:, :1], (above[1:] - above[0] * below[1:])[None], float(above[0])

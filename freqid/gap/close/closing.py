@@ -1,0 +1,136 @@
+"""What a gap is closed on: the explanation's columns alone, on blocks that were used and on those held out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.gap.infer.build import Columns, actuators_of, columns_of
+from freqid.gap.infer.explain import Explanation
+from freqid.gap.infer.system import System
+from freqid.gap.model.candidates import Candidate, recomputed
+from freqid.gap.settings import FOLDS
+from freqid.gap.stack.block import Block
+from freqid.simulate.effects.effect import Effect
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """Blocks that are left out together.
+
+    Attributes
+    ----------
+    scored, rest : tuple of int
+        Blocks that are scored, and those that are fitted.
+    """
+
+    scored: tuple[int, ...]
+    rest: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Closing:
+    """A stack divided into what is fitted and what is scored.
+
+    Attributes
+    ----------
+    system : System
+        With the explanation's candidates alone, in the order in which they were found.
+    blocks : list of Block
+    columns : list of Columns
+        By block of `system`.
+    source : list of int
+        Which of `blocks` each block of `system` is of: one block may be divided by its lines.
+    folds : list of Fold
+    held_out : tuple of str
+        Names of what is scored.
+    """
+
+    system: System
+    blocks: list[Block]
+    columns: list[Columns]
+    source: list[int]
+    folds: list[Fold]
+    held_out: tuple[str, ...]
+
+    @property
+    def by_lines(self) -> bool:
+        """Whether one manoeuvre is divided by its lines, for lack of another."""
+        return len(self.blocks) < len(self.columns)
+
+
+def closing_of(
+    system: System,
+    used: Sequence[Block],
+    columns: Sequence[Columns],
+    held_out: Sequence[Block],
+    explanation: Explanation,
+    library: Mapping[str, Effect],
+    tolerances: Mapping[str, float],
+) -> Closing:
+    """Divide a stack: held-out blocks against the others; else conditions in turns; one block by its lines.
+
+    Parameters
+    ----------
+    system : System
+        Of the blocks that were used.
+    used : sequence of Block
+    columns : sequence of Columns
+        By block.
+    held_out : sequence of Block
+    explanation : Explanation
+    library : dict of Effect
+    tolerances : dict of float
+    """
+    few = [system.candidates[i] for i in explanation.places]
+    chosen = np.concatenate([np.arange(system.start[i], system.start[i + 1]) for i in explanation.places])
+    parts = [replace(c, effects=c.effects[chosen]) for c in columns]
+    if held_out:
+        added = [recomputed(c, library, held_out) for c in few]
+        few = [replace(c, columns=[*c.columns, *more]) for c, more in zip(few, added, strict=True)]
+        at = range(len(used), len(used) + len(held_out))
+        servos = actuators_of(used)
+        made = [
+            columns_of(b, i, few, system.tolerances, library, tolerances, servos)
+            for b, i in zip(held_out, at, strict=True)
+        ]
+        parts += [c for c, _ in made]
+        held_out = [b for _, b in made]
+    blocks = [*used, *held_out]
+    source = list(range(len(blocks)))
+    names = tuple(n for b in held_out or used for n in b.names)
+    if held_out:
+        folds = [Fold(tuple(source[len(used) :]), tuple(source[: len(used)]))]
+    elif len(used) > 1:
+        groups = np.array_split(np.arange(len(used)), min(len(used), FOLDS))
+        folds = [Fold(tuple(g.tolist()), tuple(i for i in source if i not in g)) for g in groups]
+    else:
+        line = np.concatenate([[0], *(np.arange(1, blocks[0].lines.hz.size),) * 2])
+        number = np.tile(line, len(blocks[0].rows))
+        parts = [_only(parts[0], number % 2 == k) for k in (0, 1)]
+        source, folds = [0, 0], [Fold((0,), (1,)), Fold((1,), (0,))]
+        names = (f"every other line of {blocks[0].names[0]}",)
+    return Closing(_system(few, system, parts), blocks, parts, source, folds, names)
+
+
+def _system(few: list[Candidate], like: System, parts: Sequence[Columns]) -> System:
+    start = np.concatenate([[0], np.cumsum([c.sizes.size for c in few])]).astype(int)
+    return System(few, start, like.tolerances, [c.matrices for c in parts], like.form_errors)
+
+
+def _only(columns: Columns, numbers: NDArray[np.bool_]) -> Columns:
+    c = columns
+    return replace(
+        c,
+        effects=c.effects[:, numbers],
+        tolerances=c.tolerances[:, numbers],
+        own=c.own[:, numbers],
+        form=c.form[:, numbers],
+        actuators=c.actuators[:, numbers],
+        residual=c.residual[numbers],
+    )

@@ -1,0 +1,176 @@
+"""Closures: which explanation holds on data that were not used, and how much of the gap goes with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from freqid.core.diagnosis import Closure, Interval, Share
+from freqid.gap.close.closing import Closing
+from freqid.gap.close.fit import Fit, fit, joint_evidence
+from freqid.gap.close.score import Responses, Scored, responses, shares
+from freqid.gap.infer.evidence import Evidence, estimate, weigh
+from freqid.gap.infer.explain import Explanation
+from freqid.gap.settings import INTERVAL
+
+_UNDEFINED = Share(float("nan"), float("nan"), float("nan"), "the simulation cannot fly with the effect")
+
+
+@dataclass(frozen=True, eq=False)
+class Closed:
+    """One explanation on manoeuvres that were not used.
+
+    Attributes
+    ----------
+    explanation : Explanation
+    closure : Closure
+    fit : Fit
+        To all that was used.
+    withdrawn : str
+        Why its name does not hold; empty where it does.
+    """
+
+    explanation: Explanation
+    closure: Closure
+    fit: Fit
+    withdrawn: str
+
+
+def close(closing: Closing, explanation: Explanation, seed: int) -> list[Closed]:
+    """Return the closure of an explanation, then of each of its effects alone where it has several.
+
+    A second effect stays only where it raises the score of what was not used.
+
+    Parameters
+    ----------
+    closing : Closing
+    explanation : Explanation
+        Whose candidates are those of the closing's system, in that order.
+    seed : int
+    """
+    whole = weigh(closing.system)
+    fitted = whole if len(closing.folds) > 1 else weigh(closing.system.only(closing.folds[0].rest))
+    order = tuple(range(len(explanation.places)))
+    every = replace(explanation, places=order)
+    best = _prefix(fitted, every, 1)
+    score = _score(closing, whole, best)
+    for count in range(2, len(order) + 1):
+        longer = _prefix(fitted, every, count)
+        more = _score(closing, whole, longer)
+        if more <= score:
+            break
+        best, score = longer, more
+    found = [_closed(closing, fitted, best, score, seed)]
+    if len(best.places) > 1:
+        for i in best.places:
+            alone = Explanation((i,), (fitted.candidate[i],), (estimate(fitted, i, INTERVAL),))
+            found.append(_closed(closing, fitted, alone, _score(closing, whole, alone), seed))
+    return found
+
+
+def _prefix(evidence: Evidence, explanation: Explanation, count: int) -> Explanation:
+    if count == len(explanation.places):
+        return explanation
+    places = explanation.places[:count]
+    if count == 1:
+        return Explanation(places, explanation.gains[:1], (estimate(evidence, places[0], INTERVAL),))
+    return Explanation(places, explanation.gains[:count], explanation.estimates[:count])
+
+
+def _score(closing: Closing, whole: Evidence, explanation: Explanation) -> float:
+    """Return the nats by which what was left out is predicted better than by tolerances alone.
+
+    The log predictive density of blocks given all others is the difference of two log evidences.
+    """
+    system = closing.system
+    every = joint_evidence(system, whole, explanation)
+    return float(sum(every - joint_evidence(system.only(f.rest), whole, explanation) for f in closing.folds))
+
+
+def _closed(closing: Closing, fitted: Evidence, explanation: Explanation, score: float, seed: int) -> Closed:
+    scored: list[Scored] = []
+    index: list[int] = []
+    for fold in closing.folds:
+        one = len(closing.folds) == 1
+        here = fitted if one else weigh(closing.system.only(fold.rest))
+        fit_ = fit(here, explanation if one else _again(here, explanation))
+        index += [closing.source[i] for i in fold.scored]
+        scored += [Scored(closing.blocks[closing.source[i]], closing.columns[i], fit_) for i in fold.scored]
+    share = shares(scored, seed, INTERVAL)
+    if closing.by_lines:
+        scored, index = scored[:1], index[:1]  # histories are of the whole block
+    sigmas = [s.columns.sigmas for s in scored]
+    figures = responses(scored, index, closing.system.candidates, sigmas)
+    closure = Closure(
+        effects=explanation.effects,
+        settings=_settings(explanation),
+        wrench=share["both"],
+        response=_UNDEFINED,
+        rmse=figures.rmse,
+        theil=figures.theil,
+        J={},
+        held_out=closing.held_out,
+        note=_note(share, figures),
+        effect_only=share["effect"],
+        tolerances_only=share["tolerances"],
+        log_score=score,
+    )
+    return Closed(explanation, closure, fit(fitted, explanation), _withdrawn(explanation, score, figures))
+
+
+def _again(evidence: Evidence, explanation: Explanation) -> Explanation:
+    """Return an explanation with its sizes estimated anew on other data."""
+    if len(explanation.places) == 1:
+        found = (estimate(evidence, explanation.places[0], INTERVAL),)
+        return Explanation(explanation.places, explanation.gains, found)
+    found = []
+    given = np.zeros(evidence.system.columns)
+    for i, e in zip(explanation.places, explanation.estimates, strict=True):
+        given[evidence.system.columns_of(i)] += e.weights
+    for i, e in zip(explanation.places, explanation.estimates, strict=True):
+        others = given.copy()
+        others[evidence.system.columns_of(i)] -= e.weights
+        found.append(estimate(evidence, i, INTERVAL, given=others))
+    return Explanation(explanation.places, explanation.gains, tuple(found))
+
+
+def _settings(explanation: Explanation) -> dict[str, dict[str, Interval]]:
+    found: dict[str, dict[str, Interval]] = {}
+    for e in explanation.estimates:
+        c = e.candidate
+        named = c.place.parameters if c.kind == "vector" else c.place.parameters[:1]
+        values = {
+            n: Interval(float(x), float(lo), float(hi), c.unit)
+            for n, x, lo, hi in zip(named, e.size, e.lo, e.hi, strict=False)
+        }
+        if c.kind == "scalar":  # one size for all effectors of a group
+            values |= {n: next(iter(values.values())) for n in c.place.parameters[1:]}
+        values |= {n: Interval(v, v, v, "") for n, v in c.place.fixed}
+        found[c.effect] = values
+    return found
+
+
+def _note(share: dict[str, Share], figures: Responses) -> str:
+    both, alone = share["both"].G, share["tolerances"].G
+    if np.isfinite(both) and both < 0:
+        return "what helps where it was fitted does not transfer"
+    if np.isfinite(both) and both < alone:
+        return "tolerances alone leave less than the effect with them"
+    if not figures.acting:
+        return "the effect changes nothing in manoeuvres that were not used"
+    return ""
+
+
+def _withdrawn(explanation: Explanation, score: float, figures: Responses) -> str:
+    """Return why a name does not hold, or nothing."""
+    if score < 0:
+        return (
+            f"it predicts manoeuvres that were not used worse than tolerances alone do ({score:.1f} nats)"
+        )
+    if figures.rises:
+        return f"with it the error of {', '.join(figures.acting[:3])} grows on manoeuvres that were not used"
+    bound = [e.candidate.name for e in explanation.estimates if e.at_bound]
+    if bound:
+        return f"the size of {bound[0]} is at the end of what is physical"
+    return ""

@@ -1,0 +1,109 @@
+"""Effect and tolerances fitted together to the stack, tolerances penalised by their priors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from freqid.gap.infer.evidence import Evidence, estimate
+from freqid.gap.infer.explain import Explanation
+from freqid.gap.infer.system import Form, System
+from freqid.gap.settings import INTERVAL
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """What a stack says of an explanation and of the tolerances.
+
+    Attributes
+    ----------
+    form_error : Form
+        At which it was fitted.
+    effect : ndarray, shape (column,)
+        Weights of the candidates' columns; fitted with tolerances free.
+    effect_alone : ndarray, shape (column,)
+        The same with nominal tolerances: what is refitted where nothing else may move.
+    tolerances : ndarray, shape (tolerance,)
+        Departures in sigmas beside the effect.
+    tolerances_alone : ndarray, shape (tolerance,)
+        Without it.
+    """
+
+    form_error: Form
+    effect: Array
+    effect_alone: Array
+    tolerances: Array
+    tolerances_alone: Array
+
+
+def likeliest_tolerances(evidence: Evidence) -> Array:
+    """Return the tolerances' departures, in sigmas, beside the likeliest effect, or alone where none is likely."""
+    system = evidence.system
+    best = int(np.argmax(evidence.candidate)) if len(evidence.candidate) else -1
+    weights = np.zeros(system.columns)
+    form_error = evidence.form_error()
+    if best >= 0 and evidence.candidate[best] > 0:
+        weights[system.columns_of(best)] = estimate(evidence, best, INTERVAL).weights
+        form_error = evidence.form_error(best)
+    gram, _ = system.gram(form_error)
+    n = system.columns
+    t = slice(n, len(gram) - 1)
+    factor = cho_factor(np.eye(t.stop - t.start) + gram[t, t])
+    return cho_solve(factor, gram[t, -1] - gram[t, :n] @ weights)[: len(system.tolerances)]
+
+
+def fit(evidence: Evidence, explanation: Explanation, system: System | None = None) -> Fit:
+    """Return the fit of an explanation to a stack: its sizes as estimated, tolerances given these.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Of which the explanation is.
+    explanation : Explanation
+    system : System, optional
+        Fitted to this one, where it is not the evidence's own.
+    """
+    system = system or evidence.system
+    form_error = evidence.form_error(explanation.places[0])
+    gram, _ = system.gram(form_error)
+    n = system.columns
+    weights = np.zeros(n)
+    for i, e in zip(explanation.places, explanation.estimates, strict=True):
+        weights[system.columns_of(i)] += e.weights
+    t = slice(n, len(gram) - 1)
+    factor = cho_factor(np.eye(t.stop - t.start) + gram[t, t])
+    beside = cho_solve(factor, gram[t, -1] - gram[t, :n] @ weights)
+    alone = cho_solve(factor, gram[t, -1])
+    # with tolerances held at nominal, the size moves along its direction to where the residual is least
+    energy = float(weights @ gram[:n, :n] @ weights)
+    scale = float(weights @ gram[:n, -1]) / energy if energy > 0 else 1.0
+    few = len(system.tolerances)
+    return Fit(form_error, weights, np.clip(scale, 0.0, 2.0) * weights, beside[:few], alone[:few])
+
+
+def joint_evidence(system: System, evidence: Evidence, explanation: Explanation) -> float:
+    """Return the log Bayes factor of an explanation against none on some blocks, sizes integrated out.
+
+    Each effect in turn, given the estimated sizes of those before it.
+    """
+    from scipy.special import logsumexp
+
+    weighing = evidence.weighing
+    with_effect, none = [], []
+    for f in system.form_errors:
+        reduced = system.reduced(f)
+        total, given = 0.0, np.zeros(system.columns)
+        for i, e in zip(explanation.places, explanation.estimates, strict=True):
+            g = reduced.g - reduced.G @ given
+            total += weighing.of_place(i, reduced, g)
+            at = system.columns_of(i)
+            given[at] += e.weights
+        none.append(reduced.log_evidence)
+        with_effect.append(reduced.log_evidence + total)
+    return float(logsumexp(with_effect) - logsumexp(none))
+

@@ -1,0 +1,264 @@
+"""From blocks, tolerances and candidates to the system of small matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.gap.infer.evidence import weigh
+from freqid.gap.infer.system import BlockMatrices, Form, System
+from freqid.gap.model.candidates import Candidate, candidates
+from freqid.gap.model.form import actuator_columns, form_columns, kinematic_terms, load_terms
+from freqid.gap.model.tolerance import record_columns, tolerance_columns
+from freqid.gap.settings import FORM_ERRORS, NOISE_SCALES
+from freqid.gap.stack.block import REPEATS, Block
+from freqid.simulate.effects.effect import Effect
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """Whitened columns of one block, each of shape (column, number).
+
+    Attributes
+    ----------
+    effects, tolerances, own, form, actuators : ndarray
+        The last two are errors of form of size one, of loads and of actuators.
+    residual : ndarray, shape (number,)
+    sigmas : ndarray of complex, shape (tolerance, row, line)
+        One sigma of each tolerance, as it is before whitening.
+    kinematic_error : float
+        Error of form of the relations between sensors, a share.
+    """
+
+    effects: Array
+    tolerances: Array
+    own: Array
+    form: Array
+    actuators: Array
+    residual: Array
+    sigmas: Complex
+    kinematic_error: float
+
+    @property
+    def matrices(self) -> BlockMatrices:
+        """Their inner products."""
+        return BlockMatrices.of(
+            self.effects, self.tolerances, self.residual, self.own, self.form, self.actuators
+        )
+
+
+def build(
+    blocks: Sequence[Block], library: Mapping[str, Effect], sizes: Mapping[str, float]
+) -> tuple[System, dict[str, str], list[Columns], list[Block]]:
+    """Return the system of a stack, why effects are not tested, the columns by block, and the blocks.
+
+    The blocks come back with the noise of their loads as loud as it was flown, where no repeats told it.
+    """
+    found, not_tested = candidates(library, blocks)
+    shared = [tolerance_columns(b, library, sizes) for b in blocks]
+    names = tuple(dict.fromkeys(n for one in shared for n in one))
+    start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
+    servos = actuators_of(blocks)
+    made = [
+        _columns(b, i, found, [shared[i].get(n) for n in names], library, sizes, servos)
+        for i, b in enumerate(blocks)
+    ]
+    columns = [c for c, _ in made]
+    system = System(found, start, names, [c.matrices for c in columns])
+    return system, not_tested, columns, [b for _, b in made]
+
+
+def actuators_of(blocks: Sequence[Block]) -> tuple[str, ...]:
+    """Return the effectors whose positions the simulation predicts in any block."""
+    return tuple(dict.fromkeys(n for b in blocks for n in b.trial.positions))
+
+
+def columns_of(
+    block: Block,
+    index: int,
+    found: Sequence[Candidate],
+    names: Sequence[str],
+    library: Mapping[str, Effect],
+    sizes: Mapping[str, float],
+    servos: Sequence[str],
+) -> tuple[Columns, Block]:
+    """Return the columns of one more block, and the block with its noise as it was flown.
+
+    Parameters
+    ----------
+    block : Block
+    index : int
+        Of the block among those that the candidates have columns for.
+    found : sequence of Candidate
+    names : sequence of str
+        Tolerances, in their order.
+    library : dict of Effect
+    sizes : dict of float
+    servos : sequence of str
+        Actuators of the stack, `actuators_of`.
+    """
+    shared = tolerance_columns(block, library, sizes)
+    return _columns(block, index, found, [shared.get(n) for n in names], library, sizes, servos)
+
+
+def _columns(
+    block: Block,
+    index: int,
+    found: Sequence[Candidate],
+    shared: Sequence[Complex | None],
+    library: Mapping[str, Effect],
+    sizes: Mapping[str, float],
+    servos: Sequence[str],
+) -> tuple[Columns, Block]:
+    own = record_columns(block, library, sizes)
+    effects = np.concatenate([c.columns[index] for c in found]) if found else _zeros(block, 0)
+    tolerances = _stacked(block, shared)
+    unknown = _stacked(block, list(own.values()))
+    sensors = form_columns(block, kinematic_terms(block))
+    error = _error_of_relations(block, effects, found, tolerances, unknown, sensors)
+    unknown = np.concatenate([unknown, error * sensors]) if error else unknown
+    loads = form_columns(block, load_terms(block))
+    if block.noise_from != REPEATS:
+        block = _louder(block, effects, found, tolerances, unknown, loads)
+    columns = Columns(
+        effects=block.white(effects),
+        tolerances=block.white(tolerances),
+        own=block.white(unknown),
+        form=block.white(loads),
+        actuators=block.white(actuator_columns(block, servos)),
+        residual=block.white(block.residual),
+        sigmas=tolerances,
+        kinematic_error=error,
+    )
+    return columns, block
+
+
+def _error_of_relations(
+    block: Block, effects: Complex, found: Sequence[Candidate], tolerances: Complex, own: Complex, wrong: Complex
+) -> float:
+    """Return the likeliest error of form of the kinematic relations, from their rows alone.
+
+    Relations between sensors need no simulation, so how well they hold says nothing of the loads' form. Every
+    effect is allowed for while it is chosen.
+    """
+    rows = [i for i, row in enumerate(block.rows) if row.kind == "kinematic"]
+    if not rows or not len(wrong):
+        return 0.0
+    return weigh(_some_rows(block, rows, effects, found, tolerances, own, wrong)).form_error().loads
+
+
+def _louder(
+    block: Block, effects: Complex, found: Sequence[Candidate], tolerances: Complex, own: Complex, form: Complex
+) -> Block:
+    """Return a block whose loads are as noisy as is likeliest: sensors' noise tells nothing of gusts and buffet.
+
+    Every effect and every error of form is allowed for while the scale is chosen.
+    """
+    rows = [i for i, row in enumerate(block.rows) if row.kind == "response"]
+    if not rows:
+        return block
+    best, chosen = -np.inf, block
+    for scale in NOISE_SCALES:
+        root = np.ones(len(block.rows))
+        root[rows] = scale
+        one = replace(block, covariance=block.covariance * root[:, None] * root)
+        evidence = weigh(_some_rows(one, rows, effects, found, tolerances, own, form))
+        number = len(rows) * (2 * block.lines.hz.size - 1)
+        total = evidence.log_none + np.logaddexp(0.0, evidence.statistic) - number * np.log(scale)
+        if total > best:
+            best, chosen = total, one
+    return chosen
+
+
+def _some_rows(
+    block: Block,
+    rows: Sequence[int],
+    effects: Complex,
+    found: Sequence[Candidate],
+    tolerances: Complex,
+    own: Complex,
+    form: Complex,
+) -> System:
+    """Return the system of some rows of one block, with the candidates that change them."""
+    rows = list(rows)
+    start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
+    few = [i for i, c in enumerate(found) if np.any(effects[start[i] : start[i + 1], rows])]
+    keep = np.concatenate([np.arange(start[i], start[i + 1]) for i in few]).astype(int) if few else np.zeros(0, int)
+    shared = tolerances[np.any(tolerances[:, rows], axis=(1, 2))]
+    matrices = BlockMatrices.of(
+        block.white(effects[keep], rows),
+        block.white(shared, rows),
+        block.white(block.residual, rows),
+        block.white(own, rows),
+        block.white(form, rows),
+        block.white(form[:0], rows),
+    )
+    begin = np.concatenate([[0], np.cumsum([len(found[i].sizes) for i in few])]).astype(int)
+    names = tuple(map(str, range(len(shared))))
+    return System([found[i] for i in few], begin, names, [matrices], tuple(Form(f, 0.0) for f in FORM_ERRORS))
+
+
+def _zeros(block: Block, count: int) -> Complex:
+    return np.zeros((count, len(block.rows), block.lines.hz.size), dtype=complex)
+
+
+def _stacked(block: Block, columns: Sequence[Complex | None]) -> Complex:
+    """Return columns, shape (column, row, line); zero where a block has none of a name."""
+    full = [_zeros(block, 1)[0] if z is None else z for z in columns]
+    return np.array(full) if full else _zeros(block, 0)
+
+
+def relinearised(
+    system: System, columns: Sequence[Columns], blocks: Sequence[Block], fitted: Array, sizes: Mapping[str, float]
+) -> tuple[System, list[Columns]]:
+    """Return a system whose tolerances are straight about where they came out, not about nominal.
+
+    What the simulation's own parameters make together at their fitted departures, less what their columns say, is
+    taken off the residual: a scatter of five per cent in many parameters is not straight to the sensors' noise.
+
+    Parameters
+    ----------
+    system : System
+    columns : sequence of Columns
+        By block.
+    blocks : sequence of Block
+    fitted : ndarray, shape (tolerance,)
+        Departures in sigmas.
+    sizes : dict of float
+        One sigma by name.
+    """
+    own = blocks[0].trial.simulation.tolerances
+    at = [k for k, name in enumerate(system.tolerances) if name in own]
+    departures = {
+        system.tolerances[k]: float(fitted[k]) * sizes.get(system.tolerances[k], own[system.tolerances[k]].sigma)
+        for k in at
+    }
+    if not departures:
+        return system, list(columns)
+    new = []
+    for block, c in zip(blocks, columns, strict=True):
+        whole = block.transform(block.trial.departed(departures))
+        straight = np.tensordot(fitted[at], c.sigmas[at], 1)
+        new.append(replace(c, residual=block.white(block.residual - (whole - straight))))
+    return replace(system, blocks=[c.matrices for c in new], _reduced={}), new
+
+
+def rebuilt(
+    system: System, candidates: list[Candidate], columns: Sequence[Columns], blocks: Sequence[Block]
+) -> tuple[System, list[Columns]]:
+    """Return a system in which some candidates have other columns; all else is as it was."""
+    start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in candidates])]).astype(int)
+    new = []
+    for b, (old, block) in enumerate(zip(columns, blocks, strict=True)):
+        parts = [
+            old.effects[system.columns_of(i)] if c is system.candidates[i] else block.white(c.columns[b])
+            for i, c in enumerate(candidates)
+        ]
+        new.append(replace(old, effects=np.concatenate(parts)))
+    return System(candidates, start, system.tolerances, [c.matrices for c in new], system.form_errors), new

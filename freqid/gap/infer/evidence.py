@@ -1,0 +1,376 @@
+"""Evidence of every candidate, with its size, its place and the simulation's error of form integrated out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr, logsumexp
+
+from freqid.gap.infer.system import Form, Reduced, System
+from freqid.gap.model.candidates import Candidate
+
+Array = NDArray[np.float64]
+
+_FINE = 1001  # sizes at which a posterior is drawn
+
+NONE = "none"
+
+_SHARP = 1.0  # squared width of a cell in standard deviations of the likelihood, above which it is integrated
+_NEGLIGIBLE = 15.0  # nats below the likeliest size
+
+
+@dataclass(frozen=True, eq=False)
+class Weighing:
+    """How candidates are weighed: what does not depend on the data.
+
+    Attributes
+    ----------
+    system : System
+    """
+
+    system: System
+
+    @cached_property
+    def scalars(self) -> list[int]:
+        """Candidates of one size."""
+        return [i for i, c in enumerate(self.system.candidates) if c.kind == "scalar"]
+
+    @cached_property
+    def vectors(self) -> list[int]:
+        """Candidates of several sizes at once."""
+        return [i for i, c in enumerate(self.system.candidates) if c.kind == "vector"]
+
+    @cached_property
+    def weights(self) -> list[Array]:
+        """Of each scalar's columns at each size of its prior, shape (size, column)."""
+        found = []
+        for i in self.scalars:
+            c = self.system.candidates[i]
+            found.append(np.array([c.weights(s) for s in c.prior]))
+        return found
+
+    @cached_property
+    def effects(self) -> tuple[str, ...]:
+        """Ids of the candidates' effects, each once."""
+        return tuple(dict.fromkeys(c.effect for c in self.system.candidates))
+
+    def places_of(self, effect: str) -> list[int]:
+        """Return the candidates of an effect."""
+        return [i for i, c in enumerate(self.system.candidates) if c.effect == effect]
+
+    def by_place(self, reduced: Reduced, g: Array) -> Array:
+        """Return log Bayes factors of every candidate against no effect, shape (candidate, draw).
+
+        Parameters
+        ----------
+        reduced : Reduced
+            Whose `G` is used.
+        g : ndarray, shape (column, draw)
+        """
+        found = np.empty((len(self.system.candidates), g.shape[1]))
+        for i, w in zip(self.scalars, self.weights, strict=True):
+            at = self.system.columns_of(i)
+            found[i] = _mean_over_sizes(self.system.candidates[i].prior, w, reduced.G[at, at], g[at])
+        for i in self.vectors:
+            at, c = self.system.columns_of(i), self.system.candidates[i]
+            values, vectors = np.linalg.eigh(reduced.G[at, at])
+            values = np.maximum(values, 0.0)
+            y2 = (vectors.T @ g[at]) ** 2
+            t2 = c.prior**2
+            shrink = t2[:, None] / (1 + t2[:, None] * values)  # (scale, direction)
+            each = 0.5 * (shrink @ y2) - 0.5 * np.log1p(t2[:, None] * values).sum(axis=1)[:, None]
+            found[i] = _log_mean(each)
+        return found
+
+    def of_place(self, index: int, reduced: Reduced, g: Array) -> float:
+        """Return the log Bayes factor of one candidate against no effect; `g` of shape (column,)."""
+        c, at = self.system.candidates[index], self.system.columns_of(index)
+        G = reduced.G[at, at]
+        if c.kind == "scalar":
+            w = self.weights[self.scalars.index(index)]
+            return float(_mean_over_sizes(c.prior, w, G, g[at][:, None])[0])
+        values, vectors = np.linalg.eigh(G)
+        values = np.maximum(values, 0.0)
+        t2 = c.prior[:, None] ** 2
+        y2 = (vectors.T @ g[at]) ** 2
+        return float(_log_mean(0.5 * (t2 / (1 + t2 * values) * y2 - np.log1p(t2 * values)).sum(axis=1)))
+
+    def by_effect(self, places: Array) -> Array:
+        """Return log Bayes factors of effects, their prior shared by their places, shape (effect, ...)."""
+        return np.array([_log_mean(places[self.places_of(e)]) for e in self.effects])
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """What the data say of every candidate and of every error of form.
+
+    Attributes
+    ----------
+    weighing : Weighing
+    none : ndarray, shape (form,)
+        Log evidence of no effect at each error of form.
+    places : ndarray, shape (form, candidate)
+        Log Bayes factors against no effect at the same error of form.
+    """
+
+    weighing: Weighing
+    none: Array
+    places: Array
+
+    @property
+    def system(self) -> System:
+        """The stack."""
+        return self.weighing.system
+
+    @cached_property
+    def log_none(self) -> float:
+        """Log evidence of no effect, the error of form integrated out."""
+        return float(logsumexp(self.none) - np.log(self.none.size))
+
+    @cached_property
+    def candidate(self) -> Array:
+        """Log Bayes factor of every candidate, shape (candidate,)."""
+        joint = logsumexp(self.none[:, None] + self.places, axis=0) - np.log(self.none.size)
+        return joint - self.log_none
+
+    @cached_property
+    def effect(self) -> dict[str, float]:
+        """Log Bayes factor by effect id."""
+        return dict(zip(self.weighing.effects, self.weighing.by_effect(self.candidate), strict=True))
+
+    @cached_property
+    def statistic(self) -> float:
+        """Log Bayes factor of a gap against none: all effects alike."""
+        return float(_log_mean(np.array(list(self.effect.values())))) if self.effect else -np.inf
+
+    def best_place(self, effect: str) -> int:
+        """Return the likeliest candidate of an effect."""
+        return max(self.weighing.places_of(effect), key=lambda i: self.candidate[i])
+
+    def form_weights(self, candidate: int | None = None) -> Array:
+        """Return the posterior of the error of form, shape (form,), given a candidate, else over all and none."""
+        if candidate is not None:
+            log = self.none + self.places[:, candidate]
+        else:
+            effects = np.array([self.weighing.by_effect(row) for row in self.places])
+            gap = _log_mean(effects.T) if effects.size else np.full(self.none.size, -np.inf)
+            log = self.none + np.logaddexp(0.0, gap)
+        return np.exp(log - logsumexp(log))
+
+    def form_error(self, candidate: int | None = None) -> Form:
+        """Return the likeliest error of form."""
+        return self.system.form_errors[int(np.argmax(self.form_weights(candidate)))]
+
+
+def weigh(system: System) -> Evidence:
+    """Return what the data say of every candidate."""
+    weighing = Weighing(system)
+    none, places = [], []
+    for f in system.form_errors:
+        reduced = system.reduced(f)
+        none.append(reduced.log_evidence)
+        places.append(weighing.by_place(reduced, reduced.g[:, None])[:, 0])
+    return Evidence(weighing, np.array(none), np.array(places))
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """A candidate's size, the error of form integrated out.
+
+    Attributes
+    ----------
+    candidate : Candidate
+    size : ndarray
+        Of a scalar, shape (1,); of a vector by parameter.
+    lo, hi : ndarray
+        Interval at the level asked for, same shape.
+    at_bound : bool
+        Whether the interval ends where the prior does, so that the data do not bound it.
+    """
+
+    candidate: Candidate
+    size: Array
+    lo: Array
+    hi: Array
+    at_bound: bool
+
+    @property
+    def weights(self) -> Array:
+        """Of the candidate's columns."""
+        if self.candidate.kind == "scalar":
+            return self.candidate.weights(float(self.size[0]))
+        return self.size / self.candidate.sizes
+
+
+def estimate(evidence: Evidence, index: int, level: float, given: Array | None = None) -> Estimate:
+    """Return the size of a candidate with an interval at a level.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    index : int
+        Of the candidate.
+    level : float
+    given : ndarray, shape (column,), optional
+        Weights of other candidates' columns that are taken as known to be in the data.
+    """
+    system, c = evidence.system, evidence.system.candidates[index]
+    at = system.columns_of(index)
+    mix = evidence.form_weights(index)
+    if c.kind == "vector":
+        return _vector_estimate(evidence, index, level, mix, given)
+    fine, w = _fine(c)
+    density = _density(evidence, index, mix, given, fine, w)
+    seen = np.flatnonzero(density > 1e-9 * density.max())
+    # once more, fine enough for however sharp the data are
+    near = np.linspace(fine[max(seen[0] - 1, 0)], fine[min(seen[-1] + 1, fine.size - 1)], _FINE)
+    density = _density(evidence, index, mix, given, near, np.array([c.weights(s) for s in near]))
+    mass = np.cumsum(density) / density.sum()
+    lo, hi = (float(np.interp(q, mass, near)) for q in ((1 - level) / 2, (1 + level) / 2))
+    mean = float((density * near).sum() / density.sum())
+    edges = [e for e in (c.prior.min(), c.prior.max()) if np.sign(e) == np.sign(mean)]
+    at_bound = any(abs(mean - e) < 0.1 * abs(e) and min(abs(lo - e), abs(hi - e)) < 0.01 * abs(e) for e in edges)
+    return Estimate(c, np.array([mean]), np.array([lo]), np.array([hi]), at_bound)
+
+
+def _density(evidence: Evidence, index: int, mix: Array, given: Array | None, sizes: Array, w: Array) -> Array:
+    """Return the posterior density of a scalar's size with a flat prior, times a constant, shape (size,)."""
+    system = evidence.system
+    at = system.columns_of(index)
+    log = np.full((len(mix), sizes.size), -np.inf)
+    for k, f in enumerate(system.form_errors):
+        if mix[k] > 1e-6:
+            reduced = system.reduced(f)
+            energy = np.einsum("sc,cd,sd->s", w, reduced.G[at, at], w)
+            g = reduced.g[at] if given is None else reduced.g[at] - reduced.G[at] @ given
+            log[k] = np.log(mix[k]) + w @ g - 0.5 * energy - evidence.places[k, index]
+    log -= log.max()
+    return np.exp(logsumexp(log, axis=0)) * np.gradient(sizes)
+
+
+def _vector_estimate(
+    evidence: Evidence, index: int, level: float, mix: Array, given: Array | None
+) -> Estimate:
+    from scipy.stats import norm
+
+    system, c = evidence.system, evidence.system.candidates[index]
+    at = system.columns_of(index)
+    mean, second = np.zeros(c.sizes.size), np.zeros(c.sizes.size)
+    for k, f in enumerate(system.form_errors):
+        if mix[k] < 1e-6:
+            continue
+        reduced = system.reduced(f)
+        G = reduced.G[at, at]
+        g = reduced.g[at] if given is None else reduced.g[at] - reduced.G[at] @ given
+        log, means, variances = [], [], []
+        for t in c.prior:
+            precision = G + np.eye(len(G)) / t**2
+            inverse = np.linalg.inv(precision)
+            means.append(inverse @ g)
+            variances.append(np.diag(inverse))
+            log.append(0.5 * g @ means[-1] - 0.5 * np.linalg.slogdet(np.eye(len(G)) + t**2 * G)[1])
+        share = mix[k] * np.exp(np.array(log) - logsumexp(log))
+        mean += share @ np.array(means)
+        second += share @ (np.array(variances) + np.array(means) ** 2)
+    spread = np.sqrt(np.maximum(second - mean**2, 0.0)) * norm.ppf((1 + level) / 2)
+    size = mean * c.sizes
+    return Estimate(c, size, size - spread * c.sizes, size + spread * c.sizes, False)
+
+
+_GRIDS: WeakKeyDictionary[Candidate, tuple[Array, Array]] = WeakKeyDictionary()
+"""Made once for each candidate, however many draws ask for them."""
+
+
+def _fine(c: Candidate) -> tuple[Array, Array]:
+    """Return an even grid of sizes over the prior's range, dense where data may be sharp, and its weights."""
+    if c not in _GRIDS:
+        low, high = min(c.prior.min(), 0.0), max(c.prior.max(), 0.0)
+        fine = np.union1d(np.linspace(low, high, 2001), c.prior)
+        _GRIDS[c] = fine, np.array([c.weights(s) for s in fine])
+    return _GRIDS[c]
+
+
+def _mean_over_sizes(sizes: Array, w: Array, G: Array, g: Array) -> Array:
+    """Return the logarithm of the mean likelihood ratio over a scalar's prior, shape (draw,).
+
+    Sizes of the prior bound cells of equal probability. Where the likelihood is wider than a cell the
+    trapezoid rule is exact enough; where it is narrower, which strong effects make it, the Gaussian is
+    integrated.
+
+    Parameters
+    ----------
+    sizes : ndarray, shape (size,)
+        Ascending; cells are between neighbours of one sign.
+    w : ndarray, shape (size, column)
+        Weights of the columns at these sizes.
+    G : ndarray, shape (column, column)
+    g : ndarray, shape (column, draw)
+    """
+    moved = w @ G
+    ends = w @ g - 0.5 * np.einsum("sc,sc->s", moved, w)[:, None]
+    left = np.flatnonzero(np.sign(sizes[1:]) == np.sign(sizes[:-1]))
+    if not left.size:
+        return _log_mean(ends)
+    step = w[left + 1] - w[left]
+    curve = np.einsum("sc,cd,sd->s", step, G, step)
+    smooth, top = left[curve <= _SHARP], ends.max(axis=0)
+    share = 0.5 * (np.bincount(smooth, minlength=len(w)) + np.bincount(smooth + 1, minlength=len(w)))
+    rows = share > 0
+    # within a cell the exponent is above the higher end by an eighth of its curvature at most
+    reach = (ends - top).max(axis=1)
+    near = np.maximum(reach[left], reach[left + 1]) + curve / 8 > -_NEGLIGIBLE
+    sharp = left[near & (curve > _SHARP)]
+    if not sharp.size:
+        return top + np.log(share[rows] @ np.exp(ends[rows] - top) / left.size)
+    # the exponent in a cell, x from 0 to 1, is a + b x - c x^2 / 2
+    a, c = ends[sharp], curve[near & (curve > _SHARP)][:, None]
+    b = ends[sharp + 1] - a + 0.5 * c
+    peak = np.where((b > 0) & (b < c), a + 0.5 * b**2 / c, np.maximum(a, ends[sharp + 1]))
+    top = np.maximum(top, peak.max(axis=0))
+    cell, draw = np.nonzero(peak > top - _NEGLIGIBLE)
+    a, b, c = a[cell, draw], b[cell, draw], c[cell, 0]
+    root = np.sqrt(c)
+    low, high = -b / root, (c - b) / root
+    low, high = np.where(low > 0, -high, low), np.where(low > 0, -low, high)  # the tail that is computed well
+    outer, inner = log_ndtr(low), log_ndtr(high)
+    inside = inner + np.log1p(-np.exp(outer - inner))
+    value = a + 0.5 * b**2 / c + 0.5 * np.log(2 * np.pi / c) + inside
+    total = share[rows] @ np.exp(ends[rows] - top)
+    total += np.bincount(draw, np.exp(value - top[draw]), minlength=top.size)
+    return top + np.log(total / left.size)
+
+
+def _log_mean(values: Array) -> Array:
+    """Return the logarithm of the mean of exponentials over the first axis.
+
+    As scipy's `logsumexp`, whose checks cost many times the sum on the short arrays of single draws.
+    """
+    top = values.max(axis=0)
+    top = np.where(np.isfinite(top), top, 0.0)
+    with np.errstate(divide="ignore"):
+        return top + np.log(np.exp(values - top).mean(axis=0))
+
+
+def separation(evidence: Evidence, one: int, other: int) -> float:
+    """Return the detectability of the first candidate's estimated change that the second cannot copy.
+
+    ``lambda (1 - c^2)`` in the metric of noise and tolerances, with c their alignment.
+    """
+    system = evidence.system
+    reduced = system.reduced(evidence.form_error(one))
+    a, b = system.columns_of(one), system.columns_of(other)
+    w = estimate(evidence, one, 0.9).weights
+    own = float(w @ reduced.G[a, a] @ w)
+    across, c = w @ reduced.G[a, b], system.candidates[other]
+    if c.kind == "scalar":  # at its best single size: its columns are not free of each other
+        _, sizes = _fine(c)
+        left = np.einsum("sc,cd,sd->s", sizes, reduced.G[b, b], sizes) - 2 * sizes @ across
+        return max(own + float(left.min()), 0.0)
+    explained = float(across @ np.linalg.lstsq(reduced.G[b, b], across, rcond=1e-9)[0])
+    return max(own - explained, 0.0)
+
+

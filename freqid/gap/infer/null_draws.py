@@ -1,0 +1,145 @@
+"""Draws of the model without effect, in column space: what the statistic does where there is no gap."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from freqid.gap.infer.evidence import Evidence
+from freqid.gap.infer.system import BlockMatrices, Form, System
+
+Array = NDArray[np.float64]
+
+_RIDGE = 1e-9
+
+
+def null_statistics(evidence: Evidence, count: int, seed: int) -> Array:
+    """Return the statistic of draws without effect, shape (count,).
+
+    The error of form of each draw is drawn from its posterior over all explanations.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    count : int
+    seed : int
+    """
+    rng = np.random.default_rng([seed, 77])
+    weights = evidence.form_weights()
+    system = evidence.system
+    chosen = rng.choice(len(weights), size=count, p=weights / weights.sum())
+    found = np.empty(count)
+    for k in np.unique(chosen):
+        at = np.flatnonzero(chosen == k)
+        found[at] = statistics_of(evidence, drawn(system, system.form_errors[k], at.size, rng))
+    return found
+
+
+def drawn(
+    system: System, form_error: Form, count: int, rng: np.random.Generator, mean: Array | None = None
+) -> dict[Form, tuple[Array, Array]]:
+    """Return draws of the data at one error of form, as every error of form sees them.
+
+    Parameters
+    ----------
+    system : System
+    form_error : Form
+        Of the draws.
+    count : int
+    rng : Generator
+    mean : ndarray, shape (column,), optional
+        Weights of candidates' columns that are in the data beside noise, tolerances and form.
+
+    Returns
+    -------
+    dict of (ndarray, ndarray)
+        By error of form: g, shape (column, draw), and the log evidence of no effect less what all have in
+        common, shape (draw,).
+    """
+    n, few = system.columns, len(system.tolerances)
+    tolerance = rng.standard_normal((few, count))
+    wrong = form_error.actuators * rng.standard_normal((system.blocks[0].actuators, count))
+    shared = np.concatenate([tolerance, wrong])
+    sampled = [_sampled(b, form_error.loads, shared, n, rng, mean) for b in system.blocks]
+    seen = {}
+    for error in {f.loads for f in system.form_errors}:
+        parts = [_at_loads(b, error, *one) for b, one in zip(system.blocks, sampled, strict=True)]
+        seen[error] = np.sum([z for z, _ in parts], axis=0), np.sum([x for _, x in parts], axis=0)
+    found = {}
+    for f in system.form_errors:
+        z, log = seen[f.loads]
+        inside = z[n:] if f.actuators else z[n : n + few]
+        if f.actuators:
+            inside = np.concatenate([inside[:few], f.actuators * inside[few:]])
+        gram, _ = system.gram(f)
+        t = slice(n, len(gram) - 1)
+        factor = cho_factor(np.eye(len(inside)) + gram[t, t])
+        solved = cho_solve(factor, inside)
+        log = log + 0.5 * (inside * solved).sum(axis=0) - float(np.log(np.diag(factor[0])).sum())
+        found[f] = (z[:n] - gram[t, :n].T @ solved, log)
+    return found
+
+
+def _at_loads(block: BlockMatrices, error: float, inner: Array, form: Array) -> tuple[Array, Array]:
+    """Return drawn inner products of ``[X, T, A]`` with the loads' error of form integrated out, and its evidence."""
+    f2 = error**2
+    shrink = (f2 / (1 + f2 * block.form_power))[:, None]
+    log = 0.5 * (shrink * form**2).sum(axis=0) - 0.5 * float(np.log1p(f2 * block.form_power).sum())
+    return inner - _without_residual(block, block.form).T @ (shrink * form), log
+
+
+def _without_residual(block: BlockMatrices, columns: Array) -> Array:
+    """Return columns, the last axis, without that of the residual."""
+    return np.delete(columns, block.count - 1, axis=-1)
+
+
+def statistics_of(evidence: Evidence, data: dict[Form, tuple[Array, Array]]) -> Array:
+    """Return the statistic of drawn data, shape (draw,)."""
+    from scipy.special import logsumexp
+
+    effects, none = effects_of(evidence, data)
+    log_none = logsumexp(none, axis=0)
+    joint = logsumexp(none[:, None] + effects, axis=0) - log_none
+    return logsumexp(joint, axis=0) - np.log(len(joint))
+
+
+def effects_of(evidence: Evidence, data: dict[Form, tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Return log Bayes factors by error of form, effect and draw, and log evidences of no effect."""
+    effects, none = [], []
+    for f, (g, log) in data.items():
+        places = evidence.weighing.by_place(evidence.system.reduced(f), g)
+        effects.append(evidence.weighing.by_effect(places))
+        none.append(log)
+    return np.array(effects), np.array(none)
+
+
+def _sampled(
+    block: BlockMatrices, error: float, shared: Array, n: int, rng: np.random.Generator, mean: Array | None
+) -> tuple[Array, Array]:
+    """Return inner products of ``[X, T, A]`` with drawn data, and their projections on the loads' form.
+
+    The projections of noise on the form's directions have the eigenvalues as variances; given these, the
+    columns' inner products have what is left of their Gram matrix. `shared` are the tolerances and the actuators'
+    errors of form, the same in all blocks.
+    """
+    gram = _without_residual(block, _without_residual(block, block.gram).T)
+    form, power = _without_residual(block, block.form), block.form_power
+    count = shared.shape[1]
+    noise = np.sqrt(power)[:, None] * rng.standard_normal((power.size, count))
+    left = gram - (form.T / power) @ form if power.size else gram
+    values, vectors = np.linalg.eigh((left + left.T) / 2)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    inner = (form.T / power) @ noise if power.size else np.zeros((len(gram), count))
+    inner = inner + root @ rng.standard_normal((len(values), count))
+    if error and power.size:
+        wrong = error * rng.standard_normal((power.size, count))
+        # form columns are sqrt(power) times orthonormal directions
+        inner = inner + form.T @ wrong
+        noise = noise + power[:, None] * wrong
+    inner = inner + gram[:, n:] @ shared
+    noise = noise + form[:, n:] @ shared
+    if mean is not None:
+        inner = inner + (gram[:, :n] @ mean)[:, None]
+        noise = noise + (form[:, :n] @ mean)[:, None]
+    return inner, noise

@@ -1,0 +1,199 @@
+"""The stack and the model in small matrices: every question after this costs milliseconds.
+
+Noise is white after each block's whitening. Offsets of the records and errors of form belong to one block each
+and are integrated out there; tolerances are shared by all blocks and come last.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from freqid.gap.model.candidates import Candidate
+from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS
+
+Array = NDArray[np.float64]
+
+_EMPTY = 1e-10  # of the largest eigenvalue of the form's columns: directions below it are none
+
+
+class Form(NamedTuple):
+    """Relative sizes of the errors of form.
+
+    Attributes
+    ----------
+    loads, actuators : float
+        Share of each term of the simulation's loads, and of each actuator's movement.
+    """
+
+    loads: float
+    actuators: float
+
+
+FORMS = tuple(Form(a, b) for a in FORM_ERRORS for b in ACTUATOR_FORM_ERRORS)
+
+
+@dataclass(frozen=True, eq=False)
+class BlockMatrices:
+    """Inner products of one block in the metric of its noise and its own unknowns.
+
+    ``[X, T, r, A]`` are the candidates' columns, the tolerances', the residual and the errors of actuators' form,
+    which all blocks share: a servo is the same in every condition.
+
+    Attributes
+    ----------
+    gram : ndarray, shape (n, n)
+    form : ndarray, shape (direction, n)
+        Projections on the eigenvectors of the columns of the loads' form.
+    form_power : ndarray, shape (direction,)
+        Their eigenvalues.
+    actuators : int
+        Number of columns of the actuators' form, the last ones.
+    number : int
+        Real numbers in the stack.
+    """
+
+    gram: Array
+    form: Array
+    form_power: Array
+    actuators: int
+    number: int
+
+    @classmethod
+    def of(
+        cls, columns: Array, tolerances: Array, residual: Array, own: Array, form: Array, actuators: Array
+    ) -> BlockMatrices:
+        """Return the matrices of whitened rows, each of shape (column, number)."""
+        z = np.concatenate([columns, tolerances, residual[None], actuators])
+        inner, across = z @ z.T, form @ z.T
+        power = form @ form.T
+        if len(own):
+            own_z, own_form = own @ z.T, own @ form.T
+            factor = cho_factor(np.eye(len(own)) + own @ own.T)
+            solved = cho_solve(factor, own_z)
+            inner = inner - own_z.T @ solved
+            across = across - own_form.T @ solved
+            power = power - own_form.T @ cho_solve(factor, own_form)
+        values, vectors = np.linalg.eigh(power) if len(power) else (np.zeros(0), np.zeros((0, 0)))
+        keep = values > _EMPTY * max(values.max(initial=0.0), 1e-300)
+        return cls(inner, vectors[:, keep].T @ across, values[keep], len(actuators), residual.size)
+
+    @property
+    def count(self) -> int:
+        """Columns of candidates, tolerances and the residual."""
+        return len(self.gram) - self.actuators
+
+    def at_loads(self, error: float) -> tuple[Array, float]:
+        """Return all inner products with the loads' error of form integrated out, and half its log determinant."""
+        if error == 0 or not self.form_power.size:
+            return self.gram, 0.0
+        f2 = error**2
+        shrink = f2 / (1 + f2 * self.form_power)
+        return self.gram - (self.form.T * shrink) @ self.form, 0.5 * float(np.log1p(f2 * self.form_power).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """Candidates in the metric of noise, unknowns, form and tolerances, at one error of form.
+
+    Attributes
+    ----------
+    G : ndarray, shape (column, column)
+    g : ndarray, shape (column,)
+        Of the residual.
+    log_evidence : float
+        Of no effect, less what all sizes of form have in common.
+    tolerance : ndarray, shape (tolerance, column + 1)
+        Posterior mean of the tolerances' departures, in sigmas, per unit of minus a column, and for the residual.
+    """
+
+    G: Array
+    g: Array
+    log_evidence: float
+    tolerance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """The whole stack.
+
+    Attributes
+    ----------
+    candidates : list of Candidate
+    start : ndarray of int, shape (candidate + 1,)
+        Where each candidate's columns begin.
+    tolerances : tuple of str
+    blocks : list of BlockMatrices
+    form_errors : tuple of Form
+    """
+
+    candidates: list[Candidate]
+    start: NDArray[np.intp]
+    tolerances: tuple[str, ...]
+    blocks: list[BlockMatrices]
+    form_errors: tuple[Form, ...] = FORMS
+    _reduced: dict[Form, Reduced] = field(default_factory=dict, repr=False)
+
+    @property
+    def columns(self) -> int:
+        """Of all candidates."""
+        return int(self.start[-1])
+
+    @property
+    def number(self) -> int:
+        """Real numbers in the stack."""
+        return sum(b.number for b in self.blocks)
+
+    def columns_of(self, candidate: int) -> slice:
+        """Return where a candidate's columns are."""
+        return slice(int(self.start[candidate]), int(self.start[candidate + 1]))
+
+    def without(self, blocks: Sequence[int]) -> System:
+        """Return the stack without some blocks."""
+        kept = [b for i, b in enumerate(self.blocks) if i not in blocks]
+        return System(self.candidates, self.start, self.tolerances, kept, self.form_errors)
+
+    def only(self, blocks: Sequence[int]) -> System:
+        """Return the stack of some blocks."""
+        return self.without([i for i in range(len(self.blocks)) if i not in blocks])
+
+    def gram(self, form_error: Form) -> tuple[Array, float]:
+        """Return the inner products of all blocks before tolerances, and the log determinant of the form.
+
+        Of ``[X, T, r]``; errors of the actuators' form stand behind the tolerances, as one more kind of these.
+        """
+        parts = [b.at_loads(form_error.loads) for b in self.blocks]
+        gram, determinant = np.sum([g for g, _ in parts], axis=0), sum(d for _, d in parts)
+        count = self.blocks[0].count
+        if form_error.actuators == 0:
+            return gram[:count, :count], determinant
+        order = np.concatenate([np.arange(count - 1), np.arange(count, len(gram)), [count - 1]])
+        scale = np.ones(len(gram))
+        scale[count - 1 : -1] = form_error.actuators
+        return gram[np.ix_(order, order)] * scale[:, None] * scale, determinant
+
+    def reduced(self, form_error: Form) -> Reduced:
+        """Return the small matrices at one error of form."""
+        if form_error not in self._reduced:
+            gram, determinant = self.gram(form_error)
+            self._reduced[form_error] = _reduce(gram, determinant, self.columns)
+        return self._reduced[form_error]
+
+
+def _reduce(gram: Array, determinant: float, n: int) -> Reduced:
+    """Return what is left of inner products once tolerances of one sigma each are integrated out."""
+    t = slice(n, len(gram) - 1)
+    inside = np.eye(t.stop - t.start) + gram[t, t]
+    factor = cho_factor(inside)
+    outer = np.concatenate([gram[t, :n], gram[t, -1:]], axis=1)
+    solved = cho_solve(factor, outer)
+    G = gram[:n, :n] - gram[t, :n].T @ solved[:, :n]
+    g = gram[:n, -1] - gram[t, :n].T @ solved[:, -1]
+    energy = gram[-1, -1] - gram[t, -1] @ solved[:, -1]
+    half = float(np.log(np.diag(factor[0])).sum())
+    return Reduced((G + G.T) / 2, g, -0.5 * float(energy) - determinant - half, solved)

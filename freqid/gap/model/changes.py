@@ -1,0 +1,141 @@
+"""What an effect at given settings makes of a residual: the truth has it, the simulation as it is has not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.channels import COEFFICIENT, WRENCH
+from freqid.core.errors import ImpossibleSettings, UsageError
+from freqid.core.frames import cross
+from freqid.core.record import FlightRecord, Maneuver
+from freqid.core.vehicle import Vehicle
+from freqid.gap.model.replay import Replay
+from freqid.gap.model.testable import in_force_of, route_of
+from freqid.gap.stack.histories import Histories
+from freqid.gap.stack.trial import Trial
+from freqid.simulate.effects.along import centre
+from freqid.simulate.effects.effect import Effect
+
+Array = NDArray[np.float64]
+Signals = dict[str, Array]
+
+
+def change(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histories:
+    """Return the change that an effect makes of a residual, other parameters at their values in force.
+
+    Parameters
+    ----------
+    effect : Effect
+        Testable in the trial.
+    trial : Trial
+        On motion without noise.
+    settings : dict of float
+        By parameter.
+
+    Raises
+    ------
+    ImpossibleSettings
+        Where nothing can be so, as a body with these moments of inertia.
+    """
+    in_force = in_force_of(effect, trial.simulation)
+    values = {**in_force, **settings}
+    route = route_of(effect, trial.simulation)
+    if values == in_force or (route != "own" and not any(values.values())):
+        return trial.rows()
+    if route == "own":
+        return trial.with_own_effects({effect.id: values}, actuators=effect.stage == "command")
+    record, maneuver = trial.maneuver.record, trial.maneuver
+    if route == "distort" and effect.distort is not None:
+        return trial.on(effect.distort(values, record)) - trial.residual
+    if route == "load" and effect.load is not None:
+        return _loaded(trial, _carried(effect, values, trial))
+    if route == "replay" and effect.replay is not None:
+        replay = Replay(trial.simulation, record, maneuver.vehicle)
+        return trial.rows(replay.responses(effect.replay(values, replay)))
+    kinds = maneuver.vehicle.effector_kinds
+    if route == "act" and effect.act is not None and trial.positions:
+        before = trial.positions
+        if effect.in_loop and effect.id in trial.simulation.effects:
+            after = trial.positions_with({effect.id: values})
+        else:
+            after = effect.act(values, before, record.dt, kinds)
+        return trial.rows(positions={n: after[n] - x for n, x in before.items()})
+    hook = effect.act if route == "act" else effect.feel
+    if hook is None:
+        return trial.rows()
+    return trial.rows(trial.moved(_felt(hook, values, record, kinds)))
+
+
+def changes_together(
+    effects: Sequence[Effect], trial: Trial, settings: Mapping[str, Mapping[str, float]]
+) -> Histories:
+    """Return the change that several effects make of a residual.
+
+    Those between command and airframe follow one another in the order given: a delay and a lag together are not
+    the sum of what each does alone. All others add up.
+    """
+    chain = [e for e in effects if route_of(e, trial.simulation) == "act" and trial.positions]
+    total = trial.rows()
+    for effect in effects:
+        if len(chain) < 2 or effect not in chain:
+            total = total + change(effect, trial, settings.get(effect.id, {}))
+    if len(chain) > 1:
+        record, kinds = trial.maneuver.record, trial.maneuver.vehicle.effector_kinds
+        after = dict(trial.positions)
+        for effect in chain:
+            assert effect.act is not None
+            values = {**in_force_of(effect, trial.simulation), **settings.get(effect.id, {})}
+            after = {**after, **effect.act(values, after, record.dt, kinds)}
+        total = total + trial.rows(positions={n: after[n] - x for n, x in trial.positions.items()})
+    return total
+
+
+def _carried(effect: Effect, values: dict[str, float], trial: Trial) -> Vehicle:
+    """Return the vehicle with what an effect makes of its mass; a vehicle says itself what it cannot be."""
+    assert effect.load is not None
+    try:
+        return effect.load(values, trial.maneuver.vehicle)
+    except ValueError as error:
+        raise ImpossibleSettings(f"effect '{effect.id}': {error}") from None
+
+
+def _loaded(trial: Trial, vehicle: Vehicle) -> Histories:
+    """Return what mass properties that are not those of the truth make of the residual."""
+    try:
+        measured = trial.measured_on(Maneuver(trial.maneuver.record, vehicle))
+    except UsageError as error:  # what is left without its wings is no body
+        raise ImpossibleSettings(str(error)) from None
+    return trial.measured - measured - trial.rows(_transferred(trial, vehicle))
+
+
+def _transferred(trial: Trial, vehicle: Vehicle) -> Array:
+    """Return what the simulation's forces add to its moments about the centre of gravity of a vehicle.
+
+    Moments of the truth are about its own centre of gravity, those of the simulation about the stated one.
+    """
+    record, stated = trial.maneuver.record, trial.maneuver.vehicle
+    responses, found = trial.simulation.responses, np.zeros_like(trial.predicted)
+    shift = centre(record, vehicle) - centre(record, stated)
+    span, chord = vehicle.span_m or 1.0, vehicle.chord_m or 1.0
+    for forces, moments, lengths in (
+        (WRENCH[:3], WRENCH[3:], (1.0, 1.0, 1.0)),
+        (tuple(COEFFICIENT)[:3], tuple(COEFFICIENT)[3:], (span, chord, span)),
+    ):
+        rows = [
+            trial.predicted[responses.index(n)] if n in responses else np.zeros(record.time.size)
+            for n in forces
+        ]
+        for name, length, moment in zip(moments, lengths, cross(shift, np.array(rows)), strict=True):
+            if name in responses and f"response/{name}" not in record:
+                found[responses.index(name)] = moment / length
+    return found
+
+
+def _felt(hook: Callable, values: dict[str, float], record: FlightRecord, kinds: dict[str, str]) -> Signals:
+    """Return changes of effectors' channels that a hook makes."""
+    signals = {name: record[f"effector/{name}"] for name in record.group("effector")}
+    after = hook(values, signals, record.dt, kinds)
+    return {f"effector/{n}": after[n] - x for n, x in signals.items() if n in after}

@@ -1,0 +1,124 @@
+"""Error of form: each term of the simulation times a smooth complex function of frequency.
+
+Tolerances move parameters; beyond these a simulation is wrong in ways that nobody lists. How much is learned from
+the record: the relative size is integrated over (M. C. Kennedy, A. O'Hagan, "Bayesian calibration of computer
+models", Journal of the Royal Statistical Society B 63, 2001: model discrepancy).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+from freqid.core.record import Maneuver
+from freqid.gap.settings import FORM_ERRORS, FORM_ORDER
+from freqid.gap.stack.block import Block
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_STEP = 1e-3  # share by which a channel is scaled for its terms
+_KINEMATIC = tuple(f"state/{n}" for n in ("u", "v", "w", "p", "q", "r", "ax", "ay", "az", "phi", "theta", "psi"))
+_VISIBLE = 0.1  # of one unit of whitened energy at the largest size: terms below it are left out
+
+
+def load_terms(block: Block) -> tuple[list[int], Complex]:
+    """Return the terms of the loads: the row that each is in, and its spectrum, shape (term, line).
+
+    Each derivative times what it acts on.
+    """
+    trial = block.trial
+    record = trial.maneuver.record
+    rows: list[int] = []
+    spectra: list[Complex] = []
+    if trial.inputs:
+        moves = np.array([record[n] - record[n].mean() for n in trial.inputs])
+        for i in range(len(trial.predicted)):
+            rows += [i] * len(moves)
+            spectra.extend(block.grid.spectrum(trial.gradient[i] * moves))
+    return rows, np.array(spectra).reshape(len(rows), block.lines.hz.size)
+
+
+def actuator_terms(block: Block) -> tuple[list[int], Complex]:
+    """Return the terms of the actuators: the simulated movement of each, in its own row."""
+    rows: list[int] = []
+    spectra: list[Complex] = []
+    for i, row in enumerate(block.rows):
+        if row.kind == "actuator":
+            position = block.trial.positions[row.name.partition("/")[2]]
+            rows.append(i)
+            spectra.append(block.grid.spectrum(position - position.mean()))
+    return rows, np.array(spectra).reshape(len(rows), block.lines.hz.size)
+
+
+def actuator_columns(block: Block, names: Sequence[str]) -> Complex:
+    """Return the columns of the actuators' errors of form of size one, the same ones in every block.
+
+    Each actuator by itself, then all of a kind together, as those of one make are wrong.
+
+    Parameters
+    ----------
+    block : Block
+    names : sequence of str
+        Effectors; one that the block does not have has columns of zeros.
+    """
+    rows, spectra = actuator_terms(block)
+    at = {block.rows[i].name.partition("/")[2]: (i, z) for i, z in zip(rows, spectra, strict=True)}
+    shapes = _shapes(block)
+    each = np.zeros((len(names), len(shapes), len(block.rows), block.lines.hz.size), dtype=complex)
+    for k, name in enumerate(names):
+        if name in at:
+            i, spectrum = at[name]
+            each[k][:, i] = shapes * spectrum
+    kinds = block.trial.maneuver.vehicle.effector_kinds
+    like = [[k for k, n in enumerate(names) if kinds.get(n) == kind] for kind in dict.fromkeys(kinds.values())]
+    together = [each[some].sum(axis=0) for some in like if len(some) > 1]
+    return np.concatenate([each.reshape(-1, *each.shape[2:]), *together])
+
+
+def kinematic_terms(block: Block) -> tuple[list[int], Complex]:
+    """Return the terms of the kinematic relations: each channel's movement as every relation has it."""
+    trial = block.trial
+    record = trial.maneuver.record
+    at = [i for i, row in enumerate(block.rows) if row.kind == "kinematic"]
+    rows: list[int] = []
+    spectra: list[Complex] = []
+    for name in _KINEMATIC if at else ():
+        if name not in record or not np.ptp(record[name]) > 0:
+            continue
+        values = record[name]
+        channel = replace(record.channel(name), values=values + _STEP * (values - values.mean()))
+        moved = trial.measured_on(Maneuver(record.with_channels(channel), trial.maneuver.vehicle))
+        z = block.transform(moved - trial.measured) / _STEP
+        for i in at:
+            if np.any(z[i]):
+                rows.append(i)
+                spectra.append(z[i])
+    return rows, np.array(spectra).reshape(len(rows), block.lines.hz.size)
+
+
+def form_columns(block: Block, terms: tuple[list[int], Complex]) -> Complex:
+    """Return the columns of an error of form of size one, shape (column, row, line), of terms that can be seen."""
+    rows, spectra = terms
+    hz = block.lines.hz
+    shapes = _shapes(block)
+    largest = max(FORM_ERRORS)
+    kept = []
+    for i, spectrum in zip(rows, spectra, strict=True):
+        if largest**2 * float((np.abs(spectrum) ** 2 / block.noise_power[i]).sum()) < _VISIBLE:
+            continue
+        z = np.zeros((len(shapes), len(block.rows), hz.size), dtype=complex)
+        z[:, i] = shapes * spectrum
+        kept.append(z)
+    return np.concatenate(kept) if kept else np.zeros((0, len(block.rows), hz.size), dtype=complex)
+
+
+def _shapes(block: Block) -> Complex:
+    """Return smooth complex functions of frequency, shape (function, line): Chebyshev's, in and out of phase."""
+    hz = block.lines.hz
+    shapes = chebyshev.chebvander(2 * hz / hz[-1] - 1, FORM_ORDER).T / (1 + np.arange(FORM_ORDER + 1))[:, None]
+    return np.concatenate([shapes, 1j * shapes])

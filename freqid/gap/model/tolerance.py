@@ -1,0 +1,343 @@
+"""What a good simulation may be wrong by: one sigma each of its own parameters, of sensors and of mass properties.
+
+A tolerance is a prior scatter that every question allows for, never an effect. Its column is what one sigma
+makes of the stack, on motion without noise, through the whole pipeline.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.errors import DataError, ImpossibleSettings, UsageError, nearest
+from freqid.core.vehicle import Vehicle
+from freqid.gap.model.changes import change
+from freqid.gap.model.following import late, slope_of, slower
+from freqid.gap.model.testable import in_force_of, untestable
+from freqid.gap.simulation import Simulation
+from freqid.gap.stack.block import Block
+from freqid.gap.stack.histories import Histories
+from freqid.gap.stack.trial import Trial
+from freqid.simulate.effects.effect import Effect
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+DERIVATIVES, DYNAMICS = "derivatives", "dynamics"
+_SERVO = ("natural_frequency", "damping", "gain")
+_ROTOR = ("thrust", "torque")
+
+UNDECLARED: dict[str, float] = {
+    DERIVATIVES: 0.05,
+    DYNAMICS: 0.05,
+}
+"""One sigma for a simulation that declares no parameters of its own: share of each derivative of each response,
+and of each actuator's time to follow."""
+
+DEFAULT: dict[str, float] = {
+    "mass": 0.01,
+    "cg_offset": 0.005,
+    "inertia": 0.03,
+    "sensor_scale": 0.005,
+    "misalignment": 0.005,
+    "lever_arm": 0.005,
+    "flow_upwash": 0.02,
+}
+"""One sigma by effect or ``effect.parameter``, in the parameter's unit, where nothing is stated."""
+
+TIMING = ("time_skew", "actuator_delay")
+"""Effects whose parameters are known to the log's own clock where nothing is stated: channels are taken anywhere
+within a sample of each other, so one sigma is the interval over the root of twelve."""
+
+EACH_FLIGHT: dict[str, float] = {
+    "sensor_bias.u": 0.1,
+    "sensor_bias.v": 0.1,
+    "sensor_bias.w": 0.1,
+    "sensor_bias.V": 0.1,
+    "sensor_bias.alpha": 0.005,
+    "sensor_bias.beta": 0.005,
+    "sensor_bias.p": 0.002,
+    "sensor_bias.q": 0.002,
+    "sensor_bias.r": 0.002,
+    "sensor_bias.ax": 0.05,
+    "sensor_bias.ay": 0.05,
+    "sensor_bias.az": 0.05,
+    "sensor_bias.phi": 0.005,
+    "sensor_bias.theta": 0.005,
+    "sensor_bias.surface": 0.005,
+    "sensor_bias.tilt": 0.005,
+    "sensor_bias.rotor": 1.0,
+    "steady_wind.north": 0.1,
+    "steady_wind.east": 0.1,
+    "steady_wind.down": 0.1,
+}
+"""One sigma of offsets that are another in each record, and of the air's own motion on a calm day."""
+
+_PULSE_S = 0.2  # s: the pulse of a command's own size that stands for an unknown rate at the start
+_MOST = 1e3  # a sigma beyond this is a slip of a unit
+
+
+def stated(
+    table: Mapping[str, float],
+    library: Mapping[str, Effect],
+    simulation: Simulation | None = None,
+    vehicle: Vehicle | None = None,
+) -> dict[str, float]:
+    """Return all tolerances: those of a scenario's ``[tolerance]`` over the defaults.
+
+    Parameters
+    ----------
+    table : dict of float
+        One sigma by name.
+    library : dict of Effect
+    simulation : Simulation, optional
+        Its own parameters are known names too.
+    vehicle : Vehicle, optional
+        For names by effector and rotor.
+
+    Raises
+    ------
+    UsageError
+        For a name that is no tolerance.
+    DataError
+        For a value that is no size, or absurd.
+    """
+    effects = [e.of(vehicle) for e in library.values()]
+    known = {*DEFAULT, *UNDECLARED, *EACH_FLIGHT, *library, *(f"{e.id}.{p}" for e in effects for p in e.parameters)}
+    own = dict(simulation.tolerances) if simulation else {}
+    known |= set(own)
+    if vehicle is not None:
+        for e in vehicle.effectors:
+            known |= {f"{e.name}.{what}" for what in (_ROTOR if e.kind == "rotor" else _SERVO)}
+            known |= {f"{e.name}.{what}" for what in _SERVO}
+    for name, value in table.items():
+        if name not in known:
+            raise UsageError(f"[tolerance] has no '{name}'", remedy=nearest(name, known))
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < _MOST:
+            raise DataError(
+                f"[tolerance] {name} is {value!r}, expected one sigma from 0 to {_MOST:g}",
+                remedy="give one standard deviation in the parameter's SI unit; a share for relative ones",
+            )
+    declared = {name: t.sigma for name, t in own.items()}
+    generic = {} if declared else UNDECLARED
+    # who states one parameter of an effect has said what is uncertain about it
+    single = {t.partition(".")[0] for t in table if "." in t}
+    general = {n: s for n, s in DEFAULT.items() if n not in single}
+    general |= {n: 0.0 for n in TIMING if n in single}
+    return {**general, **generic, **EACH_FLIGHT, **declared, **table}
+
+
+def tolerance_columns(block: Block, library: Mapping[str, Effect], sizes: Mapping[str, float]) -> dict[str, Complex]:
+    """Return what one sigma of each tolerance makes of a block, shape (row, line), by name.
+
+    The same name in two blocks is the same error.
+    """
+    found = {name: block.transform(h) for name, h in _shared(block.trial, library, sizes) if _acts(h)}
+    return found | _of_one_make(found, block.trial.maneuver.vehicle.effector_kinds)
+
+
+def _of_one_make(columns: Mapping[str, Complex], kinds: Mapping[str, str]) -> dict[str, Complex]:
+    """Return what one sigma makes where all effectors of a kind are off together, as those of one make are."""
+    like: dict[str, list[Complex]] = {}
+    for name, z in columns.items():
+        effector, _, what = name.rpartition(".")
+        if effector in kinds:
+            like.setdefault(f"every {kinds[effector]}.{what}", []).append(z)
+    return {name: np.sum(each, axis=0) for name, each in like.items() if len(each) > 1}
+
+
+def record_columns(block: Block, library: Mapping[str, Effect], sizes: Mapping[str, float]) -> dict[str, Complex]:
+    """Return what is unknown in each record by itself, one sigma each: offsets, ends, actuators' starts.
+
+    Repeats are averaged, so one sigma of their mean is smaller by the root of their number.
+    """
+    share = 1 / np.sqrt(len(block.names))
+    found = {name: share * block.transform(h) for name, h in _offsets(block.trial, library, sizes) if _acts(h)}
+    found |= {name: share * block.transform(h) for name, h in _starts(block.trial) if _acts(h)}
+    for name, z in _ends(block).items():
+        found[name] = share * z
+    return found
+
+
+def _acts(change: Histories) -> bool:
+    return bool(np.any(change.direct) or np.any(change.momentum))
+
+
+def _shared(
+    trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, float]
+) -> Iterator[tuple[str, Histories]]:
+    own = trial.simulation.tolerances
+    servos = [n for n, t in own.items() if t.actuator in trial.positions]
+    yield from _own_actuators(trial, {n: sizes.get(n, own[n].sigma) for n in servos})
+    for name in own:
+        size = sizes.get(name, own[name].sigma)
+        if size and name not in servos:
+            yield name, _central(lambda x, n=name: trial.departed({n: x}), size)
+    if not own:
+        yield from _derivatives(trial, sizes.get(DERIVATIVES, 0.0))
+        for name in trial.positions:
+            yield from _dynamics(trial, name, {w: sizes.get(DYNAMICS, 0.0) for w in ("natural_frequency", "damping")})
+    for name in trial.positions:
+        asked = {w: sizes[f"{name}.{w}"] for w in _SERVO if f"{name}.{w}" in sizes and f"{name}.{w}" not in own}
+        yield from _dynamics(trial, name, asked)
+    for rotor in trial.maneuver.vehicle.rotors:
+        for what in _ROTOR:
+            key = f"{rotor.name}.{what}"
+            if sizes.get(key) and key not in own and f"effector/{rotor.name}" in trial.maneuver.record:
+                yield key, _rotor(trial, rotor.name, what) * sizes[key]
+    for effect in (e.of(trial.maneuver.vehicle) for e in library.values()):
+        for name, parameter in effect.parameters.items():
+            key = f"{effect.id}.{name}"
+            clock = trial.sent.dt / np.sqrt(12) if effect.id in TIMING else 0.0
+            size = sizes.get(key, sizes.get(effect.id, clock if parameter.unit == "s" else 0.0))
+            if key in EACH_FLIGHT or not size or parameter.scale == 0 or untestable(effect, trial):
+                continue
+            with suppress(ImpossibleSettings):  # what no body can be off by is no tolerance
+                at = in_force_of(effect, trial.simulation)[name]
+                yield key, _central(lambda x, e=effect, n=name, a=at: change(e, trial, {n: a + x}), size)
+
+
+def _central(of: Callable[[float], Histories], size: float) -> Histories:
+    """Return the change by one sigma, to second order; to one side where nothing can be at the other."""
+    up = of(size)
+    try:
+        return (up - of(-size)) * 0.5
+    except ImpossibleSettings:
+        return up
+
+
+def _own_actuators(trial: Trial, sizes: Mapping[str, float]) -> Iterator[tuple[str, Histories]]:
+    """Yield one sigma of the simulation's own actuators' parameters, ``de1.gain``.
+
+    An actuator's number moves its own position alone, so those of one kind are departed from at once.
+    """
+    simulation = trial.simulation
+    kinds: dict[str, list[str]] = {}
+    for name in sizes:
+        kinds.setdefault(name.rpartition(".")[2], []).append(name)
+    for names in kinds.values():
+        up, down = (
+            trial.positions_with(departures={n: sign * sizes[n] for n in names}) for sign in (1, -1)
+        )
+        for name in names:
+            effector = simulation.tolerances[name].actuator
+            yield name, trial.rows(positions={effector: 0.5 * (up[effector] - down[effector])})
+
+
+def _derivatives(trial: Trial, size: float) -> Iterator[tuple[str, Histories]]:
+    """Yield a share of each derivative of each response times what it acts on."""
+    if not size or not trial.inputs:
+        return
+    record = trial.maneuver.record
+    moves = np.array([record[name] - record[name].mean() for name in trial.inputs])
+    for i, response in enumerate(trial.simulation.responses):
+        for j, name in enumerate(trial.inputs):
+            direct = np.zeros_like(trial.predicted)
+            direct[i] = size * trial.gradient[i, j] * moves[j]
+            yield f"{DERIVATIVES}.{response}.{name.partition('/')[2]}", trial.rows(direct)
+
+
+def _dynamics(trial: Trial, name: str, sizes: Mapping[str, float]) -> Iterator[tuple[str, Histories]]:
+    """Yield what an actuator's natural frequency, damping and gain make of its position, one sigma each."""
+    position, dt = trial.positions[name], trial.maneuver.record.dt
+    if sizes.get("natural_frequency"):
+        yield (
+            f"{name}.natural_frequency",
+            trial.rows(positions={name: slower(trial, name, sizes["natural_frequency"])}),
+        )
+    if sizes.get("damping"):
+        bent = late(trial, name) ** 2 * slope_of(slope_of(position, dt), dt)
+        yield f"{name}.damping", trial.rows(positions={name: sizes["damping"] * bent})
+    if sizes.get("gain"):
+        yield f"{name}.gain", trial.rows(positions={name: sizes["gain"] * (position - position.mean())})
+
+
+def _rotor(trial: Trial, name: str, what: str) -> Histories:
+    """Return what a relative error of a rotor's thrust or torque makes of the loads.
+
+    Both go with the square of the speed, so each is half the speed times its derivative: the force and its
+    moment about the centre of gravity, or the moment about the shaft that is left.
+    """
+    from freqid.core.channels import WRENCH
+    from freqid.core.frames import cross
+    from freqid.simulate.effects.along import centre, hub, shaft
+
+    record, vehicle = trial.maneuver.record, trial.maneuver.vehicle
+    rotor = next(r for r in vehicle.rotors if r.name == name)
+    if f"effector/{name}" not in trial.inputs:
+        return trial.rows()
+    slope = np.zeros((6, record.time.size))
+    column = trial.gradient[:, trial.inputs.index(f"effector/{name}")]
+    for i, response in enumerate(trial.simulation.responses):
+        if response in WRENCH:
+            slope[WRENCH.index(response)] = column[i]
+    half = 0.5 * record[f"effector/{name}"] * slope
+    axis = shaft(record, vehicle, rotor)
+    force = axis * (axis * half[:3]).sum(axis=0)
+    moment = cross(hub(record, vehicle, rotor) - centre(record, vehicle), force)
+    about = axis * (axis * (half[3:] - moment)).sum(axis=0)
+    wrench = np.concatenate([force, moment]) if what == "thrust" else np.concatenate([0 * force, about])
+    rows = np.array([wrench[WRENCH.index(r)] if r in WRENCH else 0 * record.time for r in trial.simulation.responses])
+    return trial.rows(rows)
+
+
+def _offsets(
+    trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, float]
+) -> Iterator[tuple[str, Histories]]:
+    """Yield each sensor's offset; each surface has its own."""
+    record, kinds = trial.maneuver.record, trial.maneuver.vehicle.effector_kinds
+    for key in EACH_FLIGHT:
+        stem, _, name = key.partition(".")
+        size, effect = sizes.get(key, 0.0), library.get(stem)
+        if not size:
+            continue
+        if name in ("surface", "tilt", "rotor"):
+            for e in (e for e in record.group("effector") if kinds.get(e) == name):
+                channel = record.channel(f"effector/{e}")
+                moved = record.with_channels(replace(channel, values=channel.values + size))
+                yield f"offset.{e}", trial.on(moved) - trial.residual
+        elif effect is not None and effect.distort is not None and not untestable(effect, trial):
+            moved = effect.distort({n: 0.0 for n in effect.parameters} | {name: size}, record)
+            if moved is not record:
+                yield f"offset.{stem}.{name}", trial.on(moved) - trial.residual
+
+
+def _starts(trial: Trial) -> Iterator[tuple[str, Histories]]:
+    """Yield what another position and another rate at the record's start make of each simulated actuator.
+
+    The simulation is asked itself: with the first sample of a command, or the second one, moved.
+    """
+    record = trial.sent
+    names = [n for n in trial.positions if f"command/{n}" in record]
+    for sample, what in ((0, "position"), (1, "rate")):
+        channels = []
+        for name in names:
+            channel = record.channel(f"command/{name}")
+            values = channel.values.copy()
+            step = max(float(np.std(values)), 1e-6)  # it may have been anywhere that it goes
+            values[sample] += step if sample == 0 else step * _PULSE_S / record.dt
+            channels.append(replace(channel, values=values))
+        after = trial.positions_with(sent=record.with_channels(*channels)) if channels else {}
+        for name in names:
+            yield f"start.{what}.{name}", trial.rows(positions={name: after[name] - trial.positions[name]})
+
+
+def _ends(block: Block) -> dict[str, Complex]:
+    """Return columns of the noise of end values, which all lines of a differentiated row share."""
+    lines, found = block.lines, {}
+    measured = block.trial.measured
+    for i, row in enumerate(block.rows):
+        if not measured.momentum[i].any():
+            continue
+        power = np.mean(np.abs(block.draws.odd[:, i, 1:]) ** 2, axis=0)
+        omega2 = (2 * np.pi * lines.hz[1:]) ** 2
+        density = float(np.sum(power * omega2) / np.sum(omega2**2))  # of the momentum: power is density omega^2
+        size = np.sqrt(2 * density / lines.dt) * lines.end_gain / np.sqrt(lines.duration)
+        z = np.zeros((len(block.rows), lines.hz.size), dtype=complex)
+        z[i] = size
+        found[f"ends.{row.name}"] = z
+    return found

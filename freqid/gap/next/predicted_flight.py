@@ -1,0 +1,308 @@
+"""A flight that nobody has flown: the simulation flies it, and the model's columns are computed along it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.design import MultisineDesign, SampledInputs
+from freqid.core.errors import DataError, ImpossibleSettings, UsageError
+from freqid.core.record import Channel, FlightRecord, Maneuver
+from freqid.design.multisine import sampled
+from freqid.gap.infer.build import Columns, actuators_of
+from freqid.gap.infer.system import BlockMatrices
+from freqid.gap.model.candidates import Candidate
+from freqid.gap.model.changes import change
+from freqid.gap.model.form import actuator_columns, form_columns, kinematic_terms, load_terms
+from freqid.gap.model.testable import in_force_of, untestable
+from freqid.gap.model.tolerance import record_columns, tolerance_columns
+from freqid.gap.next.rivals import Rivals
+from freqid.gap.simulation import Departures, Simulation
+from freqid.gap.stack.block import Block
+from freqid.gap.stack.histories import Histories
+from freqid.gap.stack.lines import lines_of
+from freqid.gap.stack.motion import Motion, air_of, fed_back, own_flight
+from freqid.gap.stack.noise import Draws
+from freqid.gap.stack.trial import Trial
+from freqid.simulate.effects.effect import Effect
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_AIRFRAME = 1e-3  # of the noise: positions that a tolerance moves by less stay as they are
+_VELOCITY = ("state/u", "state/v", "state/w")
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What a predicted flight has in common with those at hand.
+
+    Attributes
+    ----------
+    simulation : Simulation
+    rivals : Rivals
+    library : dict of Effect
+    sizes : dict of float
+        Tolerances, one sigma by name.
+    band_hz : tuple of 2 floats
+    blocks : sequence of Block
+        That were used.
+    columns : sequence of Columns
+        Of these.
+    """
+
+    simulation: Simulation
+    rivals: Rivals
+    library: Mapping[str, Effect]
+    sizes: Mapping[str, float]
+    band_hz: tuple[float, float]
+    blocks: Sequence[Block]
+    columns: Sequence[Columns]
+
+    @cached_property
+    def allowed(self) -> dict[str, float]:
+        """Tolerances, those at zero that the rivals' separations do not depend on."""
+        left_out = set(self.rivals.system.tolerances) - set(self.rivals.tolerances)
+        return {**self.sizes, **dict.fromkeys(left_out, 0.0)}
+
+    @cached_property
+    def airframe(self) -> frozenset[str]:
+        """Tolerances that move no actuator."""
+        found = set(self.rivals.system.tolerances)
+        for block, columns in zip(self.blocks, self.columns, strict=True):
+            rows = [i for i, r in enumerate(block.rows) if r.kind == "actuator"]
+            power = np.abs(columns.sigmas[:, rows]) ** 2 / block.noise_power[rows]
+            moves = np.flatnonzero(power.sum(axis=(1, 2)) > _AIRFRAME)
+            found -= {self.rivals.system.tolerances[i] for i in moves}
+        return frozenset(found)
+
+
+@dataclass(frozen=True, eq=False)
+class PredictedFlight:
+    """Whitened columns of a flight that was simulated.
+
+    Attributes
+    ----------
+    record : FlightRecord
+        Without noise.
+    effects, tolerances, own, form, actuators : ndarray, shape (column, number)
+        `own` are unknowns of this flight alone; `form` at the size that the data give.
+    """
+
+    record: FlightRecord
+    effects: Array
+    tolerances: Array
+    own: Array
+    form: Array
+    actuators: Array
+
+    def matrices(self, flights: int = 1) -> BlockMatrices:
+        """Return the inner products of so many of these flights.
+
+        Noise is another in each and so are offsets; the error of form is the same.
+        """
+        root = np.sqrt(flights)
+        number = self.effects.shape[1]
+        unknown = np.concatenate([self.own, root * self.form])
+        return BlockMatrices.of(
+            root * self.effects,
+            root * self.tolerances,
+            np.zeros(number),
+            unknown,
+            np.zeros((0, number)),
+            root * self.actuators,
+        )
+
+
+def fly(simulation: Simulation, design: MultisineDesign, at: str, like: Block) -> FlightRecord | None:
+    """Return one period of a design as the simulation flies it.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    design : MultisineDesign
+    at : str
+        Reference condition.
+    like : Block
+        Whose channels the record has.
+
+    Returns
+    -------
+    FlightRecord or None
+        None where the simulation does not fly, diverges, or leaves out effectors that a control law moves.
+    """
+    asked = _asked(like, sampled(replace(design, dt_s=like.lines.dt, periods=1)), at)
+    flown = own_flight(simulation, asked)
+    if not flown:
+        return None
+    if not any(n.startswith("effector/") for n in flown):
+        if fed_back(like.maneuvers[0].record):
+            return None
+        flown |= _moved(simulation, asked)
+    channels = [replace(asked.channel(n), values=x) for n, x in flown.items() if n in asked]
+    record = asked.with_channels(*channels)
+    return record.with_channels(*_air_channels(record)) if all(n in record for n in _VELOCITY) else record
+
+
+def _moved(simulation: Simulation, asked: FlightRecord) -> dict[str, Array]:
+    """Return positions of effectors that follow the injected signals alone, by channel."""
+    simulated = simulation.positions(asked)
+    found = {}
+    for name in asked.group("excitation"):
+        channel = f"effector/{name}"
+        if channel in asked:
+            found[channel] = simulated.get(name, asked[channel] + asked[f"excitation/{name}"])
+    return found
+
+
+def _asked(like: Block, inputs: SampledInputs, at: str) -> FlightRecord:
+    """Return a record of the mean levels of another one, with signals injected."""
+    record = like.motion.maneuver.record
+    unit = dict(zip(inputs.names, inputs.units, strict=True))
+    injected = dict(zip(inputs.names, inputs.values, strict=True))
+    time = inputs.time
+    channels: dict[str, Channel] = {}
+    for name, channel in record.channels.items():
+        group, _, short = name.partition("/")
+        if group != "excitation":
+            level = np.full(time.size, float(channel.values.mean()))
+            channels[name] = replace(channel, values=level + injected.get(short, 0.0) * (group == "command"))
+    for name, values in injected.items():
+        channels[f"excitation/{name}"] = Channel(
+            f"excitation/{name}", unit[name], values, 1 / like.lines.dt, "proposed"
+        )
+    return replace(record, time=time, channels=channels, reference=at)
+
+
+def _air_channels(record: FlightRecord) -> list[Channel]:
+    """Return the air channels of a record as its velocities give them."""
+    found = air_of(*record.matrix(_VELOCITY))
+    if "air/qbar" in record and "air/rho" in record:
+        found["air/qbar"] = 0.5 * record["air/rho"] * found["air/V"] ** 2
+    return [replace(record.channel(n), values=x) for n, x in found.items() if n in record]
+
+
+def predict(around: Surroundings, record: FlightRecord, like: Block, periods: int) -> PredictedFlight | None:
+    """Return the columns along a simulated flight, with the noise of one that was flown.
+
+    Parameters
+    ----------
+    around : Surroundings
+    record : FlightRecord
+        Of `fly`: one period.
+    like : Block
+        Whose noise is taken, row by row and line by line.
+    periods : int
+        How many are to be flown.
+
+    Returns
+    -------
+    PredictedFlight or None
+        None where the flight has other rows, or something cannot be computed along it.
+    """
+    try:
+        block = _block(around, record, like, periods)
+        return _columns(around, block, like) if block else None
+    except (DataError, UsageError):
+        return None
+
+
+def _block(around: Surroundings, record: FlightRecord, like: Block, periods: int) -> Block | None:
+    maneuver = Maneuver(record, like.trial.maneuver.vehicle)
+    plain = Trial.of(around.simulation, maneuver)
+    trial = _QuickTrial(
+        plain.simulation,
+        plain.maneuver,
+        plain.measured,
+        plain.predicted,
+        plain.positions,
+        plain.inputs,
+        plain.sent,
+        1,
+        around.airframe,
+    )
+    rows, there = [r.name for r in plain.measured.rows], [r.name for r in like.rows]
+    if not set(rows) <= set(there):
+        return None
+    lines = lines_of(record, around.band_hz)
+    at = [there.index(n) for n in rows]
+    near = np.abs(like.lines.hz - lines.hz[:, None]).argmin(axis=1)
+    near[1:] = np.maximum(near[1:], 1)  # the zero line has noise of its own
+    covariance = like.covariance[near][:, at][:, :, at] * (len(like.names) / periods)
+    draws = Draws(
+        like.draws.odd[:, at][:, :, near], like.draws.bias[at][:, near], like.draws.bias_error[at][:, near]
+    )
+    residual = np.zeros((1, len(rows), lines.hz.size), dtype=complex)
+    motion = Motion(maneuver, "own flight", 0.0)
+    names = ("next flight",)
+    return Block(
+        names, (maneuver,), lines, motion, trial, like.sigma, draws, residual, covariance, like.noise_from
+    )
+
+
+def _columns(around: Surroundings, block: Block, like: Block) -> PredictedFlight:
+    """Return the whitened columns of a block."""
+    rivals = around.rivals
+    none = np.zeros((len(block.rows), block.lines.hz.size), dtype=complex)
+    effects = [z for c in rivals.system.candidates for z in _columns_of(c, around.library[c.effect], block)]
+    shared = tolerance_columns(block, around.library, around.allowed)
+    own = list(record_columns(block, around.library, around.sizes).values())
+    own += [z for n, z in shared.items() if n not in rivals.system.tolerances]  # of what did not move before
+    before = around.columns[list(around.blocks).index(like)]
+    own += list(before.kinematic_error * form_columns(block, kinematic_terms(block)))
+    f = rivals.form_error.loads
+    form = list(f * form_columns(block, load_terms(block))) if f else []
+    tolerances = [shared.get(n, none) for n in rivals.system.tolerances]
+    servos = list(actuator_columns(block, actuators_of(around.blocks)))
+    return PredictedFlight(
+        block.trial.maneuver.record, *(_white(block, z) for z in (effects, tolerances, own, form, servos))
+    )
+
+
+def _white(block: Block, columns: Sequence[Complex]) -> Array:
+    """Return columns, shape (row, line) each, as whitened numbers, shape (column, number)."""
+    if not columns:
+        return np.zeros((0, len(block.rows) * (2 * block.lines.hz.size - 1)))
+    return block.white(np.array(columns))
+
+
+def _columns_of(candidate: Candidate, effect: Effect, block: Block) -> Complex:
+    """Return what a candidate makes of a block at each of its sizes; zero where it cannot be there."""
+    c = candidate
+    found = np.zeros((c.sizes.size, len(block.rows), block.lines.hz.size), dtype=complex)
+    effect = effect.of(block.trial.maneuver.vehicle)
+    if untestable(effect, block.trial):
+        return found
+    force = in_force_of(effect, block.trial.simulation)
+    for k, size in enumerate(c.sizes):
+        moved = c.place.parameters if c.kind == "scalar" else (c.place.parameters[k],)
+        settings = {n: force[n] + float(size) for n in moved} | dict(c.place.fixed)
+        try:
+            found[k] = block.transform(change(effect, block.trial, settings))
+        except ImpossibleSettings:
+            continue
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _QuickTrial(Trial):
+    """A trial that does not ask for positions again where a parameter moves none.
+
+    Attributes
+    ----------
+    still : frozenset of str
+        Such parameters of the simulation.
+    """
+
+    still: frozenset[str] = frozenset()
+
+    def departed(self, departures: Departures) -> Histories:
+        """Return the change of the residual where the truth's own parameters depart from nominal."""
+        if not set(departures) <= self.still:
+            return super().departed(departures)
+        after = self.simulation.predict(self.maneuver.record, departures=departures)
+        return self.rows(after - self.predicted)

@@ -1,0 +1,45 @@
+"""The numbers of a diagnosis: each one an error rate, a physical tolerance or a numerical accuracy."""
+
+from __future__ import annotations
+
+LEVEL = 0.02
+"""Share of flights without a gap in which one may be called."""
+
+INTERVAL = 0.90
+"""Level of the intervals of sizes and shares, and of the set of effects."""
+
+NAMED = 0.75
+"""Probability from which a single effect is given as the answer."""
+
+SEPARATE = 4.0
+"""Nats (natural logarithm of odds) by which a second effect has to raise the evidence to be called a pair."""
+
+FORM_ERRORS = (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2)
+"""Sizes of the error of form that are integrated over: share of each term of the simulation's loads."""
+
+ACTUATOR_FORM_ERRORS = (0.0, 0.003, 0.02)
+"""... and share of each actuator's movement."""
+
+FORM_ORDER = 4
+"""Highest Chebyshev polynomial in frequency of an error of form."""
+
+MOST_LINES = 400
+"""Lines of one manoeuvre; more are thinned evenly."""
+
+PAIRS_OF_DRAWS = 12
+"""Antithetic pairs of the sensors' noise that are sent through the whole pipeline."""
+
+NULL_DRAWS = 2000
+"""Draws of the model without effect, in column space."""
+
+TEMPERATURE = 1.0
+"""By which log Bayes factors are divided before they become probabilities; fitted on tuning cases."""
+
+FOLDS = 5
+"""Parts into which conditions are divided where they take turns in being scored."""
+
+ROUNDS = 2
+"""Times that tolerances are made straight about where they came out."""
+
+NOISE_SCALES = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)
+"""Ratios of the loads' flown noise to what the record shows of it, among which the likeliest is taken."""

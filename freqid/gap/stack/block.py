@@ -1,0 +1,302 @@
+"""One condition of the stack: repeats of a manoeuvre, their mean residual, its noise, the motion without noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.errors import DataError
+from freqid.core.record import FlightRecord, Maneuver
+from freqid.gap.simulation import Simulation
+from freqid.gap.stack.histories import Histories, Row
+from freqid.gap.stack.lines import Lines, lines_of
+from freqid.gap.stack.motion import Motion, noise_free
+from freqid.gap.stack.noise import (
+    Draws,
+    antithetic,
+    beyond_motion,
+    covariance_of,
+    least_power,
+    sensor_power,
+    smooth_ratio,
+    whitening_of,
+)
+from freqid.gap.stack.sensor_noise import noisy_channels, sensor_noise
+from freqid.gap.stack.trial import Trial
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+REPEATS = "repeats of the manoeuvre"
+_SAMPLES = 12  # of the motion without noise in one period of the fastest line
+_FEW_LINES = 10  # that nothing drives, below which they do not tell the noise
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """One condition.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Records that are repeats of each other.
+    maneuvers : tuple of Maneuver
+    lines : Lines
+    motion : Motion
+        Without noise, about the mean of the records.
+    trial : Trial
+        Of that motion.
+    sigma : dict of float
+        Standard deviation of white noise by channel.
+    draws : Draws
+    residuals : ndarray of complex, shape (record, row, line)
+        Measured less simulated, less the bias of replays on noisy states.
+    covariance : ndarray of complex, shape (line, row, row)
+        Of the mean residual's noise.
+    noise_from : str
+        What the noise was learned from.
+    """
+
+    names: tuple[str, ...]
+    maneuvers: tuple[Maneuver, ...]
+    lines: Lines
+    motion: Motion
+    trial: Trial
+    sigma: dict[str, float]
+    draws: Draws
+    residuals: Complex
+    covariance: Complex
+    noise_from: str
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """Of the stack."""
+        return self.trial.measured.rows
+
+    @property
+    def regime(self) -> str:
+        """Reference condition, else the first record's name."""
+        return self.maneuvers[0].record.reference or self.names[0]
+
+    @cached_property
+    def grid(self) -> Lines:
+        """The same lines on the samples of the motion without noise, which may be fewer."""
+        samples = self.trial.maneuver.record.time.size
+        if samples == self.lines.samples:
+            return self.lines
+        return replace(self.lines, samples=samples, dt=self.lines.duration / (samples - 1))
+
+    @cached_property
+    def residual(self) -> Complex:
+        """Mean over the repeats, shape (row, line)."""
+        return self.residuals.mean(axis=0)
+
+    @cached_property
+    def whitening(self) -> Complex:
+        """W with ``W covariance W^H = 1``, shape (line, row, row)."""
+        return whitening_of(self.covariance)
+
+    @property
+    def noise_power(self) -> Array:
+        """Diagonal of the covariance, shape (row, line)."""
+        return np.einsum("lii->il", self.covariance).real
+
+    def white(self, z: Complex, rows: Sequence[int] | None = None) -> Array:
+        """Return rows on lines, shape (..., row, line), as independent real numbers of variance one.
+
+        Parameters
+        ----------
+        z : ndarray of complex, shape (..., row, line)
+        rows : sequence of int, optional
+            Of these alone; of all where absent.
+        """
+        whitening = self.whitening
+        if rows is not None:
+            whitening = whitening_of(self.covariance[:, rows][:, :, rows])
+            z = z[..., rows, :]
+        # one matrix product a line
+        found = np.moveaxis(whitening @ np.moveaxis(z.reshape(-1, *z.shape[-2:]), (0, 2), (2, 0)), (0, 2), (2, 0))
+        found = found.reshape(z.shape)
+        real = self.lines.real(found)
+        return real.reshape(*real.shape[:-2], real.shape[-2] * real.shape[-1])
+
+    def unwhite(self, y: Array) -> Complex:
+        """Return what `white` made real, shape (..., number), as rows on lines again, still whitened."""
+        count = self.lines.hz.size
+        y = y.reshape(*y.shape[:-1], len(self.rows), 2 * count - 1)
+        z = np.zeros((*y.shape[:-1], count), dtype=complex)
+        z[..., 0] = y[..., 0]
+        z[..., 1:] = (y[..., 1:count] + 1j * y[..., count:]) / np.sqrt(2)
+        return z
+
+    def transform(self, histories: Histories) -> Complex:
+        """Return histories of the motion without noise on the lines, shape (row, line)."""
+        return self.grid.transform(histories)
+
+
+def stack_of(
+    simulation: Simulation,
+    maneuvers: Sequence[Maneuver],
+    names: Sequence[str],
+    band_hz: tuple[float, float],
+    *,
+    seed: int = 0,
+) -> list[Block]:
+    """Return the stack of some records: one block for each condition, repeats together.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    maneuvers : sequence of Maneuver
+    names : sequence of str
+        Of the records, for messages.
+    band_hz : tuple of 2 floats
+    seed : int
+        Of the noise that is sent through the pipeline.
+
+    Raises
+    ------
+    DataError
+        Where a record lacks what the simulation needs, or its noise cannot be told.
+    """
+    groups: list[list[int]] = []
+    for i, m in enumerate(maneuvers):
+        like = next((g for g in groups if _repeats(maneuvers[g[0]].record, m.record)), None)
+        groups.append([i]) if like is None else like.append(i)
+    return [
+        _block(simulation, [maneuvers[i] for i in g], [names[i] for i in g], band_hz, seed + 1000 * k)
+        for k, g in enumerate(groups)
+    ]
+
+
+def _repeats(one: FlightRecord, other: FlightRecord) -> bool:
+    """Return whether two records hold the same injected signals at the same reference."""
+    injected = one.group("excitation")
+    if not injected or injected != other.group("excitation") or one.reference != other.reference:
+        return False
+    if one.time.size != other.time.size or abs(one.dt - other.dt) > 1e-9:
+        return False
+    return all(
+        np.allclose(one[f"excitation/{n}"], other[f"excitation/{n}"], atol=1e-9 + 1e-6 * _size(one, n))
+        for n in injected
+    )
+
+
+def _size(record: FlightRecord, name: str) -> float:
+    return float(np.abs(record[f"excitation/{name}"]).max())
+
+
+def _block(
+    simulation: Simulation,
+    maneuvers: Sequence[Maneuver],
+    names: Sequence[str],
+    band_hz: tuple[float, float],
+    seed: int,
+) -> Block:
+    first = maneuvers[0].record
+    lines = lines_of(first, band_hz)
+    try:
+        mean = _mean_of(maneuvers)
+        motion = noise_free(simulation, mean, lines)
+        trial = Trial.of(simulation, motion.maneuver)
+        residuals = []
+        for m in maneuvers:
+            own = Trial.of(simulation, m) if len(maneuvers) > 1 or m is not motion.maneuver else trial
+            residuals.append(lines.transform(own.residual))
+    except DataError as error:
+        raise DataError(str(error), where=error.where or names[0]) from None
+    sigma = _noise_of(maneuvers)
+    draws = antithetic(trial, lines, sigma, seed)  # at the record's own rate: noise is not smooth
+    unbiased = np.array(residuals) - draws.bias
+    least = least_power(trial, lines)
+    scale, source = _scale(motion.maneuver, lines, trial, draws, unbiased, least)
+    covariance = covariance_of(draws, scale, least) / len(maneuvers)
+    if not np.isfinite(covariance).all():
+        raise DataError(
+            "no noise can be told from its channels",
+            where=names[0],
+            remedy="give a record whose samples are as the sensors took them, or a second flight of the same",
+        )
+    return Block(
+        tuple(names),
+        tuple(maneuvers),
+        lines,
+        motion,
+        trial.thinned(_every(lines)),
+        sigma,
+        draws,
+        unbiased,
+        covariance,
+        source,
+    )
+
+
+def _every(lines: Lines) -> int:
+    """Return how many samples of the motion without noise one can stand for: it is smooth."""
+    most = max(int(1 / (_SAMPLES * lines.hz[-1] * lines.dt)), 1)
+    return next(k for k in range(most, 0, -1) if (lines.samples - 1) % k == 0)
+
+
+def _mean_of(maneuvers: Sequence[Maneuver]) -> Maneuver:
+    """Return the mean of repeats, channel by channel."""
+    first = maneuvers[0]
+    if len(maneuvers) == 1:
+        return first
+    record = first.record
+    shared = [n for n in record.channels if all(n in m.record for m in maneuvers)]
+    angles = ("state/phi", "state/psi")
+    channels = [
+        replace(
+            record.channel(n),
+            values=np.mean([np.unwrap(m.record[n]) if n in angles else m.record[n] for m in maneuvers], axis=0),
+        )
+        for n in shared
+    ]
+    return replace(first, record=record.with_channels(*channels))
+
+
+def _noise_of(maneuvers: Sequence[Maneuver]) -> dict[str, float]:
+    """Return the standard deviation of white noise by channel, root mean square over repeats."""
+    each = [sensor_noise(m.record, noisy_channels(m.record)) for m in maneuvers]
+    names = [n for n in each[0] if all(n in one for one in each)]
+    return {n: float(np.sqrt(np.mean([one[n] ** 2 for one in each]))) for n in names}
+
+
+def _scale(
+    maneuver: Maneuver, lines: Lines, trial: Trial, draws: Draws, residuals: Complex, least: Array
+) -> tuple[Array, str]:
+    """Return the ratio of flown noise to the sensors' own, shape (row, line), and what it was learned from."""
+    power = np.maximum(sensor_power(draws), least[:, None])
+    used = np.ones(lines.hz.size, dtype=bool)
+    used[0] = False  # offsets differ from record to record
+    count = len(residuals)
+    if count > 1:
+        apart = residuals - residuals.mean(axis=0)
+        left = _without_offsets(lines, apart)
+        ratio = left.sum(axis=0) / (count - 1) / power
+        return smooth_ratio(lines.hz, ratio, used, 2.0 * (count - 1)), REPEATS
+    left, freedom = beyond_motion(maneuver, lines, trial.measured, residuals[0])
+    ratio = left / freedom[:, None] / power
+    undriven = used & ~lines.driven
+    if lines.driven.any() and undriven.sum() >= _FEW_LINES:
+        return smooth_ratio(lines.hz, ratio, undriven, 2.0), "lines that nothing drives"
+    return smooth_ratio(lines.hz, ratio, used, 2.0), "what no response to the motion explains"
+
+
+def _without_offsets(lines: Lines, apart: Complex) -> Array:
+    """Return the power of differences of repeats without what differs slowly: their trends and ends."""
+    omega = 2j * np.pi * lines.hz
+    slow = np.divide(1, omega, out=np.zeros_like(omega), where=omega != 0)
+    basis = lines.real(np.stack([np.ones_like(omega), slow, (lines.hz == 0).astype(complex)]))
+    basis = np.linalg.qr(basis.T)[0].T
+    y = lines.real(apart)
+    y = y - (y @ basis.T) @ basis
+    count = lines.hz.size
+    power = np.empty(apart.shape)
+    power[..., 0] = y[..., 0] ** 2
+    power[..., 1:] = 0.5 * (y[..., 1:count] ** 2 + y[..., count:] ** 2)
+    return power

@@ -1,0 +1,163 @@
+"""The lines of frequency on which one manoeuvre is compared: all multiples of 1/T from zero on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.record import FlightRecord
+from freqid.gap.settings import MOST_LINES
+from freqid.gap.stack.histories import Histories
+from freqid.identify.fourier import FourierPlan
+from freqid.identify.line_equations import plan_of
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Of the strongest line of an injected signal: what is weaker is the transform's leakage, not an injection.
+EXCITED = 1e-2
+_END_S = 0.4  # s at either end over which a parabola gives the end value of a measured signal
+_FEWEST = 5  # samples of that parabola
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Where one manoeuvre is compared.
+
+    Attributes
+    ----------
+    hz : ndarray, shape (line,)
+        Multiples of 1/T from zero, T the manoeuvre's duration.
+    dt : float
+        s.
+    samples : int
+    inputs : tuple of str
+        Injected signals.
+    owner : ndarray of int, shape (line,)
+        Index of the injected signal that drives the line; -1 where none does.
+    """
+
+    hz: Array
+    dt: float
+    samples: int
+    inputs: tuple[str, ...]
+    owner: NDArray[np.intp]
+
+    @property
+    def duration(self) -> float:
+        """T, s."""
+        return self.dt * (self.samples - 1)
+
+    @property
+    def driven(self) -> NDArray[np.bool_]:
+        """Whether an injected signal drives the line, shape (line,)."""
+        return self.owner >= 0
+
+    @cached_property
+    def _plan(self) -> FourierPlan:
+        return plan_of(self.samples, self.dt, tuple(self.hz[1:]))
+
+    def spectrum(self, values: Array) -> Complex:
+        """Return transforms of signals, shape (..., sample) to (..., line), unit times sqrt(s).
+
+        Their squares are power spectral densities of both signs; the zero line is the mean times sqrt(T).
+        """
+        flat = values.reshape(-1, self.samples)
+        mean = _mean(flat)
+        change = (flat[:, -1] - flat[:, 0])[:, None] / self.duration
+        # a straight line is taken out and its transform put back: the end corrections then have nothing to do
+        time = self.dt * np.arange(self.samples)
+        smooth = flat - mean[:, None] - change * (time - self.duration / 2)
+        z = np.empty((len(flat), self.hz.size), dtype=complex)
+        z[:, 0] = mean * self.duration
+        omega = 2 * np.pi * self.hz[1:]
+        z[:, 1:] = self._plan(smooth) + change * 1j * self.duration / omega
+        return (z / np.sqrt(self.duration)).reshape(*values.shape[:-1], self.hz.size)
+
+    def transform(self, histories: Histories) -> Complex:
+        """Return rows on the lines, shape (row, line), unit of the row times sqrt(s).
+
+        ``F[d/dt h] = j 2 pi f H + h(T) - h(0)``; the end values come from parabolas over the first and last
+        0.4 s.
+        """
+        z = self.spectrum(histories.direct)
+        moving = np.flatnonzero(histories.momentum.any(axis=1))
+        if moving.size:
+            momentum = histories.momentum[moving]
+            first, last = self.end_values(momentum)
+            z[moving] += 2j * np.pi * self.hz * self.spectrum(momentum)
+            z[moving] += ((last - first) / np.sqrt(self.duration))[:, None]
+        return z
+
+    def end_values(self, values: Array) -> tuple[Array, Array]:
+        """Return smoothed first and last values of signals, shape (row, sample) to (row,) each."""
+        weights = _end_weights(self._end_samples)
+        n = weights.size
+        return values[:, :n] @ weights, values[:, ::-1][:, :n] @ weights
+
+    @property
+    def _end_samples(self) -> int:
+        return int(np.clip(round(_END_S / self.dt) + 1, _FEWEST, self.samples // 2))
+
+    @property
+    def end_gain(self) -> float:
+        """Standard deviation of an end value of unit white noise."""
+        return float(np.linalg.norm(_end_weights(self._end_samples)))
+
+    def real(self, z: Complex) -> Array:
+        """Return spectra, shape (..., line), as real numbers, shape (..., number), of the same power each.
+
+        The zero line is real; of all others the real and the imaginary part count, times sqrt(2).
+        """
+        root = np.sqrt(2)
+        return np.concatenate([z[..., :1].real, root * z[..., 1:].real, root * z[..., 1:].imag], axis=-1)
+
+
+def lines_of(record: FlightRecord, band_hz: tuple[float, float]) -> Lines:
+    """Return the lines of a record from zero to the top of a band.
+
+    Lines that nothing drives are thinned evenly where there are more than `MOST_LINES`.
+
+    Parameters
+    ----------
+    record : FlightRecord
+        ``excitation/*`` are its injected signals.
+    band_hz : tuple of 2 floats
+        Hz; the lower end matters for what counts as driven only: slow lines and zero are always there.
+    """
+    top = min(band_hz[1], 0.4 / record.dt)
+    count = max(int(np.floor(top * record.duration + 1e-6)), 1)
+    hz = np.arange(count + 1) / record.duration
+    inputs = record.group("excitation")
+    owner = np.full(hz.size, -1)
+    if inputs:
+        injected = record.matrix(f"excitation/{name}" for name in inputs)
+        injected = injected - injected.mean(axis=1, keepdims=True)
+        power = np.abs(plan_of(record.time.size, record.dt, tuple(hz[1:]))(injected)) ** 2
+        power /= np.maximum(power.max(axis=1, keepdims=True), np.finfo(float).tiny)
+        power[~injected.any(axis=1)] = 0.0
+        driven = power.max(axis=0) > EXCITED
+        owner[1:][driven] = power.argmax(axis=0)[driven]
+    if hz.size > MOST_LINES:
+        driven, rest = np.flatnonzero(owner >= 0), np.flatnonzero(owner < 0)
+        spare = max(MOST_LINES - driven.size, MOST_LINES // 4)
+        kept = rest[:: -(-rest.size // spare)]
+        keep = np.union1d(driven[:: max(1, -(-driven.size // MOST_LINES))], kept)
+        hz, owner = hz[keep], owner[keep]
+    return Lines(hz, record.dt, record.time.size, inputs, owner)
+
+
+def _mean(values: Array) -> Array:
+    """Return the mean over the record, the end samples by half, shape (row,)."""
+    inner = values.sum(axis=1) - 0.5 * (values[:, 0] + values[:, -1])
+    return inner / (values.shape[1] - 1)
+
+
+@lru_cache(maxsize=8)
+def _end_weights(count: int) -> Array:
+    """Return the weights of the first samples in the value of their parabola at the first, shape (count,)."""
+    columns = np.vander(np.arange(count, dtype=float), 3, increasing=True)
+    return np.linalg.pinv(columns)[0]

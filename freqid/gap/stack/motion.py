@@ -1,0 +1,327 @@
+"""The flight without noise: motion and effectors that owe nothing to the noise of one record.
+
+Whatever is computed on recorded motion shares the noise of the residual and passes for an effect. So every
+column is computed on motion of one model: the simulation's own flight under the injected signals; a closed loop
+fitted to the record; or, where nothing was injected, a linear response to the measured effectors. Each stands
+about the straight lines of the record's channels, for trim attitudes and speeds differ by more than noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+from scipy.linalg import expm
+
+from freqid.core.errors import DataError, UsageError
+from freqid.core.frames import cross
+from freqid.core.identification import Identification
+from freqid.core.record import FlightRecord, Maneuver
+from freqid.gap.simulation import Simulation
+from freqid.gap.stack.lines import Lines
+from freqid.gap.stack.rows import angle_rates, gravity_of, sensor_lever
+from freqid.gap.stack.sensor_noise import sensor_noise
+from freqid.identify.instruments import driven_maneuvers
+from freqid.identify.smoothing import smooth
+from freqid.simulate.effects.along import centre
+
+Array = NDArray[np.float64]
+
+MOTION = ("u", "v", "w", "p", "q", "r")
+_RATES = ("state/p", "state/q", "state/r")
+_ANGLES = ("state/phi", "state/theta", "state/psi")
+_VELOCITY = ("state/u", "state/v", "state/w")
+_FELT = ("state/ax", "state/ay", "state/az")
+_AIR = ("air/V", "air/alpha", "air/beta")
+_ROUNDS = 3  # of a fitted response: least squares, then twice with its own response as instruments
+_UNLIKE = 1.0  # share of a rate's motion that is missed: from here on it is another flight
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """A record's flight without noise.
+
+    Attributes
+    ----------
+    maneuver : Maneuver
+        Every channel of the record; commands and injected signals as they were sent.
+    source : {"own flight", "fitted loop", "fitted response", "smoothed record"}
+    missed : float
+        Largest share of a rate's motion in the record that it does not have; noise included.
+    """
+
+    maneuver: Maneuver
+    source: str
+    missed: float
+
+
+def noise_free(simulation: Simulation, maneuver: Maneuver, lines: Lines) -> Motion:
+    """Return the flight of a manoeuvre without its noise.
+
+    Of the simulation's own flight and a fitted closed loop the one that misses less of the record's rates is
+    taken, whole. A simulation that cannot fly, or flies something else, leaves the fitted one.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    maneuver : Maneuver
+    lines : Lines
+        On which a closed loop is fitted.
+    """
+    record = maneuver.record
+    found: list[tuple[str, dict[str, Array]]] = []
+    if record.group("excitation"):
+        own = own_flight(simulation, record)
+        if own:
+            found.append(("own flight", own))
+        loop = _fitted_loop(maneuver, lines)
+        if loop:
+            found.append(("fitted loop", loop))
+    if not found:
+        response = _fitted_response(record)
+        if response:
+            found.append(("fitted response", response))
+    ranked = sorted(((_missed(record, x), name, x) for name, x in found), key=lambda one: one[0])
+    if not ranked or ranked[0][0] > _UNLIKE:
+        return Motion(_smoothed(simulation, maneuver), "smoothed record", 1.0)
+    missed, name, channels = ranked[0]
+    return Motion(Maneuver(_about(record, channels), maneuver.vehicle), name, missed)
+
+
+def _about(record: FlightRecord, channels: Mapping[str, Array]) -> FlightRecord:
+    """Return a record with other channels about its own straight lines; velocity through the air follows."""
+    time = record.time - record.time.mean()
+    changed = {}
+    for name in record.channels:
+        group = name.partition("/")[0]
+        if group in ("command", "excitation"):
+            continue
+        measured = np.unwrap(record[name]) if name in _ANGLES else record[name]
+        if name in channels:
+            other = np.unwrap(channels[name]) if name in _ANGLES else channels[name]
+            changed[name] = other + np.polyval(np.polyfit(time, measured - other, 1), time)
+        elif name not in _AIR:
+            changed[name] = np.polyval(np.polyfit(time, measured, 1), time)
+    given = [n for n in _AIR if n in record and n not in channels]
+    if given and all(n in changed for n in _VELOCITY):
+        for name, own in air_of(*(changed[n] for n in _VELOCITY)).items():
+            if name in given:
+                changed[name] = own + np.polyval(np.polyfit(time, record[name] - own, 1), time)
+    if "air/qbar" in record and "air/rho" in record:
+        speed = changed.get("air/V")
+        if speed is None and all(n in changed for n in _VELOCITY):
+            speed = np.sqrt(sum(changed[n] ** 2 for n in _VELOCITY))
+        if speed is not None:
+            changed["air/qbar"] = 0.5 * changed.get("air/rho", record["air/rho"]) * speed**2
+    return record.with_channels(*(replace(record.channel(n), values=x) for n, x in changed.items()))
+
+
+def air_of(u: Array, v: Array, w: Array) -> dict[str, Array]:
+    """Return airspeed, m/s, angle of attack and sideslip, rad, of the velocity through the air, by channel."""
+    speed = np.sqrt(u**2 + v**2 + w**2)
+    sine = np.clip(v / np.maximum(speed, 1e-9), -1, 1)
+    return {"air/V": speed, "air/alpha": np.arctan2(w, u), "air/beta": np.arcsin(sine)}
+
+
+def own_flight(simulation: Simulation, record: FlightRecord) -> dict[str, Array]:
+    """Return the simulation's own flight, by channel; nothing where it cannot, or does not move its effectors.
+
+    A flight without its effectors stands beside those that were measured, which hold what feedback made of noise.
+    """
+    try:
+        flown = simulation.fly(record)
+    except (DataError, UsageError):  # it need not fly to be replayed
+        return {}
+    own = {n if "/" in n else f"state/{n}": np.asarray(x, dtype=float) for n, x in (flown or {}).items()}
+    if not own:
+        return {}
+    moving = [n for n in record.group("effector") if np.ptp(record[f"effector/{n}"]) > 0]
+    if any(f"effector/{n}" not in own for n in moving):
+        if fed_back(record):
+            return {}
+        positions = simulation.positions(record)
+        own |= {f"effector/{n}": positions.get(n, record[f"effector/{n}"]) for n in moving}
+    return _with_attitude_and_felt(record, own)
+
+
+def fed_back(record: FlightRecord) -> bool:
+    """Return whether commands hold more than the injected signals."""
+    for name in record.group("command"):
+        sent = record[f"command/{name}"]
+        injected = record[f"excitation/{name}"] if f"excitation/{name}" in record else 0.0
+        if np.std(sent - injected) > 0.05 * max(np.std(injected), 1e-12):
+            return True
+    return not record.group("command")
+
+
+def _fitted_loop(maneuver: Maneuver, lines: Lines) -> dict[str, Array]:
+    """Return motion and effectors of a closed loop fitted to the record (`freqid.identify.instruments`)."""
+    record = maneuver.record
+    moving = tuple(n for n in record.group("effector") if np.ptp(record[f"effector/{n}"]) > 0)
+    hz = lines.hz[lines.driven] if lines.driven.any() else lines.hz[1:]
+    try:
+        (found,) = driven_maneuvers([maneuver], hz, Identification(regressors=(*MOTION, *moving)))
+    except (DataError, UsageError, ValueError, np.linalg.LinAlgError):
+        return {}
+    names = [*(f"state/{n}" for n in MOTION), *(f"effector/{n}" for n in moving)]
+    return _with_attitude_and_felt(record, {name: found.record[name] for name in names})
+
+
+def _with_attitude_and_felt(record: FlightRecord, moved: dict[str, Array]) -> dict[str, Array]:
+    """Return channels with the attitude and the specific force that go with a motion, where they lack."""
+    attitude = [n for n in _ANGLES if n in record]
+    if not all(n in moved for n in _RATES) or not {"state/phi", "state/theta"} <= set(attitude):
+        return moved
+    found, dt = dict(moved), record.dt
+    rates = np.array([moved[n] for n in _RATES])
+    lacking = [n for n in attitude if n not in moved]
+    if lacking:
+        slopes = angle_rates(rates, record["state/phi"], record["state/theta"])
+        time = record.time - record.time.mean()
+        for path in lacking:
+            angle = cumulative_trapezoid(slopes[path.partition("/")[2]], dx=dt, initial=0)
+            found[path] = (
+                np.unwrap(record[path]).mean() + angle - np.polyval(np.polyfit(time, angle, 1), time)
+            )
+    if any(n in record and n not in moved for n in _FELT) and all(n in moved for n in _VELOCITY):
+        lever = np.broadcast_to(sensor_lever(record), rates.shape)
+        level = np.array([record[n].mean() - moved[n].mean() for n in _VELOCITY])[:, None]
+        velocity = np.array([moved[n] for n in _VELOCITY]) + level + cross(rates, lever)
+        gravity = gravity_of(found["state/phi"], found["state/theta"])
+        felt = np.gradient(velocity, dt, axis=1) + cross(rates, velocity) - gravity
+        found |= {n: x for n, x in zip(_FELT, felt, strict=True) if n in record and n not in moved}
+    return found
+
+
+def _fitted_response(record: FlightRecord) -> dict[str, Array]:
+    """Return the response of a linear model to the measured effectors, fitted to the record.
+
+    ``x' = A x + B d + c`` in integral form, so that nothing is differentiated; first by least squares, then
+    with its own response as instruments. Other channels are linear in x and d. Nothing where it diverges.
+    """
+    inputs = [f"effector/{n}" for n in record.group("effector") if np.ptp(record[f"effector/{n}"]) > 0]
+    velocity = _VELOCITY if all(n in record for n in _VELOCITY) else _AIR
+    states = [n for n in (*velocity, *_RATES, "state/phi", "state/theta") if _moves(record, n)]
+    if not inputs or not states:
+        return {}
+    time, dt = record.time - record.time[0], record.dt
+    d = record.matrix(inputs)
+    d = smooth(d, dt).x
+    x = np.array([np.unwrap(record[n]) if n in _ANGLES else record[n] for n in states])
+    scale_x, scale_d = x.std(axis=1), d.std(axis=1)
+    x0, d0 = x.mean(axis=1), d.mean(axis=1)
+    x, d = (x - x0[:, None]) / scale_x[:, None], (d - d0[:, None]) / scale_d[:, None]
+    steady = np.stack([np.ones_like(time), time / time[-1]])
+    driven = cumulative_trapezoid(d, dx=dt, initial=0, axis=1)
+    count = len(states)
+    instruments = cumulative_trapezoid(x, dx=dt, initial=0, axis=1)
+    columns = np.concatenate([instruments, driven, steady])
+    response = None
+    for _ in range(_ROUNDS):
+        z = np.concatenate([instruments, driven, steady])
+        try:
+            theta = np.linalg.solve(z @ columns.T, z @ x.T).T
+            response = _simulated(theta[:, :count], theta[:, count : count + len(inputs)], x, d, dt)
+        except np.linalg.LinAlgError:
+            break
+        if response is None:
+            break
+        instruments = cumulative_trapezoid(response, dx=dt, initial=0, axis=1)
+    if response is None:
+        return {}
+    found = dict(zip(states, x0[:, None] + scale_x[:, None] * response, strict=True))
+    found |= dict(zip(inputs, d0[:, None] + scale_d[:, None] * d, strict=True))
+    others = [n for n in record.channels if n.startswith(("state/", "air/")) and n not in found]
+    basis = np.concatenate([response, d, steady])
+    for name in others:
+        values = np.unwrap(record[name]) if name in _ANGLES else record[name]
+        found[name] = np.linalg.lstsq(basis.T, values, rcond=None)[0] @ basis
+    return found
+
+
+def _simulated(a: Array, b: Array, x: Array, d: Array, dt: float) -> Array | None:
+    """Return the response from the initial state and the constants that fit best, or None without one.
+
+    A mode that would grow more than twentyfold within the record is an error of the fit, and slowed down.
+    """
+    count = len(a)
+    values, vectors = (np.asarray(x, dtype=complex) for x in np.linalg.eig(a))
+    fastest = 3 / (dt * x.shape[1])
+    if values.real.max() > fastest:
+        values = np.minimum(values.real, fastest) + 1j * values.imag
+        a = (vectors @ np.diag(values) @ np.linalg.inv(vectors)).real
+    whole = expm(dt * np.block([[a, b, np.eye(count)], [np.zeros((b.shape[1] + count, 2 * count + b.shape[1]))]]))
+    step, push, const = whole[:count, :count], whole[:count, count : count + b.shape[1]], whole[:count, -count:]
+    samples = x.shape[1]
+    forced = np.zeros((count, samples))
+    free, held = np.zeros((2, count, count, samples))
+    free[:, :, 0] = np.eye(count)
+    middle = 0.5 * (d[:, 1:] + d[:, :-1])
+    for k in range(samples - 1):
+        forced[:, k + 1] = step @ forced[:, k] + push @ middle[:, k]
+        free[:, :, k + 1] = step @ free[:, :, k]
+        held[:, :, k + 1] = step @ held[:, :, k] + const
+    if not np.isfinite(forced).all() or not np.isfinite(held).all():
+        return None
+    basis = np.concatenate([free, held], axis=1).transpose(0, 2, 1).reshape(count * samples, 2 * count)
+    unknown = np.linalg.lstsq(basis, (x - forced).ravel(), rcond=1e-10)[0]
+    return forced + (basis @ unknown).reshape(count, samples)
+
+
+def _moves(record: FlightRecord, name: str) -> bool:
+    return name in record and bool(np.ptp(record[name]) > 0)
+
+
+def _smoothed(simulation: Simulation, maneuver: Maneuver) -> Maneuver:
+    """Return the record's own motion as far as it stands out of the noise: the last resort.
+
+    Specific forces are the simulation's: measured ones would lend their noise to every column of a mass.
+    """
+    record = maneuver.record
+    names = [n for n in record.channels if n.startswith(("state/", "air/", "effector/"))]
+    moving = [n for n in names if _moves(record, n)]
+    if not moving:
+        return maneuver
+    values = np.array([np.unwrap(record[n]) if n in _ANGLES else record[n] for n in moving])
+    found = dict(zip(moving, smooth(values, record.dt).x, strict=True))
+    channels = [replace(record.channel(n), values=x) for n, x in found.items()]
+    clean = Maneuver(record.with_channels(*channels), maneuver.vehicle)
+    if not {"X", "Y", "Z"} <= set(simulation.responses) or not all(n in record for n in (*_FELT, *_RATES)):
+        return clean
+    wrench = dict(zip(simulation.responses, simulation.predict(clean.record), strict=True))
+    rates = clean.record.matrix(_RATES)
+    turning = np.gradient(rates, record.dt, axis=1)
+    arm = _arm_of_accelerometers(clean)
+    felt = np.array([wrench[n] for n in "XYZ"]) / maneuver.vehicle.mass_properties.mass_kg
+    felt = felt + cross(turning, arm) + cross(rates, cross(rates, arm))
+    own = {n: x for n, x in zip(_FELT, felt, strict=True)}
+    kept = {n: x for n, x in found.items() if n not in _FELT}
+    return Maneuver(_about(record, {**kept, **own}), maneuver.vehicle)
+
+
+def _arm_of_accelerometers(maneuver: Maneuver) -> Array:
+    """Return where the accelerometers are from the centre of gravity, m, shape (3, sample)."""
+    record = maneuver.record
+    place = record.channel("state/ax").position_m
+    if place is None:
+        return np.zeros((3, record.time.size))
+    return np.array(place)[:, None] - centre(record, maneuver.vehicle)
+
+
+def _missed(record: FlightRecord, channels: Mapping[str, Array]) -> float:
+    """Return the share of the rates' changes, noise apart, that is not in what stands for them."""
+    named = [n for n in _RATES if _moves(record, n) and n in channels]
+    if not named:
+        return 0.0 if channels else np.inf
+    noise = sensor_noise(record, named)
+    time = record.time - record.time.mean()
+    moved = left = 0.0
+    for name in named:
+        both = (record[name], record[name] - channels[name])
+        whole, rest = (float(np.var(x - np.polyval(np.polyfit(time, x, 1), time))) for x in both)
+        moved += max(whole - noise[name] ** 2, 0.0)
+        left += max(rest - noise[name] ** 2, 0.0)
+    return float(np.sqrt(left / max(moved, 1e-300)))

@@ -1,0 +1,240 @@
+"""Noise of the rows of one condition: the sensors' own, sent through the whole pipeline, and what is beyond it.
+
+The same antithetic pairs give the mean error of a replay on noisy states, for nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.record import Maneuver
+from freqid.gap.settings import PAIRS_OF_DRAWS
+from freqid.gap.stack.histories import Histories
+from freqid.gap.stack.lines import Lines
+from freqid.gap.stack.trial import Trial
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+_RIDGE = 0.003
+"""Of a row's variance: how far rows that share noise are trusted to cancel it."""
+
+_LEAST = 1e-12
+"""Of a row's mean power: noise of a row that has none, as of a simulated log without sensors."""
+
+_WIDE = 10  # lines on either side over which correlations of rows are averaged
+_NARROW = 2  # ... and their power, which goes with the square of frequency
+_SCATTER = 3.0  # standard deviations of a correlation of independent rows, below which it is taken as none
+_QUIETER, _LOUDER = 0.5, 1e6  # ratios of flown noise to the sensors' own that are believed
+
+
+@dataclass(frozen=True, eq=False)
+class Draws:
+    """What antithetic pairs of the sensors' noise make of the rows.
+
+    Attributes
+    ----------
+    odd : ndarray of complex, shape (pair, row, line)
+        Half the difference of a pair: noise.
+    bias : ndarray of complex, shape (row, line)
+        Mean of the replay's error on noisy states.
+    bias_error : ndarray, shape (row, line)
+        Its standard deviation.
+    """
+
+    odd: Complex
+    bias: Complex
+    bias_error: Array
+
+
+def antithetic(trial: Trial, lines: Lines, sigma: dict[str, float], seed: int) -> Draws:
+    """Return what the sensors' noise makes of a residual, in pairs of opposite sign.
+
+    Parameters
+    ----------
+    trial : Trial
+        Of the motion without noise.
+    lines : Lines
+    sigma : dict of float
+        Standard deviation of white noise by channel, as the record shows it.
+    seed : int
+    """
+    record = trial.maneuver.record
+    base = lines.transform(trial.residual)
+    odd, even = [], []
+    for pair in range(PAIRS_OF_DRAWS):
+        rng = np.random.default_rng([seed, pair])
+        noise = {n: s * rng.standard_normal(record.time.size) for n, s in sigma.items()}
+        plus, minus = (lines.transform(trial.with_noise(noise, sign)) for sign in (1.0, -1.0))
+        odd.append((plus - minus) / 2)
+        even.append((plus + minus) / 2 - base)
+    even = np.array(even)
+    return Draws(np.array(odd), even.mean(axis=0), even.std(axis=0) / np.sqrt(PAIRS_OF_DRAWS - 1))
+
+
+def covariance_of(draws: Draws, scale: Array, least: Array) -> Complex:
+    """Return the noise covariance of rows, shape (line, row, row), power spectral density of both signs.
+
+    Parameters
+    ----------
+    draws : Draws
+    scale : ndarray, shape (row, line)
+        Flown power over the sensors' own.
+    least : ndarray, shape (row,)
+        Power below which no row's noise is believed to be.
+    """
+    power = _averaged(np.mean(np.abs(draws.odd) ** 2, axis=0).T, _NARROW)  # (line, row)
+    power = np.maximum(power, least)
+    white = draws.odd / np.sqrt(power.T)
+    correlation = _averaged(np.einsum("kil,kjl->lij", white, white.conj()) / len(white), _WIDE)
+    size = np.sqrt(np.maximum(np.einsum("lii->li", correlation).real, 1e-12))
+    correlation = _believed(correlation / (size[:, :, None] * size[:, None, :]), len(white))
+    root = np.sqrt(power)
+    covariance = correlation * root[:, :, None] * root[:, None, :]
+    more = power * (np.clip(scale.T, _QUIETER, _LOUDER) - 1)
+    shrunk = np.minimum(more, 0.0)  # quieter than its sensors say: rows and correlations alike
+    factor = np.sqrt(1 + shrunk / power)
+    covariance = covariance * factor[:, :, None] * factor[:, None, :]
+    diagonal = np.maximum(more, 0.0) + _RIDGE * power + np.abs(draws.bias_error.T) ** 2
+    return covariance + diagonal[:, :, None] * np.eye(power.shape[1])
+
+
+def _believed(correlation: Complex, pairs: int) -> Complex:
+    """Return correlations without those that scatter alone would make of so few draws.
+
+    Whitening by all of them, with half as many draws as rows, would call noise a quarter larger than it is.
+    """
+    count = correlation.shape[0]
+    near = np.minimum(np.arange(count), _WIDE) + np.minimum(np.arange(count)[::-1], _WIDE) + 1
+    scatter = _SCATTER / np.sqrt(pairs * near)
+    kept = np.where(np.abs(correlation) > scatter[:, None, None], correlation, 0.0)
+    values, vectors = np.linalg.eigh(kept)
+    values = np.maximum(values, _RIDGE)
+    return (vectors * values[:, None, :]) @ np.swapaxes(vectors.conj(), 1, 2)
+
+
+def sensor_power(draws: Draws) -> Array:
+    """Return the power of the sensors' noise, shape (row, line)."""
+    return _averaged(np.mean(np.abs(draws.odd) ** 2, axis=0).T, _NARROW).T
+
+
+def least_power(trial: Trial, lines: Lines) -> Array:
+    """Return the power by which a row without any noise is still not trusted, shape (row,)."""
+    z = lines.transform(trial.measured)[:, 1:]
+    return _LEAST * np.mean(np.abs(z) ** 2, axis=1) + np.finfo(float).tiny ** 0.5
+
+
+def whitening_of(covariance: Complex) -> Complex:
+    """Return W with ``W covariance W^H = 1``, lower triangular, shape (line, row, row)."""
+    return np.linalg.inv(np.linalg.cholesky(covariance))
+
+
+def smooth_ratio(hz: Array, ratio: Array, used: NDArray[np.bool_], freedom: float) -> Array:
+    """Return power ratios as smooth functions of frequency, shape (row, line).
+
+    A parabola in log frequency, by iterated least squares for numbers that scatter as they are large
+    (a gamma regression with logarithmic link: McCullagh & Nelder, Generalized Linear Models, 2nd ed., ch. 8).
+
+    Parameters
+    ----------
+    hz : ndarray, shape (line,)
+    ratio : ndarray, shape (row, line)
+    used : ndarray of bool, shape (line,)
+        Lines that say something.
+    freedom : float
+        Degrees of freedom of each ratio: with few in all, the parabola is a constant.
+    """
+    at = np.maximum(hz, hz[1])
+    x = np.log(at / np.sqrt(at[1] * at[-1]))
+    columns = np.stack([np.ones_like(x), x, x**2])[: 3 if used.sum() * freedom > 60 else 1]
+    inverse = np.linalg.pinv(columns[:, used].T)
+    found = np.zeros((len(ratio), len(columns)))
+    found[:, 0] = np.log(np.maximum(ratio[:, used].mean(axis=1), 1e-12))
+    for _ in range(30):
+        fitted = found @ columns[:, used]
+        step = np.clip(ratio[:, used] * np.exp(-fitted) - 1, -1, 3) @ inverse.T
+        found += step
+        if np.abs(step).max() < 1e-3:
+            break
+    inside = np.clip(x, x[used].min(), x[used].max())
+    columns = np.stack([np.ones_like(x), inside, inside**2])[: len(columns)]
+    return np.exp(np.clip(found @ columns, -20, 20))
+
+
+def beyond_motion(
+    maneuver: Maneuver, lines: Lines, like: Histories, residual: Complex
+) -> tuple[Array, Array]:
+    """Return power that no linear response to the motion explains: noise of a record without repeats.
+
+    Parameters
+    ----------
+    maneuver : Maneuver
+        Without noise.
+    lines : Lines
+    like : Histories
+        The rows.
+    residual : ndarray of complex, shape (row, line)
+
+    Returns
+    -------
+    left : ndarray, shape (row, line)
+    freedom : ndarray, shape (row,)
+        Share of degrees of freedom that is left.
+    """
+    record = maneuver.record
+    omega = 2j * np.pi * lines.hz
+
+    def spectra(names: list[str]) -> Complex:
+        have = [n for n in names if n in record and np.ptp(record[n]) > 0]
+        return lines.spectrum(record.matrix(have)) if have else np.empty((0, lines.hz.size), dtype=complex)
+
+    motion = spectra([f"state/{n}" for n in "uvwpqr"])
+    if "state/u" not in record:
+        motion = np.concatenate([motion, spectra(["air/V", "air/alpha", "air/beta"])])
+    effectors = spectra([f"effector/{n}" for n in record.group("effector")])
+    attitude = spectra(["state/phi", "state/theta"])
+    mean = (lines.hz == 0).astype(complex)
+    ends = np.stack([np.ones_like(omega), np.divide(1, omega, out=np.zeros_like(omega), where=omega != 0), mean])
+    left, freedom = np.empty(residual.shape), np.empty(len(like.rows))
+    for i, row in enumerate(like.rows):
+        if row.kind == "actuator":
+            name = row.name.partition("/")[2]
+            both = np.concatenate([spectra([f"command/{name}"]), spectra([f"effector/{name}"])])
+            columns = np.concatenate([both, omega * both, omega**2 * both])
+        elif row.kind == "kinematic":
+            columns = np.concatenate([motion, attitude])
+        else:
+            columns = np.concatenate([motion, effectors, omega * motion, omega * effectors])
+        left[i], freedom[i] = _left(lines, residual[i], np.concatenate([ends, columns]))
+    return left, freedom
+
+
+def _left(lines: Lines, row: Complex, columns: Complex) -> tuple[Array, float]:
+    """Return the power of a row beyond columns with real coefficients, and the share of equations left.
+
+    At most half of the equations go to columns: the strongest directions among them.
+    """
+    y, x = lines.real(row), lines.real(columns)
+    x = x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-300)
+    _, size, basis = np.linalg.svd(x, full_matrices=False)
+    basis = basis[: min(int((size > 1e-6 * size[0]).sum()), x.shape[1] // 2)]
+    y = y - (y @ basis.T) @ basis
+    count = lines.hz.size
+    power = np.empty(count)
+    power[0] = y[0] ** 2
+    power[1:] = 0.5 * (y[1:count] ** 2 + y[count:] ** 2)
+    return power, 1 - len(basis) / x.shape[1]
+
+
+def _averaged(values: NDArray, half_width: int) -> NDArray:
+    """Return values on lines, the first axis, averaged over their neighbours; fewer at the slow end."""
+    count = len(values)
+    total = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
+    width = np.minimum(half_width, np.maximum(np.arange(count) // 2, 1)) if half_width < 5 else half_width
+    low = np.maximum(np.arange(count) - width, 0)
+    high = np.minimum(np.arange(count) + width + 1, count)
+    return (total[high] - total[low]) / (high - low).reshape(-1, *[1] * (values.ndim - 1))
+

@@ -1,0 +1,182 @@
+"""A simulation beside one manoeuvre: what was measured, what is predicted, and what changes make of both."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.record import FlightRecord, Maneuver
+from freqid.gap.simulation import Departures, Settings, Simulation
+from freqid.gap.stack.histories import Histories
+from freqid.gap.stack.rows import measured_part
+
+Array = NDArray[np.float64]
+
+_QUICK = ("callable", "fmu", "scenario")
+"""Kinds that answer any record in milliseconds. Others are asked for their derivatives once."""
+
+_BY_DERIVATIVES = ("jsbsim", "predictions", "scenario")
+"""Kinds whose response to moved effectors is taken to first order in the effector."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A simulation beside one manoeuvre, and what is computed of the pair once.
+
+    Attributes
+    ----------
+    simulation : Simulation
+    maneuver : Maneuver
+    measured : Histories
+    predicted : ndarray, shape (response, sample)
+    positions : dict of ndarray
+        That the simulation makes of the commands.
+    inputs : tuple of str
+        Channels by which `gradient` differentiates.
+    sent : FlightRecord
+        The commands at the record's own rate, which actuators are asked with.
+    every : int
+        How many samples of that stand behind one of the manoeuvre's.
+    """
+
+    simulation: Simulation
+    maneuver: Maneuver
+    measured: Histories
+    predicted: Array
+    positions: dict[str, Array]
+    inputs: tuple[str, ...]
+    sent: FlightRecord
+    every: int = 1
+
+    @classmethod
+    def of(cls, simulation: Simulation, maneuver: Maneuver) -> Trial:
+        """Replay a simulation on a manoeuvre.
+
+        Raises
+        ------
+        DataError
+            Where the record lacks what either needs.
+        """
+        record = maneuver.record
+        positions = simulation.positions(record)
+        positions = {n: x for n, x in positions.items() if f"effector/{n}" in record}
+        measured = measured_part(maneuver, simulation.responses, tuple(positions))
+        predicted = simulation.predict(record)
+        inputs = inputs_of(simulation, record)
+        return cls(simulation, maneuver, measured, predicted, positions, inputs, record)
+
+    def thinned(self, every: int) -> Trial:
+        """Return the trial on every so many of its samples: smooth motion needs few. Actuators keep theirs."""
+        if every == 1 or self.simulation.kind not in _QUICK:
+            return self
+        record = self.maneuver.record
+        channels = {
+            n: replace(c, values=c.values[::every], native_rate_hz=c.native_rate_hz / every)
+            for n, c in record.channels.items()
+        }
+        thin = replace(self.maneuver, record=replace(record, time=record.time[::every], channels=channels))
+        positions = {n: x[::every] for n, x in self.positions.items()}
+        measured = measured_part(thin, self.simulation.responses, tuple(positions))
+        predicted = self.simulation.predict(thin.record)
+        return Trial(self.simulation, thin, measured, predicted, positions, self.inputs, self.sent, every)
+
+    def positions_with(
+        self, effects: Settings | None = None, departures: Departures | None = None, sent: FlightRecord | None = None
+    ) -> dict[str, Array]:
+        """Return the actuators' positions with other effects, own parameters or commands, on these samples."""
+        made = self.simulation.positions(sent or self.sent, effects, departures)
+        return {n: made[n][:: self.every] for n in self.positions}
+
+    @cached_property
+    def gradient(self) -> Array:
+        """Derivatives of the responses, shape (response, input, sample); not all that is asked needs them."""
+        return self.simulation.gradient(self.maneuver.record, self.inputs)
+
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        """Effectors whose positions the simulation predicts."""
+        return tuple(self.positions)
+
+    def rows(self, responses: Array | None = None, positions: Mapping[str, Array] | None = None) -> Histories:
+        """Return histories in the residual's rows of responses, shape (response, sample), and positions."""
+        direct = np.zeros_like(self.measured.direct)
+        if responses is not None:
+            direct[: len(responses)] = responses
+        for i, row in enumerate(self.measured.rows):
+            name = row.name.partition("/")[2]
+            if row.kind == "actuator" and positions is not None and name in positions:
+                direct[i] = positions[name]
+        return Histories(self.measured.rows, direct, np.zeros_like(direct))
+
+    @cached_property
+    def simulated(self) -> Histories:
+        """What the simulation says, in the rows of what was measured."""
+        return self.rows(self.predicted, self.positions)
+
+    @property
+    def residual(self) -> Histories:
+        """Measured less simulated."""
+        return self.measured - self.simulated
+
+    def measured_on(self, maneuver: Maneuver) -> Histories:
+        """Return the measured part of another manoeuvre in the same rows."""
+        return measured_part(maneuver, self.simulation.responses, self.actuators)
+
+    def on(self, record: FlightRecord) -> Histories:
+        """Return the residual that another log of the same flight would leave.
+
+        Replayed in full, or by derivatives where the simulation is too slow or cannot be asked again.
+        """
+        measured = self.measured_on(Maneuver(record, self.maneuver.vehicle))
+        before = self.maneuver.record
+        moved = {n: record[n] - before[n] for n in self.inputs if not np.array_equal(record[n], before[n])}
+        change = self.moved(moved, in_full=self.simulation.kind in _QUICK) if moved else None
+        return measured - self.simulated - self.rows(change)
+
+    def with_noise(self, noise: Mapping[str, Array], sign: float) -> Histories:
+        """Return the residual with noise added to channels, shape (sample,) each."""
+        record = self.maneuver.record
+        channels = [replace(record.channel(n), values=record[n] + sign * x) for n, x in noise.items()]
+        return self.on(record.with_channels(*channels))
+
+    def moved(self, changes: Mapping[str, Array], *, in_full: bool | None = None) -> Array:
+        """Return what changes of input channels make of the responses, shape (response, sample)."""
+        in_full = self.simulation.kind not in _BY_DERIVATIVES if in_full is None else in_full
+        if in_full:
+            record = self.maneuver.record
+            channels = [
+                replace(record.channel(n), values=record[n] + x) for n, x in changes.items() if n in record
+            ]
+            return self.simulation.predict(record.with_channels(*channels)) - self.predicted
+        known = [(j, changes[name]) for j, name in enumerate(self.inputs) if name in changes]
+        return sum((self.gradient[:, j] * x for j, x in known), np.zeros_like(self.predicted))
+
+    def departed(self, departures: Departures) -> Histories:
+        """Return the change of the residual where own parameters of the truth depart from the simulation's."""
+        record, simulation = self.maneuver.record, self.simulation
+        after = simulation.predict(record, departures=departures)
+        positions = self.positions_with(departures=departures) if self.positions else {}
+        moved = {n: positions[n] - x for n, x in self.positions.items()}
+        return self.rows(after - self.predicted, moved)
+
+    def with_own_effects(self, settings: Settings, *, actuators: bool) -> Histories:
+        """Return the change of the residual where the truth has other settings of the simulation's effects."""
+        record = self.maneuver.record
+        positions = {}
+        if actuators and self.positions:
+            after = self.positions_with(settings)
+            positions = {n: after[n] - x for n, x in self.positions.items()}
+        return self.rows(self.simulation.predict(record, settings) - self.predicted, positions)
+
+
+def inputs_of(simulation: Simulation, record: FlightRecord) -> tuple[str, ...]:
+    """Return the channels that a simulation's responses may depend on and that move."""
+    names = [f"state/{n}" for n in ("u", "v", "w", "p", "q", "r")]
+    if simulation.kind in ("callable", "fmu") or "state/u" not in record:
+        names += [f"air/{n}" for n in ("V", "alpha", "beta")]
+    names += [f"effector/{n}" for n in record.group("effector")]
+    return tuple(n for n in names if n in record and np.ptp(record[n]) > 0)

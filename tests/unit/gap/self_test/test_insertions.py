@@ -1,0 +1,91 @@
+"""Insertions have the detectability that was asked for, and are the effect's full formula."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from freqid.gap.infer.system import BlockMatrices, Form, System
+from freqid.gap.model.changes import change
+from freqid.gap.self_test.insertions import insert, size_at
+
+GOALS = (15.0, 200.0)
+
+
+@pytest.fixture(scope="module")
+def inserted(findings, used, library):
+    return insert(findings.evidence, *used, library, GOALS, 0)
+
+
+def of(findings, inserted, name):
+    found = [i for i in inserted.insertions if findings.evidence.system.candidates[i.candidate].name == name]
+    assert found, name
+    return found
+
+
+def test_every_effect_is_inserted_at_its_places_with_the_detectability_asked_for(findings, inserted, library):
+    system = findings.evidence.system
+    assert inserted.not_inserted == {}
+    assert {system.candidates[i.candidate].effect for i in inserted.insertions} == set(library)
+    names = {system.candidates[i.candidate].name for i in inserted.insertions}
+    assert {"cg_offset@x", "cg_offset@all", "surface_effectiveness@de", "time_skew@rates"} <= names
+    for i in inserted.insertions:
+        assert i.detectability == pytest.approx(i.goal, rel=0.25)
+        c = system.candidates[i.candidate]
+        if c.kind == "scalar":
+            assert c.bounds[0] <= i.size[0] <= c.bounds[1]
+
+
+@pytest.mark.parametrize("name", ["mass", "unsteady_lift", "time_skew"])
+def test_an_insertion_is_what_the_full_formula_makes_of_the_stack(findings, used, inserted, library, name):
+    """Its products with all columns are those of a column that is computed here at that size."""
+    blocks, columns = used
+    system = findings.evidence.system
+    for one in of(findings, inserted, name):
+        c = system.candidates[one.candidate]
+        effect = library[name].of(blocks[0].trial.maneuver.vehicle)
+        settings = dict.fromkeys(c.place.parameters, float(one.size[0]))
+        fresh = [b.white(b.transform(change(effect, b.trial, settings)))[None] for b in blocks]
+        matrices = [
+            BlockMatrices.of(np.concatenate([k.effects, z]), k.tolerances, k.residual, k.own, k.form, k.actuators)
+            for k, z in zip(columns, fresh, strict=True)
+        ]
+        start = np.append(system.start[:-1], system.columns + 1)
+        own = System(system.candidates, start, system.tolerances, matrices)
+        for f in (Form(0.0, 0.0), Form(0.02, 0.003)):
+            expected = own.reduced(f).G[-1]
+            found = inserted.system.reduced(f).G @ one.weights
+            # a candidate that counts as proportional may depart from it by three per cent
+            close = 0.04 * np.sqrt(np.diag(own.reduced(f).G) * expected[-1])
+            assert np.all(np.abs(found[: system.columns] - expected[:-1]) <= close[:-1] + 1e-9)
+
+
+def test_a_computed_insertion_is_no_interpolation(findings, inserted):
+    """Between two sizes of its columns an effect that is not proportional is another thing."""
+    strong = max(of(findings, inserted, "unsteady_lift"), key=lambda i: i.goal)
+    system = findings.evidence.system
+    c, at = system.candidates[strong.candidate], system.columns_of(strong.candidate)
+    assert not strong.weights[: system.columns].any()
+    between = np.zeros(inserted.system.columns)
+    between[at] = c.weights(float(strong.size[0]))
+    apart = strong.weights - between
+    G = inserted.system.reduced(inserted.form_error).G
+    assert 1e-6 < apart @ G @ apart < 0.05 * strong.detectability
+
+
+def test_an_effect_that_cannot_be_so_visible_is_not_inserted_and_says_why(findings, used, library):
+    found = insert(findings.evidence, *used, library, (1e12,), 0)
+    assert found.insertions == []
+    assert set(found.not_inserted) == set(library)
+    assert "no size within its physical range" in found.not_inserted["mass"]
+
+
+def test_the_size_of_a_detectability_goes_with_its_root_where_the_effect_is_proportional(findings):
+    system = findings.evidence.system
+    index = next(k for k, c in enumerate(system.candidates) if c.name == "mass")
+    at = system.columns_of(index)
+    G = system.reduced(Form(0.0, 0.0)).G[at, at]
+    sizes = [size_at(system.candidates[index], G, goal, 1.0) for goal in (10.0, 40.0)]
+    assert sizes[1] == pytest.approx(2 * sizes[0], rel=1e-9)
+    assert size_at(system.candidates[index], G, 10.0, -1.0) == pytest.approx(-sizes[0])
+    assert np.isnan(size_at(system.candidates[index], G, 1e12, 1.0))

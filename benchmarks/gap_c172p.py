@@ -197,8 +197,10 @@ def diagnosed(folder: Path, tolerances: dict[str, float], seed: int, library: di
     speeds = (*SPEEDS, HELD_OUT)
     flights = [fly(folder, v, seed + i) for i, v in enumerate(speeds)]
     maneuvers = [Maneuver.of(f, simulation.vehicle) for f in flights]
-    question = Question(library, stated(tolerances, library, simulation, simulation.vehicle), BAND_HZ, seed=seed)
-    names = [f"{v:g} m/s" for v in speeds]
+    question = Question(
+        library, stated(tolerances, library, simulation, simulation.vehicle), BAND_HZ, seed=seed
+    )
+    names = [f"at {v:g} metres per second" for v in speeds]
     return diagnose(simulation, maneuvers[:-1], question, held_out=maneuvers[-1:], names=names)
 
 
@@ -219,7 +221,9 @@ def main() -> None:
             for closure in said.how_far[:1]:
                 row["G"] = f"{closure.wrench.G:.3f}"
                 sizes = {f"{e}.{n}": x for e, v in closure.settings.items() for n, x in v.items()}
-                row["sizes"] = "; ".join(f"{n} {x.estimate:.4f} [{x.lo:.4f}, {x.hi:.4f}]" for n, x in sizes.items())
+                row["sizes"] = "; ".join(
+                    f"{n} {x.estimate:.4f} [{x.lo:.4f}, {x.hi:.4f}]" for n, x in sizes.items()
+                )
             rows.append(row)
             print("  ", *row.values(), sep="  ", flush=True)
     with Path(__file__).with_suffix(".csv").open("w", newline="", encoding="utf-8") as file:

@@ -129,7 +129,11 @@ def make(args, plan, setup) -> None:
     sigmas, biases = per_case(truth), per_flight(truth)
     flights, departures = [], []
     for case in plan:
-        case["seed"] = int(np.random.SeedSequence([args.seed, *args.vehicle.encode(), *case["id"].encode()]).generate_state(1)[0])
+        case["seed"] = int(
+            np.random.SeedSequence([args.seed, *args.vehicle.encode(), *case["id"].encode()]).generate_state(
+                1
+            )[0]
+        )
         rng = np.random.default_rng(case["seed"])
         case["common"], case["own"] = draw(sigmas, rng), []
         effect = {}

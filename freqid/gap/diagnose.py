@@ -176,7 +176,9 @@ def diagnose(
     closed: list[Closed] = []
     if q.close and explanation:
         tell("closing the gap on manoeuvres that were not used")
-        others = stack_of(simulation, held_out, names[count:], q.band_hz, seed=q.seed + 500) if held_out else []
+        others = (
+            stack_of(simulation, held_out, names[count:], q.band_hz, seed=q.seed + 500) if held_out else []
+        )
         closing = closing_of(system, used, columns, others, explanation, q.candidates, q.tolerances)
         closed = close(closing, explanation, q.seed)
     existence = _existence(exists, p, threshold, q.level, evidence, used)

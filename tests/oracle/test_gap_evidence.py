@@ -71,7 +71,7 @@ class Dense:
         self.columns, self.residual = np.concatenate(self.x, axis=1), np.concatenate(self.r)
 
     def covariance(self, f):
-        """Of noise, own unknowns, form and tolerances; tolerances and actuators' form are the same in all blocks."""
+        """Of noise, own unknowns, form and tolerances; tolerances and actuators' form are in all blocks."""
         own = [
             np.eye(u.shape[1]) + u.T @ u + f.loads**2 * z.T @ z
             for u, z in zip(self.u, self.form, strict=True)

@@ -17,11 +17,11 @@ def test_a_weak_and_late_elevator_is_found_and_refitted(script, tmp_path):
     simulation = connect("jsbsim:c172p")
     flight = benchmark.fly(folder, 54.0, 3, periods=1)
     library = {i: shipped()[i] for i in (*benchmark.EFFECTS, "inertia", "time_skew")}
-    question = Question(library, stated({}, shipped()), benchmark.BAND_HZ, named=benchmark.EFFECTS, draws=26)
+    question = Question(library, stated({}, shipped()), benchmark.BAND_HZ, named=benchmark.EFFECTS)
     found = diagnose(simulation, [Maneuver.of(flight, simulation.vehicle)], question).diagnosis
     assert found.gap.exists
-    assert found.where[0].response == "actuator/elevator"
-    assert found.where[0].input == "elevator"
+    assert {p.response for p in found.where} >= {"actuator/elevator", "M"}
+    assert {p.input for p in found.where} == {"elevator"}
     closure = found.how_far[0]
     assert closure.wrench.G > 0.95
     loss, delay = (closure.settings[i]["elevator"] for i in benchmark.EFFECTS)

@@ -1,4 +1,4 @@
-"""What a gap is closed on: the explanation's columns alone, on blocks that were used and on those held out."""
+"""What a gap is closed on: the explanation's columns, on blocks that were used and on those held out."""
 
 from __future__ import annotations
 

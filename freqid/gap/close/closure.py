@@ -8,7 +8,7 @@ import numpy as np
 
 from freqid.core.diagnosis import Closure, Interval, Share
 from freqid.gap.close.closing import Closing
-from freqid.gap.close.fit import Fit, fit, joint_evidence
+from freqid.gap.close.fit import Fit, fit, joint_evidence, likeliest_form_error
 from freqid.gap.close.score import Responses, Scored, responses, shares
 from freqid.gap.infer.evidence import Evidence, estimate, weigh
 from freqid.gap.infer.explain import Explanation
@@ -61,11 +61,11 @@ def close(closing: Closing, explanation: Explanation, seed: int) -> list[Closed]
         if more <= score:
             break
         best, score = longer, more
-    found = [_closed(closing, fitted, best, score, seed)]
+    found = [_closed(closing, fitted, best, best, score, seed)]
     if len(best.places) > 1:
         for i in best.places:
             alone = Explanation((i,), (fitted.candidate[i],), (estimate(fitted, i, INTERVAL),))
-            found.append(_closed(closing, fitted, alone, _score(closing, whole, alone), seed))
+            found.append(_closed(closing, fitted, alone, best, _score(closing, whole, alone), seed))
     return found
 
 
@@ -88,13 +88,20 @@ def _score(closing: Closing, whole: Evidence, explanation: Explanation) -> float
     return float(sum(every - joint_evidence(system.only(f.rest), whole, explanation) for f in closing.folds))
 
 
-def _closed(closing: Closing, fitted: Evidence, explanation: Explanation, score: float, seed: int) -> Closed:
+def _closed(
+    closing: Closing, fitted: Evidence, explanation: Explanation, best: Explanation, score: float, seed: int
+) -> Closed:
+    """Return the closure of an explanation, at the error of form beside the best one.
+
+    The simulation has one error of form: a worse explanation that is allowed a larger one would close as much.
+    """
     scored: list[Scored] = []
     index: list[int] = []
     for fold in closing.folds:
         one = len(closing.folds) == 1
         here = fitted if one else weigh(closing.system.only(fold.rest))
-        fit_ = fit(here, explanation if one else _again(here, explanation))
+        again, alike = (e if one else _again(here, e) for e in (explanation, best))
+        fit_ = fit(here, again, likeliest_form_error(here, alike))
         index += [closing.source[i] for i in fold.scored]
         scored += [Scored(closing.blocks[closing.source[i]], closing.columns[i], fit_) for i in fold.scored]
     share = shares(scored, seed, INTERVAL)
@@ -116,7 +123,8 @@ def _closed(closing: Closing, fitted: Evidence, explanation: Explanation, score:
         tolerances_only=share["tolerances"],
         log_score=score,
     )
-    return Closed(explanation, closure, fit(fitted, explanation), _withdrawn(explanation, score, figures))
+    whole = fit(fitted, explanation, likeliest_form_error(fitted, best))
+    return Closed(explanation, closure, whole, _withdrawn(explanation, score, figures))
 
 
 def _again(evidence: Evidence, explanation: Explanation) -> Explanation:
@@ -165,9 +173,7 @@ def _note(share: dict[str, Share], figures: Responses) -> str:
 def _withdrawn(explanation: Explanation, score: float, figures: Responses) -> str:
     """Return why a name does not hold, or nothing."""
     if score < 0:
-        return (
-            f"it predicts manoeuvres that were not used worse than tolerances alone do ({score:.1f} nats)"
-        )
+        return f"it predicts manoeuvres that were not used worse than tolerances alone do ({score:.1f} nats)"
     if figures.rises:
         return f"with it the error of {', '.join(figures.acting[:3])} grows on manoeuvres that were not used"
     bound = [e.candidate.name for e in explanation.estimates if e.at_bound]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
+from scipy.special import logsumexp
 
 from freqid.gap.infer.evidence import Evidence, estimate
 from freqid.gap.infer.explain import Explanation
@@ -42,7 +43,7 @@ class Fit:
 
 
 def likeliest_tolerances(evidence: Evidence) -> Array:
-    """Return the tolerances' departures, in sigmas, beside the likeliest effect, or alone where none is likely."""
+    """Return the tolerances' departures, in sigmas, beside the likeliest effect if one is likely."""
     system = evidence.system
     best = int(np.argmax(evidence.candidate)) if len(evidence.candidate) else -1
     weights = np.zeros(system.columns)
@@ -57,7 +58,7 @@ def likeliest_tolerances(evidence: Evidence) -> Array:
     return cho_solve(factor, gram[t, -1] - gram[t, :n] @ weights)[: len(system.tolerances)]
 
 
-def fit(evidence: Evidence, explanation: Explanation, system: System | None = None) -> Fit:
+def fit(evidence: Evidence, explanation: Explanation, form_error: Form | None = None) -> Fit:
     """Return the fit of an explanation to a stack: its sizes as estimated, tolerances given these.
 
     Parameters
@@ -65,11 +66,11 @@ def fit(evidence: Evidence, explanation: Explanation, system: System | None = No
     evidence : Evidence
         Of which the explanation is.
     explanation : Explanation
-    system : System, optional
-        Fitted to this one, where it is not the evidence's own.
+    form_error : Form, optional
+        At which it is fitted; the likeliest beside the explanation where absent.
     """
-    system = system or evidence.system
-    form_error = evidence.form_error(explanation.places[0])
+    system = evidence.system
+    form_error = form_error or likeliest_form_error(evidence, explanation)
     gram, _ = system.gram(form_error)
     n = system.columns
     weights = np.zeros(n)
@@ -91,19 +92,33 @@ def joint_evidence(system: System, evidence: Evidence, explanation: Explanation)
 
     Each effect in turn, given the estimated sizes of those before it.
     """
-    from scipy.special import logsumexp
+    none = [system.reduced(f).log_evidence for f in system.form_errors]
+    return float(logsumexp(_by_form(system, evidence, explanation)) - logsumexp(none))
 
+
+def likeliest_form_error(evidence: Evidence, explanation: Explanation) -> Form:
+    """Return the simulation's error of form with the largest evidence once an explanation is allowed for."""
+    system = evidence.system
+    return system.form_errors[int(np.argmax(_by_form(system, evidence, explanation)))]
+
+
+def _by_form(system: System, evidence: Evidence, explanation: Explanation) -> list[float]:
+    """Return the log evidence of an explanation at each error of form, less what all have in common.
+
+    The likelihood at the estimated sizes, times what each effect's own prior takes off it given the others.
+    """
     weighing = evidence.weighing
-    with_effect, none = [], []
+    parts = []
+    for i, e in zip(explanation.places, explanation.estimates, strict=True):
+        parts.append((i, np.zeros(system.columns)))
+        parts[-1][1][system.columns_of(i)] = e.weights
+    whole = np.sum([w for _, w in parts], axis=0)
+    found = []
     for f in system.form_errors:
         reduced = system.reduced(f)
-        total, given = 0.0, np.zeros(system.columns)
-        for i, e in zip(explanation.places, explanation.estimates, strict=True):
-            g = reduced.g - reduced.G @ given
-            total += weighing.of_place(i, reduced, g)
-            at = system.columns_of(i)
-            given[at] += e.weights
-        none.append(reduced.log_evidence)
-        with_effect.append(reduced.log_evidence + total)
-    return float(logsumexp(with_effect) - logsumexp(none))
-
+        total = float(whole @ reduced.g - 0.5 * whole @ reduced.G @ whole)
+        for i, own in parts:
+            g = reduced.g - reduced.G @ (whole - own)
+            total += weighing.of_place(i, reduced, g) - float(own @ g - 0.5 * own @ reduced.G @ own)
+        found.append(reduced.log_evidence + total)
+    return found

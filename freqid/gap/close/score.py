@@ -65,8 +65,8 @@ class Scored:
 def shares(scored: Sequence[Scored], seed: int, level: float) -> dict[str, Share]:
     """Return the shares of a gap that go: ``effect``, ``tolerances`` and ``both``, with bootstrap intervals.
 
-    ``G = 1 - (P_after - P_noise) / (P_before - P_noise)`` with P the mean whitened squared residual; one means
-    "to the noise", and nothing above is said.
+    ``G = 1 - (P_after - P_noise) / (P_before - P_noise)`` with P the mean whitened squared residual; one
+    means "to the noise", and nothing above is said.
     """
     zero = [(np.zeros_like(s.fit.effect), np.zeros_like(s.fit.tolerances)) for s in scored]
     ways = {
@@ -116,7 +116,10 @@ class Responses:
 
 
 def responses(
-    scored: Sequence[Scored], indices: Sequence[int], candidates: Sequence[Candidate], tolerances: Sequence[Complex]
+    scored: Sequence[Scored],
+    indices: Sequence[int],
+    candidates: Sequence[Candidate],
+    tolerances: Sequence[Complex],
 ) -> Responses:
     """Return classical figures of replays on blocks that were not used.
 

@@ -140,7 +140,12 @@ def _columns(
 
 
 def _error_of_relations(
-    block: Block, effects: Complex, found: Sequence[Candidate], tolerances: Complex, own: Complex, wrong: Complex
+    block: Block,
+    effects: Complex,
+    found: Sequence[Candidate],
+    tolerances: Complex,
+    own: Complex,
+    wrong: Complex,
 ) -> float:
     """Return the likeliest error of form of the kinematic relations, from their rows alone.
 
@@ -154,9 +159,14 @@ def _error_of_relations(
 
 
 def _louder(
-    block: Block, effects: Complex, found: Sequence[Candidate], tolerances: Complex, own: Complex, form: Complex
+    block: Block,
+    effects: Complex,
+    found: Sequence[Candidate],
+    tolerances: Complex,
+    own: Complex,
+    form: Complex,
 ) -> Block:
-    """Return a block whose loads are as noisy as is likeliest: sensors' noise tells nothing of gusts and buffet.
+    """Return a block whose loads are as noisy as is likeliest: sensors tell nothing of gusts and buffet.
 
     Every effect and every error of form is allowed for while the scale is chosen.
     """
@@ -189,7 +199,11 @@ def _some_rows(
     rows = list(rows)
     start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
     few = [i for i, c in enumerate(found) if np.any(effects[start[i] : start[i + 1], rows])]
-    keep = np.concatenate([np.arange(start[i], start[i + 1]) for i in few]).astype(int) if few else np.zeros(0, int)
+    keep = (
+        np.concatenate([np.arange(start[i], start[i + 1]) for i in few]).astype(int)
+        if few
+        else np.zeros(0, int)
+    )
     shared = tolerances[np.any(tolerances[:, rows], axis=(1, 2))]
     matrices = BlockMatrices.of(
         block.white(effects[keep], rows),
@@ -215,12 +229,17 @@ def _stacked(block: Block, columns: Sequence[Complex | None]) -> Complex:
 
 
 def relinearised(
-    system: System, columns: Sequence[Columns], blocks: Sequence[Block], fitted: Array, sizes: Mapping[str, float]
+    system: System,
+    columns: Sequence[Columns],
+    blocks: Sequence[Block],
+    fitted: Array,
+    sizes: Mapping[str, float],
 ) -> tuple[System, list[Columns]]:
     """Return a system whose tolerances are straight about where they came out, not about nominal.
 
-    What the simulation's own parameters make together at their fitted departures, less what their columns say, is
-    taken off the residual: a scatter of five per cent in many parameters is not straight to the sensors' noise.
+    What the simulation's own parameters make together at their fitted departures, less what their columns
+    say, is taken off the residual: a scatter of five per cent in many parameters is not straight to the
+    sensors' noise.
 
     Parameters
     ----------
@@ -236,7 +255,8 @@ def relinearised(
     own = blocks[0].trial.simulation.tolerances
     at = [k for k, name in enumerate(system.tolerances) if name in own]
     departures = {
-        system.tolerances[k]: float(fitted[k]) * sizes.get(system.tolerances[k], own[system.tolerances[k]].sigma)
+        system.tolerances[k]: float(fitted[k])
+        * sizes.get(system.tolerances[k], own[system.tolerances[k]].sigma)
         for k in at
     }
     if not departures:

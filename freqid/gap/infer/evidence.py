@@ -152,7 +152,7 @@ class Evidence:
         return max(self.weighing.places_of(effect), key=lambda i: self.candidate[i])
 
     def form_weights(self, candidate: int | None = None) -> Array:
-        """Return the posterior of the error of form, shape (form,), given a candidate, else over all and none."""
+        """Return the posterior of the error of form, shape (form,), given a candidate, else over all."""
         if candidate is not None:
             log = self.none + self.places[:, candidate]
         else:
@@ -218,26 +218,46 @@ def estimate(evidence: Evidence, index: int, level: float, given: Array | None =
     given : ndarray, shape (column,), optional
         Weights of other candidates' columns that are taken as known to be in the data.
     """
-    system, c = evidence.system, evidence.system.candidates[index]
-    at = system.columns_of(index)
-    mix = evidence.form_weights(index)
+    c = evidence.system.candidates[index]
+    mix, beside = _form_beside(evidence, index, given)
     if c.kind == "vector":
         return _vector_estimate(evidence, index, level, mix, given)
     fine, w = _fine(c)
-    density = _density(evidence, index, mix, given, fine, w)
+    density = _density(evidence, index, mix, beside, given, fine, w)
     seen = np.flatnonzero(density > 1e-9 * density.max())
     # once more, fine enough for however sharp the data are
     near = np.linspace(fine[max(seen[0] - 1, 0)], fine[min(seen[-1] + 1, fine.size - 1)], _FINE)
-    density = _density(evidence, index, mix, given, near, np.array([c.weights(s) for s in near]))
+    density = _density(evidence, index, mix, beside, given, near, np.array([c.weights(s) for s in near]))
     mass = np.cumsum(density) / density.sum()
     lo, hi = (float(np.interp(q, mass, near)) for q in ((1 - level) / 2, (1 + level) / 2))
     mean = float((density * near).sum() / density.sum())
     edges = [e for e in (c.prior.min(), c.prior.max()) if np.sign(e) == np.sign(mean)]
-    at_bound = any(abs(mean - e) < 0.1 * abs(e) and min(abs(lo - e), abs(hi - e)) < 0.01 * abs(e) for e in edges)
+    at_bound = any(
+        abs(mean - e) < 0.1 * abs(e) and min(abs(lo - e), abs(hi - e)) < 0.01 * abs(e) for e in edges
+    )
     return Estimate(c, np.array([mean]), np.array([lo]), np.array([hi]), at_bound)
 
 
-def _density(evidence: Evidence, index: int, mix: Array, given: Array | None, sizes: Array, w: Array) -> Array:
+def _form_beside(evidence: Evidence, index: int, given: Array | None) -> tuple[Array, Array]:
+    """Return the posterior of the error of form beside a candidate and what is given, and log Bayes factors.
+
+    Both of shape (form,); the Bayes factors are the candidate's once the given columns are taken off.
+    """
+    if given is None:
+        return evidence.form_weights(index), evidence.places[:, index]
+    log, beside = evidence.none.copy(), np.empty(evidence.none.size)
+    for k, f in enumerate(evidence.system.form_errors):
+        reduced = evidence.system.reduced(f)
+        moved = reduced.G @ given
+        log[k] += given @ reduced.g - 0.5 * given @ moved
+        beside[k] = evidence.weighing.of_place(index, reduced, reduced.g - moved)
+    log += beside
+    return np.exp(log - logsumexp(log)), beside
+
+
+def _density(
+    evidence: Evidence, index: int, mix: Array, beside: Array, given: Array | None, sizes: Array, w: Array
+) -> Array:
     """Return the posterior density of a scalar's size with a flat prior, times a constant, shape (size,)."""
     system = evidence.system
     at = system.columns_of(index)
@@ -247,7 +267,7 @@ def _density(evidence: Evidence, index: int, mix: Array, given: Array | None, si
             reduced = system.reduced(f)
             energy = np.einsum("sc,cd,sd->s", w, reduced.G[at, at], w)
             g = reduced.g[at] if given is None else reduced.g[at] - reduced.G[at] @ given
-            log[k] = np.log(mix[k]) + w @ g - 0.5 * energy - evidence.places[k, index]
+            log[k] = np.log(mix[k]) + w @ g - 0.5 * energy - beside[k]
     log -= log.max()
     return np.exp(logsumexp(log, axis=0)) * np.gradient(sizes)
 
@@ -372,5 +392,3 @@ def separation(evidence: Evidence, one: int, other: int) -> float:
         return max(own + float(left.min()), 0.0)
     explained = float(across @ np.linalg.lstsq(reduced.G[b, b], across, rcond=1e-9)[0])
     return max(own - explained, 0.0)
-
-

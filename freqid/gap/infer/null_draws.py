@@ -82,7 +82,7 @@ def drawn(
 
 
 def _at_loads(block: BlockMatrices, error: float, inner: Array, form: Array) -> tuple[Array, Array]:
-    """Return drawn inner products of ``[X, T, A]`` with the loads' error of form integrated out, and its evidence."""
+    """Return drawn inner products of ``[X, T, A]`` less the loads' error of form, and its evidence."""
     f2 = error**2
     shrink = (f2 / (1 + f2 * block.form_power))[:, None]
     log = 0.5 * (shrink * form**2).sum(axis=0) - 0.5 * float(np.log1p(f2 * block.form_power).sum())
@@ -120,8 +120,8 @@ def _sampled(
     """Return inner products of ``[X, T, A]`` with drawn data, and their projections on the loads' form.
 
     The projections of noise on the form's directions have the eigenvalues as variances; given these, the
-    columns' inner products have what is left of their Gram matrix. `shared` are the tolerances and the actuators'
-    errors of form, the same in all blocks.
+    columns' inner products have what is left of their Gram matrix. `shared` are the tolerances and the
+    actuators' errors of form, the same in all blocks.
     """
     gram = _without_residual(block, _without_residual(block, block.gram).T)
     form, power = _without_residual(block, block.form), block.form_power

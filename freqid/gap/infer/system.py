@@ -1,7 +1,7 @@
 """The stack and the model in small matrices: every question after this costs milliseconds.
 
-Noise is white after each block's whitening. Offsets of the records and errors of form belong to one block each
-and are integrated out there; tolerances are shared by all blocks and come last.
+Noise is white after each block's whitening. Offsets of the records and errors of form belong to one block
+each and are integrated out there; tolerances are shared by all blocks and come last.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ FORMS = tuple(Form(a, b) for a in FORM_ERRORS for b in ACTUATOR_FORM_ERRORS)
 class BlockMatrices:
     """Inner products of one block in the metric of its noise and its own unknowns.
 
-    ``[X, T, r, A]`` are the candidates' columns, the tolerances', the residual and the errors of actuators' form,
-    which all blocks share: a servo is the same in every condition.
+    ``[X, T, r, A]`` are the candidates' columns, the tolerances', the residual and the errors of actuators'
+    form, which all blocks share: a servo is the same in every condition.
 
     Attributes
     ----------
@@ -89,12 +89,14 @@ class BlockMatrices:
         return len(self.gram) - self.actuators
 
     def at_loads(self, error: float) -> tuple[Array, float]:
-        """Return all inner products with the loads' error of form integrated out, and half its log determinant."""
+        """Return all inner products less the loads' error of form, and half its log determinant."""
         if error == 0 or not self.form_power.size:
             return self.gram, 0.0
         f2 = error**2
         shrink = f2 / (1 + f2 * self.form_power)
-        return self.gram - (self.form.T * shrink) @ self.form, 0.5 * float(np.log1p(f2 * self.form_power).sum())
+        return self.gram - (self.form.T * shrink) @ self.form, 0.5 * float(
+            np.log1p(f2 * self.form_power).sum()
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +111,8 @@ class Reduced:
     log_evidence : float
         Of no effect, less what all sizes of form have in common.
     tolerance : ndarray, shape (tolerance, column + 1)
-        Posterior mean of the tolerances' departures, in sigmas, per unit of minus a column, and for the residual.
+        Posterior mean of the tolerances' departures, in sigmas, per unit of minus a column, and for the
+        residual.
     """
 
     G: Array
@@ -165,7 +168,8 @@ class System:
     def gram(self, form_error: Form) -> tuple[Array, float]:
         """Return the inner products of all blocks before tolerances, and the log determinant of the form.
 
-        Of ``[X, T, r]``; errors of the actuators' form stand behind the tolerances, as one more kind of these.
+        Of ``[X, T, r]``; errors of the actuators' form stand behind the tolerances, as one more kind of
+        these.
         """
         parts = [b.at_loads(form_error.loads) for b in self.blocks]
         gram, determinant = np.sum([g for g, _ in parts], axis=0), sum(d for _, d in parts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,9 @@ def gap_map(blocks: Sequence[Block], explained: Sequence[Complex]) -> GapMap:
     for block, z in zip(blocks, explained, strict=True):
         cells = np.abs(z) ** 2 / block.noise_power
         at = [rows.index(r.name) for r in block.rows]
-        owner = [inputs.index(block.lines.inputs[o]) if o >= 0 else len(inputs) - 1 for o in block.lines.owner]
+        owner = [
+            inputs.index(block.lines.inputs[o]) if o >= 0 else len(inputs) - 1 for o in block.lines.owner
+        ]
         band = np.clip(np.searchsorted([b for _, b in bands], block.lines.hz, side="left"), 0, len(bands) - 1)
         regime = regimes.index(block.regime)
         for k in range(block.lines.hz.size):
@@ -52,7 +55,7 @@ def _bands(blocks: Sequence[Block]) -> tuple[tuple[float, float], ...]:
     edges = np.geomspace(max(low, top / 100), top, _BANDS + 1)
     edges = np.array([float(f"{e:.2g}") for e in edges])
     edges[0], edges[-1] = 0.0, max(edges[-1], top)
-    return tuple((float(a), float(b)) for a, b in zip(edges[:-1], edges[1:], strict=True))
+    return tuple((float(a), float(b)) for a, b in pairwise(edges))
 
 
 def _thirds(block: Block, z: Complex) -> Array:

@@ -104,10 +104,10 @@ def groups_of(evidence: Evidence, among: Sequence[str]) -> tuple[tuple[str, ...]
 def detectable_sizes(evidence: Evidence, threshold: float) -> dict[str, tuple[float, str]]:
     """Return by effect the smallest size that is called a gap in 95 of 100 cases, and its unit.
 
-    Of the effect as a whole where it has such a place, else where it is least visible: so nothing larger is missed.
+    Of the effect as a whole where it has such a place, else where it is least visible.
 
-    An effect at a size with detectability ``lambda`` has, without noise, a log Bayes factor; noise moves that by
-    ``sqrt(lambda)``, one standard deviation.
+    An effect at a size with detectability ``lambda`` has, without noise, a log Bayes factor; noise moves
+    that by ``sqrt(lambda)``, one standard deviation.
 
     Parameters
     ----------

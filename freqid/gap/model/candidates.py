@@ -1,4 +1,4 @@
-"""Candidate effects at finite size: where each may act, at which sizes, and what it makes of the stack there."""
+"""Candidate effects at finite size: where each may act, and what it makes of the stack there."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ Complex = NDArray[np.complex128]
 OTHER = "other"
 """Free changes of the simulation's terms: what no effect of the library explains."""
 
-_SMALLEST, _LARGEST = 1 / 16, 10.0  # sizes that are looked at, of an effect's scale, within its physical range
+_SMALLEST, _LARGEST = (
+    1 / 16,
+    10.0,
+)  # sizes that are looked at, of an effect's scale, within its physical range
 _STRAIGHT = 0.03  # departure from proportionality, of the change at the largest size, that counts as none
 _SIZES = 7  # at which an effect that is not proportional is computed, either sign
 _SEEN = 1e-3  # of energy over noise, below which a change at its largest size is none
@@ -274,7 +277,7 @@ def _energy(z: Complex, block: Block) -> float:
 
 
 def _made(at: Callable, up: float, down: float, scale: float) -> list[tuple[float, list[Complex]]]:
-    """Return the change at sizes of both signs: a small one and the ends, and more where it is not proportional."""
+    """Return the change at a small size and at both ends, and at more where it is not proportional."""
     ends = [end for end in (up, down) if end]
     near = np.sign(ends[0]) * min(scale / 2, abs(ends[0]) / 2)
     found = [(s, c) for s in (near, *ends) if (c := at(float(s)))]
@@ -296,9 +299,13 @@ def _proportional(made: Sequence[tuple[float, list[Complex]]], blocks: Sequence[
     first = min(range(len(made)), key=lambda k: abs(made[k][0]))
     unit = [z / made[first][0] for z in made[first][1]]
     for size, columns in made:
-        apart = [(z - size * u) / np.sqrt(b.noise_power) for z, u, b in zip(columns, unit, blocks, strict=True)]
+        apart = [
+            (z - size * u) / np.sqrt(b.noise_power) for z, u, b in zip(columns, unit, blocks, strict=True)
+        ]
         whole = [z / np.sqrt(b.noise_power) for z, b in zip(columns, blocks, strict=True)]
-        if sum((np.abs(z) ** 2).sum() for z in apart) > _STRAIGHT**2 * sum((np.abs(z) ** 2).sum() for z in whole):
+        if sum((np.abs(z) ** 2).sum() for z in apart) > _STRAIGHT**2 * sum(
+            (np.abs(z) ** 2).sum() for z in whole
+        ):
             return None
     return first
 

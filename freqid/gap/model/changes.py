@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,9 @@ from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
 Signals = dict[str, Array]
+
+_POSITIONS: WeakKeyDictionary[Trial, dict[tuple[str, float], Signals]] = WeakKeyDictionary()
+"""Of actuators with an effect in their loops, by effect and size: many places ask for the same."""
 
 
 def change(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histories:
@@ -59,7 +63,7 @@ def change(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histo
     if route == "act" and effect.act is not None and trial.positions:
         before = trial.positions
         if effect.in_loop and effect.id in trial.simulation.effects:
-            after = trial.positions_with({effect.id: values})
+            after = _in_loop(effect, values, trial)
         else:
             after = effect.act(values, before, record.dt, kinds)
         return trial.rows(positions={n: after[n] - x for n, x in before.items()})
@@ -69,13 +73,28 @@ def change(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histo
     return trial.rows(trial.moved(_felt(hook, values, record, kinds)))
 
 
+def _in_loop(effect: Effect, values: Mapping[str, float], trial: Trial) -> Signals:
+    """Return the simulation's own positions with an effect inside its actuators' loops.
+
+    Actuators do not feel each other, so one effector's own size is asked for as that of all.
+    """
+    made = _POSITIONS.setdefault(trial, {})
+    found = {}
+    for name in trial.positions:
+        size = values[effect.size] + values.get(name, 0.0)
+        if (effect.id, size) not in made:
+            made[effect.id, size] = trial.positions_with({effect.id: {effect.size: size}})
+        found[name] = made[effect.id, size][name]
+    return found
+
+
 def changes_together(
     effects: Sequence[Effect], trial: Trial, settings: Mapping[str, Mapping[str, float]]
 ) -> Histories:
     """Return the change that several effects make of a residual.
 
-    Those between command and airframe follow one another in the order given: a delay and a lag together are not
-    the sum of what each does alone. All others add up.
+    Those between command and airframe follow one another in the order given: a delay and a lag together are
+    not the sum of what each does alone. All others add up.
     """
     chain = [e for e in effects if route_of(e, trial.simulation) == "act" and trial.positions]
     total = trial.rows()

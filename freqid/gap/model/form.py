@@ -1,8 +1,8 @@
 """Error of form: each term of the simulation times a smooth complex function of frequency.
 
-Tolerances move parameters; beyond these a simulation is wrong in ways that nobody lists. How much is learned from
-the record: the relative size is integrated over (M. C. Kennedy, A. O'Hagan, "Bayesian calibration of computer
-models", Journal of the Royal Statistical Society B 63, 2001: model discrepancy).
+Tolerances move parameters; beyond these a simulation is wrong in ways that nobody lists. How much is
+learned from the record: the relative size is integrated over (M. C. Kennedy, A. O'Hagan, "Bayesian
+calibration of computer models", Journal of the Royal Statistical Society B 63, 2001: model discrepancy).
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _STEP = 1e-3  # share by which a channel is scaled for its terms
-_KINEMATIC = tuple(f"state/{n}" for n in ("u", "v", "w", "p", "q", "r", "ax", "ay", "az", "phi", "theta", "psi"))
+_KINEMATIC = tuple(
+    f"state/{n}" for n in ("u", "v", "w", "p", "q", "r", "ax", "ay", "az", "phi", "theta", "psi")
+)
 _VISIBLE = 0.1  # of one unit of whitened energy at the largest size: terms below it are left out
 
 
@@ -75,7 +77,9 @@ def actuator_columns(block: Block, names: Sequence[str]) -> Complex:
             i, spectrum = at[name]
             each[k][:, i] = shapes * spectrum
     kinds = block.trial.maneuver.vehicle.effector_kinds
-    like = [[k for k, n in enumerate(names) if kinds.get(n) == kind] for kind in dict.fromkeys(kinds.values())]
+    like = [
+        [k for k, n in enumerate(names) if kinds.get(n) == kind] for kind in dict.fromkeys(kinds.values())
+    ]
     together = [each[some].sum(axis=0) for some in like if len(some) > 1]
     return np.concatenate([each.reshape(-1, *each.shape[2:]), *together])
 
@@ -102,7 +106,7 @@ def kinematic_terms(block: Block) -> tuple[list[int], Complex]:
 
 
 def form_columns(block: Block, terms: tuple[list[int], Complex]) -> Complex:
-    """Return the columns of an error of form of size one, shape (column, row, line), of terms that can be seen."""
+    """Return the columns of an error of form of size one, shape (column, row, line), of visible terms."""
     rows, spectra = terms
     hz = block.lines.hz
     shapes = _shapes(block)
@@ -118,7 +122,9 @@ def form_columns(block: Block, terms: tuple[list[int], Complex]) -> Complex:
 
 
 def _shapes(block: Block) -> Complex:
-    """Return smooth complex functions of frequency, shape (function, line): Chebyshev's, in and out of phase."""
+    """Return smooth functions of frequency, shape (function, line): Chebyshev's, in and out of phase."""
     hz = block.lines.hz
-    shapes = chebyshev.chebvander(2 * hz / hz[-1] - 1, FORM_ORDER).T / (1 + np.arange(FORM_ORDER + 1))[:, None]
+    shapes = (
+        chebyshev.chebvander(2 * hz / hz[-1] - 1, FORM_ORDER).T / (1 + np.arange(FORM_ORDER + 1))[:, None]
+    )
     return np.concatenate([shapes, 1j * shapes])

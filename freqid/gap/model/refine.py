@@ -17,7 +17,9 @@ from freqid.simulate.effects.effect import Effect
 _NEAR = (0.8, 1.0, 1.25)  # of the estimated size
 
 
-def refined(candidate: Candidate, size: float, library: Mapping[str, Effect], blocks: Sequence[Block]) -> Candidate:
+def refined(
+    candidate: Candidate, size: float, library: Mapping[str, Effect], blocks: Sequence[Block]
+) -> Candidate:
     """Return a scalar candidate with columns at sizes about one; itself where it is proportional.
 
     Parameters
@@ -48,6 +50,7 @@ def refined(candidate: Candidate, size: float, library: Mapping[str, Effect], bl
     sizes = np.concatenate([c.sizes, [s for s, _ in extra]])
     order = np.argsort(sizes)
     columns = [
-        np.concatenate([own, np.array([made[b] for _, made in extra])])[order] for b, own in enumerate(c.columns)
+        np.concatenate([own, np.array([made[b] for _, made in extra])])[order]
+        for b, own in enumerate(c.columns)
     ]
     return replace(c, sizes=sizes[order], columns=columns)

@@ -1,4 +1,4 @@
-"""What a good simulation may be wrong by: one sigma each of its own parameters, of sensors and of mass properties.
+"""What a good simulation may be wrong by: one sigma each of its parameters, of sensors and of mass.
 
 A tolerance is a prior scatter that every question allows for, never an effect. Its column is what one sigma
 makes of the stack, on motion without noise, through the whole pipeline.
@@ -35,8 +35,8 @@ UNDECLARED: dict[str, float] = {
     DERIVATIVES: 0.05,
     DYNAMICS: 0.05,
 }
-"""One sigma for a simulation that declares no parameters of its own: share of each derivative of each response,
-and of each actuator's time to follow."""
+"""One sigma for a simulation that declares no parameters of its own: share of each derivative of each
+response, and of each actuator's time to follow."""
 
 DEFAULT: dict[str, float] = {
     "mass": 0.01,
@@ -50,8 +50,8 @@ DEFAULT: dict[str, float] = {
 """One sigma by effect or ``effect.parameter``, in the parameter's unit, where nothing is stated."""
 
 TIMING = ("time_skew", "actuator_delay")
-"""Effects whose parameters are known to the log's own clock where nothing is stated: channels are taken anywhere
-within a sample of each other, so one sigma is the interval over the root of twelve."""
+"""Effects whose parameters are known to the log's own clock where nothing is stated: channels are taken
+anywhere within a sample of each other, so one sigma is the interval over the root of twelve."""
 
 EACH_FLIGHT: dict[str, float] = {
     "sensor_bias.u": 0.1,
@@ -107,7 +107,13 @@ def stated(
         For a value that is no size, or absurd.
     """
     effects = [e.of(vehicle) for e in library.values()]
-    known = {*DEFAULT, *UNDECLARED, *EACH_FLIGHT, *library, *(f"{e.id}.{p}" for e in effects for p in e.parameters)}
+    known = {
+        *DEFAULT,
+        *UNDECLARED,
+        *EACH_FLIGHT,
+        *library,
+        *(f"{e.id}.{p}" for e in effects for p in e.parameters),
+    }
     own = dict(simulation.tolerances) if simulation else {}
     known |= set(own)
     if vehicle is not None:
@@ -131,7 +137,9 @@ def stated(
     return {**general, **generic, **EACH_FLIGHT, **declared, **table}
 
 
-def tolerance_columns(block: Block, library: Mapping[str, Effect], sizes: Mapping[str, float]) -> dict[str, Complex]:
+def tolerance_columns(
+    block: Block, library: Mapping[str, Effect], sizes: Mapping[str, float]
+) -> dict[str, Complex]:
     """Return what one sigma of each tolerance makes of a block, shape (row, line), by name.
 
     The same name in two blocks is the same error.
@@ -141,7 +149,7 @@ def tolerance_columns(block: Block, library: Mapping[str, Effect], sizes: Mappin
 
 
 def _of_one_make(columns: Mapping[str, Complex], kinds: Mapping[str, str]) -> dict[str, Complex]:
-    """Return what one sigma makes where all effectors of a kind are off together, as those of one make are."""
+    """Return what one sigma makes where all effectors of a kind, of one make, are off together."""
     like: dict[str, list[Complex]] = {}
     for name, z in columns.items():
         effector, _, what = name.rpartition(".")
@@ -150,13 +158,17 @@ def _of_one_make(columns: Mapping[str, Complex], kinds: Mapping[str, str]) -> di
     return {name: np.sum(each, axis=0) for name, each in like.items() if len(each) > 1}
 
 
-def record_columns(block: Block, library: Mapping[str, Effect], sizes: Mapping[str, float]) -> dict[str, Complex]:
+def record_columns(
+    block: Block, library: Mapping[str, Effect], sizes: Mapping[str, float]
+) -> dict[str, Complex]:
     """Return what is unknown in each record by itself, one sigma each: offsets, ends, actuators' starts.
 
     Repeats are averaged, so one sigma of their mean is smaller by the root of their number.
     """
     share = 1 / np.sqrt(len(block.names))
-    found = {name: share * block.transform(h) for name, h in _offsets(block.trial, library, sizes) if _acts(h)}
+    found = {
+        name: share * block.transform(h) for name, h in _offsets(block.trial, library, sizes) if _acts(h)
+    }
     found |= {name: share * block.transform(h) for name, h in _starts(block.trial) if _acts(h)}
     for name, z in _ends(block).items():
         found[name] = share * z
@@ -180,9 +192,13 @@ def _shared(
     if not own:
         yield from _derivatives(trial, sizes.get(DERIVATIVES, 0.0))
         for name in trial.positions:
-            yield from _dynamics(trial, name, {w: sizes.get(DYNAMICS, 0.0) for w in ("natural_frequency", "damping")})
+            yield from _dynamics(
+                trial, name, {w: sizes.get(DYNAMICS, 0.0) for w in ("natural_frequency", "damping")}
+            )
     for name in trial.positions:
-        asked = {w: sizes[f"{name}.{w}"] for w in _SERVO if f"{name}.{w}" in sizes and f"{name}.{w}" not in own}
+        asked = {
+            w: sizes[f"{name}.{w}"] for w in _SERVO if f"{name}.{w}" in sizes and f"{name}.{w}" not in own
+        }
         yield from _dynamics(trial, name, asked)
     for rotor in trial.maneuver.vehicle.rotors:
         for what in _ROTOR:
@@ -220,9 +236,7 @@ def _own_actuators(trial: Trial, sizes: Mapping[str, float]) -> Iterator[tuple[s
     for name in sizes:
         kinds.setdefault(name.rpartition(".")[2], []).append(name)
     for names in kinds.values():
-        up, down = (
-            trial.positions_with(departures={n: sign * sizes[n] for n in names}) for sign in (1, -1)
-        )
+        up, down = (trial.positions_with(departures={n: sign * sizes[n] for n in names}) for sign in (1, -1))
         for name in names:
             effector = simulation.tolerances[name].actuator
             yield name, trial.rows(positions={effector: 0.5 * (up[effector] - down[effector])})
@@ -281,7 +295,9 @@ def _rotor(trial: Trial, name: str, what: str) -> Histories:
     moment = cross(hub(record, vehicle, rotor) - centre(record, vehicle), force)
     about = axis * (axis * (half[3:] - moment)).sum(axis=0)
     wrench = np.concatenate([force, moment]) if what == "thrust" else np.concatenate([0 * force, about])
-    rows = np.array([wrench[WRENCH.index(r)] if r in WRENCH else 0 * record.time for r in trial.simulation.responses])
+    rows = np.array(
+        [wrench[WRENCH.index(r)] if r in WRENCH else 0 * record.time for r in trial.simulation.responses]
+    )
     return trial.rows(rows)
 
 
@@ -301,7 +317,7 @@ def _offsets(
                 moved = record.with_channels(replace(channel, values=channel.values + size))
                 yield f"offset.{e}", trial.on(moved) - trial.residual
         elif effect is not None and effect.distort is not None and not untestable(effect, trial):
-            moved = effect.distort({n: 0.0 for n in effect.parameters} | {name: size}, record)
+            moved = effect.distort(dict.fromkeys(effect.parameters, 0.0) | {name: size}, record)
             if moved is not record:
                 yield f"offset.{stem}.{name}", trial.on(moved) - trial.residual
 
@@ -335,7 +351,9 @@ def _ends(block: Block) -> dict[str, Complex]:
             continue
         power = np.mean(np.abs(block.draws.odd[:, i, 1:]) ** 2, axis=0)
         omega2 = (2 * np.pi * lines.hz[1:]) ** 2
-        density = float(np.sum(power * omega2) / np.sum(omega2**2))  # of the momentum: power is density omega^2
+        density = float(
+            np.sum(power * omega2) / np.sum(omega2**2)
+        )  # of the momentum: power is density omega^2
         size = np.sqrt(2 * density / lines.dt) * lines.end_gain / np.sqrt(lines.duration)
         z = np.zeros((len(block.rows), lines.hz.size), dtype=complex)
         z[i] = size

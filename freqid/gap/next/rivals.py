@@ -241,7 +241,9 @@ def _with_tolerances(system: System, chosen: Index) -> System:
 
 
 def _kept(block: BlockMatrices, at: Index) -> BlockMatrices:
-    at = np.concatenate([at, np.arange(block.count, len(block.gram))])  # and the errors of the actuators' form
+    at = np.concatenate(
+        [at, np.arange(block.count, len(block.gram))]
+    )  # and the errors of the actuators' form
     form = block.form[:, at]
     return BlockMatrices(block.gram[np.ix_(at, at)], form, block.form_power, block.actuators, block.number)
 

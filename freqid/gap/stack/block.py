@@ -1,4 +1,4 @@
-"""One condition of the stack: repeats of a manoeuvre, their mean residual, its noise, the motion without noise."""
+"""One condition of the stack: repeats of a manoeuvre, their mean residual, its noise, the motion."""
 
 from __future__ import annotations
 
@@ -119,7 +119,9 @@ class Block:
             whitening = whitening_of(self.covariance[:, rows][:, :, rows])
             z = z[..., rows, :]
         # one matrix product a line
-        found = np.moveaxis(whitening @ np.moveaxis(z.reshape(-1, *z.shape[-2:]), (0, 2), (2, 0)), (0, 2), (2, 0))
+        found = np.moveaxis(
+            whitening @ np.moveaxis(z.reshape(-1, *z.shape[-2:]), (0, 2), (2, 0)), (0, 2), (2, 0)
+        )
         found = found.reshape(z.shape)
         real = self.lines.real(found)
         return real.reshape(*real.shape[:-2], real.shape[-2] * real.shape[-1])
@@ -252,7 +254,9 @@ def _mean_of(maneuvers: Sequence[Maneuver]) -> Maneuver:
     channels = [
         replace(
             record.channel(n),
-            values=np.mean([np.unwrap(m.record[n]) if n in angles else m.record[n] for m in maneuvers], axis=0),
+            values=np.mean(
+                [np.unwrap(m.record[n]) if n in angles else m.record[n] for m in maneuvers], axis=0
+            ),
         )
         for n in shared
     ]
@@ -269,7 +273,7 @@ def _noise_of(maneuvers: Sequence[Maneuver]) -> dict[str, float]:
 def _scale(
     maneuver: Maneuver, lines: Lines, trial: Trial, draws: Draws, residuals: Complex, least: Array
 ) -> tuple[Array, str]:
-    """Return the ratio of flown noise to the sensors' own, shape (row, line), and what it was learned from."""
+    """Return the ratio of flown noise to the sensors', shape (row, line), and what it was learned from."""
     power = np.maximum(sensor_power(draws), least[:, None])
     used = np.ones(lines.hz.size, dtype=bool)
     used[0] = False  # offsets differ from record to record
@@ -291,7 +295,8 @@ def _without_offsets(lines: Lines, apart: Complex) -> Array:
     """Return the power of differences of repeats without what differs slowly: their trends and ends."""
     omega = 2j * np.pi * lines.hz
     slow = np.divide(1, omega, out=np.zeros_like(omega), where=omega != 0)
-    basis = lines.real(np.stack([np.ones_like(omega), slow, (lines.hz == 0).astype(complex)]))
+    columns = np.stack([np.ones_like(omega), slow, (lines.hz == 0).astype(complex)])
+    basis = lines.real(np.asarray(columns, dtype=np.complex128))
     basis = np.linalg.qr(basis.T)[0].T
     y = lines.real(apart)
     y = y - (y @ basis.T) @ basis

@@ -83,7 +83,9 @@ class Lines:
         ``F[d/dt h] = j 2 pi f H + h(T) - h(0)``; the end values come from parabolas over the first and last
         0.4 s.
         """
-        z = self.spectrum(histories.direct)
+        z = np.zeros((len(histories.direct), self.hz.size), dtype=complex)
+        there = histories.direct.any(axis=1)
+        z[there] = self.spectrum(histories.direct[there])
         moving = np.flatnonzero(histories.momentum.any(axis=1))
         if moving.size:
             momentum = histories.momentum[moving]

@@ -1,9 +1,10 @@
 """The flight without noise: motion and effectors that owe nothing to the noise of one record.
 
 Whatever is computed on recorded motion shares the noise of the residual and passes for an effect. So every
-column is computed on motion of one model: the simulation's own flight under the injected signals; a closed loop
-fitted to the record; or, where nothing was injected, a linear response to the measured effectors. Each stands
-about the straight lines of the record's channels, for trim attitudes and speeds differ by more than noise.
+column is computed on motion of one model: the simulation's own flight under the injected signals; a closed
+loop fitted to the record; or, where nothing was injected, a linear response to the measured effectors. Each
+stands about the straight lines of the record's channels, for trim attitudes and speeds differ by more than
+noise.
 """
 
 from __future__ import annotations
@@ -120,16 +121,16 @@ def _about(record: FlightRecord, channels: Mapping[str, Array]) -> FlightRecord:
 
 
 def air_of(u: Array, v: Array, w: Array) -> dict[str, Array]:
-    """Return airspeed, m/s, angle of attack and sideslip, rad, of the velocity through the air, by channel."""
+    """Return airspeed, m/s, angle of attack and sideslip, rad, of a velocity through the air, by channel."""
     speed = np.sqrt(u**2 + v**2 + w**2)
     sine = np.clip(v / np.maximum(speed, 1e-9), -1, 1)
     return {"air/V": speed, "air/alpha": np.arctan2(w, u), "air/beta": np.arcsin(sine)}
 
 
 def own_flight(simulation: Simulation, record: FlightRecord) -> dict[str, Array]:
-    """Return the simulation's own flight, by channel; nothing where it cannot, or does not move its effectors.
+    """Return the simulation's own flight, by channel; nothing where it cannot fly or move its effectors.
 
-    A flight without its effectors stands beside those that were measured, which hold what feedback made of noise.
+    Measured effectors are no substitute for its own: they hold what feedback made of noise.
     """
     try:
         flown = simulation.fly(record)
@@ -151,7 +152,8 @@ def fed_back(record: FlightRecord) -> bool:
     """Return whether commands hold more than the injected signals."""
     for name in record.group("command"):
         sent = record[f"command/{name}"]
-        injected = record[f"excitation/{name}"] if f"excitation/{name}" in record else 0.0
+        excited = f"excitation/{name}" in record
+        injected = record[f"excitation/{name}"] if excited else np.zeros_like(sent)
         if np.std(sent - injected) > 0.05 * max(np.std(injected), 1e-12):
             return True
     return not record.group("command")
@@ -248,13 +250,19 @@ def _simulated(a: Array, b: Array, x: Array, d: Array, dt: float) -> Array | Non
     A mode that would grow more than twentyfold within the record is an error of the fit, and slowed down.
     """
     count = len(a)
-    values, vectors = (np.asarray(x, dtype=complex) for x in np.linalg.eig(a))
+    values, vectors = np.linalg.eig(a)
     fastest = 3 / (dt * x.shape[1])
-    if values.real.max() > fastest:
-        values = np.minimum(values.real, fastest) + 1j * values.imag
-        a = (vectors @ np.diag(values) @ np.linalg.inv(vectors)).real
-    whole = expm(dt * np.block([[a, b, np.eye(count)], [np.zeros((b.shape[1] + count, 2 * count + b.shape[1]))]]))
-    step, push, const = whole[:count, :count], whole[:count, count : count + b.shape[1]], whole[:count, -count:]
+    if np.real(values).max() > fastest:
+        slowed = np.minimum(np.real(values), fastest) + 1j * np.imag(values)
+        a = np.real(vectors @ np.diag(slowed) @ np.linalg.inv(vectors))
+    whole = expm(
+        dt * np.block([[a, b, np.eye(count)], [np.zeros((b.shape[1] + count, 2 * count + b.shape[1]))]])
+    )
+    step, push, const = (
+        whole[:count, :count],
+        whole[:count, count : count + b.shape[1]],
+        whole[:count, -count:],
+    )
     samples = x.shape[1]
     forced = np.zeros((count, samples))
     free, held = np.zeros((2, count, count, samples))
@@ -297,7 +305,7 @@ def _smoothed(simulation: Simulation, maneuver: Maneuver) -> Maneuver:
     arm = _arm_of_accelerometers(clean)
     felt = np.array([wrench[n] for n in "XYZ"]) / maneuver.vehicle.mass_properties.mass_kg
     felt = felt + cross(turning, arm) + cross(rates, cross(rates, arm))
-    own = {n: x for n, x in zip(_FELT, felt, strict=True)}
+    own = dict(zip(_FELT, felt, strict=True))
     kept = {n: x for n, x in found.items() if n not in _FELT}
     return Maneuver(_about(record, {**kept, **own}), maneuver.vehicle)
 

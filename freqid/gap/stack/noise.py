@@ -1,4 +1,4 @@
-"""Noise of the rows of one condition: the sensors' own, sent through the whole pipeline, and what is beyond it.
+"""Noise of the rows of one condition: the sensors', sent through the whole pipeline, and what is beyond.
 
 The same antithetic pairs give the mean error of a replay on noisy states, for nothing.
 """
@@ -129,7 +129,7 @@ def least_power(trial: Trial, lines: Lines) -> Array:
 
 def whitening_of(covariance: Complex) -> Complex:
     """Return W with ``W covariance W^H = 1``, lower triangular, shape (line, row, row)."""
-    return np.linalg.inv(np.linalg.cholesky(covariance))
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=np.complex128)
 
 
 def smooth_ratio(hz: Array, ratio: Array, used: NDArray[np.bool_], freedom: float) -> Array:
@@ -197,7 +197,9 @@ def beyond_motion(
     effectors = spectra([f"effector/{n}" for n in record.group("effector")])
     attitude = spectra(["state/phi", "state/theta"])
     mean = (lines.hz == 0).astype(complex)
-    ends = np.stack([np.ones_like(omega), np.divide(1, omega, out=np.zeros_like(omega), where=omega != 0), mean])
+    ends = np.stack(
+        [np.ones_like(omega), np.divide(1, omega, out=np.zeros_like(omega), where=omega != 0), mean]
+    )
     left, freedom = np.empty(residual.shape), np.empty(len(like.rows))
     for i, row in enumerate(like.rows):
         if row.kind == "actuator":
@@ -208,7 +210,8 @@ def beyond_motion(
             columns = np.concatenate([motion, attitude])
         else:
             columns = np.concatenate([motion, effectors, omega * motion, omega * effectors])
-        left[i], freedom[i] = _left(lines, residual[i], np.concatenate([ends, columns]))
+        every = np.asarray(np.concatenate([ends, columns]), dtype=np.complex128)
+        left[i], freedom[i] = _left(lines, residual[i], every)
     return left, freedom
 
 
@@ -237,4 +240,3 @@ def _averaged(values: NDArray, half_width: int) -> NDArray:
     low = np.maximum(np.arange(count) - width, 0)
     high = np.minimum(np.arange(count) + width + 1, count)
     return (total[high] - total[low]) / (high - low).reshape(-1, *[1] * (values.ndim - 1))
-

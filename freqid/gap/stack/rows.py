@@ -12,8 +12,8 @@ from freqid.core.errors import DataError
 from freqid.core.frames import cross
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.units import STANDARD_GRAVITY
-from freqid.gap.stack.histories import Histories, Row
 from freqid.gap.simulation import Settings, Simulation
+from freqid.gap.stack.histories import Histories, Row
 from freqid.identify.wrench import applied_wrench
 
 Array = NDArray[np.float64]

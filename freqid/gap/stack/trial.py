@@ -70,7 +70,7 @@ class Trial:
         return cls(simulation, maneuver, measured, predicted, positions, inputs, record)
 
     def thinned(self, every: int) -> Trial:
-        """Return the trial on every so many of its samples: smooth motion needs few. Actuators keep theirs."""
+        """Return the trial on fewer of its samples: smooth motion needs few. Actuators keep theirs."""
         if every == 1 or self.simulation.kind not in _QUICK:
             return self
         record = self.maneuver.record
@@ -85,9 +85,12 @@ class Trial:
         return Trial(self.simulation, thin, measured, predicted, positions, self.inputs, self.sent, every)
 
     def positions_with(
-        self, effects: Settings | None = None, departures: Departures | None = None, sent: FlightRecord | None = None
+        self,
+        effects: Settings | None = None,
+        departures: Departures | None = None,
+        sent: FlightRecord | None = None,
     ) -> dict[str, Array]:
-        """Return the actuators' positions with other effects, own parameters or commands, on these samples."""
+        """Return the actuators' positions with other effects, parameters or commands, on these samples."""
         made = self.simulation.positions(sent or self.sent, effects, departures)
         return {n: made[n][:: self.every] for n in self.positions}
 
@@ -156,7 +159,7 @@ class Trial:
         return sum((self.gradient[:, j] * x for j, x in known), np.zeros_like(self.predicted))
 
     def departed(self, departures: Departures) -> Histories:
-        """Return the change of the residual where own parameters of the truth depart from the simulation's."""
+        """Return the change of the residual where parameters of the truth depart from the simulation's."""
         record, simulation = self.maneuver.record, self.simulation
         after = simulation.predict(record, departures=departures)
         positions = self.positions_with(departures=departures) if self.positions else {}
@@ -164,7 +167,7 @@ class Trial:
         return self.rows(after - self.predicted, moved)
 
     def with_own_effects(self, settings: Settings, *, actuators: bool) -> Histories:
-        """Return the change of the residual where the truth has other settings of the simulation's effects."""
+        """Return the change of the residual where the truth has other settings of own effects."""
         record = self.maneuver.record
         positions = {}
         if actuators and self.positions:

@@ -89,8 +89,8 @@ class Effect:
         ``rate(settings, situation) -> dict``: the rate of change of the memory.
     replay : callable, optional
         ``replay(settings, replay) -> ndarray (6, sample)``: what the effect adds to X Y Z L M N (moments
-        about the centre of gravity) over a whole record, numpy; `replay` is a `freqid.gap.model.replay.Replay`.
-        For simulations that know nothing of the effect.
+        about the centre of gravity) over a whole record, numpy; `replay` is a
+        `freqid.gap.model.replay.Replay`. For simulations that know nothing of the effect.
     act : callable, optional
         ``act(settings, signals, dt, kinds) -> signals`` of a command effect: positions of effectors by name,
         shape (sample,), as the effect makes them of positions without it; `kinds` by effector name.

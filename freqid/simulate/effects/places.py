@@ -23,7 +23,9 @@ def one_each(vehicle: Vehicle, like: Parameter, kinds: Collection[str]) -> dict[
 
 def alone(effect: Effect, settings: Mapping[str, float]) -> list[str]:
     """Return the effectors at which an effect acts by themselves: flights have it at all of a kind only."""
-    return [name for name, size in settings.items() if size and name not in (*effect.parameters, *effect.jointly)]
+    return [
+        name for name, size in settings.items() if size and name not in (*effect.parameters, *effect.jointly)
+    ]
 
 
 def order(vehicle: Vehicle, kind: str) -> NDArray[np.float64]:

@@ -47,7 +47,9 @@ def test_an_insertion_is_what_the_full_formula_makes_of_the_stack(findings, used
         settings = dict.fromkeys(c.place.parameters, float(one.size[0]))
         fresh = [b.white(b.transform(change(effect, b.trial, settings)))[None] for b in blocks]
         matrices = [
-            BlockMatrices.of(np.concatenate([k.effects, z]), k.tolerances, k.residual, k.own, k.form, k.actuators)
+            BlockMatrices.of(
+                np.concatenate([k.effects, z]), k.tolerances, k.residual, k.own, k.form, k.actuators
+            )
             for k, z in zip(columns, fresh, strict=True)
         ]
         start = np.append(system.start[:-1], system.columns + 1)

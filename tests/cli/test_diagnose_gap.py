@@ -17,6 +17,7 @@ from freqid.core.gap_file import read_gap
 from freqid.core.record import Channel
 from freqid.core.record_file import read_record, write_record
 from freqid.simulate import effects
+from freqid.simulate.effects import library
 
 LOSS = 0.5
 FEW = ("surface_effectiveness", "mass", "time_skew")
@@ -101,7 +102,7 @@ def folder(fly_worn, tmp_path_factory):
 @pytest.fixture
 def few_effects(monkeypatch):
     """Ask about three effects alone, so that a diagnosis takes a second."""
-    every = effects.library()
+    every = library()
     monkeypatch.setattr(diagnose_gap, "_library", lambda own: {n: every[n] for n in FEW})
 
 
@@ -400,7 +401,7 @@ def test_what_is_asked_wrongly_is_said(diagnose, folder, monkeypatch, words, rec
 
 @pytest.mark.usefixtures("few_effects")
 def test_an_effect_that_cannot_be_tested_here_is_refused(diagnose, monkeypatch):
-    every = effects.library()
+    every = library()
     monkeypatch.setattr(diagnose_gap, "_library", lambda own: {n: every[n] for n in (*FEW, "wing_wake")})
     code, _, err, _ = diagnose("good", "--effect", "wing_wake", records=("flight1",))
     assert code == 2

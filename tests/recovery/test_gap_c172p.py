@@ -23,8 +23,11 @@ def test_a_weak_and_late_elevator_is_found_and_refitted(script, tmp_path):
     assert {p.response for p in found.where} >= {"actuator/elevator", "M"}
     assert {p.input for p in found.where} == {"elevator"}
     closure = found.how_far[0]
-    assert closure.wrench.G > 0.95
+    assert set(closure.effects) == set(benchmark.EFFECTS)
+    assert closure.wrench.G > 0.8  # on every other line of one short flight
     loss, delay = (closure.settings[i]["elevator"] for i in benchmark.EFFECTS)
-    assert loss.lo < benchmark.LOSS < loss.hi
+    assert loss.estimate == pytest.approx(benchmark.LOSS, rel=0.03)
     assert delay.lo < benchmark.DELAY_S < delay.hi
-    assert closure.rmse["M"].after < 0.25 * closure.rmse["M"].before
+    position = closure.rmse["actuator/elevator"]
+    assert position.after < 0.25 * position.before
+    assert closure.log_score > max(c.log_score for c in found.how_far[1:])

@@ -93,7 +93,7 @@ def _closed(
 ) -> Closed:
     """Return the closure of an explanation, at the error of form beside the best one.
 
-    The simulation has one error of form: a worse explanation that is allowed a larger one would close as much.
+    The simulation has one error of form: a worse explanation with a larger one would seem to close as much.
     """
     scored: list[Scored] = []
     index: list[int] = []

@@ -64,7 +64,7 @@ def next_test(
     around = Surroundings(
         simulation=simulation,
         rivals=rivals,
-        library=question.candidates,
+        candidates=question.candidates,
         sizes=question.tolerances,
         band_hz=question.band_hz,
         blocks=findings.blocks,

@@ -45,7 +45,7 @@ class Surroundings:
     ----------
     simulation : Simulation
     rivals : Rivals
-    library : dict of Effect
+    candidates : dict of Effect
     sizes : dict of float
         Tolerances, one sigma by name.
     band_hz : tuple of 2 floats
@@ -57,7 +57,7 @@ class Surroundings:
 
     simulation: Simulation
     rivals: Rivals
-    library: Mapping[str, Effect]
+    candidates: Mapping[str, Effect]
     sizes: Mapping[str, float]
     band_hz: tuple[float, float]
     blocks: Sequence[Block]
@@ -248,9 +248,11 @@ def _columns(around: Surroundings, block: Block, like: Block) -> PredictedFlight
     """Return the whitened columns of a block."""
     rivals = around.rivals
     none = np.zeros((len(block.rows), block.lines.hz.size), dtype=complex)
-    effects = [z for c in rivals.system.candidates for z in _columns_of(c, around.library[c.effect], block)]
-    shared = tolerance_columns(block, around.library, around.allowed)
-    own = list(record_columns(block, around.library, around.sizes).values())
+    effects = [
+        z for c in rivals.system.candidates for z in _columns_of(c, around.candidates[c.effect], block)
+    ]
+    shared = tolerance_columns(block, around.candidates, around.allowed)
+    own = list(record_columns(block, around.candidates, around.sizes).values())
     own += [z for n, z in shared.items() if n not in rivals.system.tolerances]  # of what did not move before
     before = around.columns[list(around.blocks).index(like)]
     own += list(before.kinematic_error * form_columns(block, kinematic_terms(block)))

@@ -111,6 +111,7 @@ def _believed(correlation: Complex, pairs: int) -> Complex:
     near = np.minimum(np.arange(count), _WIDE) + np.minimum(np.arange(count)[::-1], _WIDE) + 1
     scatter = _SCATTER / np.sqrt(pairs * near)
     kept = np.where(np.abs(correlation) > scatter[:, None, None], correlation, 0.0)
+    kept[:, np.arange(kept.shape[1]), np.arange(kept.shape[1])] = 1.0  # of a row without noise too
     values, vectors = np.linalg.eigh(kept)
     values = np.maximum(values, _RIDGE)
     return (vectors * values[:, None, :]) @ np.swapaxes(vectors.conj(), 1, 2)

@@ -14,6 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
+from freqid.gap.simulation import Tolerance
 from freqid.simulate.effects.effect import Effect, Parameter
 
 G = 9.80665
@@ -38,11 +39,6 @@ SIGMA = {
 }
 UNITS = {"u": "m/s", "v": "m/s", "w": "m/s", "ax": "m/s2", "ay": "m/s2", "az": "m/s2"}
 UNITS |= dict.fromkeys("pqr", "rad/s") | dict.fromkeys(("phi", "theta", "psi"), "rad")
-SIZES = {"derivatives": 0.0, "responses": 0.0, "dynamics": 0.0}
-"""Tolerances of a simulation that is perfect."""
-
-TOLERANT = {**SIZES, "derivatives": 0.02, "responses": 0.01, "dynamics": 0.02}
-"""Those of one that is nearly so."""
 
 
 def vehicle(mass: float = MASS) -> Vehicle:
@@ -167,6 +163,13 @@ class Linear:
     name: str = "linear"
     kind: str = "callable"
     parts: tuple[str, ...] = ()
+    tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
+    gyroscopic: bool | None = True
+    can_fly: bool = False
+
+    @property
+    def has_actuators(self) -> bool:
+        return self.actuators
 
     @property
     def vehicle(self) -> Vehicle:
@@ -179,7 +182,7 @@ class Linear:
                 found[2, 2] *= 1 + values["extra"]
         return found
 
-    def predict(self, record, effects=None):
+    def predict(self, record, effects=None, departures=None):
         moved = record.matrix(INPUTS) - np.array([U0, W0, 0.0, 0.0, 0.0])[:, None]
         return (TRIM[:, None] + self.slopes(effects) @ moved)[[RESPONSES.index(r) for r in self.responses]]
 
@@ -191,12 +194,12 @@ class Linear:
                     found[i, j] = self.slopes()[RESPONSES.index(response), INPUTS.index(name)]
         return found
 
-    def positions(self, record, effects=None):
+    def positions(self, record, effects=None, departures=None):
         if not self.actuators:
             return {}
         return {n: servo(record[f"command/{n}"]) for n in record.group("command")}
 
-    def fly(self, record, effects=None):
+    def fly(self, record, effects=None, departures=None):
         return None
 
 
@@ -243,23 +246,3 @@ LIBRARY = {
         effect("drag", "factor", 0.5, "N s/m", replay=_replay),
     )
 }
-OWN = effect("damping", "extra", 0.1)
-
-
-def upright(flight):
-    """Return a flight whose gyros of roll and yaw are perfect: these do not move, and noise is no motion."""
-    record = flight.record
-    still = [replace(record.channel(f"state/{n}"), values=0 * record.time) for n in ("p", "r")]
-    return replace(flight, record=record.with_channels(*still))
-
-
-@dataclass(frozen=True, eq=False)
-class Flying(Linear):
-    """The simulation with a flight of its own."""
-
-    phases: int = 1
-
-    def fly(self, record, effects=None):
-        """Return what it would have flown."""
-        alone = motion(Truth(), 20.0, 20.0, self.phases)
-        return {n: x for n, x in alone.items() if n.startswith(("state/", "effector/"))}

@@ -262,5 +262,5 @@ def test_a_delay_of_one_effector_alone_is_refused():
     late = msgspec.structs.replace(
         SCENARIO, simulation=msgspec.structs.replace(SCENARIO.simulation, effects=effects)
     )
-    with pytest.raises(UsageError, match="no delay of de1 alone"):
+    with pytest.raises(UsageError, match="actuator_delay: flights do not have it at de1 alone"):
         motion.parameters(late)

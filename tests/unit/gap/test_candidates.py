@@ -1,0 +1,97 @@
+"""Candidate effects on the linear aircraft: weights between sizes, proportional ones, what is not tested."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from linear_flight import LIBRARY, Linear, Truth, effect, fly
+
+from freqid.gap.model.candidates import OTHER, Candidate, Place, candidates
+from freqid.gap.model.changes import change
+from freqid.gap.stack.block import stack_of
+
+BAND = (0.05, 2.0)
+
+
+def bent(settings, replay):
+    """A load that goes with size and with its square."""
+    found = np.zeros((6, replay.record.time.size))
+    found[2] = (settings["size"] + settings["size"] ** 2) * (replay.record["state/w"] - 1.0)
+    return found
+
+
+BENT = effect("bent", "size", 0.2, replay=bent)
+NOWHERE = replace(effect("nowhere", "size", 0.2, replay=bent), needs=("rotor",))
+
+
+@pytest.fixture(scope="module")
+def blocks():
+    return stack_of(Linear(), [fly(noise=1.0, duration=40.0)], ["one"], BAND)
+
+
+@pytest.fixture(scope="module")
+def found(blocks):
+    return candidates({**LIBRARY, "bent": BENT, "nowhere": NOWHERE}, blocks)
+
+
+def of(found, name):
+    (one,) = (c for c in found[0] if c.effect == name)
+    return one
+
+
+def test_weights_are_straight_between_sizes_and_proportional_to_zero():
+    one = Candidate("x", Place("", ("x",)), "scalar", np.array([-2.0, 1.0, 3.0]), np.array([1.0]), [])
+    assert one.weights(1.0) == pytest.approx([0, 1, 0])
+    assert one.weights(2.5) == pytest.approx([0, 0.25, 0.75])
+    assert one.weights(0.25) == pytest.approx([0, 0.25, 0])
+    assert one.weights(-1.0) == pytest.approx([0.5, 0, 0])
+    assert not one.weights(0.0).any()
+
+
+@pytest.mark.parametrize("name", ["worn", "heavy", "gyro", "drag"])
+def test_a_proportional_effect_has_one_column(found, name):
+    assert of(found, name).sizes.size == 1
+
+
+def test_other_effects_have_one_for_each_of_several_sizes_of_both_signs(found):
+    sizes = of(found, "bent").sizes
+    assert sizes.size > 8
+    assert sizes.min() < 0 < sizes.max()
+    assert 0 not in sizes
+
+
+@pytest.mark.parametrize("name", ["worn", "heavy", "gyro", "drag", "bent", "late"])
+def test_columns_at_any_size_make_what_the_formula_makes(found, blocks, name):
+    one, (block,) = of(found, name), blocks
+    what = {**LIBRARY, "bent": BENT}[name]
+    parameter = one.place.parameters[0]
+    for share in (0.11, 0.5):
+        size = share * one.prior.max()
+        exact = block.transform(change(what, block.trial, {parameter: size}))
+        made = np.tensordot(one.weights(size), one.columns[0], 1)
+        white = np.sqrt(block.noise_power)
+        assert np.linalg.norm((made - exact) / white) < 0.06 * np.linalg.norm(exact / white)
+
+
+def test_a_flight_that_has_an_effect_leaves_its_column(blocks):
+    """The truth is integrated with 7 % of a surface lost: a residual of seven times the share's column."""
+    worn = stack_of(Linear(), [fly(Truth(loss=0.07), noise=1.0, duration=40.0)], ["worn"], BAND)
+    one = of(candidates(LIBRARY, worn), "worn")
+    z = np.tensordot(one.weights(0.07), one.columns[0], 1)
+    (block,) = worn
+    before, after = (float((block.white(x) ** 2).mean()) for x in (block.residual, block.residual - z))
+    assert before > 10
+    assert after < 1.5
+
+
+def test_the_last_one_is_free_changes_of_the_simulations_terms(found):
+    last = found[0][-1]
+    assert (last.effect, last.kind) == (OTHER, "vector")
+    assert sum(c.effect == OTHER for c in found[0]) == 1
+
+
+def test_what_needs_what_is_not_there_is_not_tested(found):
+    assert all(c.effect != "nowhere" for c in found[0])
+    assert "rotor" in found[1]["nowhere"]

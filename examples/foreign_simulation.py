@@ -94,13 +94,14 @@ def write_flights(folder, effect=EFFECT, seed=0):
     body = MassProperties(mass_kg=MASS, inertia=Inertia(xx=1.0, yy=IYY, zz=2.2))
     stops = (("elevator", "surface", (-0.4, 0.4)), ("throttle", "throttle", (0.0, 1.0)))
     effectors = tuple(Effector(name=n, kind=kind, limits=limits) for n, kind, limits in stops)
-    vehicle = Vehicle(name="small airplane", mass_properties=body, effectors=effectors, chord_m=CHORD)
+    size = {"area_m2": AREA, "chord_m": CHORD}
+    vehicle = Vehicle(name="small airplane", mass_properties=body, effectors=effectors, **size)
     for number in (1, 2, 3):
         injected = {}
-        for first, name, size in ((3, "elevator", 0.04), (4, "throttle", 0.08)):
+        for first, name, rms in ((3, "elevator", 0.04), (4, "throttle", 0.08)):
             hz = np.arange(first, 108, 2)[:, None] / 60  # lines of its own
             tones = np.sin(2 * np.pi * (hz * time + rng.uniform(size=hz.shape)))
-            injected[name] = size * np.sqrt(2 / hz.size) * tones.sum(axis=0)
+            injected[name] = rms * np.sqrt(2 / hz.size) * tones.sum(axis=0)
         flown = flight(time, injected, truth, effect)
         by_name = {n.partition("/")[2]: x for n, x in flown.items() if not n.startswith("command")}
         load = wrench(time, by_name, by_name, {}, truth)

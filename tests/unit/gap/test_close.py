@@ -1,0 +1,111 @@
+"""Closure on the linear aircraft: what goes on flights that were not used, and which names do not hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from linear_flight import LIBRARY, Linear, Truth, fly
+
+from freqid.gap.close.closing import closing_of
+from freqid.gap.close.closure import close
+from freqid.gap.diagnose import Question, diagnose
+from freqid.gap.infer.explain import explain
+from freqid.gap.model.tolerance import stated
+from freqid.gap.stack.block import stack_of
+
+BAND = (0.05, 2.0)
+WORN = Truth(loss=0.1)
+TOLERANCES = {"derivatives": 0.02, "dynamics": 0.02}
+QUESTION = Question(LIBRARY, stated(TOLERANCES, LIBRARY), BAND, draws=400)
+
+
+def flight(truth, seed):
+    return fly(truth, noise=1.0, duration=40.0, seed=seed, phases=seed, reference=f"r{seed}")
+
+
+def diagnosed(truth, held_out=(), question=QUESTION):
+    return diagnose(Linear(), [flight(truth, s) for s in (1, 2)], question, held_out=held_out)
+
+
+@pytest.fixture(scope="module")
+def worn():
+    return diagnosed(WORN, [flight(WORN, 3)])
+
+
+def test_a_lost_surface_is_named_sized_and_closed_to_the_noise(worn):
+    assert worn.diagnosis.which.named == ("worn",)
+    closure = worn.diagnosis.how_far[0]
+    interval = closure.settings["worn"]["share"]
+    assert interval.lo < 0.1 < interval.hi
+    assert closure.wrench.G > 0.95
+    assert closure.held_out == ("manoeuvre 3",)
+    assert closure.rmse["M"].after < closure.rmse["M"].before
+
+
+@pytest.mark.parametrize("share", ["wrench", "effect_only", "tolerances_only"])
+def test_nothing_is_closed_by_more_than_all(worn, share):
+    found = getattr(worn.diagnosis.how_far[0], share)
+    assert found.lo <= found.G <= 1.0
+    assert found.hi <= 1.0
+
+
+def test_tolerances_alone_close_it_only_where_they_are_strained(worn):
+    """A tenth of a surface is five sigma of each of its derivatives."""
+    closure = worn.diagnosis.how_far[0]
+    assert closure.strained["derivatives.M.d1"] == pytest.approx(-5, abs=1.0)
+    assert np.abs(worn.closed[0].fit.tolerances).max() < 3
+    assert closure.log_score > 0
+
+
+def test_a_name_is_withdrawn_where_the_held_out_score_falls():
+    """Flights that were used have the loss, the one that is scored has the opposite."""
+    found = diagnosed(WORN, [flight(Truth(loss=-0.1), 3)])
+    closure = found.closed[0].closure
+    assert closure.log_score < 0
+    assert "worse than tolerances" in found.closed[0].withdrawn
+    assert found.diagnosis.which.named == ()
+    assert "worn" in found.diagnosis.which.withdrawn
+    assert closure.note
+
+
+def test_a_second_effect_stays_only_where_it_predicts_what_was_not_used(worn):
+    """The held-out flight lacks the drag that both flights used have beside the loss."""
+    both = replace(WORN, drag=1.0)
+    used = diagnosed(both, question=replace(QUESTION, close=False))
+    explanation = explain(used.evidence, "worn")
+    assert set(explanation.effects) == {"worn", "drag"}
+    scored = {}
+    for name, truth in (("with it", both), ("without it", WORN)):
+        others = stack_of(Linear(), [flight(truth, 3)], ["third"], BAND, seed=9)
+        closing = closing_of(
+            used.system, used.blocks, used.columns, others, explanation, LIBRARY, QUESTION.tolerances
+        )
+        scored[name] = set(close(closing, explanation, 0)[0].closure.effects)
+    assert scored["with it"] == {"worn", "drag"}
+    assert scored["without it"] == {"worn"}
+
+
+def test_without_a_gap_nothing_is_named_or_closed():
+    found = diagnosed(Truth())
+    assert not found.diagnosis.gap.exists
+    assert found.diagnosis.how_far == ()
+    assert found.diagnosis.which.named == ()
+
+
+def test_nulls_of_a_simulation_within_its_tolerances_are_called_as_rarely_as_is_said():
+    """Every derivative off by its own sigma: of 40 flights 4 would be beyond four standard errors."""
+    from linear_flight import SLOPES
+
+    called, p = 0, []
+    for seed in range(40):
+        rng = np.random.default_rng([seed, 1])
+        slopes = SLOPES * (1 + 0.02 * rng.standard_normal(SLOPES.shape))
+        truth = Truth(slopes=tuple(map(tuple, slopes.tolist())))
+        flown = fly(truth, noise=1.0, duration=20.0, seed=seed, phases=1 + seed)
+        found = diagnose(Linear(), [flown], replace(QUESTION, close=False, seed=seed)).diagnosis
+        called += found.gap.exists
+        p.append(found.gap.p)
+    assert called < 4
+    assert np.mean(np.array(p) < 0.2) < 0.45

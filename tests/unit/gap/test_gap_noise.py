@@ -1,0 +1,98 @@
+"""Noise of rows: their covariance from few draws beside a dense Monte Carlo, and what makes it white."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from freqid.gap.stack.noise import Draws, covariance_of, smooth_ratio, whitening_of
+
+LINES, PAIRS = 61, 12
+HZ = np.arange(LINES) / 20.0
+
+
+def mixing(k):
+    """Three rows of four sensors: two share one, the third is differentiated and by itself."""
+    rate = 0.3 + HZ[k]
+    return np.array([[1.0, 0.5, 0, 0], [0.8, 0.0, 0.6, 0], [0, 0, 0, rate]])
+
+
+def spectra(count, seed):
+    rng = np.random.default_rng(seed)
+    white = (rng.standard_normal((2, count, 4, LINES)) * np.sqrt(0.5)).T
+    white = (white[..., 0] + 1j * white[..., 1]).T
+    white[..., 0] = rng.standard_normal((count, 4))
+    return np.stack([white[..., k] @ mixing(k).T for k in range(LINES)], axis=-1)
+
+
+def draws(seed, bias_error=0.0):
+    odd = spectra(PAIRS, seed)
+    return Draws(odd, np.zeros_like(odd[0]), np.full(odd[0].shape, bias_error))
+
+
+@pytest.fixture(scope="module")
+def dense():
+    """Covariance of twenty thousand draws, by line."""
+    z = spectra(20000, 1)
+    return np.einsum("kil,kjl->lij", z, z.conj()) / len(z)
+
+
+def test_few_draws_give_the_covariance_of_many(dense):
+    one = np.ones((3, LINES))
+    found = np.mean([covariance_of(draws(s), one, np.zeros(3)) for s in range(10)], axis=0)
+    scale = np.sqrt(np.einsum("lii->li", dense).real)
+    apart = np.abs(found - dense) / (scale[:, :, None] * scale[:, None, :])
+    assert apart[5:-5].max() < 4 / np.sqrt(10 * PAIRS * 5)  # seeds, pairs and neighbouring lines
+
+
+def test_noise_whitened_by_few_draws_has_unit_power_and_no_correlation(dense):
+    fresh, one = spectra(4000, 2), np.ones((3, LINES))
+    power, across = [], []
+    for seed in range(10):
+        w = whitening_of(covariance_of(draws(100 + seed), one, np.zeros(3)))
+        y = np.einsum("lij,kjl->kil", w, fresh)
+        product = np.einsum("kil,kjl->lij", y, y.conj()).real / len(y)
+        power.append(np.einsum("lii->li", product).mean())
+        across.append(product.mean(axis=0))
+    assert np.mean(power) == pytest.approx(1.0, abs=0.08)
+    left = np.mean(across, axis=0)
+    assert np.abs(left - np.diag(np.diag(left))).max() < 0.05
+
+
+def test_rows_that_share_a_sensor_are_correlated_and_others_are_not():
+    found = covariance_of(draws(3), np.ones((3, LINES)), np.zeros(3))
+    size = np.sqrt(np.einsum("lii->li", found).real)
+    correlation = np.abs(found) / (size[:, :, None] * size[:, None, :])
+    truth = 0.8 / np.sqrt(1.25)
+    assert correlation[:, 0, 1].mean() == pytest.approx(truth, abs=0.1)
+    assert correlation[:, 0, 2].mean() < 0.05
+
+
+def test_louder_flown_noise_is_each_rows_own_and_adds_to_the_sensors():
+    quiet = covariance_of(draws(3), np.ones((3, LINES)), np.zeros(3))
+    loud = covariance_of(draws(3), np.full((3, LINES), 4.0), np.zeros(3))
+    ratio = np.einsum("lii->li", loud).real / np.einsum("lii->li", quiet).real
+    assert ratio == pytest.approx(4.0, rel=0.01)
+    assert loud[:, 0, 1] == pytest.approx(quiet[:, 0, 1])
+
+
+def test_the_error_of_the_bias_adds_its_variance():
+    plain, more = (covariance_of(draws(3, e), np.ones((3, LINES)), np.zeros(3)) for e in (0.0, 0.7))
+    added = more - plain
+    assert added == pytest.approx(0.49 * np.broadcast_to(np.eye(3), added.shape))
+
+
+def test_a_row_without_noise_is_still_not_trusted_beyond_its_floor():
+    silent = Draws(np.zeros((PAIRS, 1, LINES), complex), np.zeros((1, LINES), complex), np.zeros((1, LINES)))
+    found = covariance_of(silent, np.ones((1, LINES)), np.array([1e-6]))
+    assert found[:, 0, 0].real == pytest.approx(1e-6, rel=0.01)
+
+
+def test_power_ratios_become_smooth_functions_of_frequency():
+    rng = np.random.default_rng(5)
+    truth = np.exp(1.0 - 0.8 * np.log(np.maximum(HZ, HZ[1]) / np.sqrt(HZ[1] * HZ[-1])))
+    ratio = truth * rng.exponential(1.0, (200, LINES))
+    used = np.arange(LINES) > 0
+    found = smooth_ratio(HZ, ratio, used, 2.0)
+    assert np.mean(found, axis=0)[1:] == pytest.approx(truth[1:], rel=0.15)
+    assert np.std(np.log(found[:, 10:])) < 0.6 * np.std(np.log(ratio[:, 10:]))

@@ -1,0 +1,137 @@
+"""Tolerances: which names there are, what no tolerance can be, and one sigma of each as a column."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from linear_flight import LIBRARY, SLOPES, Linear, fly, vehicle
+
+from freqid.core.errors import DataError, UsageError
+from freqid.gap.model.tolerance import (
+    DEFAULT,
+    EACH_FLIGHT,
+    UNDECLARED,
+    record_columns,
+    stated,
+    tolerance_columns,
+)
+from freqid.gap.simulation import Tolerance
+from freqid.gap.stack.block import stack_of
+from freqid.simulate.effects.mass import EFFECT as MASS
+from freqid.simulate.effects.sensor_bias import EFFECT as BIAS
+
+KNOWN = {**LIBRARY, "mass": MASS, "sensor_bias": BIAS}
+BAND = (0.05, 2.0)
+
+
+DECLARING = Linear(tolerances={"lift_slope": Tolerance(0.03)})
+
+
+def test_a_scenario_states_what_it_knows_and_defaults_fill_in():
+    found = stated({"derivatives": 0.1, "mass": 0.0, "sensor_bias.w": 0.7, "worn": 0.02}, KNOWN)
+    assert (found["derivatives"], found["mass"], found["sensor_bias.w"], found["worn"]) == (0.1, 0, 0.7, 0.02)
+    assert found["dynamics"] == UNDECLARED["dynamics"]
+    assert found["inertia"] == DEFAULT["inertia"]
+    assert found["sensor_bias.u"] == EACH_FLIGHT["sensor_bias.u"]
+
+
+def test_a_simulation_with_parameters_of_its_own_has_no_generic_tolerances():
+    found = stated({}, KNOWN, DECLARING, vehicle())
+    assert found["lift_slope"] == 0.03
+    assert not set(UNDECLARED) & set(found)
+    assert stated({"lift_slope": 0.1}, KNOWN, DECLARING, vehicle())["lift_slope"] == 0.1
+
+
+def test_one_parameter_that_is_stated_replaces_the_default_of_the_effect():
+    found = stated({"inertia.yy": 0.1}, {**KNOWN, "inertia": shipped("inertia")})
+    assert "inertia" not in found
+    assert found["inertia.yy"] == 0.1
+
+
+def shipped(name):
+    from freqid.simulate.effects import shipped as every
+
+    return every()[name]
+
+
+@pytest.mark.parametrize("name", ["d1.gain", "d2.natural_frequency", "d1.damping"])
+def test_actuators_have_names_by_effector_where_a_vehicle_says_which(name):
+    assert stated({name: 0.1}, KNOWN, Linear(), vehicle())[name] == 0.1
+    with pytest.raises(UsageError, match="has no"):
+        stated({name: 0.1}, KNOWN)
+
+
+@pytest.mark.parametrize(
+    ("table", "kind", "says"),
+    [
+        ({"derivative": 0.1}, UsageError, "has no 'derivative'"),
+        ({"drag.faktor": 0.1}, UsageError, "has no 'drag.faktor'"),
+        ({"d3.gain": 0.1}, UsageError, "has no 'd3.gain'"),
+        ({"mass": -0.1}, DataError, "mass is -0.1"),
+        ({"mass": float("nan")}, DataError, "mass is nan"),
+        ({"mass": float("inf")}, DataError, "mass is inf"),
+        ({"mass": 1e4}, DataError, "mass is 10000.0"),
+        ({"mass": True}, DataError, "mass is True"),
+        ({"mass": "much"}, DataError, "mass is 'much'"),
+    ],
+)
+def test_what_is_no_tolerance_is_refused(table, kind, says):
+    with pytest.raises(kind, match=says):
+        stated(table, KNOWN, Linear(), vehicle())
+
+
+@pytest.fixture(scope="module")
+def block():
+    (one,) = stack_of(Linear(), [fly(noise=1.0, duration=40.0)], ["one"], BAND)
+    return one
+
+
+def columns(block, **sizes):
+    none = dict.fromkeys((*DEFAULT, *UNDECLARED, *EACH_FLIGHT), 0.0)
+    return tolerance_columns(block, {}, {**none, **sizes})
+
+
+def test_a_derivative_is_off_by_a_share_of_itself(block):
+    found = columns(block, derivatives=0.05)
+    record = block.trial.maneuver.record
+    at = [r.name for r in block.rows].index("Z")
+    moved = record["state/w"] - record["state/w"].mean()
+    expected = 0.05 * SLOPES[1, 1] * block.grid.spectrum(moved)
+    assert found["derivatives.Z.w"][at] == pytest.approx(expected)
+    assert not np.delete(found["derivatives.Z.w"], at, axis=0).any()
+    assert {n for n in found if n.startswith("derivatives.X")} == {
+        "derivatives.X.u",
+        "derivatives.X.w",
+        "derivatives.X.d2",
+    }
+
+
+def test_an_actuator_follows_a_share_of_its_time_later(block):
+    """A lag of 50 ms: a fifth is 10 ms, which turns the position's phase by as much."""
+    z = columns(block, **{"d1.natural_frequency": 0.2})["d1.natural_frequency"]
+    at = [r.name for r in block.rows].index("actuator/d1")
+    position = block.grid.spectrum(block.trial.positions["d1"])
+    strong = block.lines.owner == 0
+    late = -(z[at, strong] / position[strong]).imag / (2 * np.pi * block.lines.hz[strong])
+    assert np.median(late) == pytest.approx(0.01, rel=0.15)
+    assert not np.delete(z, at, axis=0).any()
+
+
+def test_a_gain_moves_one_effector_by_its_share(block):
+    found = columns(block, **{"d2.gain": 0.03})
+    assert set(found) == {"d2.gain"}
+    at = [r.name for r in block.rows].index("actuator/d2")
+    position = block.trial.positions["d2"]
+    assert found["d2.gain"][at] == pytest.approx(0.03 * block.grid.spectrum(position - position.mean()))
+
+
+def test_offsets_and_starts_are_each_records_own(block):
+    found = record_columns(
+        block, {"sensor_bias": BIAS}, {"sensor_bias.q": 0.002, "sensor_bias.surface": 0.005}
+    )
+    assert {"offset.sensor_bias.q", "offset.d1", "offset.d2", "start.position.d1", "start.rate.d2"} <= set(
+        found
+    )
+    at = [r.name for r in block.rows].index("actuator/d1")
+    assert found["offset.d1"][at, 0] == pytest.approx(0.005 * np.sqrt(block.lines.duration))
+    assert np.abs(found["offset.d1"][at, 1:]).max() < 1e-9

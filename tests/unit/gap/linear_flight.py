@@ -246,3 +246,4 @@ LIBRARY = {
         effect("drag", "factor", 0.5, "N s/m", replay=_replay),
     )
 }
+OWN = effect("damping", "extra", 0.1)

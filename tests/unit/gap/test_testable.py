@@ -1,0 +1,33 @@
+"""What is missing leaves an effect untested, and is never a reason to rule it out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from linear_flight import LIBRARY, OWN, Linear, fly
+
+from freqid.gap.model.testable import untestable
+from freqid.gap.stack.trial import Trial
+
+HAS_IT = Linear(effects={"damping": {"extra": 0.0}})
+
+
+@pytest.mark.parametrize(
+    ("needs", "missing"),
+    [
+        (("rotor",), "needs rotor"),
+        (("power",), "needs power"),
+        (("air/alpha",), "needs air/alpha"),
+        (("vehicle.span_m",), "needs vehicle.span_m"),
+        (("surface", "command", "state/q"), None),
+    ],
+)
+def test_what_is_missing_leaves_an_effect_untested(needs, missing):
+    reason = untestable(replace(LIBRARY["drag"], needs=needs), Trial.of(HAS_IT, fly()))
+    assert reason is None if missing is None else missing in (reason or "")
+
+
+def test_an_effect_without_a_hook_is_tested_where_the_simulation_has_it_alone():
+    assert untestable(OWN, Trial.of(HAS_IT, fly())) is None
+    assert "does not have it" in (untestable(OWN, Trial.of(Linear(), fly())) or "")

@@ -36,7 +36,10 @@ class Existence:
     largest_undetected : dict of float
         By effect id: size that would have been called a gap in 95 of 100 cases, where none was called.
     form_error : float
-        Share by which the simulation's terms are wrong in form, as the record itself shows.
+        Share by which the simulation's terms are wrong in form, as the record itself shows: the largest of
+        the rows'.
+    form_errors : dict of float
+        The same by response.
     noise_from : tuple of str
         What the noise was learned from, by condition.
     """
@@ -50,6 +53,7 @@ class Existence:
     largest_undetected: dict[str, float] = field(default_factory=dict)
     form_error: float = 0.0
     noise_from: tuple[str, ...] = ()
+    form_errors: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -181,7 +181,7 @@ def diagnose(
         )
         closing = closing_of(system, used, columns, others, explanation, q.candidates, q.tolerances)
         closed = close(closing, explanation, q.seed)
-    existence = _existence(exists, p, threshold, q.level, evidence, used)
+    existence = _existence(exists, p, threshold, q.level, evidence, used, columns)
     which = _which(ranking, evidence, explanation, exists, not_tested, closed, used)
     sensors = _sensors(explanation, library, which) if exists else ()
     where = tuple(cells.places()) if exists else ()
@@ -264,12 +264,20 @@ def _explained(explanation: Explanation | None, evidence: Evidence, blocks: Sequ
 
 
 def _existence(
-    exists: bool, p: float, threshold: float, level: float, evidence: Evidence, used: Sequence[Block]
+    exists: bool,
+    p: float,
+    threshold: float,
+    level: float,
+    evidence: Evidence,
+    used: Sequence[Block],
+    columns: Sequence[Columns],
 ) -> Existence:
     from scipy.stats import chi2
 
     reached = detectable_sizes(evidence, threshold)
     sizes = {name: size for name, (size, _) in reached.items()}
+    scale = evidence.form_error().loads
+    forms = {row: scale * size for c in columns for row, size in c.form_sizes.items()}
     energy = sum(float((b.white(b.residual) ** 2).sum()) for b in used)
     return Existence(
         exists=exists,
@@ -279,7 +287,8 @@ def _existence(
         smallest_detectable=sizes,
         unit={name: unit for name, (_, unit) in reached.items()},
         largest_undetected={} if exists else sizes,
-        form_error=evidence.form_error().loads,
+        form_error=max(forms.values(), default=0.0),
+        form_errors=forms,
         noise_from=tuple(dict.fromkeys(b.noise_from for b in used)),
     )
 

@@ -83,8 +83,12 @@ def _larger_than(gap: Existence) -> str:
 def _limited_by_form(gap: Existence) -> str:
     if gap.form_error < _POOR_FORM:
         return ""
-    share = f"{100 * gap.form_error:.2g} %"
-    return f" The simulation's terms are wrong in form by {share}, which limits the answer."
+    poor = {row: f for row, f in gap.form_errors.items() if f >= _POOR_FORM}
+    where = ", ".join(f"{100 * f:.2g} % in {row}" for row, f in poor.items())
+    return (
+        f" The simulation's terms are wrong in form by {where or f'{100 * gap.form_error:.2g} %'}, "
+        "which limits the answer."
+    )
 
 
 def _number(value: float, unit: str) -> str:
@@ -156,8 +160,12 @@ def remarks_of(
         yield "one manoeuvre only: what is said of it was not tried on another"
     if gap.form_error:
         yield (
-            f"the records show the simulation's terms wrong in form by about {100 * gap.form_error:.2g} %, "
-            "which is allowed for"
+            "the records show the simulation's terms wrong in form by about "
+            + (
+                ", ".join(f"{100 * f:.2g} % in {row}" for row, f in gap.form_errors.items() if f)
+                or f"{100 * gap.form_error:.2g} %"
+            )
+            + ", which is allowed for"
         )
     else:
         yield "the records show no error of form in the simulation's terms"

@@ -96,7 +96,7 @@ def closing_of(
         at = range(len(used), len(used) + len(held_out))
         servos = actuators_of(used)
         made = [
-            columns_of(b, i, few, system.tolerances, library, tolerances, servos)
+            columns_of(b, i, few, system.tolerances, library, tolerances, servos, columns[0].form_sizes)
             for b, i in zip(held_out, at, strict=True)
         ]
         parts += [c for c, _ in made]

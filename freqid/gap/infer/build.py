@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.gap.infer.evidence import weigh
-from freqid.gap.infer.system import BlockMatrices, Form, System
+from freqid.gap.infer.system import SCALED_FORMS, BlockMatrices, Form, System
 from freqid.gap.model.candidates import Candidate, candidates
 from freqid.gap.model.form import actuator_columns, form_columns, kinematic_terms, load_terms
 from freqid.gap.model.tolerance import record_columns, tolerance_columns
@@ -28,10 +28,12 @@ class Columns:
     Attributes
     ----------
     effects, tolerances, own, form, actuators : ndarray
-        The last two are errors of form of size one, of loads and of actuators.
+        The last two are errors of form: of loads at the rows' likeliest sizes, of actuators of size one.
     residual : ndarray, shape (number,)
     sigmas : ndarray of complex, shape (tolerance, row, line)
         One sigma of each tolerance, as it is before whitening.
+    form_sizes : dict of float
+        Likeliest error of form of each row of loads, a share of each of its terms.
     kinematic_error : float
         Error of form of the relations between sensors, a share.
     """
@@ -43,6 +45,7 @@ class Columns:
     actuators: Array
     residual: Array
     sigmas: Complex
+    form_sizes: dict[str, float]
     kinematic_error: float
 
     @property
@@ -65,13 +68,13 @@ def build(
     names = tuple(dict.fromkeys(n for one in shared for n in one))
     start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
     servos = actuators_of(blocks)
-    made = [
-        _columns(b, i, found, [shared[i].get(n) for n in names], library, sizes, servos)
-        for i, b in enumerate(blocks)
+    parts = [
+        _parts(b, i, found, [shared[i].get(n) for n in names], library, sizes) for i, b in enumerate(blocks)
     ]
-    columns = [c for c, _ in made]
-    system = System(found, start, names, [c.matrices for c in columns])
-    return system, not_tested, columns, [b for _, b in made]
+    errors = _errors_of_loads(parts, found)
+    columns = [p.columns(errors, servos) for p in parts]
+    system = System(found, start, names, [c.matrices for c in columns], SCALED_FORMS)
+    return system, not_tested, columns, [p.block for p in parts]
 
 
 def actuators_of(blocks: Sequence[Block]) -> tuple[str, ...]:
@@ -87,6 +90,7 @@ def columns_of(
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
     servos: Sequence[str],
+    errors: Mapping[str, float],
 ) -> tuple[Columns, Block]:
     """Return the columns of one more block, and the block with its noise as it was flown.
 
@@ -102,20 +106,52 @@ def columns_of(
     sizes : dict of float
     servos : sequence of str
         Actuators of the stack, `actuators_of`.
+    errors : dict of float
+        Error of form of each row of loads, as the stack has it.
     """
     shared = tolerance_columns(block, library, sizes)
-    return _columns(block, index, found, [shared.get(n) for n in names], library, sizes, servos)
+    parts = _parts(block, index, found, [shared.get(n) for n in names], library, sizes)
+    return parts.columns(errors, servos), parts.block
 
 
-def _columns(
+@dataclass(frozen=True, eq=False)
+class _Parts:
+    """Columns of one block before whitening, each of shape (column, row, line)."""
+
+    block: Block
+    effects: Complex
+    tolerances: Complex
+    own: Complex
+    form: Complex
+    kinematic_error: float
+
+    def columns(self, errors: Mapping[str, float], servos: Sequence[str]) -> Columns:
+        """Return the whitened columns at an error of form of each row of loads."""
+        block = self.block
+        share = np.array([errors.get(row.name, 0.0) for row in block.rows])
+        form = self.form * share[:, None]
+        form = form[np.any(form, axis=(1, 2))]
+        return Columns(
+            effects=block.white(self.effects),
+            tolerances=block.white(self.tolerances),
+            own=block.white(self.own),
+            form=block.white(form),
+            actuators=block.white(actuator_columns(block, servos)),
+            residual=block.white(block.residual),
+            sigmas=self.tolerances,
+            form_sizes={row.name: errors.get(row.name, 0.0) for row in block.rows if row.kind == "response"},
+            kinematic_error=self.kinematic_error,
+        )
+
+
+def _parts(
     block: Block,
     index: int,
     found: Sequence[Candidate],
     shared: Sequence[Complex | None],
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
-    servos: Sequence[str],
-) -> tuple[Columns, Block]:
+) -> _Parts:
     own = record_columns(block, library, sizes)
     effects = np.concatenate([c.columns[index] for c in found]) if found else _zeros(block, 0)
     tolerances = _stacked(block, shared)
@@ -126,17 +162,22 @@ def _columns(
     loads = form_columns(block, load_terms(block))
     if block.noise_from != REPEATS:
         block = _louder(block, effects, found, tolerances, unknown, loads)
-    columns = Columns(
-        effects=block.white(effects),
-        tolerances=block.white(tolerances),
-        own=block.white(unknown),
-        form=block.white(loads),
-        actuators=block.white(actuator_columns(block, servos)),
-        residual=block.white(block.residual),
-        sigmas=tolerances,
-        kinematic_error=error,
-    )
-    return columns, block
+    return _Parts(block, effects, tolerances, unknown, loads, error)
+
+
+def _errors_of_loads(parts: Sequence[_Parts], found: Sequence[Candidate]) -> dict[str, float]:
+    """Return the likeliest error of form of each row of loads, from that row alone in all blocks.
+
+    A simulation may be good in lift and poor in drag: one share for all rows would make the good ones poor,
+    or leave the error of the poor ones to an effect. Every effect is allowed for while it is chosen.
+    """
+    errors: dict[str, float] = {}
+    for row in dict.fromkeys(r.name for p in parts for r in p.block.rows if r.kind == "response"):
+        at = [(p, i) for p in parts for i, r in enumerate(p.block.rows) if r.name == row]
+        if not any(np.any(p.form[:, i]) for p, i in at):
+            continue
+        errors[row] = weigh(_rows_alone([(p, [i]) for p, i in at], found)).form_error().loads
+    return errors
 
 
 def _error_of_relations(
@@ -155,7 +196,8 @@ def _error_of_relations(
     rows = [i for i, row in enumerate(block.rows) if row.kind == "kinematic"]
     if not rows or not len(wrong):
         return 0.0
-    return weigh(_some_rows(block, rows, effects, found, tolerances, own, wrong)).form_error().loads
+    parts = _Parts(block, effects, tolerances, own, wrong, 0.0)
+    return weigh(_rows_alone([(parts, rows)], found)).form_error().loads
 
 
 def _louder(
@@ -178,7 +220,7 @@ def _louder(
         root = np.ones(len(block.rows))
         root[rows] = scale
         one = replace(block, covariance=block.covariance * root[:, None] * root)
-        evidence = weigh(_some_rows(one, rows, effects, found, tolerances, own, form))
+        evidence = weigh(_rows_alone([(_Parts(one, effects, tolerances, own, form, 0.0), rows)], found))
         number = len(rows) * (2 * block.lines.hz.size - 1)
         total = evidence.log_none + np.logaddexp(0.0, evidence.statistic) - number * np.log(scale)
         if total > best:
@@ -186,36 +228,22 @@ def _louder(
     return chosen
 
 
-def _some_rows(
-    block: Block,
-    rows: Sequence[int],
-    effects: Complex,
-    found: Sequence[Candidate],
-    tolerances: Complex,
-    own: Complex,
-    form: Complex,
-) -> System:
-    """Return the system of some rows of one block, with the candidates that change them."""
-    rows = list(rows)
+def _rows_alone(parts: Sequence[tuple[_Parts, Sequence[int]]], found: Sequence[Candidate]) -> System:
+    """Return the system of some rows of some blocks, with the candidates that change them."""
     start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
-    few = [i for i, c in enumerate(found) if np.any(effects[start[i] : start[i + 1], rows])]
-    keep = (
-        np.concatenate([np.arange(start[i], start[i + 1]) for i in few]).astype(int)
-        if few
-        else np.zeros(0, int)
-    )
-    shared = tolerances[np.any(tolerances[:, rows], axis=(1, 2))]
-    matrices = BlockMatrices.of(
-        block.white(effects[keep], rows),
-        block.white(shared, rows),
-        block.white(block.residual, rows),
-        block.white(own, rows),
-        block.white(form, rows),
-        block.white(form[:0], rows),
-    )
+    moved = np.any([np.any(p.effects[:, list(rows)], axis=(1, 2)) for p, rows in parts], axis=0)
+    few = [i for i in range(len(found)) if moved[start[i] : start[i + 1]].any()]
+    keep = np.concatenate([np.zeros(0, int), *(np.arange(start[i], start[i + 1]) for i in few)]).astype(int)
+    shared = np.any([np.any(p.tolerances[:, list(rows)], axis=(1, 2)) for p, rows in parts], axis=0)
+    matrices = []
+    for p, rows in parts:
+        form = p.form[np.any(p.form[:, list(rows)], axis=(1, 2))]
+        own = p.own[np.any(p.own[:, list(rows)], axis=(1, 2))]
+        columns = (p.effects[keep], p.tolerances[shared], p.block.residual, own, form, form[:0])
+        matrices.append(BlockMatrices.of(*(p.block.white(z, rows) for z in columns)))
     begin = np.concatenate([[0], np.cumsum([len(found[i].sizes) for i in few])]).astype(int)
-    names = tuple(map(str, range(len(shared))))
-    return System([found[i] for i in few], begin, names, [matrices], tuple(Form(f, 0.0) for f in FORM_ERRORS))
+    names = tuple(map(str, range(int(shared.sum()))))
+    return System([found[i] for i in few], begin, names, matrices, tuple(Form(f, 0.0) for f in FORM_ERRORS))
 
 
 def _zeros(block: Block, count: int) -> Complex:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from freqid.gap.model.candidates import Candidate
-from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS
+from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS, FORM_SCALES
 
 Array = NDArray[np.float64]
 
@@ -28,7 +28,7 @@ class Form(NamedTuple):
     Attributes
     ----------
     loads, actuators : float
-        Share of each term of the simulation's loads, and of each actuator's movement.
+        Multiple of the columns of the loads' form, and share of each actuator's movement.
     """
 
     loads: float
@@ -36,6 +36,10 @@ class Form(NamedTuple):
 
 
 FORMS = tuple(Form(a, b) for a in FORM_ERRORS for b in ACTUATOR_FORM_ERRORS)
+"""Where one share holds for all rows: columns of the loads' form are of size one."""
+
+SCALED_FORMS = tuple(Form(a, b) for a in FORM_SCALES for b in ACTUATOR_FORM_ERRORS)
+"""Where each row has its own share: columns of the loads' form are of its likeliest size."""
 
 
 @dataclass(frozen=True, eq=False)

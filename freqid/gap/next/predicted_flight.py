@@ -257,7 +257,8 @@ def _columns(around: Surroundings, block: Block, like: Block) -> PredictedFlight
     before = around.columns[list(around.blocks).index(like)]
     own += list(before.kinematic_error * form_columns(block, kinematic_terms(block)))
     f = rivals.form_error.loads
-    form = list(f * form_columns(block, load_terms(block))) if f else []
+    share = np.array([f * before.form_sizes.get(row.name, 0.0) for row in block.rows])
+    form = list(share[:, None] * form_columns(block, load_terms(block))) if share.any() else []
     tolerances = [shared.get(n, none) for n in rivals.system.tolerances]
     servos = list(actuator_columns(block, actuators_of(around.blocks)))
     return PredictedFlight(

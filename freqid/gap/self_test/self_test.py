@@ -103,7 +103,7 @@ def self_test(
     return SelfTest(
         draws=draws,
         level=f.diagnosis.gap.level,
-        form_error=inserted.form_error.loads,
+        form_error=f.diagnosis.gap.form_error,
         smallest=tuple(small),
         strata=tuple(_stratum(goal, group) for goal, group in by_goal.items() if group),
         false_alarm=Rate.over(a.called for a in null),

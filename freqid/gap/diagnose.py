@@ -18,7 +18,7 @@ from freqid.gap.close.fit import likeliest_tolerances
 from freqid.gap.infer.build import Columns, build, rebuilt, relinearised
 from freqid.gap.infer.evidence import NONE, Evidence, estimate, weigh
 from freqid.gap.infer.explain import Explanation, explain
-from freqid.gap.infer.null_draws import null_statistics
+from freqid.gap.infer.null_draws import null_statistics, threshold_of
 from freqid.gap.infer.system import System
 from freqid.gap.infer.where import gap_map
 from freqid.gap.infer.which import Ranking, detectable_sizes, groups_of, probability_of_none, rank
@@ -160,14 +160,16 @@ def diagnose(
         system, columns = relinearised(system, columns, used, fitted, q.tolerances)
         evidence = weigh(system)
     null = null_statistics(evidence, q.draws, q.seed)
-    p = float((1 + (null >= evidence.statistic).sum()) / (1 + null.size))
-    threshold = float(np.quantile(null, 1 - q.level))
+    drawn = float((1 + (null >= evidence.statistic).sum()) / (1 + null.size))
+    p = max(drawn, probability_of_none(evidence))
+    threshold = threshold_of(null, q.level)
     exists = p <= q.level
     if exists:
         tell("computing the likeliest effects at their size")
         system, columns = _at_their_size(evidence, system, columns, q.candidates, used)
         evidence = weigh(system)
-    ranking = rank(evidence, exists, INTERVAL, TEMPERATURE, probability_of_none(evidence, exists))
+    p_none = p if exists else max(probability_of_none(evidence), 0.5)
+    ranking = rank(evidence, exists, INTERVAL, TEMPERATURE, p_none)
     leading = _leading(q.named, ranking, evidence)
     explanation = explain(evidence, leading) if leading and exists else None
     explained = _explained(explanation, evidence, used)

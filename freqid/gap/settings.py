@@ -14,10 +14,10 @@ NAMED = 0.75
 SEPARATE = 4.0
 """Nats (natural logarithm of odds) by which a second effect has to raise the evidence to be called a pair."""
 
-FORM_ERRORS = (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
+FORM_ERRORS = (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 """Sizes of the error of form that a row may have: share of each term of the simulation there."""
 
-FORM_SCALES = (0.0, 0.5, 1.0, 2.0)
+FORM_SCALES = (0.0, 0.5, 1.0, 2.0, 4.0)
 """Multiples of the rows' likeliest errors of form that are integrated over."""
 
 ACTUATOR_FORM_ERRORS = (0.0, 0.003, 0.02)

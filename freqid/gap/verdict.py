@@ -152,10 +152,14 @@ def remarks_of(
                 f"{block.names[0]}: no model follows its motion, so effects are computed on the smoothed "
                 "record, which shares its noise"
             )
-    poor = max((c.kinematic_error for c in columns), default=0.0)
-    if poor >= _POOR_SENSORS:
-        share = f"{100 * poor:.0f} %"
-        yield f"the sensors contradict each other by {share} of what they show; they count as little"
+    poor: dict[str, float] = {}
+    for block, c in zip(used, columns, strict=True):
+        for row, error in zip(block.rows, c.kinematic_errors, strict=True):
+            poor[row.name] = max(poor.get(row.name, 0.0), float(error))
+    poor = {name.partition("/")[2]: error for name, error in poor.items() if error >= _POOR_SENSORS}
+    if poor:
+        shares = ", ".join(f"{100 * error:.0f} % of d{name}/dt" for name, error in poor.items())
+        yield f"the sensors contradict each other: {shares}; they count as little there"
     if len(used) == 1 and len(used[0].names) == 1:
         yield "one manoeuvre only: what is said of it was not tried on another"
     if gap.form_error:

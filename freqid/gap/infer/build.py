@@ -34,8 +34,8 @@ class Columns:
         One sigma of each tolerance, as it is before whitening.
     form_sizes : dict of float
         Likeliest error of form of each row of loads, a share of each of its terms.
-    kinematic_error : float
-        Error of form of the relations between sensors, a share.
+    kinematic_errors : ndarray, shape (row,)
+        Error of form of each relation between sensors, a share; zero in other rows.
     """
 
     effects: Array
@@ -46,7 +46,7 @@ class Columns:
     residual: Array
     sigmas: Complex
     form_sizes: dict[str, float]
-    kinematic_error: float
+    kinematic_errors: Array
 
     @property
     def matrices(self) -> BlockMatrices:
@@ -123,7 +123,7 @@ class _Parts:
     tolerances: Complex
     own: Complex
     form: Complex
-    kinematic_error: float
+    kinematic_errors: Array
 
     def columns(self, errors: Mapping[str, float], servos: Sequence[str]) -> Columns:
         """Return the whitened columns at an error of form of each row of loads."""
@@ -140,7 +140,7 @@ class _Parts:
             residual=block.white(block.residual),
             sigmas=self.tolerances,
             form_sizes={row.name: errors.get(row.name, 0.0) for row in block.rows if row.kind == "response"},
-            kinematic_error=self.kinematic_error,
+            kinematic_errors=self.kinematic_errors,
         )
 
 
@@ -157,12 +157,13 @@ def _parts(
     tolerances = _stacked(block, shared)
     unknown = _stacked(block, list(own.values()))
     sensors = form_columns(block, kinematic_terms(block))
-    error = _error_of_relations(block, effects, found, tolerances, unknown, sensors)
-    unknown = np.concatenate([unknown, error * sensors]) if error else unknown
+    errors = _errors_of_relations(_Parts(block, effects, tolerances, unknown, sensors, np.zeros(0)), found)
+    unknown = np.concatenate([unknown, sensors * errors[:, None]])
+    unknown = unknown[np.any(unknown, axis=(1, 2))]
     loads = form_columns(block, load_terms(block))
     if block.noise_from != REPEATS:
         block = _louder(block, effects, found, tolerances, unknown, loads)
-    return _Parts(block, effects, tolerances, unknown, loads, error)
+    return _Parts(block, effects, tolerances, unknown, loads, errors)
 
 
 def _errors_of_loads(parts: Sequence[_Parts], found: Sequence[Candidate]) -> dict[str, float]:
@@ -180,24 +181,17 @@ def _errors_of_loads(parts: Sequence[_Parts], found: Sequence[Candidate]) -> dic
     return errors
 
 
-def _error_of_relations(
-    block: Block,
-    effects: Complex,
-    found: Sequence[Candidate],
-    tolerances: Complex,
-    own: Complex,
-    wrong: Complex,
-) -> float:
-    """Return the likeliest error of form of the kinematic relations, from their rows alone.
+def _errors_of_relations(parts: _Parts, found: Sequence[Candidate]) -> Array:
+    """Return the likeliest error of form of each kinematic relation, from its row alone, shape (row,).
 
     Relations between sensors need no simulation, so how well they hold says nothing of the loads' form. Every
     effect is allowed for while it is chosen.
     """
-    rows = [i for i, row in enumerate(block.rows) if row.kind == "kinematic"]
-    if not rows or not len(wrong):
-        return 0.0
-    parts = _Parts(block, effects, tolerances, own, wrong, 0.0)
-    return weigh(_rows_alone([(parts, rows)], found)).form_error().loads
+    errors = np.zeros(len(parts.block.rows))
+    for i, row in enumerate(parts.block.rows):
+        if row.kind == "kinematic" and np.any(parts.form[:, i]):
+            errors[i] = weigh(_rows_alone([(parts, [i])], found)).form_error().loads
+    return errors
 
 
 def _louder(
@@ -220,7 +214,8 @@ def _louder(
         root = np.ones(len(block.rows))
         root[rows] = scale
         one = replace(block, covariance=block.covariance * root[:, None] * root)
-        evidence = weigh(_rows_alone([(_Parts(one, effects, tolerances, own, form, 0.0), rows)], found))
+        parts = _Parts(one, effects, tolerances, own, form, np.zeros(0))
+        evidence = weigh(_rows_alone([(parts, rows)], found))
         number = len(rows) * (2 * block.lines.hz.size - 1)
         total = evidence.log_none + np.logaddexp(0.0, evidence.statistic) - number * np.log(scale)
         if total > best:

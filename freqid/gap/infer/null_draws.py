@@ -36,6 +36,21 @@ def null_statistics(evidence: Evidence, count: int, seed: int) -> Array:
     return found
 
 
+def threshold_of(null: Array, level: float) -> float:
+    """Return the statistic from which a gap is called.
+
+    Draws exceed it in a share `level` of cases, and the odds of no gap are no better than that share: draws
+    know noise, form and motion as a record never does, so they alone would call too often.
+
+    Parameters
+    ----------
+    null : ndarray, shape (draw,)
+        Of `null_statistics`.
+    level : float
+    """
+    return max(float(np.quantile(null, 1 - level)), float(np.log((1 - level) / level)))
+
+
 def drawn(
     system: System, form_error: Form, count: int, rng: np.random.Generator, mean: Array | None = None
 ) -> dict[Form, tuple[Array, Array]]:

@@ -81,10 +81,9 @@ def _alike(evidence: Evidence, leading: str) -> list[str]:
     return found
 
 
-def probability_of_none(evidence: Evidence, exists: bool) -> float:
-    """Return how likely no gap is: even odds before the data, and the level where one is called."""
-    plain = 1 / (1 + np.exp(np.clip(evidence.statistic, -50, 50)))
-    return float(min(plain, 0.05) if exists else max(plain, 0.5))
+def probability_of_none(evidence: Evidence) -> float:
+    """Return how likely no gap is, at even odds before the data."""
+    return float(1 / (1 + np.exp(np.clip(evidence.statistic, -50, 50))))
 
 
 def groups_of(evidence: Evidence, among: Sequence[str]) -> tuple[tuple[str, ...], ...]:

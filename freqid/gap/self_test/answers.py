@@ -227,7 +227,7 @@ def answers(weighed: Weighed, truth: str, insertion: Sequence[int], threshold: f
             found.append(Answer(truth, which))
             continue
         evidence = weighed.draw(k)
-        p_none = probability_of_none(evidence, exists)
+        p_none = probability_of_none(evidence)
         found.append(_answer(rank(evidence, exists, INTERVAL, TEMPERATURE, p_none), truth, which))
     return found
 

@@ -29,6 +29,7 @@ from freqid.core.gap_self_test import (
 )
 from freqid.gap.diagnose import Findings
 from freqid.gap.infer.evidence import NONE
+from freqid.gap.infer.null_draws import threshold_of
 from freqid.gap.model.candidates import OTHER
 from freqid.gap.self_test.answers import Answer, Draws, Weighed, answers
 from freqid.gap.self_test.insertions import Inserted, insert
@@ -89,7 +90,7 @@ def self_test(
         if effect == OTHER:
             continue
         lacking = nothing.without(effect) if len(evidence.weighing.effects) > 1 else None
-        threshold = float(np.quantile(lacking.statistics(), 1 - f.diagnosis.gap.level)) if lacking else np.inf
+        threshold = threshold_of(lacking.statistics(), f.diagnosis.gap.level) if lacking else np.inf
         for goal in DETECTABILITIES:
             weighed, which = _weighed(findings, inserted, pool, effect, goal, draws)
             if weighed is None:

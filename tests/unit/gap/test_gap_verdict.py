@@ -99,6 +99,8 @@ def test_without_a_gap_the_sizes_that_would_have_been_seen_are_said():
     assert said(gap=poor).endswith(
         "The simulation's terms are wrong in form by 10 %, which limits the answer."
     )
+    by_row = replace(poor, form_error=0.8, form_errors={"X": 0.8, "M": 0.01})
+    assert said(gap=by_row).endswith("wrong in form by 80 % in X, which limits the answer.")
 
 
 def test_error_of_form_and_noise_are_said_in_words():

@@ -33,7 +33,7 @@ def test_every_effect_is_answered_in_every_stratum(tested, library):
     assert rates[-1] == 1.0
     assert tested.strata[-1].right.share > 0.95
     assert tested.strata[-1].truth_probability > 0.85
-    assert tested.false_alarm.hi > 0.02 > tested.false_alarm.lo
+    assert tested.false_alarm.lo < 0.02  # the level is the most, as the odds have to speak for a gap too
     assert tested.false_name.count <= tested.false_alarm.count
     assert sum(r.count for r in tested.outside.values()) == tested.outside["named"].of
 

@@ -62,7 +62,7 @@ def made_up(exists=True):
             {"stall": 0.2, "mass": 0.1},
             {"stall": "1", "mass": "1"},
             {} if exists else {"stall": 0.2, "mass": 0.1},
-            0.02,
+            {"Z": 0.02},
             ("lines that nothing drives",),
         ),
         (Place("Z", (0.1, 0.5), "u10 u20", "de", "all", 0.6),),

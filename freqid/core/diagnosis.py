@@ -36,11 +36,8 @@ class Existence:
         Of these sizes.
     largest_undetected : dict of float
         By effect id: size that would have been called a gap in 95 of 100 cases, where none was called.
-    form_error : float
-        Share by which the simulation's terms are wrong in form, as the record itself shows: the largest of
-        the rows'.
     form_errors : dict of float
-        The same by response.
+        Share by which the simulation's terms are wrong in form, as the record itself shows, by response.
     noise_from : tuple of str
         What the noise was learned from, by condition.
     """
@@ -52,9 +49,13 @@ class Existence:
     smallest_detectable: dict[str, float] = field(default_factory=dict)
     unit: dict[str, str] = field(default_factory=dict)
     largest_undetected: dict[str, float] = field(default_factory=dict)
-    form_error: float = 0.0
-    noise_from: tuple[str, ...] = ()
     form_errors: dict[str, float] = field(default_factory=dict)
+    noise_from: tuple[str, ...] = ()
+
+    @property
+    def form_error(self) -> float:
+        """The largest error of form of any response, a share."""
+        return max(self.form_errors.values(), default=0.0)
 
 
 @dataclass(frozen=True)

@@ -168,8 +168,8 @@ def diagnose(
         tell("computing the likeliest effects at their size")
         system, columns = _at_their_size(evidence, system, columns, q.candidates, used)
         evidence = weigh(system)
-    p_none = p if exists else max(probability_of_none(evidence), 0.5)
-    ranking = rank(evidence, exists, INTERVAL, TEMPERATURE, p_none)
+    p_none = probability_of_none(evidence)
+    ranking = rank(evidence, exists, INTERVAL, TEMPERATURE, p_none if exists else max(p_none, 0.5))
     leading = _leading(q.named, ranking, evidence)
     explanation = explain(evidence, leading) if leading and exists else None
     explained = _explained(explanation, evidence, used)
@@ -289,7 +289,6 @@ def _existence(
         smallest_detectable=sizes,
         unit={name: unit for name, (_, unit) in reached.items()},
         largest_undetected={} if exists else sizes,
-        form_error=max(forms.values(), default=0.0),
         form_errors=forms,
         noise_from=tuple(dict.fromkeys(b.noise_from for b in used)),
     )

@@ -83,12 +83,14 @@ def _larger_than(gap: Existence) -> str:
 def _limited_by_form(gap: Existence) -> str:
     if gap.form_error < _POOR_FORM:
         return ""
-    poor = {row: f for row, f in gap.form_errors.items() if f >= _POOR_FORM}
-    where = ", ".join(f"{100 * f:.2g} % in {row}" for row, f in poor.items())
     return (
-        f" The simulation's terms are wrong in form by {where or f'{100 * gap.form_error:.2g} %'}, "
-        "which limits the answer."
+        f" The simulation's terms are wrong in form by {_by_row(gap, _POOR_FORM)}, which limits the answer."
     )
+
+
+def _by_row(gap: Existence, least: float) -> str:
+    """Return the errors of form from a least one on, in words."""
+    return ", ".join(f"{100 * f:.2g} % in {row}" for row, f in gap.form_errors.items() if f and f >= least)
 
 
 def _number(value: float, unit: str) -> str:
@@ -164,12 +166,8 @@ def remarks_of(
         yield "one manoeuvre only: what is said of it was not tried on another"
     if gap.form_error:
         yield (
-            "the records show the simulation's terms wrong in form by about "
-            + (
-                ", ".join(f"{100 * f:.2g} % in {row}" for row, f in gap.form_errors.items() if f)
-                or f"{100 * gap.form_error:.2g} %"
-            )
-            + ", which is allowed for"
+            f"the records show the simulation's terms wrong in form by about {_by_row(gap, 0.0)}, "
+            "which is allowed for"
         )
     else:
         yield "the records show no error of form in the simulation's terms"

@@ -72,7 +72,10 @@ def _facts(result: GapResult) -> list[tuple[str, str]]:
         ("p of no gap", f"{d.gap.p:.2g} (level {short(d.gap.level)})"),
         ("p by chi-square, blind to tolerances", f"{d.gap.naive_p:.2g}"),
         ("Records", f"{used} used, in {len(result.spectra)} conditions; {held_out} held out"),
-        ("Error of form of the simulation's terms", percent(d.gap.form_error)),
+        (
+            "Error of form of the simulation's terms",
+            ", ".join(f"{percent(f)} in {row}" for row, f in d.gap.form_errors.items()) or "none",
+        ),
     ]
     if hz:
         facts.append(("Lines", f"0 to {max(h[-1] for h in hz):.3g} Hz"))

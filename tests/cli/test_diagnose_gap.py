@@ -136,7 +136,7 @@ def diagnosed(fly_worn, tmp_path_factory):
 def test_the_file_holds_what_the_contract_names(diagnosed):
     table = read_gap(diagnosed / "gap.h5").diagnosis.to_json()
     assert set(table) >= {"gap", "where", "which", "how_far", "next_flight", "sensors", "tolerances"}
-    assert set(table["gap"]) >= {"exists", "p", "smallest_detectable", "largest_undetected", "form_error"}
+    assert set(table["gap"]) >= {"exists", "p", "smallest_detectable", "largest_undetected", "form_errors"}
     assert set(table["where"][0]) >= {"response", "band_hz", "regime", "input", "phase", "share"}
     keys = {
         "probabilities",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,7 +123,7 @@ class _Parts:
     tolerances: Complex
     own: Complex
     form: Complex
-    kinematic_errors: Array
+    kinematic_errors: Array = field(default_factory=lambda: np.zeros(0))
 
     def columns(self, errors: Mapping[str, float], servos: Sequence[str]) -> Columns:
         """Return the whitened columns at an error of form of each row of loads."""
@@ -157,7 +157,7 @@ def _parts(
     tolerances = _stacked(block, shared)
     unknown = _stacked(block, list(own.values()))
     sensors = form_columns(block, kinematic_terms(block))
-    errors = _errors_of_relations(_Parts(block, effects, tolerances, unknown, sensors, np.zeros(0)), found)
+    errors = _errors_of_relations(_Parts(block, effects, tolerances, unknown, sensors), found)
     unknown = np.concatenate([unknown, sensors * errors[:, None]])
     unknown = unknown[np.any(unknown, axis=(1, 2))]
     loads = form_columns(block, load_terms(block))
@@ -214,7 +214,7 @@ def _louder(
         root = np.ones(len(block.rows))
         root[rows] = scale
         one = replace(block, covariance=block.covariance * root[:, None] * root)
-        parts = _Parts(one, effects, tolerances, own, form, np.zeros(0))
+        parts = _Parts(one, effects, tolerances, own, form)
         evidence = weigh(_rows_alone([(parts, rows)], found))
         number = len(rows) * (2 * block.lines.hz.size - 1)
         total = evidence.log_none + np.logaddexp(0.0, evidence.statistic) - number * np.log(scale)

@@ -95,18 +95,14 @@ def test_where_nothing_is_likely_enough_what_remains_is_listed():
 def test_without_a_gap_the_sizes_that_would_have_been_seen_are_said():
     none = Existence(False, 0.4, 0.02, 0.5, largest_undetected={"mass": 0.1}, unit={"mass": "1"})
     assert said(gap=none) == "No gap beyond noise and tolerances (p = 0.4): no gap larger than mass 0.1."
-    poor = replace(none, form_error=0.1)
-    assert said(gap=poor).endswith(
-        "The simulation's terms are wrong in form by 10 %, which limits the answer."
-    )
-    by_row = replace(poor, form_error=0.8, form_errors={"X": 0.8, "M": 0.01})
-    assert said(gap=by_row).endswith("wrong in form by 80 % in X, which limits the answer.")
+    poor = replace(none, form_errors={"X": 0.8, "M": 0.01})
+    assert said(gap=poor).endswith("wrong in form by 80 % in X, which limits the answer.")
 
 
 def test_error_of_form_and_noise_are_said_in_words():
     simulation = SimpleNamespace(name="sim", tolerances={})
-    remarks = list(remarks_of([], [], simulation, replace(GAP, form_error=0.02)))
-    assert any("wrong in form by about 2 %" in r for r in remarks)
+    remarks = list(remarks_of([], [], simulation, replace(GAP, form_errors={"Z": 0.02})))
+    assert any("wrong in form by about 2 % in Z" in r for r in remarks)
     assert "noise learned from repeats of the manoeuvre" in remarks
     assert any("no error of form" in r for r in remarks_of([], [], simulation, GAP))
 

@@ -70,7 +70,7 @@ def test_page_text_and_table_say_the_same(page):
     assert table["which"]["withdrawn"] == d.which.withdrawn
     assert table["how_far"]["tolerances_only"]["G"] == 0.3
     assert table["how_far"]["log_score"] == 12.5
-    assert table["gap"]["form_error"] == 0.02
+    assert table["gap"]["form_errors"] == {"Z": 0.02}
     assert table["sensors"][0]["fault"] == "sensor_bias"
     assert {t["name"] for t in table["tolerances"]} == {"mass", "lift_slope"}
 

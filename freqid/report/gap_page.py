@@ -74,7 +74,7 @@ def _facts(result: GapResult) -> list[tuple[str, str]]:
         ("Records", f"{used} used, in {len(result.spectra)} conditions; {held_out} held out"),
         (
             "Error of form of the simulation's terms",
-            ", ".join(f"{percent(f)} in {row}" for row, f in d.gap.form_errors.items()) or "none",
+            ", ".join(f"{percent(f)} in {row}" for row, f in d.gap.form_errors.items() if f) or "none",
         ),
     ]
     if hz:

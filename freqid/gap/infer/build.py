@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.gap.infer.evidence import weigh
+from freqid.gap.infer.evidence import Evidence, weigh
 from freqid.gap.infer.system import SCALED_FORMS, BlockMatrices, Form, System
 from freqid.gap.model.candidates import Candidate, candidates
 from freqid.gap.model.form import actuator_columns, form_columns, kinematic_terms, load_terms
 from freqid.gap.model.tolerance import record_columns, tolerance_columns
-from freqid.gap.settings import FORM_ERRORS, NOISE_SCALES
+from freqid.gap.settings import BARE_MENTION, FORM_ERRORS, NOISE_SCALES
 from freqid.gap.stack.block import REPEATS, Block
 from freqid.simulate.effects.effect import Effect
 
@@ -177,7 +177,7 @@ def _errors_of_loads(parts: Sequence[_Parts], found: Sequence[Candidate]) -> dic
         at = [(p, i) for p in parts for i, r in enumerate(p.block.rows) if r.name == row]
         if not any(np.any(p.form[:, i]) for p, i in at):
             continue
-        errors[row] = weigh(_rows_alone([(p, [i]) for p, i in at], found)).form_error().loads
+        errors[row] = _smallest_likely(weigh(_rows_alone([(p, [i]) for p, i in at], found)))
     return errors
 
 
@@ -190,8 +190,18 @@ def _errors_of_relations(parts: _Parts, found: Sequence[Candidate]) -> Array:
     errors = np.zeros(len(parts.block.rows))
     for i, row in enumerate(parts.block.rows):
         if row.kind == "kinematic" and np.any(parts.form[:, i]):
-            errors[i] = weigh(_rows_alone([(parts, [i])], found)).form_error().loads
+            errors[i] = _smallest_likely(weigh(_rows_alone([(parts, [i])], found)))
     return errors
+
+
+def _smallest_likely(evidence: Evidence) -> float:
+    """Return the smallest error of form that is hardly less likely than the likeliest one.
+
+    Where nothing moves all sizes are alike, and none is the one to take.
+    """
+    log = np.log(np.maximum(evidence.form_weights(), 1e-300))
+    near = np.flatnonzero(log >= log.max() - BARE_MENTION)
+    return min(evidence.system.form_errors[k].loads for k in near)
 
 
 def _louder(

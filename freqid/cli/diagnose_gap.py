@@ -159,7 +159,6 @@ def command(
     tolerances = stated(sigmas, library, simulation, every[0].vehicle)
     here = {i: effect.of(every[0].vehicle) for i, effect in library.items()}
     _refuse_absurd(sigmas, tolerances_used(sigmas, simulation, here))
-    flights.refuse_diverging(every, simulation)
     rotors = rotor_account(simulation, [m.record for m in every], vehicle)
     if rotors.vehicle not in (None, vehicle or every[0].vehicle):
         vehicle = rotors.vehicle

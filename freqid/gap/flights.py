@@ -128,22 +128,6 @@ def differing(found: Sequence[Maneuver], simulation: Simulation) -> list[str]:
     return said
 
 
-def refuse_diverging(found: Sequence[Maneuver], simulation: Simulation) -> None:
-    """Fly a function of the user's that has ``fly`` on each record, so that a diverging flight is said.
-
-    A simulation of another kind that cannot fly a record is replayed on it all the same.
-
-    Raises
-    ------
-    DataError
-        Where its flight diverges, stands still or is not finite, with the time.
-    """
-    if simulation.kind == "callable" and simulation.can_fly:
-        for m in found:
-            if m.record.group("excitation"):
-                simulation.fly(m.record)
-
-
 def injected_band(records: Sequence[FlightRecord]) -> tuple[float, float]:
     """Return the band, Hz, that the injected signals of all records drive; `BAND_HZ` without any."""
     driven = []

@@ -17,18 +17,14 @@ SEPARATE = 4.0
 FORM_ERRORS = (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 """Sizes of the error of form that a row may have: share of each term of the simulation there."""
 
-BARE_MENTION = 1.0
-"""Nats of evidence that tell next to nothing (R. E. Kass, A. E. Raftery, "Bayes factors", Journal of the
-American Statistical Association 90, 1995, section 3.2)."""
-
 FORM_SCALES = (0.0, 0.5, 1.0, 2.0, 4.0)
-"""Multiples of the rows' likeliest errors of form that are integrated over."""
+"""Multiples of the rows' errors of form that are integrated over."""
 
 ACTUATOR_FORM_ERRORS = (0.0, 0.003, 0.02)
 """... and share of each actuator's movement."""
 
 FORM_ORDER = 4
-"""Highest Chebyshev polynomial in frequency of an error of form."""
+"""Highest Chebyshev polynomial in the logarithm of frequency of an error of form."""
 
 MOST_LINES = 400
 """Lines of one manoeuvre; more are thinned evenly."""

@@ -13,7 +13,7 @@ from freqid.gap.infer.system import SCALED_FORMS, BlockMatrices, Form, System
 from freqid.gap.model.candidates import Candidate, candidates
 from freqid.gap.model.form import actuator_columns, form_columns, kinematic_terms, load_terms
 from freqid.gap.model.tolerance import record_columns, tolerance_columns
-from freqid.gap.settings import BARE_MENTION, FORM_ERRORS, NOISE_SCALES
+from freqid.gap.settings import FORM_ERRORS, NOISE_SCALES
 from freqid.gap.stack.block import REPEATS, Block
 from freqid.simulate.effects.effect import Effect
 
@@ -28,12 +28,12 @@ class Columns:
     Attributes
     ----------
     effects, tolerances, own, form, actuators : ndarray
-        The last two are errors of form: of loads at the rows' likeliest sizes, of actuators of size one.
+        The last two are errors of form: of loads at the rows' own sizes, of actuators of size one.
     residual : ndarray, shape (number,)
     sigmas : ndarray of complex, shape (tolerance, row, line)
         One sigma of each tolerance, as it is before whitening.
     form_sizes : dict of float
-        Likeliest error of form of each row of loads, a share of each of its terms.
+        Error of form of each row of loads, a share of each of its terms.
     kinematic_errors : ndarray, shape (row,)
         Error of form of each relation between sensors, a share; zero in other rows.
     """
@@ -167,7 +167,7 @@ def _parts(
 
 
 def _errors_of_loads(parts: Sequence[_Parts], found: Sequence[Candidate]) -> dict[str, float]:
-    """Return the likeliest error of form of each row of loads, from that row alone in all blocks.
+    """Return the error of form of each row of loads, from that row alone in all blocks.
 
     A simulation may be good in lift and poor in drag: one share for all rows would make the good ones poor,
     or leave the error of the poor ones to an effect. Every effect is allowed for while it is chosen.
@@ -177,12 +177,12 @@ def _errors_of_loads(parts: Sequence[_Parts], found: Sequence[Candidate]) -> dic
         at = [(p, i) for p in parts for i, r in enumerate(p.block.rows) if r.name == row]
         if not any(np.any(p.form[:, i]) for p, i in at):
             continue
-        errors[row] = _smallest_likely(weigh(_rows_alone([(p, [i]) for p, i in at], found)))
+        errors[row] = _average(weigh(_rows_alone([(p, [i]) for p, i in at], found)))
     return errors
 
 
 def _errors_of_relations(parts: _Parts, found: Sequence[Candidate]) -> Array:
-    """Return the likeliest error of form of each kinematic relation, from its row alone, shape (row,).
+    """Return the error of form of each kinematic relation, from its row alone, shape (row,).
 
     Relations between sensors need no simulation, so how well they hold says nothing of the loads' form. Every
     effect is allowed for while it is chosen.
@@ -190,18 +190,18 @@ def _errors_of_relations(parts: _Parts, found: Sequence[Candidate]) -> Array:
     errors = np.zeros(len(parts.block.rows))
     for i, row in enumerate(parts.block.rows):
         if row.kind == "kinematic" and np.any(parts.form[:, i]):
-            errors[i] = _smallest_likely(weigh(_rows_alone([(parts, [i])], found)))
+            errors[i] = _average(weigh(_rows_alone([(parts, [i])], found)))
     return errors
 
 
-def _smallest_likely(evidence: Evidence) -> float:
-    """Return the smallest error of form that is hardly less likely than the likeliest one.
+def _average(evidence: Evidence) -> float:
+    """Return the root mean square of the error of form over its posterior.
 
-    Where nothing moves all sizes are alike, and none is the one to take.
+    Its covariance is then that of all sizes together. The likeliest alone would be a bet: where no error
+    and an effect explain a row as well as an error and none, it would decide for one of them.
     """
-    log = np.log(np.maximum(evidence.form_weights(), 1e-300))
-    near = np.flatnonzero(log >= log.max() - BARE_MENTION)
-    return min(evidence.system.form_errors[k].loads for k in near)
+    sizes = np.array([f.loads for f in evidence.system.form_errors])
+    return float(np.sqrt(evidence.form_weights() @ sizes**2))
 
 
 def _louder(
@@ -299,7 +299,7 @@ def relinearised(
         whole = block.transform(block.trial.departed(departures))
         straight = np.tensordot(fitted[at], c.sigmas[at], 1)
         new.append(replace(c, residual=block.white(block.residual - (whole - straight))))
-    return replace(system, blocks=[c.matrices for c in new], _reduced={}), new
+    return replace(system, blocks=[c.matrices for c in new], _reduced={}, _at_loads={}), new
 
 
 def rebuilt(

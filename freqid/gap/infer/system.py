@@ -39,7 +39,7 @@ FORMS = tuple(Form(a, b) for a in FORM_ERRORS for b in ACTUATOR_FORM_ERRORS)
 """Where one share holds for all rows: columns of the loads' form are of size one."""
 
 SCALED_FORMS = tuple(Form(a, b) for a in FORM_SCALES for b in ACTUATOR_FORM_ERRORS)
-"""Where each row has its own share: columns of the loads' form are of its likeliest size."""
+"""Where each row has its own share: columns of the loads' form are of that size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +145,7 @@ class System:
     blocks: list[BlockMatrices]
     form_errors: tuple[Form, ...] = FORMS
     _reduced: dict[Form, Reduced] = field(default_factory=dict, repr=False)
+    _at_loads: dict[float, tuple[Array, float]] = field(default_factory=dict, repr=False)
 
     @property
     def columns(self) -> int:
@@ -175,8 +176,10 @@ class System:
         Of ``[X, T, r]``; errors of the actuators' form stand behind the tolerances, as one more kind of
         these.
         """
-        parts = [b.at_loads(form_error.loads) for b in self.blocks]
-        gram, determinant = np.sum([g for g, _ in parts], axis=0), sum(d for _, d in parts)
+        if form_error.loads not in self._at_loads:
+            parts = [b.at_loads(form_error.loads) for b in self.blocks]
+            self._at_loads[form_error.loads] = sum(g for g, _ in parts), sum(d for _, d in parts)
+        gram, determinant = self._at_loads[form_error.loads]
         count = self.blocks[0].count
         if form_error.actuators == 0:
             return gram[:count, :count], determinant

@@ -103,7 +103,8 @@ def groups_of(evidence: Evidence, among: Sequence[str]) -> tuple[tuple[str, ...]
 def detectable_sizes(evidence: Evidence, threshold: float) -> dict[str, tuple[float, str]]:
     """Return by effect the smallest size that is called a gap in 95 of 100 cases, and its unit.
 
-    Of the effect as a whole where it has such a place, else where it is least visible.
+    Of the effect as a whole where it has such a place, else where it is least visible; of two signs, the one
+    that needs the larger size.
 
     An effect at a size with detectability ``lambda`` has, without noise, a log Bayes factor; noise moves
     that by ``sqrt(lambda)``, one standard deviation.
@@ -128,8 +129,9 @@ def detectable_sizes(evidence: Evidence, threshold: float) -> dict[str, tuple[fl
         power = np.diag(energy)
         factor = logsumexp(energy - 0.5 * power[:, None], axis=0) - np.log(len(weights))
         seen = factor - places - 1.645 * np.sqrt(np.maximum(power, 0.0)) >= needed
-        sizes = np.abs(c.prior[seen])
-        if sizes.size:
-            share = float(sizes.min() / np.abs(c.prior).max())  # of the largest that is looked for
-            found[c.effect] = max((share, float(sizes.min()), c.unit), found.get(c.effect, (0.0, 0.0, "")))
+        either = [np.abs(c.prior[seen & (np.sign(c.prior) == sign)]) for sign in np.unique(np.sign(c.prior))]
+        if all(one.size for one in either):
+            size = max(float(one.min()) for one in either)
+            share = size / float(np.abs(c.prior).max())  # of the largest that is looked for
+            found[c.effect] = max((share, size, c.unit), found.get(c.effect, (0.0, 0.0, "")))
     return {name: (size, unit) for name, (_, size, unit) in found.items()}

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import inf
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 
 from freqid.core.errors import DataError, ImpossibleSettings
 from freqid.core.vehicle import Vehicle
@@ -30,8 +32,12 @@ _SMALLEST, _LARGEST = (
     10.0,
 )  # sizes that are looked at, of an effect's scale, within its physical range
 _STRAIGHT = 0.03  # departure from proportionality, of the change at the largest size, that counts as none
+_BENT = 0.1  # ... of the change half way between two sizes, from which more sizes are taken between them
+_DEPTH = 3  # times that a distance between sizes is halved at most
 _SIZES = 7  # at which an effect that is not proportional is computed, either sign
 _SEEN = 1e-3  # of energy over noise, below which a change at its largest size is none
+_SAME = 1e-3  # of the strongest change: what is left of another beyond a sum of those kept
+_UNSEEN = 0.03  # ... in standard deviations of the noise
 _GRID = 33  # sizes of the prior, either sign
 _VECTOR_SCALES = (0.3, 1.0, 3.0, 10.0)  # prior standard deviations of a vector, of each parameter's scale
 _OTHER_SCALES = (0.03, 0.1, 0.3, 1.0)  # ... of free changes: share of each term
@@ -59,6 +65,21 @@ class Place:
     effectors: tuple[str, ...] = ()
 
 
+class Curve(NamedTuple):
+    """Changes at many sizes as sums of those at a few.
+
+    Attributes
+    ----------
+    sizes : ndarray, shape (size,)
+        Ascending, zero not among them.
+    mix : ndarray, shape (size, column)
+        What the change at each size is made of.
+    """
+
+    sizes: Array
+    mix: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Candidate:
     """One effect at one place.
@@ -78,6 +99,9 @@ class Candidate:
         Of sizes.
     bounds : tuple of 2 floats
         Physical range of the size.
+    curve : Curve, optional
+        Of a scalar whose change was computed at more sizes than it has columns: the columns are those of
+        which all others are sums.
     """
 
     effect: str
@@ -88,6 +112,7 @@ class Candidate:
     columns: list[Complex]
     unit: str = "1"
     bounds: tuple[float, float] = (-inf, inf)
+    curve: Curve | None = None
 
     @property
     def name(self) -> str:
@@ -95,28 +120,35 @@ class Candidate:
         return f"{self.effect}@{self.place.label}" if self.place.label else self.effect
 
     def weights(self, size: float) -> Array:
-        """Return the weights of a scalar's columns at a size: straight between them, proportional to zero."""
-        weights = np.zeros(self.sizes.size)
-        same = np.flatnonzero(np.sign(self.sizes) == np.sign(size))
-        if same.size == 0:  # proportional, or nothing is known on that side
-            weights[0] = size / self.sizes[0]
-            return weights
-        order = same[np.argsort(np.abs(self.sizes[same]))]
-        at, wanted = np.abs(self.sizes[order]), abs(size)
-        if wanted <= at[0]:
-            weights[order[0]] = wanted / at[0]
-        elif wanted >= at[-1]:
-            weights[order[-1]] = wanted / at[-1]
-        else:
-            k = int(np.searchsorted(at, wanted))
-            share = (wanted - at[k - 1]) / (at[k] - at[k - 1])
-            weights[order[k - 1]], weights[order[k]] = 1 - share, share
-        return weights
+        """Return the weights of a scalar's columns at a size: straight between sizes, and to zero."""
+        sizes = self.sizes if self.curve is None else self.curve.sizes
+        weights = _straight(sizes, size)
+        return weights if self.curve is None else weights @ self.curve.mix
 
     def settings(self, size: float | Array) -> dict[str, float]:
         """Return the effect's parameters at a size, as departures from their values in force."""
         values = np.broadcast_to(np.asarray(size, dtype=float), (len(self.place.parameters),))
         return dict(zip(self.place.parameters, values.tolist(), strict=True)) | dict(self.place.fixed)
+
+
+def _straight(sizes: Array, size: float) -> Array:
+    """Return the weights of the changes at some sizes in that at another, shape (size,)."""
+    weights = np.zeros(sizes.size)
+    same = np.flatnonzero(np.sign(sizes) == np.sign(size))
+    if same.size == 0:  # proportional, or nothing is known on that side
+        weights[0] = size / sizes[0]
+        return weights
+    order = same[np.argsort(np.abs(sizes[same]))]
+    at, wanted = np.abs(sizes[order]), abs(size)
+    if wanted <= at[0]:
+        weights[order[0]] = wanted / at[0]
+    elif wanted >= at[-1]:
+        weights[order[-1]] = wanted / at[-1]
+    else:
+        k = int(np.searchsorted(at, wanted))
+        share = (wanted - at[k - 1]) / (at[k] - at[k - 1])
+        weights[order[k - 1]], weights[order[k]] = 1 - share, share
+    return weights
 
 
 def candidates(
@@ -190,7 +222,7 @@ def _with_shapes(
 
 def _placed(candidate: Candidate, place: Place) -> Candidate:
     c = candidate
-    return Candidate(c.effect, place, c.kind, c.sizes, c.prior, c.columns, c.unit, c.bounds)
+    return Candidate(c.effect, place, c.kind, c.sizes, c.prior, c.columns, c.unit, c.bounds, c.curve)
 
 
 def _effectors_of(name: str, vehicle: Vehicle) -> tuple[str, ...]:
@@ -259,16 +291,44 @@ def _scalar(effect: Effect, place: Place, of: Parameter, blocks: Sequence[Block]
             if end
         ]
     )
+    sizes = np.array([s for s, _ in columns])
+    each = [np.array([c[b] for _, c in columns]) for b in range(len(blocks))]
+    few, mix = _few_of(each, blocks)
+    curve = Curve(sizes, mix) if few.size < sizes.size else None
     return Candidate(
         effect.id,
         place,
         "scalar",
-        np.array([s for s, _ in columns]),
+        sizes[few],
         np.sort(prior),
-        [np.array([c[b] for _, c in columns]) for b in range(len(blocks))],
+        [z[few] for z in each],
         of.unit,
         (low, high),
+        curve,
     )
+
+
+def _few_of(columns: Sequence[Complex], blocks: Sequence[Block]) -> tuple[NDArray[np.intp], Array]:
+    """Return which columns, by block of shape (column, row, line), all are sums of, and these sums.
+
+    By a pivoted QR decomposition in the metric of the noise (G. H. Golub, C. F. Van Loan, Matrix
+    Computations, 4th ed., section 5.4): as a delay grows its change moves in a few directions only.
+
+    Returns
+    -------
+    few : ndarray of int, shape (kept,)
+        Ascending.
+    mix : ndarray, shape (column, kept)
+    """
+    white = [(z / np.sqrt(b.noise_power)).reshape(len(z), -1) for z, b in zip(columns, blocks, strict=True)]
+    stacked = np.concatenate([part for z in white for part in (z.real, z.imag)], axis=1)
+    r, pivot = qr(stacked.T, mode="r", pivoting=True, check_finite=False)
+    size = np.abs(np.diag(r))
+    count = max(int((size > max(_SAME * size[0], _UNSEEN)).sum()), 1)
+    mix = np.zeros((len(stacked), count))
+    mix[pivot] = np.concatenate([np.eye(count), np.linalg.solve(r[:count, :count], r[:count, count:]).T])
+    order = np.argsort(pivot[:count])
+    return pivot[:count][order], mix[:, order]
 
 
 def _energy(z: Complex, block: Block) -> float:
@@ -290,8 +350,39 @@ def _made(at: Callable, up: float, down: float, scale: float) -> list[tuple[floa
         )
         if apart > _STRAIGHT**2 * energy:
             inner = np.sign(end) * np.geomspace(_SMALLEST * 4 * scale, abs(end), _SIZES)[:-1]
-            found += [(float(s), c) for s in inner if abs(s - near) > 0.1 * scale and (c := at(float(s)))]
+            more = [(float(s), c) for s in inner if abs(s - near) > 0.1 * scale and (c := at(float(s)))]
+            found += more
+            outwards = sorted([(end, last), *more], key=lambda one: -abs(one[0]))
+            for outer, next_ in pairwise(outwards):  # the inner ones are closer together
+                between = _between(at, outer, next_)
+                found += between
+                if len(between) < 2:
+                    break
     return found
+
+
+def _between(
+    at: Callable, one: tuple[float, list[Complex]], other: tuple[float, list[Complex]], depth: int = 0
+) -> list[tuple[float, list[Complex]]]:
+    """Return the change at sizes between two, so many that straight lines between them are near enough.
+
+    A delay turns the phase: half way between two that are far apart it is not their mean.
+    """
+    size = (one[0] + other[0]) / 2
+    made = at(size)
+    if not made:
+        return []
+    energy = sum(float((np.abs(z) ** 2).sum()) for z in made)
+    ends = zip(made, one[1], other[1], strict=True)
+    apart = sum(float((np.abs(z - (a + b) / 2) ** 2).sum()) for z, a, b in ends)
+    middle = (size, made)
+    if depth == _DEPTH or apart < _BENT**2 * energy:
+        return [middle]
+    return [
+        middle,
+        *_between(at, one, middle, depth + 1),
+        *_between(at, middle, other, depth + 1),
+    ]
 
 
 def _proportional(made: Sequence[tuple[float, list[Complex]]], blocks: Sequence[Block]) -> int | None:

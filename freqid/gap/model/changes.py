@@ -30,6 +30,9 @@ _POSITIONS: WeakKeyDictionary[Trial, dict[tuple[str, float], Signals]] = WeakKey
 def change(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histories:
     """Return the change that an effect makes of a residual, other parameters at their values in force.
 
+    Motion that was fitted to a record carries what its sensors do: there an effect of sensors is what is
+    missed once it is taken back, which is not the same as having it twice.
+
     Parameters
     ----------
     effect : Effect
@@ -53,7 +56,10 @@ def change(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histo
         return trial.with_own_effects({effect.id: values}, actuators=effect.stage == "command")
     record, maneuver = trial.maneuver.record, trial.maneuver
     if route == "distort" and effect.distort is not None:
-        return trial.on(effect.distort(values, record)) - trial.residual
+        if not trial.carries:
+            return trial.on(effect.distort(values, record)) - trial.residual
+        back = {n: effect.inverse(x) if x else x for n, x in values.items()}
+        return trial.residual - trial.on(effect.distort(back, record))
     if route == "load" and effect.load is not None:
         return _loaded(trial, _carried(effect, values, trial))
     if route == "replay" and effect.replay is not None:

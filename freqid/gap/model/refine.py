@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from freqid.core.errors import ImpossibleSettings
-from freqid.gap.model.candidates import Candidate
+from freqid.gap.model.candidates import Candidate, Curve
 from freqid.gap.model.changes import change
 from freqid.gap.model.testable import in_force_of
 from freqid.gap.stack.block import Block
@@ -38,7 +39,7 @@ def refined(
     low, high = c.bounds
     extra: list[tuple[float, list]] = []
     for s in (n * size for n in _NEAR):
-        if not low <= s <= high or np.min(np.abs(c.sizes / s - 1)) < 0.05:
+        if not low <= s <= high or np.min(np.abs((c.curve or c).sizes / s - 1)) < 0.05:
             continue
         settings = {n: force[n] + s for n in c.place.parameters} | dict(c.place.fixed)
         try:
@@ -47,10 +48,13 @@ def refined(
             continue
     if not extra:
         return c
-    sizes = np.concatenate([c.sizes, [s for s, _ in extra]])
-    order = np.argsort(sizes)
+    more = [s for s, _ in extra]
     columns = [
-        np.concatenate([own, np.array([made[b] for _, made in extra])])[order]
-        for b, own in enumerate(c.columns)
+        np.concatenate([own, np.array([made[b] for _, made in extra])]) for b, own in enumerate(c.columns)
     ]
-    return replace(c, sizes=sizes[order], columns=columns)
+    known, mix = c.curve or Curve(c.sizes, np.eye(c.sizes.size))
+    known, mix = np.concatenate([known, more]), block_diag(mix, np.eye(len(more)))
+    order = np.argsort(known)
+    return replace(
+        c, sizes=np.concatenate([c.sizes, more]), columns=columns, curve=Curve(known[order], mix[order])
+    )

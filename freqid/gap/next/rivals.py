@@ -211,7 +211,7 @@ def _likely_places(evidence: Evidence, effect: str) -> tuple[int, ...]:
 def _columns_about(found: Estimate) -> Index:
     """Return the columns of a candidate at sizes about its estimate: all where these are few."""
     c = found.candidate
-    if c.kind == "vector" or c.sizes.size <= _SIZES:
+    if c.kind == "vector" or c.curve is not None or c.sizes.size <= _SIZES:
         return np.arange(c.sizes.size)
     low, high = np.searchsorted(c.sizes, [float(found.lo[0]), float(found.hi[0])])
     first, last = max(low - 1, 0), min(high, c.sizes.size - 1)

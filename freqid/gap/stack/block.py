@@ -13,8 +13,8 @@ from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.gap.simulation import Simulation
 from freqid.gap.stack.histories import Histories, Row
-from freqid.gap.stack.lines import Lines, lines_of
-from freqid.gap.stack.motion import Motion, noise_free
+from freqid.gap.stack.lines import Lines, lines_of, thinning
+from freqid.gap.stack.motion import OWN_FLIGHT, Motion, noise_free
 from freqid.gap.stack.noise import (
     Draws,
     antithetic,
@@ -32,7 +32,6 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 REPEATS = "repeats of the manoeuvre"
-_SAMPLES = 12  # of the motion without noise in one period of the fastest line
 _FEW_LINES = 10  # that nothing drives, below which they do not tell the noise
 
 
@@ -88,7 +87,7 @@ class Block:
         samples = self.trial.maneuver.record.time.size
         if samples == self.lines.samples:
             return self.lines
-        return replace(self.lines, samples=samples, dt=self.lines.duration / (samples - 1))
+        return self.lines.thinned((self.lines.samples - 1) // (samples - 1))
 
     @cached_property
     def residual(self) -> Complex:
@@ -204,7 +203,7 @@ def _block(
     try:
         mean = _mean_of(maneuvers)
         motion = noise_free(simulation, mean, lines)
-        trial = Trial.of(simulation, motion.maneuver)
+        trial = Trial.of(simulation, motion.maneuver, carries=motion.source != OWN_FLIGHT)
         residuals = []
         for m in maneuvers:
             own = Trial.of(simulation, m) if len(maneuvers) > 1 or m is not motion.maneuver else trial
@@ -228,19 +227,13 @@ def _block(
         tuple(maneuvers),
         lines,
         motion,
-        trial.thinned(_every(lines)),
+        trial.thinned(thinning(lines.samples, lines.dt, lines.hz[-1])),
         sigma,
         draws,
         unbiased,
         covariance,
         source,
     )
-
-
-def _every(lines: Lines) -> int:
-    """Return how many samples of the motion without noise one can stand for: it is smooth."""
-    most = max(int(1 / (_SAMPLES * lines.hz[-1] * lines.dt)), 1)
-    return next(k for k in range(most, 0, -1) if (lines.samples - 1) % k == 0)
 
 
 def _mean_of(maneuvers: Sequence[Maneuver]) -> Maneuver:

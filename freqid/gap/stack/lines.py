@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -21,6 +21,9 @@ Complex = NDArray[np.complex128]
 EXCITED = 1e-2
 _END_S = 0.4  # s at either end over which a parabola gives the end value of a measured signal
 _FEWEST = 5  # samples of that parabola
+_SAMPLES = 12  # of the motion without noise in one period of the fastest line
+_MARGIN_S = 0.5  # s: the latest that a channel is looked for to be
+_MARGIN = 0.025  # ... at most, of the record
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,14 +33,17 @@ class Lines:
     Attributes
     ----------
     hz : ndarray, shape (line,)
-        Multiples of 1/T from zero, T the manoeuvre's duration.
+        Multiples of 1/T from zero, T the duration of what is compared.
     dt : float
         s.
     samples : int
+        Of the manoeuvre.
     inputs : tuple of str
         Injected signals.
     owner : ndarray of int, shape (line,)
         Index of the injected signal that drives the line; -1 where none does.
+    margin : int
+        Samples at either end that are computed and not compared.
     """
 
     hz: Array
@@ -45,11 +51,17 @@ class Lines:
     samples: int
     inputs: tuple[str, ...]
     owner: NDArray[np.intp]
+    margin: int = 0
+
+    @property
+    def compared(self) -> int:
+        """Samples that are compared."""
+        return self.samples - 2 * self.margin
 
     @property
     def duration(self) -> float:
-        """T, s."""
-        return self.dt * (self.samples - 1)
+        """T, s, of what is compared."""
+        return self.dt * (self.compared - 1)
 
     @property
     def driven(self) -> NDArray[np.bool_]:
@@ -58,18 +70,27 @@ class Lines:
 
     @cached_property
     def _plan(self) -> FourierPlan:
-        return plan_of(self.samples, self.dt, tuple(self.hz[1:]))
+        return plan_of(self.compared, self.dt, tuple(self.hz[1:]))
+
+    def _inside(self, values: Array) -> Array:
+        return values[..., self.margin : values.shape[-1] - self.margin]
+
+    def thinned(self, every: int) -> Lines:
+        """Return the same lines for signals of which one sample in so many is kept."""
+        samples = (self.samples - 1) // every + 1
+        return replace(self, samples=samples, dt=self.dt * every, margin=self.margin // every)
 
     def spectrum(self, values: Array) -> Complex:
         """Return transforms of signals, shape (..., sample) to (..., line), unit times sqrt(s).
 
         Their squares are power spectral densities of both signs; the zero line is the mean times sqrt(T).
         """
-        flat = values.reshape(-1, self.samples)
+        values = self._inside(values)
+        flat = values.reshape(-1, self.compared)
         mean = _mean(flat)
         change = (flat[:, -1] - flat[:, 0])[:, None] / self.duration
         # a straight line is taken out and its transform put back: the end corrections then have nothing to do
-        time = self.dt * np.arange(self.samples)
+        time = self.dt * np.arange(self.compared)
         smooth = flat - mean[:, None] - change * (time - self.duration / 2)
         z = np.empty((len(flat), self.hz.size), dtype=complex)
         z[:, 0] = mean * self.duration
@@ -89,7 +110,7 @@ class Lines:
         moving = np.flatnonzero(histories.momentum.any(axis=1))
         if moving.size:
             momentum = histories.momentum[moving]
-            first, last = self.end_values(momentum)
+            first, last = self.end_values(self._inside(momentum))
             z[moving] += 2j * np.pi * self.hz * self.spectrum(momentum)
             z[moving] += ((last - first) / np.sqrt(self.duration))[:, None]
         return z
@@ -102,7 +123,7 @@ class Lines:
 
     @property
     def _end_samples(self) -> int:
-        return int(np.clip(round(_END_S / self.dt) + 1, _FEWEST, self.samples // 2))
+        return int(np.clip(round(_END_S / self.dt) + 1, _FEWEST, self.compared // 2))
 
     @property
     def end_gain(self) -> float:
@@ -121,7 +142,9 @@ class Lines:
 def lines_of(record: FlightRecord, band_hz: tuple[float, float]) -> Lines:
     """Return the lines of a record from zero to the top of a band.
 
-    Lines that nothing drives are thinned evenly where there are more than `MOST_LINES`.
+    Lines that nothing drives are thinned evenly where there are more than `MOST_LINES`. Where nothing was
+    injected no whole periods have to be kept, and a margin at either end is not compared: there a channel
+    that is late has values that were never logged.
 
     Parameters
     ----------
@@ -131,9 +154,13 @@ def lines_of(record: FlightRecord, band_hz: tuple[float, float]) -> Lines:
         Hz; the lower end matters for what counts as driven only: slow lines and zero are always there.
     """
     top = min(band_hz[1], 0.4 / record.dt)
-    count = max(int(np.floor(top * record.duration + 1e-6)), 1)
-    hz = np.arange(count + 1) / record.duration
     inputs = record.group("excitation")
+    samples = record.time.size
+    margin = 0 if inputs else int(min(_MARGIN_S, _MARGIN * record.duration) / record.dt)
+    margin -= margin % thinning(samples, record.dt, top)
+    duration = record.duration - 2 * margin * record.dt
+    count = max(int(np.floor(top * duration + 1e-6)), 1)
+    hz = np.arange(count + 1) / duration
     owner = np.full(hz.size, -1)
     if inputs:
         injected = record.matrix(f"excitation/{name}" for name in inputs)
@@ -149,7 +176,13 @@ def lines_of(record: FlightRecord, band_hz: tuple[float, float]) -> Lines:
         kept = rest[:: -(-rest.size // spare)]
         keep = np.union1d(driven[:: max(1, -(-driven.size // MOST_LINES))], kept)
         hz, owner = hz[keep], owner[keep]
-    return Lines(hz, record.dt, record.time.size, inputs, owner)
+    return Lines(hz, record.dt, samples, inputs, owner, margin)
+
+
+def thinning(samples: int, dt: float, top_hz: float) -> int:
+    """Return how many samples of motion without noise one can stand for, it is smooth up to `top_hz`."""
+    most = max(int(1 / (_SAMPLES * top_hz * dt)), 1)
+    return next(k for k in range(most, 0, -1) if (samples - 1) % k == 0)
 
 
 def _mean(values: Array) -> Array:

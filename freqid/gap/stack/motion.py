@@ -9,7 +9,7 @@ noise.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,14 +31,17 @@ from freqid.simulate.effects.along import centre
 
 Array = NDArray[np.float64]
 
+OWN_FLIGHT = "own flight"
 MOTION = ("u", "v", "w", "p", "q", "r")
 _RATES = ("state/p", "state/q", "state/r")
 _ANGLES = ("state/phi", "state/theta", "state/psi")
 _VELOCITY = ("state/u", "state/v", "state/w")
 _FELT = ("state/ax", "state/ay", "state/az")
 _AIR = ("air/V", "air/alpha", "air/beta")
+_SYMMETRIC = ("state/u", "state/w", "state/q", "state/theta", "air/V", "air/alpha")
 _ROUNDS = 3  # of a fitted response: least squares, then twice with its own response as instruments
 _UNLIKE = 1.0  # share of a rate's motion that is missed: from here on it is another flight
+_NO_RESPONSE = 0.5  # ... of a plane's: from here on most of it answers to something else than effectors
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +80,7 @@ def noise_free(simulation: Simulation, maneuver: Maneuver, lines: Lines) -> Moti
     if record.group("excitation"):
         own = own_flight(simulation, record)
         if own:
-            found.append(("own flight", own))
+            found.append((OWN_FLIGHT, own))
         loop = _fitted_loop(maneuver, lines)
         if loop:
             found.append(("fitted loop", loop))
@@ -131,11 +134,18 @@ def own_flight(simulation: Simulation, record: FlightRecord) -> dict[str, Array]
     """Return the simulation's own flight, by channel; nothing where it cannot fly or move its effectors.
 
     Measured effectors are no substitute for its own: they hold what feedback made of noise.
+
+    Raises
+    ------
+    DataError
+        Where the user's own function flies and diverges, stands still or is not finite, with the time.
     """
     try:
         flown = simulation.fly(record)
-    except (DataError, UsageError):  # it need not fly to be replayed
-        return {}
+    except (DataError, UsageError):
+        if simulation.kind == "callable":
+            raise
+        return {}  # it need not fly to be replayed
     own = {n if "/" in n else f"state/{n}": np.asarray(x, dtype=float) for n, x in (flown or {}).items()}
     if not own:
         return {}
@@ -199,48 +209,71 @@ def _with_attitude_and_felt(record: FlightRecord, moved: dict[str, Array]) -> di
 
 
 def _fitted_response(record: FlightRecord) -> dict[str, Array]:
-    """Return the response of a linear model to the measured effectors, fitted to the record.
+    """Return the response of linear models to the measured effectors, fitted to the record.
 
-    ``x' = A x + B d + c`` in integral form, so that nothing is differentiated; first by least squares, then
-    with its own response as instruments. Other channels are linear in x and d. Nothing where it diverges.
+    Motion in the plane of symmetry and across it by a model each: together they have twice the parameters,
+    more than one short record bears, and the fit runs away. A plane that no response is found for, as in
+    turbulence without inputs there, is smoothed. Other channels are linear in the states and the effectors.
     """
     inputs = [f"effector/{n}" for n in record.group("effector") if np.ptp(record[f"effector/{n}"]) > 0]
     velocity = _VELOCITY if all(n in record for n in _VELOCITY) else _AIR
     states = [n for n in (*velocity, *_RATES, "state/phi", "state/theta") if _moves(record, n)]
     if not inputs or not states:
         return {}
+    effectors = smooth(record.matrix(inputs), record.dt).x
+    planes = ([n for n in states if n in _SYMMETRIC], [n for n in states if n not in _SYMMETRIC])
+    each = [_plane_response(record, plane, effectors) for plane in planes if plane]
+    if not any(each):
+        return {}
+    found = {n: x for response in each for n, x in response.items()}
+    left = [n for n in states if n not in found]
+    if left:
+        x = np.array([np.unwrap(record[n]) if n in _ANGLES else record[n] for n in left])
+        found |= dict(zip(left, smooth(x, record.dt).x, strict=True))
+    time = record.time / record.time[-1]
+    basis = np.array([*found.values(), *effectors, np.ones_like(time), time])
+    basis = (basis - basis.mean(axis=1, keepdims=True)) / np.maximum(basis.std(axis=1, keepdims=True), 1e-300)
+    basis[-2] = 1.0
+    found |= dict(zip(inputs, effectors, strict=True))
+    others = [n for n in record.channels if n.startswith(("state/", "air/")) and n not in found]
+    for name in others:
+        values = np.unwrap(record[name]) if name in _ANGLES else record[name]
+        found[name] = np.linalg.lstsq(basis.T, values, rcond=None)[0] @ basis
+    return found
+
+
+def _plane_response(record: FlightRecord, states: Sequence[str], effectors: Array) -> dict[str, Array]:
+    """Return the response of some states to effectors, shape (effector, sample), by channel.
+
+    ``x' = A x + B d + c`` in integral form, so that nothing is differentiated; first by least squares, then
+    with its own response as instruments. Of these the response that misses least of the rates is taken;
+    none where all miss too much.
+    """
     time, dt = record.time - record.time[0], record.dt
-    d = record.matrix(inputs)
-    d = smooth(d, dt).x
     x = np.array([np.unwrap(record[n]) if n in _ANGLES else record[n] for n in states])
-    scale_x, scale_d = x.std(axis=1), d.std(axis=1)
-    x0, d0 = x.mean(axis=1), d.mean(axis=1)
-    x, d = (x - x0[:, None]) / scale_x[:, None], (d - d0[:, None]) / scale_d[:, None]
+    scale_x, x0 = x.std(axis=1, keepdims=True), x.mean(axis=1, keepdims=True)
+    d = effectors - effectors.mean(axis=1, keepdims=True)
+    d = d / d.std(axis=1, keepdims=True)
+    x = (x - x0) / scale_x
     steady = np.stack([np.ones_like(time), time / time[-1]])
     driven = cumulative_trapezoid(d, dx=dt, initial=0, axis=1)
-    count = len(states)
     instruments = cumulative_trapezoid(x, dx=dt, initial=0, axis=1)
     columns = np.concatenate([instruments, driven, steady])
-    response = None
+    least, found = _NO_RESPONSE, {}
     for _ in range(_ROUNDS):
         z = np.concatenate([instruments, driven, steady])
         try:
             theta = np.linalg.solve(z @ columns.T, z @ x.T).T
-            response = _simulated(theta[:, :count], theta[:, count : count + len(inputs)], x, d, dt)
+            response = _simulated(theta[:, : len(x)], theta[:, len(x) : len(x) + len(d)], x, d, dt)
         except np.linalg.LinAlgError:
             break
         if response is None:
             break
+        own = dict(zip(states, x0 + scale_x * response, strict=True))
+        missed = _missed(record, own)
+        if missed < least:
+            least, found = missed, own
         instruments = cumulative_trapezoid(response, dx=dt, initial=0, axis=1)
-    if response is None:
-        return {}
-    found = dict(zip(states, x0[:, None] + scale_x[:, None] * response, strict=True))
-    found |= dict(zip(inputs, d0[:, None] + scale_d[:, None] * d, strict=True))
-    others = [n for n in record.channels if n.startswith(("state/", "air/")) and n not in found]
-    basis = np.concatenate([response, d, steady])
-    for name in others:
-        values = np.unwrap(record[name]) if name in _ANGLES else record[name]
-        found[name] = np.linalg.lstsq(basis.T, values, rcond=None)[0] @ basis
     return found
 
 

@@ -41,6 +41,8 @@ class Trial:
         The commands at the record's own rate, which actuators are asked with.
     every : int
         How many samples of that stand behind one of the manoeuvre's.
+    carries : bool
+        Whether the manoeuvre's channels come from a record, with whatever its sensors did to them.
     """
 
     simulation: Simulation
@@ -51,9 +53,10 @@ class Trial:
     inputs: tuple[str, ...]
     sent: FlightRecord
     every: int = 1
+    carries: bool = True
 
     @classmethod
-    def of(cls, simulation: Simulation, maneuver: Maneuver) -> Trial:
+    def of(cls, simulation: Simulation, maneuver: Maneuver, carries: bool = True) -> Trial:
         """Replay a simulation on a manoeuvre.
 
         Raises
@@ -67,7 +70,7 @@ class Trial:
         measured = measured_part(maneuver, simulation.responses, tuple(positions))
         predicted = simulation.predict(record)
         inputs = inputs_of(simulation, record)
-        return cls(simulation, maneuver, measured, predicted, positions, inputs, record)
+        return cls(simulation, maneuver, measured, predicted, positions, inputs, record, 1, carries)
 
     def thinned(self, every: int) -> Trial:
         """Return the trial on fewer of its samples: smooth motion needs few. Actuators keep theirs."""
@@ -82,7 +85,9 @@ class Trial:
         positions = {n: x[::every] for n, x in self.positions.items()}
         measured = measured_part(thin, self.simulation.responses, tuple(positions))
         predicted = self.simulation.predict(thin.record)
-        return Trial(self.simulation, thin, measured, predicted, positions, self.inputs, self.sent, every)
+        return replace(
+            self, maneuver=thin, measured=measured, predicted=predicted, positions=positions, every=every
+        )
 
     def positions_with(
         self,

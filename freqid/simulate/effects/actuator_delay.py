@@ -41,7 +41,7 @@ def _for_vehicle(vehicle: Vehicle) -> dict[str, Parameter]:
     kinds = [e.kind for e in vehicle.effectors]
     several = {k: f"all of kind {k}" for k in _KINDS if kinds.count(k) > 1 and len(set(kinds)) > 1}
     places = {**several, **{e.name: f"{e.name} alone" for e in vehicle.effectors}}
-    return {name: Parameter(0.0, "s", f"delay of {place}", 0.02, -0.1, 0.5) for name, place in places.items()}
+    return {name: Parameter(0.0, "s", f"delay of {place}", 0.05, -0.1, 0.5) for name, place in places.items()}
 
 
 EFFECT = Effect(
@@ -49,7 +49,7 @@ EFFECT = Effect(
     stage="command",
     meaning="Commands reach servos, tilt drives and motors late.",
     parameters={
-        "extra": Parameter(0.0, "s", "delay beyond those that are described", 0.02, -0.1, 0.5),
+        "extra": Parameter(0.0, "s", "delay beyond those that are described", 0.05, -0.1, 0.5),
         "strength": Parameter(1.0, "1", "factor of the delays of [simulation.actuators]", 0.0),
     },
     needs=("command",),

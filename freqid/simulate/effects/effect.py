@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import inf
@@ -101,6 +102,9 @@ class Effect:
     distort : callable, optional
         ``distort(settings, record) -> record`` of a sensor or environment effect: the log that the effect
         makes of a log without it.
+    inverse : callable, optional
+        ``inverse(size) -> size`` of `distort`: the size that takes a distortion of a size back; minus the
+        size where none is given.
     load : callable, optional
         ``load(settings, vehicle) -> Vehicle`` of a mass effect: the vehicle with it.
     for_vehicle : callable, optional
@@ -125,6 +129,7 @@ class Effect:
     act: Callable[[dict[str, float], dict[str, Any], float, dict[str, str]], dict[str, Any]] | None = None
     feel: Callable[[dict[str, float], dict[str, Any], float, dict[str, str]], dict[str, Any]] | None = None
     distort: Callable[[dict[str, float], Any], Any] | None = None
+    inverse: Callable[[float], float] = operator.neg
     load: Callable[[dict[str, float], Any], Any] | None = None
     for_vehicle: Callable[[Vehicle], dict[str, Parameter]] | None = None
 

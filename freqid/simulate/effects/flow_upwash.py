@@ -32,4 +32,5 @@ EFFECT = Effect(
         "beta": Parameter(0.0, "1", "the same of sideslip", 0.05, -0.9, 9.0),
     },
     distort=_distort,
+    inverse=lambda share: -share / (1 + share),
 )

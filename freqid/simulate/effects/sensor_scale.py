@@ -25,4 +25,5 @@ EFFECT = Effect(
     },
     alternatives=True,
     distort=_distort,
+    inverse=lambda scale: -scale / (1 + scale),
 )

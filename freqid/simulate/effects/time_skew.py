@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...core.record import FlightRecord
+from ...core.vehicle import Vehicle
 from .channel_groups import changed, unwrapped
 from .effect import Effect, Parameter
 from .signals import delayed
@@ -23,14 +24,14 @@ _GROUPS = {
 
 
 def _distort(settings: Mapping[str, float], record: FlightRecord) -> FlightRecord:
-    """Return the log with every group late by its setting, s."""
+    """Return the log with every group late by its setting, s, and every effector by its own besides."""
     groups = {**_GROUPS, "effectors": tuple(f"effector/{name}" for name in record.group("effector"))}
-    late = {}
-    for group, delay in settings.items():
-        if delay:
-            for channel in groups[group]:
-                if channel in record:
-                    late[channel] = _wrapped(channel, delayed(unwrapped(record, channel), record.dt, delay))
+    ages: dict[str, float] = {}
+    for place, age in settings.items():
+        for channel in groups.get(place, (f"effector/{place}",)):
+            if age and channel in record:
+                ages[channel] = ages.get(channel, 0.0) + age
+    late = {c: _wrapped(c, delayed(unwrapped(record, c), record.dt, age)) for c, age in ages.items()}
     return changed(record, late)
 
 
@@ -40,14 +41,23 @@ def _wrapped(channel: str, values: np.ndarray) -> np.ndarray:
     return values
 
 
+def _for_vehicle(vehicle: Vehicle) -> dict[str, Parameter]:
+    """Return an age for each effector, where there are several."""
+    names = [e.name for e in vehicle.effectors if e.name not in _GROUPS]
+    if len(names) < 2:
+        return {}
+    return {n: Parameter(0.0, "s", f"age of what is logged of {n} alone", 0.05, -0.5, 0.5) for n in names}
+
+
 EFFECT = Effect(
     id="time_skew",
     stage="sensor",
     meaning="A group of sensors logs values that are older than their time stamps.",
     parameters={
-        group: Parameter(0.0, "s", f"age of what is logged of {group}", 0.02, -0.2, 0.2)
+        group: Parameter(0.0, "s", f"age of what is logged of {group}", 0.05, -0.5, 0.5)
         for group in (*_GROUPS, "effectors")
     },
     alternatives=True,
     distort=_distort,
+    for_vehicle=_for_vehicle,
 )

@@ -1,4 +1,4 @@
-"""Each row has its own error of form: the data choose it, and where they say nothing there is none."""
+"""Each row has its own error of form, as its data have it."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from freqid.gap.infer.build import _smallest_likely
+from freqid.gap.infer.build import _average
 from freqid.gap.infer.system import Form
 
 
 def evidence(log):
     """Return an evidence with log weights at errors of 0, 0.1, 0.2 and 0.4."""
     weights = np.exp(np.array(log) - np.max(log))
+    weights = weights / weights.sum()
     forms = tuple(Form(f, 0.0) for f in (0.0, 0.1, 0.2, 0.4))
     return SimpleNamespace(form_weights=lambda: weights, system=SimpleNamespace(form_errors=forms))
 
@@ -21,11 +22,11 @@ def evidence(log):
 @pytest.mark.parametrize(
     ("log", "expected"),
     [
-        ((0.0, 0.0, 0.01, 0.02), 0.0),  # nothing moves
-        ((-30.0, -4.0, -0.5, 0.0), 0.2),  # hardly less likely than the likeliest
-        ((-30.0, -9.0, -2.0, 0.0), 0.4),
-        ((-1500.0, -1.1, 0.0, -800.0), 0.2),
+        ((-30.0, -40.0, -30.0, 0.0), 0.4),  # one size alone
+        ((-1500.0, 0.0, 0.0, -800.0), np.sqrt((0.1**2 + 0.2**2) / 2)),
+        # none with an effect is as likely as some without: it may not be taken for none
+        ((0.0, -20.0, 0.0, -20.0), np.sqrt(0.2**2 / 2)),
     ],
 )
-def test_the_smallest_error_that_is_hardly_less_likely_is_taken(log, expected):
-    assert _smallest_likely(evidence(log)) == expected
+def test_the_error_of_a_row_has_the_variance_of_all_sizes_together(log, expected):
+    assert _average(evidence(log)) == pytest.approx(expected, rel=1e-6)

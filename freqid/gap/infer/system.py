@@ -178,7 +178,8 @@ class System:
         """
         if form_error.loads not in self._at_loads:
             parts = [b.at_loads(form_error.loads) for b in self.blocks]
-            self._at_loads[form_error.loads] = sum(g for g, _ in parts), sum(d for _, d in parts)
+            total = np.sum([g for g, _ in parts], axis=0), float(sum(d for _, d in parts))
+            self._at_loads[form_error.loads] = total
         gram, determinant = self._at_loads[form_error.loads]
         count = self.blocks[0].count
         if form_error.actuators == 0:

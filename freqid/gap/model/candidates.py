@@ -294,7 +294,7 @@ def _scalar(effect: Effect, place: Place, of: Parameter, blocks: Sequence[Block]
     sizes = np.array([s for s, _ in columns])
     each = [np.array([c[b] for _, c in columns]) for b in range(len(blocks))]
     few, mix = _few_of(each, blocks)
-    curve = Curve(sizes, mix) if few.size < sizes.size else None
+    curve = Curve(sizes, mix) if len(few) < sizes.size else None
     return Candidate(
         effect.id,
         place,
@@ -308,7 +308,7 @@ def _scalar(effect: Effect, place: Place, of: Parameter, blocks: Sequence[Block]
     )
 
 
-def _few_of(columns: Sequence[Complex], blocks: Sequence[Block]) -> tuple[NDArray[np.intp], Array]:
+def _few_of(columns: Sequence[Complex], blocks: Sequence[Block]) -> tuple[list[int], Array]:
     """Return which columns, by block of shape (column, row, line), all are sums of, and these sums.
 
     By a pivoted QR decomposition in the metric of the noise (G. H. Golub, C. F. Van Loan, Matrix
@@ -316,7 +316,7 @@ def _few_of(columns: Sequence[Complex], blocks: Sequence[Block]) -> tuple[NDArra
 
     Returns
     -------
-    few : ndarray of int, shape (kept,)
+    few : list of int
         Ascending.
     mix : ndarray, shape (column, kept)
     """
@@ -328,7 +328,7 @@ def _few_of(columns: Sequence[Complex], blocks: Sequence[Block]) -> tuple[NDArra
     mix = np.zeros((len(stacked), count))
     mix[pivot] = np.concatenate([np.eye(count), np.linalg.solve(r[:count, :count], r[:count, count:]).T])
     order = np.argsort(pivot[:count])
-    return pivot[:count][order], mix[:, order]
+    return [int(k) for k in pivot[:count][order]], mix[:, order]
 
 
 def _energy(z: Complex, block: Block) -> float:

@@ -136,7 +136,10 @@ def fly(simulation: Simulation, design: MultisineDesign, at: str, like: Block) -
         None where the simulation does not fly, diverges, or leaves out effectors that a control law moves.
     """
     asked = _asked(like, sampled(replace(design, dt_s=like.lines.dt, periods=1)), at)
-    flown = own_flight(simulation, asked)
+    try:
+        flown = own_flight(simulation, asked)
+    except (DataError, UsageError):
+        return None
     if not flown:
         return None
     if not any(n.startswith("effector/") for n in flown):
@@ -213,7 +216,7 @@ def predict(around: Surroundings, record: FlightRecord, like: Block, periods: in
 
 def _block(around: Surroundings, record: FlightRecord, like: Block, periods: int) -> Block | None:
     maneuver = Maneuver(record, like.trial.maneuver.vehicle)
-    plain = Trial.of(around.simulation, maneuver)
+    plain = Trial.of(around.simulation, maneuver, carries=False)
     trial = _QuickTrial(
         plain.simulation,
         plain.maneuver,
@@ -222,8 +225,8 @@ def _block(around: Surroundings, record: FlightRecord, like: Block, periods: int
         plain.positions,
         plain.inputs,
         plain.sent,
-        1,
-        around.airframe,
+        carries=False,
+        still=around.airframe,
     )
     rows, there = [r.name for r in plain.measured.rows], [r.name for r in like.rows]
     if not set(rows) <= set(there):

@@ -24,7 +24,7 @@ ACTUATOR_FORM_ERRORS = (0.0, 0.003, 0.02)
 """... and share of each actuator's movement."""
 
 FORM_ORDER = 4
-"""Highest Chebyshev polynomial in the logarithm of frequency of an error of form."""
+"""Highest Chebyshev polynomial in frequency of an error of form."""
 
 MOST_LINES = 400
 """Lines of one manoeuvre; more are thinned evenly."""

@@ -124,10 +124,10 @@ def form_columns(block: Block, terms: tuple[list[int], Complex]) -> Complex:
 def _shapes(block: Block) -> Complex:
     """Return smooth functions of frequency, shape (function, line): Chebyshev's, in and out of phase.
 
-    Smooth in its logarithm, as lags, wakes and slow drifts are: what is wrong on the slowest lines alone
-    must not have to be wrong on all of them.
+    Smooth in frequency, not in its logarithm: lags and wakes are smooth there, and would be taken for form.
     """
-    at = np.log(np.maximum(block.lines.hz, block.lines.hz[1]))
-    across = 2 * (at - at[0]) / max(at[-1] - at[0], 1e-12) - 1
-    shapes = chebyshev.chebvander(across, FORM_ORDER).T / (1 + np.arange(FORM_ORDER + 1))[:, None]
+    hz = block.lines.hz
+    shapes = (
+        chebyshev.chebvander(2 * hz / hz[-1] - 1, FORM_ORDER).T / (1 + np.arange(FORM_ORDER + 1))[:, None]
+    )
     return np.concatenate([shapes, 1j * shapes])

@@ -56,7 +56,7 @@ def test_a_proportional_effect_has_one_column(found, name):
 
 
 def test_other_effects_have_one_for_each_of_several_sizes_of_both_signs(found):
-    sizes = of(found, "bent").sizes
+    sizes = of(found, "bent").curve.sizes
     assert sizes.size > 8
     assert sizes.min() < 0 < sizes.max()
     assert 0 not in sizes

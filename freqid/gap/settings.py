@@ -29,7 +29,7 @@ FORM_ORDER = 4
 MOST_LINES = 400
 """Lines of one manoeuvre; more are thinned evenly."""
 
-PAIRS_OF_DRAWS = 12
+PAIRS_OF_DRAWS = 48
 """Antithetic pairs of the sensors' noise that are sent through the whole pipeline."""
 
 NULL_DRAWS = 2000

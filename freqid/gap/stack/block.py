@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,6 +20,7 @@ from freqid.gap.stack.noise import (
     antithetic,
     beyond_motion,
     covariance_of,
+    flown_covariance,
     least_power,
     sensor_power,
     smooth_ratio,
@@ -33,6 +34,7 @@ Complex = NDArray[np.complex128]
 
 REPEATS = "repeats of the manoeuvre"
 _FEW_LINES = 10  # that nothing drives, below which they do not tell the noise
+_EMPTY = 1e-6  # of the largest: a singular value that is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,12 +129,7 @@ class Block:
 
     def unwhite(self, y: Array) -> Complex:
         """Return what `white` made real, shape (..., number), as rows on lines again, still whitened."""
-        count = self.lines.hz.size
-        y = y.reshape(*y.shape[:-1], len(self.rows), 2 * count - 1)
-        z = np.zeros((*y.shape[:-1], count), dtype=complex)
-        z[..., 0] = y[..., 0]
-        z[..., 1:] = (y[..., 1:count] + 1j * y[..., count:]) / np.sqrt(2)
-        return z
+        return self.lines.complex(y.reshape(*y.shape[:-1], len(self.rows), 2 * self.lines.hz.size - 1))
 
     def transform(self, histories: Histories) -> Complex:
         """Return histories of the motion without noise on the lines, shape (row, line)."""
@@ -214,8 +211,13 @@ def _block(
     draws = antithetic(trial, lines, sigma, seed)  # at the record's own rate: noise is not smooth
     unbiased = np.array(residuals) - draws.bias
     least = least_power(trial, lines)
-    scale, source = _scale(motion.maneuver, lines, trial, draws, unbiased, least)
-    covariance = covariance_of(draws, scale, least) / len(maneuvers)
+    if len(maneuvers) > 1:
+        sensors, source = covariance_of(draws, np.ones_like(draws.bias_error), least), REPEATS
+        covariance = flown_covariance(sensors, _apart(unbiased, trial, lines, sigma, sensors))
+    else:
+        scale, source = _scale(motion.maneuver, lines, trial, draws, unbiased[0], least)
+        covariance = covariance_of(draws, scale, least)
+    covariance = covariance / len(maneuvers)
     if not np.isfinite(covariance).all():
         raise DataError(
             "no noise can be told from its channels",
@@ -264,19 +266,13 @@ def _noise_of(maneuvers: Sequence[Maneuver]) -> dict[str, float]:
 
 
 def _scale(
-    maneuver: Maneuver, lines: Lines, trial: Trial, draws: Draws, residuals: Complex, least: Array
+    maneuver: Maneuver, lines: Lines, trial: Trial, draws: Draws, residual: Complex, least: Array
 ) -> tuple[Array, str]:
     """Return the ratio of flown noise to the sensors', shape (row, line), and what it was learned from."""
     power = np.maximum(sensor_power(draws), least[:, None])
     used = np.ones(lines.hz.size, dtype=bool)
     used[0] = False  # offsets differ from record to record
-    count = len(residuals)
-    if count > 1:
-        apart = residuals - residuals.mean(axis=0)
-        left = _without_offsets(lines, apart)
-        ratio = left.sum(axis=0) / (count - 1) / power
-        return smooth_ratio(lines.hz, ratio, used, 2.0 * (count - 1)), REPEATS
-    left, freedom = beyond_motion(maneuver, lines, trial.measured, residuals[0])
+    left, freedom = beyond_motion(maneuver, lines, trial.measured, residual)
     ratio = left / freedom[:, None] / power
     undriven = used & ~lines.driven
     if lines.driven.any() and undriven.sum() >= _FEW_LINES:
@@ -284,17 +280,34 @@ def _scale(
     return smooth_ratio(lines.hz, ratio, used, 2.0), "what no response to the motion explains"
 
 
-def _without_offsets(lines: Lines, apart: Complex) -> Array:
-    """Return the power of differences of repeats without what differs slowly: their trends and ends."""
-    omega = 2j * np.pi * lines.hz
-    slow = np.divide(1, omega, out=np.zeros_like(omega), where=omega != 0)
-    columns = np.stack([np.ones_like(omega), slow, (lines.hz == 0).astype(complex)])
-    basis = lines.real(np.asarray(columns, dtype=np.complex128))
-    basis = np.linalg.qr(basis.T)[0].T
-    y = lines.real(apart)
-    y = y - (y @ basis.T) @ basis
-    count = lines.hz.size
-    power = np.empty(apart.shape)
-    power[..., 0] = y[..., 0] ** 2
-    power[..., 1:] = 0.5 * (y[..., 1:count] ** 2 + y[..., count:] ** 2)
-    return power
+def _apart(
+    residuals: Complex, trial: Trial, lines: Lines, sigma: Mapping[str, float], sensors: Complex
+) -> Complex:
+    """Return differences between records, shape (difference, row, line), each with the noise of one.
+
+    Without what constant offsets of channels make of them, and ends: these are other ones in each record.
+    """
+    count, rows = residuals.shape[:2]
+    contrasts = np.linalg.qr(np.eye(count) - 1 / count)[0][:, : count - 1].T
+    record, momentum = trial.maneuver.record, trial.measured.momentum.any(axis=1)
+    columns = []
+    for name, size in sigma.items():
+        channel = record.channel(name)
+        moved = record.with_channels(replace(channel, values=channel.values + size))
+        columns.append(lines.transform(trial.on(moved) - trial.residual))
+    for i in range(rows):
+        z = np.zeros((2, rows, lines.hz.size), dtype=complex)
+        z[0, i, 0] = 1.0
+        z[1, i] = momentum[i]
+        columns.extend(z)
+    root = np.linalg.cholesky(sensors)
+
+    def real(z: Complex) -> Array:
+        white = np.moveaxis(np.linalg.solve(root, np.moveaxis(z, (0, 2), (2, 0))), (0, 2), (2, 0))
+        return lines.real(white).reshape(len(z), -1)
+
+    y = real(np.tensordot(contrasts, residuals, 1))
+    _, size, basis = np.linalg.svd(real(np.array(columns)), full_matrices=False)
+    basis = basis[size > _EMPTY * size[0]]
+    y = (y - (y @ basis.T) @ basis).reshape(count - 1, rows, -1)
+    return np.einsum("lij,kjl->kil", root, lines.complex(y))

@@ -138,6 +138,14 @@ class Lines:
         root = np.sqrt(2)
         return np.concatenate([z[..., :1].real, root * z[..., 1:].real, root * z[..., 1:].imag], axis=-1)
 
+    def complex(self, y: Array) -> Complex:
+        """Return spectra, shape (..., line), that `real` made real numbers of, shape (..., number)."""
+        count = self.hz.size
+        z = np.zeros((*y.shape[:-1], count), dtype=np.complex128)
+        z[..., 0] = y[..., 0]
+        z[..., 1:] = (y[..., 1:count] + 1j * y[..., count:]) / np.sqrt(2)
+        return z
+
 
 def lines_of(record: FlightRecord, band_hz: tuple[float, float]) -> Lines:
     """Return the lines of a record from zero to the top of a band.

@@ -19,7 +19,7 @@ from freqid.gap.stack.trial import Trial
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_RIDGE = 0.003
+_RIDGE = 0.001
 """Of a row's variance: how far rows that share noise are trusted to cancel it."""
 
 _LEAST = 1e-12
@@ -27,8 +27,8 @@ _LEAST = 1e-12
 
 _WIDE = 10  # lines on either side over which correlations of rows are averaged
 _NARROW = 2  # ... and their power, which goes with the square of frequency
-_SCATTER = 3.0  # standard deviations of a correlation of independent rows, below which it is taken as none
 _QUIETER, _LOUDER = 0.5, 1e6  # ratios of flown noise to the sensors' own that are believed
+_ROUNDS = 60  # of the search for the flown covariance, by when it has settled
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,35 +86,48 @@ def covariance_of(draws: Draws, scale: Array, least: Array) -> Complex:
     least : ndarray, shape (row,)
         Power below which no row's noise is believed to be.
     """
-    power = _averaged(np.mean(np.abs(draws.odd) ** 2, axis=0).T, _NARROW)  # (line, row)
-    power = np.maximum(power, least)
+    power = np.maximum(_averaged(np.mean(np.abs(draws.odd) ** 2, axis=0).T, _NARROW), least)  # (line, row)
     white = draws.odd / np.sqrt(power.T)
     correlation = _averaged(np.einsum("kil,kjl->lij", white, white.conj()) / len(white), _WIDE)
     size = np.sqrt(np.maximum(np.einsum("lii->li", correlation).real, 1e-12))
-    correlation = _believed(correlation / (size[:, :, None] * size[:, None, :]), len(white))
-    root = np.sqrt(power)
-    covariance = correlation * root[:, :, None] * root[:, None, :]
+    correlation = correlation / (size[:, :, None] * size[:, None, :])
     more = power * (np.clip(scale.T, _QUIETER, _LOUDER) - 1)
-    shrunk = np.minimum(more, 0.0)  # quieter than its sensors say: rows and correlations alike
-    factor = np.sqrt(1 + shrunk / power)
-    covariance = covariance * factor[:, :, None] * factor[:, None, :]
-    diagonal = np.maximum(more, 0.0) + _RIDGE * power + np.abs(draws.bias_error.T) ** 2
+    quieter = power + np.minimum(more, 0.0)  # than the sensors say: rows and correlations alike
+    root = np.sqrt(quieter)
+    covariance = correlation * root[:, :, None] * root[:, None, :]
+    diagonal = np.maximum(more, 0.0) + _RIDGE * quieter + np.abs(draws.bias_error.T) ** 2
     return covariance + diagonal[:, :, None] * np.eye(power.shape[1])
 
 
-def _believed(correlation: Complex, pairs: int) -> Complex:
-    """Return correlations without those that scatter alone would make of so few draws.
+def flown_covariance(sensors: Complex, apart: Complex) -> Complex:
+    """Return the noise covariance of rows as repeats of a manoeuvre differ, shape (line, row, row).
 
-    Whitening by all of them, with half as many draws as rows, would call noise a quarter larger than it is.
+    A multiple of the sensors' own, and what each row has beside it by itself: the likeliest, by a
+    minorisation of the likelihood (H. Zhou and others, "MM algorithms for variance components models",
+    Journal of Computational and Graphical Statistics 28, 2019). Rows share the noise of accelerometers and
+    gyros, and what is left of one once the others are known is a hundredth of its power. So the excess has to
+    be judged by all rows together: a row's own power tells it to a tenth.
+
+    Parameters
+    ----------
+    sensors : ndarray of complex, shape (line, row, row)
+        Of one record's sensors, as `covariance_of` has it.
+    apart : ndarray of complex, shape (difference, row, line)
+        Differences between the records, each with the noise of one.
     """
-    count = correlation.shape[0]
-    near = np.minimum(np.arange(count), _WIDE) + np.minimum(np.arange(count)[::-1], _WIDE) + 1
-    scatter = _SCATTER / np.sqrt(pairs * near)
-    kept = np.where(np.abs(correlation) > scatter[:, None, None], correlation, 0.0)
-    kept[:, np.arange(kept.shape[1]), np.arange(kept.shape[1])] = 1.0  # of a row without noise too
-    values, vectors = np.linalg.eigh(kept)
-    values = np.maximum(values, _RIDGE)
-    return (vectors * values[:, None, :]) @ np.swapaxes(vectors.conj(), 1, 2)
+    power = np.einsum("lii->li", sensors).real
+    seen = np.einsum("kil,kjl->lij", apart, apart.conj()) / len(apart)
+    weight = np.ones((len(power), 1))
+    weight[0] = 0.5  # the zero line is real
+    excess, multiple, one = np.full(power.shape[1], 0.02), 1.0, np.eye(power.shape[1])
+    for _ in range(_ROUNDS):
+        precision = np.linalg.inv(multiple * sensors + (excess * power)[:, :, None] * one)
+        asked = precision @ seen @ precision
+        own = [(weight * power * np.einsum("lii->li", z).real).sum(axis=0) for z in (asked, precision)]
+        every = [(weight[:, 0] * np.einsum("lij,lji->l", z, sensors).real).sum() for z in (asked, precision)]
+        excess = excess * np.sqrt(own[0] / own[1])
+        multiple *= np.sqrt(every[0] / every[1])
+    return multiple * sensors + (excess * power)[:, :, None] * one
 
 
 def sensor_power(draws: Draws) -> Array:

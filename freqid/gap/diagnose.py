@@ -183,7 +183,10 @@ def diagnose(
         )
         closing = closing_of(system, used, columns, others, explanation, q.candidates, q.tolerances)
         closed = close(closing, explanation, q.seed)
-    existence = _existence(exists, p, threshold, q.level, evidence, used, columns)
+    forms = dict(zip(columns[0].form_names, evidence.form_sizes().tolist(), strict=True))
+    relations = {n.partition("/")[2]: f for n, f in forms.items() if n.startswith("kinematic/")}
+    forms = {n: f for n, f in forms.items() if not n.startswith("kinematic/")}
+    existence = _existence(exists, p, threshold, q.level, evidence, used, forms)
     which = _which(ranking, evidence, explanation, exists, not_tested, closed, used)
     sensors = _sensors(explanation, library, which) if exists else ()
     where = tuple(cells.places()) if exists else ()
@@ -196,7 +199,7 @@ def diagnose(
         where=where,
         which=which,
         how_far=closures,
-        remarks=tuple(remarks_of(used, columns, simulation, existence)),
+        remarks=tuple(remarks_of(used, simulation, existence, relations)),
         sensors=sensors,
         tolerances=tolerances_used(q.tolerances, simulation, library),
     )
@@ -272,14 +275,12 @@ def _existence(
     level: float,
     evidence: Evidence,
     used: Sequence[Block],
-    columns: Sequence[Columns],
+    forms: dict[str, float],
 ) -> Existence:
     from scipy.stats import chi2
 
     reached = detectable_sizes(evidence, threshold)
     sizes = {name: size for name, (size, _) in reached.items()}
-    scale = evidence.form_error().loads
-    forms = {row: scale * size for c in columns for row, size in c.form_sizes.items()}
     energy = sum(float((b.white(b.residual) ** 2).sum()) for b in used)
     return Existence(
         exists=exists,

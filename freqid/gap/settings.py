@@ -17,10 +17,13 @@ SEPARATE = 4.0
 FORM_ERRORS = (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 """Sizes of the error of form that a row may have: share of each term of the simulation there."""
 
-FORM_SCALES = (0.0, 0.5, 1.0, 2.0, 4.0)
-"""Multiples of the rows' errors of form that are integrated over."""
+FORM_CONSTANT = 4.0
+"""Constant error of each term over what varies with frequency."""
 
-ACTUATOR_FORM_ERRORS = (0.0, 0.003, 0.02)
+FORM_LIKENESS = 0.5
+"""Odds of a row's error of form being a step of `FORM_ERRORS` further from the others' than it is."""
+
+ACTUATOR_FORM_ERRORS = (0.0, 0.0003, 0.001, 0.003, 0.01, 0.03)
 """... and share of each actuator's movement."""
 
 FORM_ORDER = 4
@@ -32,7 +35,7 @@ MOST_LINES = 400
 PAIRS_OF_DRAWS = 48
 """Antithetic pairs of the sensors' noise that are sent through the whole pipeline."""
 
-NULL_DRAWS = 2000
+NULL_DRAWS = 1000
 """Draws of the model without effect, in column space."""
 
 TEMPERATURE = 1.0

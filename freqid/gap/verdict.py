@@ -9,7 +9,6 @@ import numpy as np
 
 from freqid.core.diagnosis import Closure, Existence, Place, SensorFault, ToleranceUsed, Which
 from freqid.core.gap_map import GapMap
-from freqid.gap.infer.build import Columns
 from freqid.gap.infer.evidence import NONE
 from freqid.gap.model.candidates import OTHER
 from freqid.gap.model.tolerance import DEFAULT, EACH_FLIGHT, UNDECLARED
@@ -134,9 +133,18 @@ def _name(which: Which, faults: Sequence[str], library: Mapping[str, Effect]) ->
 
 
 def remarks_of(
-    used: Sequence[Block], columns: Sequence[Columns], simulation: Simulation, gap: Existence
+    used: Sequence[Block], simulation: Simulation, gap: Existence, relations: Mapping[str, float]
 ) -> Iterator[str]:
-    """Yield what records and simulation leave untold."""
+    """Yield what records and simulation leave untold.
+
+    Parameters
+    ----------
+    used : sequence of Block
+    simulation : Simulation
+    gap : Existence
+    relations : dict of float
+        Error of form of the relations between sensors, by what each is the rate of.
+    """
     if not any(b.lines.inputs for b in used):
         yield "the records hold no injected signals: where a gap lies by input cannot be told"
     if not any(row.kind == "kinematic" for b in used for row in b.rows):
@@ -154,11 +162,7 @@ def remarks_of(
                 f"{block.names[0]}: no model follows its motion, so effects are computed on the smoothed "
                 "record, which shares its noise"
             )
-    poor: dict[str, float] = {}
-    for block, c in zip(used, columns, strict=True):
-        for row, error in zip(block.rows, c.kinematic_errors, strict=True):
-            poor[row.name] = max(poor.get(row.name, 0.0), float(error))
-    poor = {name.partition("/")[2]: error for name, error in poor.items() if error >= _POOR_SENSORS}
+    poor = {name: error for name, error in relations.items() if error >= _POOR_SENSORS}
     if poor:
         shares = ", ".join(f"{100 * error:.0f} % of d{name}/dt" for name, error in poor.items())
         yield f"the sensors contradict each other: {shares}; they count as little there"

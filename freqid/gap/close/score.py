@@ -42,10 +42,8 @@ class Scored:
         """Return the energy of what is left by real number, own unknowns and error of form integrated out."""
         c = self.columns
         y = c.residual - effect @ c.effects - tolerances @ c.tolerances
-        loads, actuators = self.fit.form_error
-        own = np.concatenate(
-            [c.own, *([loads * c.form] if loads else []), *([actuators * c.actuators] if actuators else [])]
-        )
+        form, actuators = c.form_at(self.fit.form_error), self.fit.form_error.actuators
+        own = np.concatenate([c.own, form, *([actuators * c.actuators] if actuators else [])])
         if not len(own):
             return y * y
         return y * (y - own.T @ cho_solve(cho_factor(np.eye(len(own)) + own @ own.T), own @ y))

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.gap.infer.evidence import Evidence, weigh
-from freqid.gap.infer.system import SCALED_FORMS, BlockMatrices, Form, System
+from freqid.gap.infer.forms import likely_forms
+from freqid.gap.infer.parts import Parts
+from freqid.gap.infer.system import BlockMatrices, Form, System
 from freqid.gap.model.candidates import Candidate, candidates
-from freqid.gap.model.form import actuator_columns, form_columns, kinematic_terms, load_terms
-from freqid.gap.model.tolerance import record_columns, tolerance_columns
-from freqid.gap.settings import FORM_ERRORS, NOISE_SCALES
-from freqid.gap.stack.block import REPEATS, Block
+from freqid.gap.model.form import actuator_columns
+from freqid.gap.model.tolerance import tolerance_columns
+from freqid.gap.settings import FORM_ERRORS
+from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
@@ -28,14 +29,14 @@ class Columns:
     Attributes
     ----------
     effects, tolerances, own, form, actuators : ndarray
-        The last two are errors of form: of loads at the rows' own sizes, of actuators of size one.
+        The last two are errors of form of size one: of loads and relations between sensors, of actuators.
     residual : ndarray, shape (number,)
     sigmas : ndarray of complex, shape (tolerance, row, line)
         One sigma of each tolerance, as it is before whitening.
-    form_sizes : dict of float
-        Error of form of each row of loads, a share of each of its terms.
-    kinematic_errors : ndarray, shape (row,)
-        Error of form of each relation between sensors, a share; zero in other rows.
+    form_names : tuple of str
+        Rows that have an error of form anywhere in the stack.
+    form_row : ndarray of int, shape (column,)
+        Which of these each column of the form is in.
     """
 
     effects: Array
@@ -45,15 +46,25 @@ class Columns:
     actuators: Array
     residual: Array
     sigmas: Complex
-    form_sizes: dict[str, float]
-    kinematic_errors: Array
+    form_names: tuple[str, ...]
+    form_row: NDArray[np.intp]
 
     @property
     def matrices(self) -> BlockMatrices:
         """Their inner products."""
         return BlockMatrices.of(
-            self.effects, self.tolerances, self.residual, self.own, self.form, self.actuators
+            self.effects, self.tolerances, self.residual, self.own, self.form, self.actuators, self.form_row
         )
+
+    def form_at(self, form_error: Form) -> Array:
+        """Return the columns of the form at an error of it."""
+        sizes = np.array(form_error.loads)[self.form_row]
+        return sizes[sizes > 0, None] * self.form[sizes > 0]
+
+    def kept(self, forms: Sequence[Form]) -> Columns:
+        """Return these columns with those of the form alone that some errors of it need."""
+        needed = np.any([f.loads for f in forms], axis=0)[self.form_row]
+        return replace(self, form=self.form[needed], form_row=self.form_row[needed])
 
 
 def build(
@@ -61,7 +72,8 @@ def build(
 ) -> tuple[System, dict[str, str], list[Columns], list[Block]]:
     """Return the system of a stack, why effects are not tested, the columns by block, and the blocks.
 
-    The blocks come back with the noise of their loads as loud as it was flown, where no repeats told it.
+    The blocks come back with the noise of their loads as loud as it was flown, where no repeats told it. Of
+    the errors of form those stay that the data leave possible.
     """
     found, not_tested = candidates(library, blocks)
     shared = [tolerance_columns(b, library, sizes) for b in blocks]
@@ -69,11 +81,15 @@ def build(
     start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
     servos = actuators_of(blocks)
     parts = [
-        _parts(b, i, found, [shared[i].get(n) for n in names], library, sizes) for i, b in enumerate(blocks)
+        Parts.of(b, i, found, [shared[i].get(n) for n in names], library, sizes) for i, b in enumerate(blocks)
     ]
-    errors = _errors_of_loads(parts, found)
-    columns = [p.columns(errors, servos) for p in parts]
-    system = System(found, start, names, [c.matrices for c in columns], SCALED_FORMS)
+    rows = tuple(dict.fromkeys(p.block.rows[i].name for p in parts for i in np.unique(p.form_row).tolist()))
+    every = (Form((FORM_ERRORS[-1],) * len(rows), 0.0),)
+    columns = [_columns(p, rows, every, servos) for p in parts]
+    system = System(found, start, names, [c.matrices for c in columns], every)
+    forms = likely_forms(system, rows)
+    columns = [c.kept(forms) for c in columns]
+    system = replace(system, blocks=[c.matrices for c in columns], form_errors=forms, _at_loads={})
     return system, not_tested, columns, [p.block for p in parts]
 
 
@@ -90,7 +106,8 @@ def columns_of(
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
     servos: Sequence[str],
-    errors: Mapping[str, float],
+    like: Columns,
+    forms: Sequence[Form],
 ) -> tuple[Columns, Block]:
     """Return the columns of one more block, and the block with its noise as it was flown.
 
@@ -106,159 +123,33 @@ def columns_of(
     sizes : dict of float
     servos : sequence of str
         Actuators of the stack, `actuators_of`.
-    errors : dict of float
-        Error of form of each row of loads, as the stack has it.
+    like : Columns
+        Of a block of the stack.
+    forms : sequence of Form
+        Errors of form of the stack.
     """
     shared = tolerance_columns(block, library, sizes)
-    parts = _parts(block, index, found, [shared.get(n) for n in names], library, sizes)
-    return parts.columns(errors, servos), parts.block
+    parts = Parts.of(block, index, found, [shared.get(n) for n in names], library, sizes)
+    return _columns(parts, like.form_names, forms, servos), parts.block
 
 
-@dataclass(frozen=True, eq=False)
-class _Parts:
-    """Columns of one block before whitening, each of shape (column, row, line)."""
-
-    block: Block
-    effects: Complex
-    tolerances: Complex
-    own: Complex
-    form: Complex
-    kinematic_errors: Array = field(default_factory=lambda: np.zeros(0))
-
-    def columns(self, errors: Mapping[str, float], servos: Sequence[str]) -> Columns:
-        """Return the whitened columns at an error of form of each row of loads."""
-        block = self.block
-        share = np.array([errors.get(row.name, 0.0) for row in block.rows])
-        form = self.form * share[:, None]
-        form = form[np.any(form, axis=(1, 2))]
-        return Columns(
-            effects=block.white(self.effects),
-            tolerances=block.white(self.tolerances),
-            own=block.white(self.own),
-            form=block.white(form),
-            actuators=block.white(actuator_columns(block, servos)),
-            residual=block.white(block.residual),
-            sigmas=self.tolerances,
-            form_sizes={row.name: errors.get(row.name, 0.0) for row in block.rows if row.kind == "response"},
-            kinematic_errors=self.kinematic_errors,
-        )
-
-
-def _parts(
-    block: Block,
-    index: int,
-    found: Sequence[Candidate],
-    shared: Sequence[Complex | None],
-    library: Mapping[str, Effect],
-    sizes: Mapping[str, float],
-) -> _Parts:
-    own = record_columns(block, library, sizes)
-    effects = np.concatenate([c.columns[index] for c in found]) if found else _zeros(block, 0)
-    tolerances = _stacked(block, shared)
-    unknown = _stacked(block, list(own.values()))
-    sensors = form_columns(block, kinematic_terms(block))
-    errors = _errors_of_relations(_Parts(block, effects, tolerances, unknown, sensors), found)
-    unknown = np.concatenate([unknown, sensors * errors[:, None]])
-    unknown = unknown[np.any(unknown, axis=(1, 2))]
-    loads = form_columns(block, load_terms(block))
-    if block.noise_from != REPEATS:
-        block = _louder(block, effects, found, tolerances, unknown, loads)
-    return _Parts(block, effects, tolerances, unknown, loads, errors)
-
-
-def _errors_of_loads(parts: Sequence[_Parts], found: Sequence[Candidate]) -> dict[str, float]:
-    """Return the error of form of each row of loads, from that row alone in all blocks.
-
-    A simulation may be good in lift and poor in drag: one share for all rows would make the good ones poor,
-    or leave the error of the poor ones to an effect. Every effect is allowed for while it is chosen.
-    """
-    errors: dict[str, float] = {}
-    for row in dict.fromkeys(r.name for p in parts for r in p.block.rows if r.kind == "response"):
-        at = [(p, i) for p in parts for i, r in enumerate(p.block.rows) if r.name == row]
-        if not any(np.any(p.form[:, i]) for p, i in at):
-            continue
-        errors[row] = _average(weigh(_rows_alone([(p, [i]) for p, i in at], found)))
-    return errors
-
-
-def _errors_of_relations(parts: _Parts, found: Sequence[Candidate]) -> Array:
-    """Return the error of form of each kinematic relation, from its row alone, shape (row,).
-
-    Relations between sensors need no simulation, so how well they hold says nothing of the loads' form. Every
-    effect is allowed for while it is chosen.
-    """
-    errors = np.zeros(len(parts.block.rows))
-    for i, row in enumerate(parts.block.rows):
-        if row.kind == "kinematic" and np.any(parts.form[:, i]):
-            errors[i] = _average(weigh(_rows_alone([(parts, [i])], found)))
-    return errors
-
-
-def _average(evidence: Evidence) -> float:
-    """Return the root mean square of the error of form over its posterior.
-
-    Its covariance is then that of all sizes together. The likeliest alone would be a bet: where no error
-    and an effect explain a row as well as an error and none, it would decide for one of them.
-    """
-    sizes = np.array([f.loads for f in evidence.system.form_errors])
-    return float(np.sqrt(evidence.form_weights() @ sizes**2))
-
-
-def _louder(
-    block: Block,
-    effects: Complex,
-    found: Sequence[Candidate],
-    tolerances: Complex,
-    own: Complex,
-    form: Complex,
-) -> Block:
-    """Return a block whose loads are as noisy as is likeliest: sensors tell nothing of gusts and buffet.
-
-    Every effect and every error of form is allowed for while the scale is chosen.
-    """
-    rows = [i for i, row in enumerate(block.rows) if row.kind == "response"]
-    if not rows:
-        return block
-    best, chosen = -np.inf, block
-    for scale in NOISE_SCALES:
-        root = np.ones(len(block.rows))
-        root[rows] = scale
-        one = replace(block, covariance=block.covariance * root[:, None] * root)
-        parts = _Parts(one, effects, tolerances, own, form)
-        evidence = weigh(_rows_alone([(parts, rows)], found))
-        number = len(rows) * (2 * block.lines.hz.size - 1)
-        total = evidence.log_none + np.logaddexp(0.0, evidence.statistic) - number * np.log(scale)
-        if total > best:
-            best, chosen = total, one
-    return chosen
-
-
-def _rows_alone(parts: Sequence[tuple[_Parts, Sequence[int]]], found: Sequence[Candidate]) -> System:
-    """Return the system of some rows of some blocks, with the candidates that change them."""
-    start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
-    moved = np.any([np.any(p.effects[:, list(rows)], axis=(1, 2)) for p, rows in parts], axis=0)
-    few = [i for i in range(len(found)) if moved[start[i] : start[i + 1]].any()]
-    keep = np.concatenate([np.zeros(0, int), *(np.arange(start[i], start[i + 1]) for i in few)]).astype(int)
-    shared = np.any([np.any(p.tolerances[:, list(rows)], axis=(1, 2)) for p, rows in parts], axis=0)
-    matrices = []
-    for p, rows in parts:
-        form = p.form[np.any(p.form[:, list(rows)], axis=(1, 2))]
-        own = p.own[np.any(p.own[:, list(rows)], axis=(1, 2))]
-        columns = (p.effects[keep], p.tolerances[shared], p.block.residual, own, form, form[:0])
-        matrices.append(BlockMatrices.of(*(p.block.white(z, rows) for z in columns)))
-    begin = np.concatenate([[0], np.cumsum([len(found[i].sizes) for i in few])]).astype(int)
-    names = tuple(map(str, range(int(shared.sum()))))
-    return System([found[i] for i in few], begin, names, matrices, tuple(Form(f, 0.0) for f in FORM_ERRORS))
-
-
-def _zeros(block: Block, count: int) -> Complex:
-    return np.zeros((count, len(block.rows), block.lines.hz.size), dtype=complex)
-
-
-def _stacked(block: Block, columns: Sequence[Complex | None]) -> Complex:
-    """Return columns, shape (column, row, line); zero where a block has none of a name."""
-    full = [_zeros(block, 1)[0] if z is None else z for z in columns]
-    return np.array(full) if full else _zeros(block, 0)
+def _columns(parts: Parts, rows: Sequence[str], forms: Sequence[Form], servos: Sequence[str]) -> Columns:
+    """Return the whitened columns of one block."""
+    largest = np.max([f.loads for f in forms], axis=0)
+    parts = parts.fewer(dict(zip(rows, largest.tolist(), strict=True)))
+    block = parts.block
+    here = np.array([rows.index(row.name) if row.name in rows else -1 for row in block.rows], dtype=int)
+    return Columns(
+        effects=block.white(parts.effects),
+        tolerances=block.white(parts.tolerances),
+        own=block.white(parts.own),
+        form=block.white(parts.form),
+        actuators=block.white(actuator_columns(block, servos)),
+        residual=block.white(block.residual),
+        sigmas=parts.tolerances,
+        form_names=tuple(rows),
+        form_row=here[parts.form_row],
+    )
 
 
 def relinearised(

@@ -161,6 +161,11 @@ class Evidence:
             log = self.none + np.logaddexp(0.0, gap)
         return np.exp(log - logsumexp(log))
 
+    def form_sizes(self) -> Array:
+        """Return the error of form of each row, root mean square over its posterior, shape (row,)."""
+        sizes = np.array([f.loads for f in self.system.form_errors])
+        return np.sqrt(self.form_weights() @ sizes**2)
+
     def form_error(self, candidate: int | None = None) -> Form:
         """Return the likeliest error of form."""
         return self.system.form_errors[int(np.argmax(self.form_weights(candidate)))]

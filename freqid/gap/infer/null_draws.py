@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from freqid.gap.infer.evidence import Evidence
 from freqid.gap.infer.system import BlockMatrices, Form, System
 
 Array = NDArray[np.float64]
-
-_RIDGE = 1e-9
 
 
 def null_statistics(evidence: Evidence, count: int, seed: int) -> Array:
@@ -27,13 +27,8 @@ def null_statistics(evidence: Evidence, count: int, seed: int) -> Array:
     """
     rng = np.random.default_rng([seed, 77])
     weights = evidence.form_weights()
-    system = evidence.system
     chosen = rng.choice(len(weights), size=count, p=weights / weights.sum())
-    found = np.empty(count)
-    for k in np.unique(chosen):
-        at = np.flatnonzero(chosen == k)
-        found[at] = statistics_of(evidence, drawn(system, system.form_errors[k], at.size, rng))
-    return found
+    return statistics_of(evidence, drawn(evidence.system, chosen, rng))
 
 
 def threshold_of(null: Array, level: float) -> float:
@@ -52,16 +47,15 @@ def threshold_of(null: Array, level: float) -> float:
 
 
 def drawn(
-    system: System, form_error: Form, count: int, rng: np.random.Generator, mean: Array | None = None
+    system: System, chosen: NDArray[np.intp], rng: np.random.Generator, mean: Array | None = None
 ) -> dict[Form, tuple[Array, Array]]:
-    """Return draws of the data at one error of form, as every error of form sees them.
+    """Return draws of the data, as every error of form sees them.
 
     Parameters
     ----------
     system : System
-    form_error : Form
-        Of the draws.
-    count : int
+    chosen : ndarray of int, shape (draw,)
+        Of each draw, its own among the system's errors of form.
     rng : Generator
     mean : ndarray, shape (column,), optional
         Weights of candidates' columns that are in the data beside noise, tolerances and form.
@@ -72,13 +66,14 @@ def drawn(
         By error of form: g, shape (column, draw), and the log evidence of no effect less what all have in
         common, shape (draw,).
     """
-    n, few = system.columns, len(system.tolerances)
+    n, few, count = system.columns, len(system.tolerances), len(chosen)
+    own = [system.form_errors[k] for k in chosen]
     tolerance = rng.standard_normal((few, count))
-    wrong = form_error.actuators * rng.standard_normal((system.blocks[0].actuators, count))
+    wrong = rng.standard_normal((system.blocks[0].actuators, count)) * [f.actuators for f in own]
     shared = np.concatenate([tolerance, wrong])
-    sampled = [_sampled(b, form_error.loads, shared, n, rng, mean) for b in system.blocks]
+    sampled = [_sampled(b, own, shared, n, rng, mean) for b in system.blocks]
     seen = {}
-    for error in {f.loads for f in system.form_errors}:
+    for error in dict.fromkeys(f.loads for f in system.form_errors):
         parts = [_at_loads(b, error, *one) for b, one in zip(system.blocks, sampled, strict=True)]
         seen[error] = np.sum([z for z, _ in parts], axis=0), np.sum([x for _, x in parts], axis=0)
     found = {}
@@ -92,16 +87,23 @@ def drawn(
         factor = cho_factor(np.eye(len(inside)) + gram[t, t])
         solved = cho_solve(factor, inside)
         log = log + 0.5 * (inside * solved).sum(axis=0) - float(np.log(np.diag(factor[0])).sum())
+        log = log + f.log_prior
         found[f] = (z[:n] - gram[t, :n].T @ solved, log)
     return found
 
 
-def _at_loads(block: BlockMatrices, error: float, inner: Array, form: Array) -> tuple[Array, Array]:
+def _at_loads(
+    block: BlockMatrices, error: float | tuple[float, ...], inner: Array, form: Array
+) -> tuple[Array, Array]:
     """Return drawn inner products of ``[X, T, A]`` less the loads' error of form, and its evidence."""
-    f2 = error**2
-    shrink = (f2 / (1 + f2 * block.form_power))[:, None]
-    log = 0.5 * (shrink * form**2).sum(axis=0) - 0.5 * float(np.log1p(f2 * block.form_power).sum())
-    return inner - _without_residual(block, block.form).T @ (shrink * form), log
+    solved, at, determinant = block.form_solved(error)
+    if not at.size:
+        return inner, np.zeros(inner.shape[1])
+    size = block.sizes(error)[at]
+    inside = np.eye(at.size) + size[:, None] * block.form_gram[np.ix_(at, at)] * size
+    root = solve_triangular(np.linalg.cholesky(inside), size[:, None] * form[at], lower=True)
+    log = 0.5 * (root**2).sum(axis=0) - determinant
+    return inner - _without_residual(block, solved).T @ form[at], log
 
 
 def _without_residual(block: BlockMatrices, columns: Array) -> Array:
@@ -130,31 +132,29 @@ def effects_of(evidence: Evidence, data: dict[Form, tuple[Array, Array]]) -> tup
 
 
 def _sampled(
-    block: BlockMatrices, error: float, shared: Array, n: int, rng: np.random.Generator, mean: Array | None
+    block: BlockMatrices,
+    own: Sequence[Form],
+    shared: Array,
+    n: int,
+    rng: np.random.Generator,
+    mean: Array | None,
 ) -> tuple[Array, Array]:
-    """Return inner products of ``[X, T, A]`` with drawn data, and their projections on the loads' form.
+    """Return inner products with drawn data of ``[X, T, A]``, and of the form's columns.
 
-    The projections of noise on the form's directions have the eigenvalues as variances; given these, the
-    columns' inner products have what is left of their Gram matrix. `shared` are the tolerances and the
-    actuators' errors of form, the same in all blocks.
+    `own` is each draw's error of form; `shared` are the tolerances and the actuators' errors of form, the
+    same in all blocks.
     """
     gram = _without_residual(block, _without_residual(block, block.gram).T)
-    form, power = _without_residual(block, block.form), block.form_power
-    count = shared.shape[1]
-    noise = np.sqrt(power)[:, None] * rng.standard_normal((power.size, count))
-    left = gram - (form.T / power) @ form if power.size else gram
-    values, vectors = np.linalg.eigh((left + left.T) / 2)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    inner = (form.T / power) @ noise if power.size else np.zeros((len(gram), count))
-    inner = inner + root @ rng.standard_normal((len(values), count))
-    if error and power.size:
-        wrong = error * rng.standard_normal((power.size, count))
-        # form columns are sqrt(power) times orthonormal directions
-        inner = inner + form.T @ wrong
-        noise = noise + power[:, None] * wrong
-    inner = inner + gram[:, n:] @ shared
-    noise = noise + form[:, n:] @ shared
+    form, count = _without_residual(block, block.form), shared.shape[1]
+    whole = np.block([[gram, form.T], [form, block.form_gram]])
+    scale = np.sqrt(np.maximum(np.diag(whole), np.finfo(float).tiny ** 0.5))
+    values, vectors = np.linalg.eigh(whole / scale[:, None] / scale)
+    root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    found = root @ rng.standard_normal((len(values), count))
+    by_form = {f: block.sizes(f.loads) for f in dict.fromkeys(own)}
+    size = np.array([by_form[f] for f in own]).T
+    found += whole[:, len(gram) :] @ (size * rng.standard_normal(size.shape))
+    found += whole[:, n : len(gram)] @ shared
     if mean is not None:
-        inner = inner + (gram[:, :n] @ mean)[:, None]
-        noise = noise + (form[:, :n] @ mean)[:, None]
-    return inner, noise
+        found += (whole[:, :n] @ mean)[:, None]
+    return found[: len(gram)], found[len(gram) :]

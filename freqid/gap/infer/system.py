@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from freqid.gap.model.candidates import Candidate
-from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS, FORM_SCALES
+from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS
 
 Array = NDArray[np.float64]
 
@@ -27,19 +27,21 @@ class Form(NamedTuple):
 
     Attributes
     ----------
-    loads, actuators : float
-        Multiple of the columns of the loads' form, and share of each actuator's movement.
+    loads : float or tuple of float
+        Share of each term of all rows, or of each row that has a form.
+    actuators : float
+        Share of each actuator's movement.
+    log_prior : float
+        Logarithm of how likely it is before the data.
     """
 
-    loads: float
+    loads: float | tuple[float, ...]
     actuators: float
+    log_prior: float = 0.0
 
 
 FORMS = tuple(Form(a, b) for a in FORM_ERRORS for b in ACTUATOR_FORM_ERRORS)
-"""Where one share holds for all rows: columns of the loads' form are of size one."""
-
-SCALED_FORMS = tuple(Form(a, b) for a in FORM_SCALES for b in ACTUATOR_FORM_ERRORS)
-"""Where each row has its own share: columns of the loads' form are of that size."""
+"""Where one share holds for all rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +55,11 @@ class BlockMatrices:
     ----------
     gram : ndarray, shape (n, n)
     form : ndarray, shape (direction, n)
-        Projections on the eigenvectors of the columns of the loads' form.
-    form_power : ndarray, shape (direction,)
-        Their eigenvalues.
+        Inner products with the columns of the form.
+    form_gram : ndarray, shape (direction, direction)
+        Of these columns with each other; diagonal where they are of no row.
+    form_row : ndarray of int, shape (direction,)
+        Row of each, among those that have a form; -1 where one share holds for all.
     actuators : int
         Number of columns of the actuators' form, the last ones.
     number : int
@@ -64,13 +68,21 @@ class BlockMatrices:
 
     gram: Array
     form: Array
-    form_power: Array
+    form_gram: Array
+    form_row: NDArray[np.intp]
     actuators: int
     number: int
 
     @classmethod
     def of(
-        cls, columns: Array, tolerances: Array, residual: Array, own: Array, form: Array, actuators: Array
+        cls,
+        columns: Array,
+        tolerances: Array,
+        residual: Array,
+        own: Array,
+        form: Array,
+        actuators: Array,
+        form_row: NDArray[np.intp] | None = None,
     ) -> BlockMatrices:
         """Return the matrices of whitened rows, each of shape (column, number)."""
         z = np.concatenate([columns, tolerances, residual[None], actuators])
@@ -83,24 +95,55 @@ class BlockMatrices:
             inner = inner - own_z.T @ solved
             across = across - own_form.T @ solved
             power = power - own_form.T @ cho_solve(factor, own_form)
-        values, vectors = np.linalg.eigh(power) if len(power) else (np.zeros(0), np.zeros((0, 0)))
-        keep = values > _EMPTY * max(values.max(initial=0.0), 1e-300)
-        return cls(inner, vectors[:, keep].T @ across, values[keep], len(actuators), residual.size)
+        if form_row is None:
+            values, vectors = np.linalg.eigh(power) if len(power) else (np.zeros(0), np.zeros((0, 0)))
+            keep = values > _EMPTY * max(values.max(initial=0.0), 1e-300)
+            across, power = vectors[:, keep].T @ across, np.diag(values[keep])
+            form_row = np.full(len(power), -1)
+        return cls(inner, across, power, form_row, len(actuators), residual.size)
+
+    @property
+    def form_power(self) -> Array:
+        """Energy of each of the form's columns."""
+        return np.diag(self.form_gram)
+
+    def sizes(self, error: float | tuple[float, ...]) -> Array:
+        """Return the size of each of the form's columns at an error of form, shape (direction,)."""
+        if isinstance(error, tuple):
+            return np.array([*error, 0.0])[self.form_row]
+        return np.full(len(self.form_row), error)
 
     @property
     def count(self) -> int:
         """Columns of candidates, tolerances and the residual."""
         return len(self.gram) - self.actuators
 
-    def at_loads(self, error: float) -> tuple[Array, float]:
+    def at_loads(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
         """Return all inner products less the loads' error of form, and half its log determinant."""
-        if error == 0 or not self.form_power.size:
-            return self.gram, 0.0
-        f2 = error**2
-        shrink = f2 / (1 + f2 * self.form_power)
-        return self.gram - (self.form.T * shrink) @ self.form, 0.5 * float(
-            np.log1p(f2 * self.form_power).sum()
-        )
+        solved, at, determinant = self.form_solved(error)
+        return (self.gram - self.form[at].T @ solved if at.size else self.gram), determinant
+
+    def form_solved(self, error: float | tuple[float, ...]) -> tuple[Array, NDArray[np.intp], float]:
+        """Return what integrating out an error of form takes, S the sizes of its columns and P their Gram.
+
+        Returns
+        -------
+        solved : ndarray, shape (kept, n)
+            ``S (1 + S P S)^-1 S`` times the inner products with the form's columns.
+        at : ndarray of int, shape (kept,)
+            Columns of the form that have a size.
+        determinant : float
+            Half the log determinant of ``1 + S P S``.
+        """
+        size = self.sizes(error)
+        at = np.flatnonzero(size)
+        size = size[at]
+        inside = np.eye(at.size) + size[:, None] * self.form_gram[np.ix_(at, at)] * size
+        if not at.size:
+            return np.zeros((0, len(self.gram))), at, 0.0
+        factor = cho_factor(inside, lower=True)
+        solved = size[:, None] * cho_solve(factor, size[:, None] * self.form[at])
+        return solved, at, float(np.log(np.diag(factor[0])).sum())
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +188,7 @@ class System:
     blocks: list[BlockMatrices]
     form_errors: tuple[Form, ...] = FORMS
     _reduced: dict[Form, Reduced] = field(default_factory=dict, repr=False)
-    _at_loads: dict[float, tuple[Array, float]] = field(default_factory=dict, repr=False)
+    _at_loads: dict[float | tuple[float, ...], tuple[Array, float]] = field(default_factory=dict, repr=False)
 
     @property
     def columns(self) -> int:
@@ -181,6 +224,7 @@ class System:
             total = np.sum([g for g, _ in parts], axis=0), float(sum(d for _, d in parts))
             self._at_loads[form_error.loads] = total
         gram, determinant = self._at_loads[form_error.loads]
+        determinant -= form_error.log_prior
         count = self.blocks[0].count
         if form_error.actuators == 0:
             return gram[:count, :count], determinant

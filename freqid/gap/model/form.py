@@ -15,7 +15,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from freqid.core.record import Maneuver
-from freqid.gap.settings import FORM_ERRORS, FORM_ORDER
+from freqid.gap.settings import FORM_CONSTANT, FORM_ERRORS, FORM_ORDER
 from freqid.gap.stack.block import Block
 
 Array = NDArray[np.float64]
@@ -125,9 +125,11 @@ def _shapes(block: Block) -> Complex:
     """Return smooth functions of frequency, shape (function, line): Chebyshev's, in and out of phase.
 
     Smooth in frequency, not in its logarithm: lags and wakes are smooth there, and would be taken for form.
+    The constant is larger than what varies with frequency: derivatives are wrong sooner than dynamics.
     """
     hz = block.lines.hz
-    shapes = (
-        chebyshev.chebvander(2 * hz / hz[-1] - 1, FORM_ORDER).T / (1 + np.arange(FORM_ORDER + 1))[:, None]
-    )
-    return np.concatenate([shapes, 1j * shapes])
+    weight = 1 / (1 + np.arange(FORM_ORDER + 1.0))
+    shapes = chebyshev.chebvander(2 * hz / hz[-1] - 1, FORM_ORDER).T * weight[:, None]
+    whole = np.concatenate([shapes, 1j * shapes])
+    whole[0] *= FORM_CONSTANT
+    return whole

@@ -258,10 +258,10 @@ def _columns(around: Surroundings, block: Block, like: Block) -> PredictedFlight
     own = list(record_columns(block, around.candidates, around.sizes).values())
     own += [z for n, z in shared.items() if n not in rivals.system.tolerances]  # of what did not move before
     before = around.columns[list(around.blocks).index(like)]
-    own += list(before.kinematic_errors[:, None] * form_columns(block, kinematic_terms(block)))
-    f = rivals.form_error.loads
-    share = np.array([f * before.form_sizes.get(row.name, 0.0) for row in block.rows])
-    form = list(share[:, None] * form_columns(block, load_terms(block))) if share.any() else []
+    share = dict(zip(before.form_names, np.array(rivals.form_error.loads).tolist(), strict=True))
+    sizes = np.array([share.get(row.name, 0.0) for row in block.rows])
+    terms = [form_columns(block, one) for one in (load_terms(block), kinematic_terms(block))]
+    form = [z for z in np.concatenate(terms) * sizes[:, None] if np.any(z)]
     tolerances = [shared.get(n, none) for n in rivals.system.tolerances]
     servos = list(actuator_columns(block, actuators_of(around.blocks)))
     return PredictedFlight(

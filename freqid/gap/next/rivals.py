@@ -244,8 +244,7 @@ def _kept(block: BlockMatrices, at: Index) -> BlockMatrices:
     at = np.concatenate(
         [at, np.arange(block.count, len(block.gram))]
     )  # and the errors of the actuators' form
-    form = block.form[:, at]
-    return BlockMatrices(block.gram[np.ix_(at, at)], form, block.form_power, block.actuators, block.number)
+    return replace(block, gram=block.gram[np.ix_(at, at)], form=block.form[:, at])
 
 
 def _weights(candidate: Candidate, size: Array) -> Array:

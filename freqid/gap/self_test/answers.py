@@ -98,18 +98,8 @@ class Draws:
         """Draw noise, tolerances and errors of form."""
         rng = np.random.default_rng([seed, 79])
         weights = evidence.form_weights()
-        chosen = np.sort(rng.choice(len(weights), size=count, p=weights / weights.sum()))
-        parts = [
-            drawn(system, system.form_errors[k], int((chosen == k).sum()), rng) for k in np.unique(chosen)
-        ]
-        mixed = rng.permutation(count)
-        data = {
-            f: (
-                np.concatenate([p[f][0] for p in parts], axis=1)[:, mixed],
-                np.concatenate([p[f][1] for p in parts])[mixed],
-            )
-            for f in system.form_errors
-        }
+        chosen = rng.choice(len(weights), size=count, p=weights / weights.sum())
+        data = drawn(system, chosen, rng)
         return cls(system, data)
 
     @property

@@ -14,8 +14,8 @@ from freqid.core.gap_map import GapMap
 from freqid.core.record import Maneuver
 from freqid.gap.close.closing import Closing, closing_of
 from freqid.gap.close.closure import Closed, close
-from freqid.gap.close.fit import likeliest_tolerances
-from freqid.gap.infer.build import Columns, build, rebuilt, relinearised
+from freqid.gap.infer.build import build, flown_departures, rebuilt
+from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import NONE, Evidence, estimate, weigh
 from freqid.gap.infer.explain import Explanation, explain
 from freqid.gap.infer.null_draws import null_statistics, threshold_of
@@ -24,7 +24,7 @@ from freqid.gap.infer.where import gap_map
 from freqid.gap.infer.which import Ranking, detectable_sizes, groups_of, probability_of_none, rank
 from freqid.gap.model.candidates import OTHER
 from freqid.gap.model.refine import refined
-from freqid.gap.settings import INTERVAL, LEVEL, NAMED, NULL_DRAWS, ROUNDS, TEMPERATURE
+from freqid.gap.settings import INTERVAL, LEVEL, NAMED, NULL_DRAWS, TEMPERATURE
 from freqid.gap.simulation import Simulation
 from freqid.gap.stack.block import Block, stack_of
 from freqid.gap.verdict import remarks_of, tolerances_used, verdict
@@ -146,6 +146,11 @@ def diagnose(
     tell("replaying the simulation")
     count = len(maneuvers)
     used = stack_of(simulation, maneuvers, names[:count], q.band_hz, seed=q.seed)
+    departures: dict[str, float] = {}
+    if simulation.tolerances and any(b.motion.flown for b in used):
+        tell("flying the simulation as it is likeliest")
+        departures = flown_departures(used, q.candidates, q.tolerances)
+        used = stack_of(simulation, maneuvers, names[:count], q.band_hz, seed=q.seed, departures=departures)
     tell("computing effects and tolerances")
     system, not_tested, columns, used = build(used, q.candidates, q.tolerances)
     for name in q.named:
@@ -155,10 +160,6 @@ def diagnose(
             raise UsageError(f"effect '{name}' cannot be tested here: {not_tested[name]}")
     tell("weighing effects")
     evidence = weigh(system)
-    for _ in range(ROUNDS):
-        fitted = likeliest_tolerances(evidence)
-        system, columns = relinearised(system, columns, used, fitted, q.tolerances)
-        evidence = weigh(system)
     null = null_statistics(evidence, q.draws, q.seed)
     drawn = float((1 + (null >= evidence.statistic).sum()) / (1 + null.size))
     p = max(drawn, probability_of_none(evidence))
@@ -179,13 +180,15 @@ def diagnose(
     if q.close and explanation:
         tell("closing the gap on manoeuvres that were not used")
         others = (
-            stack_of(simulation, held_out, names[count:], q.band_hz, seed=q.seed + 500) if held_out else []
+            stack_of(simulation, held_out, names[count:], q.band_hz, seed=q.seed + 500, departures=departures)
+            if held_out
+            else []
         )
         closing = closing_of(system, used, columns, others, explanation, q.candidates, q.tolerances)
         closed = close(closing, explanation, q.seed)
     forms = dict(zip(columns[0].form_names, evidence.form_sizes().tolist(), strict=True))
     relations = {n.partition("/")[2]: f for n, f in forms.items() if n.startswith("kinematic/")}
-    forms = {n: f for n, f in forms.items() if not n.startswith("kinematic/")}
+    forms = {n: f for n, f in forms.items() if "/" not in n}
     existence = _existence(exists, p, threshold, q.level, evidence, used, forms)
     which = _which(ranking, evidence, explanation, exists, not_tested, closed, used)
     sensors = _sensors(explanation, library, which) if exists else ()

@@ -14,7 +14,7 @@ NAMED = 0.75
 SEPARATE = 4.0
 """Nats (natural logarithm of odds) by which a second effect has to raise the evidence to be called a pair."""
 
-FORM_ERRORS = (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
+FORM_ERRORS = (0.0, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 """Sizes of the error of form that a row may have: share of each term of the simulation there."""
 
 FORM_CONSTANT = 4.0
@@ -23,7 +23,7 @@ FORM_CONSTANT = 4.0
 FORM_LIKENESS = 0.5
 """Odds of a row's error of form being a step of `FORM_ERRORS` further from the others' than it is."""
 
-ACTUATOR_FORM_ERRORS = (0.0, 0.0003, 0.001, 0.003, 0.01, 0.03)
+ACTUATOR_FORM_ERRORS = (0.0, 0.003, 0.02)
 """... and share of each actuator's movement."""
 
 FORM_ORDER = 4

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.gap.infer.build import Columns, actuators_of, columns_of
+from freqid.gap.infer.build import columns_of
+from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.system import System
 from freqid.gap.model.candidates import Candidate, recomputed
@@ -94,9 +95,9 @@ def closing_of(
         added = [recomputed(c, library, held_out) for c in few]
         few = [replace(c, columns=[*c.columns, *more]) for c, more in zip(few, added, strict=True)]
         at = range(len(used), len(used) + len(held_out))
-        servos, like, forms = actuators_of(used), columns[0], system.form_errors
+        like, forms = columns[0], system.form_errors
         made = [
-            columns_of(b, i, few, system.tolerances, library, tolerances, servos, like, forms)
+            columns_of(b, i, few, system.tolerances, library, tolerances, like, forms)
             for b, i in zip(held_out, at, strict=True)
         ]
         parts += [c for c, _ in made]
@@ -131,6 +132,5 @@ def _only(columns: Columns, numbers: NDArray[np.bool_]) -> Columns:
         tolerances=c.tolerances[:, numbers],
         own=c.own[:, numbers],
         form=c.form[:, numbers],
-        actuators=c.actuators[:, numbers],
         residual=c.residual[numbers],
     )

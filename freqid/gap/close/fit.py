@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import logsumexp
 
-from freqid.gap.infer.evidence import Evidence, estimate
+from freqid.gap.infer.evidence import Evidence
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.system import Form, System
-from freqid.gap.settings import INTERVAL
 
 Array = NDArray[np.float64]
 
@@ -40,22 +39,6 @@ class Fit:
     effect_alone: Array
     tolerances: Array
     tolerances_alone: Array
-
-
-def likeliest_tolerances(evidence: Evidence) -> Array:
-    """Return the tolerances' departures, in sigmas, beside the likeliest effect if one is likely."""
-    system = evidence.system
-    best = int(np.argmax(evidence.candidate)) if len(evidence.candidate) else -1
-    weights = np.zeros(system.columns)
-    form_error = evidence.form_error()
-    if best >= 0 and evidence.candidate[best] > 0:
-        weights[system.columns_of(best)] = estimate(evidence, best, INTERVAL).weights
-        form_error = evidence.form_error(best)
-    gram, _ = system.gram(form_error)
-    n = system.columns
-    t = slice(n, len(gram) - 1)
-    factor = cho_factor(np.eye(t.stop - t.start) + gram[t, t])
-    return cho_solve(factor, gram[t, -1] - gram[t, :n] @ weights)[: len(system.tolerances)]
 
 
 def fit(evidence: Evidence, explanation: Explanation, form_error: Form | None = None) -> Fit:

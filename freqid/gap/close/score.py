@@ -11,7 +11,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from freqid.core.diagnosis import Change, Share
 from freqid.gap.close.fit import Fit
-from freqid.gap.infer.build import Columns
+from freqid.gap.infer.columns import Columns
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.stack.block import Block
 
@@ -42,8 +42,7 @@ class Scored:
         """Return the energy of what is left by real number, own unknowns and error of form integrated out."""
         c = self.columns
         y = c.residual - effect @ c.effects - tolerances @ c.tolerances
-        form, actuators = c.form_at(self.fit.form_error), self.fit.form_error.actuators
-        own = np.concatenate([c.own, form, *([actuators * c.actuators] if actuators else [])])
+        own = np.concatenate([c.own, c.form_at(self.fit.form_error)])
         if not len(own):
             return y * y
         return y * (y - own.T @ cho_solve(cho_factor(np.eye(len(own)) + own @ own.T), own @ y))

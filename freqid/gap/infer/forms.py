@@ -2,8 +2,8 @@
 
 A simulation may be good in lift and poor in drag, so each row has a size of its own. But a simulation whose
 other rows are exact is not likely to be poor in one: the rows' sizes lie about one that they share, which is
-unknown too (A. Gelman and others, Bayesian Data Analysis, 3rd ed., chapter 5). Relations between sensors
-share another one: they need no simulation.
+unknown too (A. Gelman and others, Bayesian Data Analysis, 3rd ed., chapter 5). Loads share one, actuators
+another, and relations between sensors, which need no simulation, a third.
 """
 
 from __future__ import annotations
@@ -17,11 +17,12 @@ from scipy.special import logsumexp
 
 from freqid.gap.infer.evidence import Weighing
 from freqid.gap.infer.system import Form, System
-from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS, FORM_LIKENESS
+from freqid.gap.settings import FORM_ERRORS, FORM_LIKENESS
 
 Array = NDArray[np.float64]
 Index = tuple[int, ...]
 
+_KINDS = ("", "actuator/", "kinematic/")
 _UNLIKELY = 0.01  # probability of an error of form, with an effect or without, below which it is left out
 _HOPELESS = 30.0  # nats below the best, from which larger ones are no better
 
@@ -38,15 +39,23 @@ def likely_forms(system: System, rows: Sequence[str]) -> tuple[Form, ...]:
     rows : sequence of str
         That have a form.
     """
-    search = _Search(
-        system, Weighing(system), np.array([n.startswith("kinematic/") for n in rows], dtype=bool)
-    )
-    for sensors in (False, True):
-        search.raise_together(sensors)
-    search.choose_actuators()
+    search = _search(system, rows)
     for with_effect in (True, False):
         search.climb(with_effect)
     return search.likely()
+
+
+def common_form(system: System, rows: Sequence[str]) -> Form:
+    """Return the likeliest error of form where all rows of a kind have the same size."""
+    search = _search(system, rows)
+    return search.form(search.best(True))
+
+
+def _search(system: System, rows: Sequence[str]) -> _Search:
+    search = _Search(system, Weighing(system), np.array([_kind(name) for name in rows], dtype=int))
+    for kind in range(len(_KINDS)):
+        search.raise_together(kind)
+    return search
 
 
 @dataclass(eq=False)
@@ -55,46 +64,35 @@ class _Search:
 
     system: System
     weighing: Weighing
-    sensors: NDArray[np.bool_]
-    actuators: tuple[float, ...] = (0.0,)
-    known: dict[tuple[Index, float], tuple[float, float]] = field(default_factory=dict)
+    kinds: NDArray[np.intp]
+    known: dict[Index, tuple[float, float]] = field(default_factory=dict)
 
     def best(self, with_effect: bool) -> Index:
         """Return the likeliest sizes so far."""
-        return max(self.known, key=lambda one: self.known[one][with_effect])[0]
+        return max(self.known, key=lambda index: self.known[index][with_effect])
 
     def ask(self, index: Index) -> tuple[float, float]:
-        """Return the log evidence of sizes without effect, and with none or any, the actuators' summed."""
-        for actuators in self.actuators:
-            if (index, actuators) not in self.known:
-                self.known[index, actuators] = self._weighed(self.form(index, actuators))
-        each = np.array([self.known[index, a] for a in self.actuators])
-        none, every = logsumexp(each, axis=0)
-        return float(none), float(every)
+        """Return the log evidence of sizes without effect, and with none or any."""
+        if index not in self.known:
+            self.known[index] = self._weighed(self.form(index))
+        return self.known[index]
 
-    def form(self, index: Index, actuators: float) -> Form:
+    def form(self, index: Index) -> Form:
         """Return an error of form, with its prior."""
-        parts = (_log_prior([i for i, s in zip(index, self.sensors, strict=True) if s == k]) for k in (0, 1))
-        return Form(tuple(FORM_ERRORS[i] for i in index), actuators, sum(parts))
+        places = np.array(index, dtype=int)
+        prior = sum(_log_prior(places[self.kinds == kind]) for kind in range(len(_KINDS)))
+        return Form(tuple(FORM_ERRORS[i] for i in index), 0.0, prior)
 
-    def raise_together(self, sensors: bool) -> None:
+    def raise_together(self, kind: int) -> None:
         """Ask about one size for all rows of a kind, larger and larger."""
-        start = self.best(True) if self.known else (0,) * len(self.sensors)
+        start = self.best(True) if self.known else (0,) * len(self.kinds)
         top = [-np.inf, -np.inf]
         for size in range(len(FORM_ERRORS)):
-            index = tuple(size if s == sensors else i for i, s in zip(start, self.sensors, strict=True))
+            index = tuple(size if k == kind else i for i, k in zip(start, self.kinds.tolist(), strict=True))
             found = self.ask(index)
             top = [max(a, b) for a, b in zip(top, found, strict=True)]
             if all(b < a - _HOPELESS for a, b in zip(top, found, strict=True)):
                 break
-
-    def choose_actuators(self) -> None:
-        """Keep the sizes of the actuators' errors that are not far from the best where all else is best."""
-        index, self.actuators = self.best(True), ACTUATOR_FORM_ERRORS
-        self.ask(index)
-        each = np.array([self.known[index, a] for a in self.actuators])
-        near = np.any(each > each.max(axis=0) + np.log(_UNLIKELY), axis=1)
-        self.actuators = tuple(a for a, keep in zip(ACTUATOR_FORM_ERRORS, near, strict=True) if keep)
 
     def climb(self, with_effect: bool) -> None:
         """Move row after row up and down as long as the evidence rises."""
@@ -113,10 +111,9 @@ class _Search:
 
     def likely(self) -> tuple[Form, ...]:
         """Return what the data leave possible of all that was asked about."""
-        log = np.array([v for (_, a), v in self.known.items() if a in self.actuators])
+        log = np.array(list(self.known.values()))
         keep = np.any(log > logsumexp(log, axis=0) + np.log(_UNLIKELY), axis=1)
-        asked = [one for one in self.known if one[1] in self.actuators]
-        return tuple(self.form(*one) for one, k in zip(asked, keep, strict=True) if k)
+        return tuple(self.form(index) for index, k in zip(self.known, keep, strict=True) if k)
 
     def _weighed(self, form: Form) -> tuple[float, float]:
         reduced, weighing = self.system.reduced(form), self.weighing
@@ -127,9 +124,14 @@ class _Search:
         return none, none + float(np.logaddexp(0.0, logsumexp(effects) - np.log(len(effects))))
 
 
-def _log_prior(index: Sequence[int]) -> float:
+def _kind(row: str) -> int:
+    """Return which of `_KINDS` a row is of: loads, an actuator, a relation between sensors."""
+    return next((k for k, stem in enumerate(_KINDS) if stem and row.startswith(stem)), 0)
+
+
+def _log_prior(index: NDArray[np.intp]) -> float:
     """Return how likely sizes of some rows are together before the data."""
     count = len(FORM_ERRORS)
     steps = np.abs(np.arange(count)[:, None] - np.arange(count)) * np.log(FORM_LIKENESS)
     steps = steps - logsumexp(steps, axis=0)  # of a row's size given the shared one, shape (size, shared)
-    return float(logsumexp(steps[list(index)].sum(axis=0)) - np.log(count))
+    return float(logsumexp(steps[index].sum(axis=0)) - np.log(count))

@@ -270,11 +270,9 @@ def _scalar(effect: Effect, place: Place, of: Parameter, blocks: Sequence[Block]
     low, high = of.low - min(force.values()), of.high - start
     up, down = min(high, _LARGEST * of.scale), max(low, -_LARGEST * of.scale)
     if effect.sizes:  # those of a limit or of play are looked for where it acts
-        grid = [s for s in effect.sizes if low <= s <= high]
-        made = [(s, c) for s in grid if (c := at(s))]
+        made = _from_onset(at, [s for s in effect.sizes if low <= s <= high], blocks)
     else:
-        made = _made(at, up, down, of.scale)
-    made = [(s, c) for s, c in made if sum(_energy(z, b) for z, b in zip(c, blocks, strict=True)) > _SEEN]
+        made = [one for one in _made(at, up, down, of.scale) if _seen(one[1], blocks)]
     if not made:
         return None
     made.sort(key=lambda one: one[0])
@@ -331,9 +329,25 @@ def _few_of(columns: Sequence[Complex], blocks: Sequence[Block]) -> tuple[list[i
     return [int(k) for k in pivot[:count][order]], mix[:, order]
 
 
-def _energy(z: Complex, block: Block) -> float:
-    """Return the energy of a change over noise."""
-    return float((np.abs(z) ** 2 / block.noise_power).sum())
+def _seen(change: Sequence[Complex], blocks: Sequence[Block]) -> bool:
+    """Return whether a change, by block, stands out of the noise at all."""
+    powers = (np.abs(z) ** 2 / b.noise_power for z, b in zip(change, blocks, strict=True))
+    return sum(float(p.sum()) for p in powers) > _SEEN
+
+
+def _from_onset(
+    at: Callable, sizes: Sequence[float], blocks: Sequence[Block]
+) -> list[tuple[float, list[Complex]]]:
+    """Return the change at ascending sizes from the largest on that does nothing, as a limit has one.
+
+    Straight lines to zero would give a limit an effect where it is never reached.
+    """
+    every = [(s, c) for s in sizes if (c := at(s))]
+    first = next((k for k, (_, c) in enumerate(every) if _seen(c, blocks)), None)
+    if first is None:
+        return []
+    found = every[max(first - 1, 0) :]
+    return found + [one for a, b in pairwise(found) for one in _between(at, a, b)]
 
 
 def _made(at: Callable, up: float, down: float, scale: float) -> list[tuple[float, list[Complex]]]:

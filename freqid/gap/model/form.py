@@ -7,7 +7,6 @@ calibration of computer models", Journal of the Royal Statistical Society B 63, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -55,33 +54,6 @@ def actuator_terms(block: Block) -> tuple[list[int], Complex]:
             rows.append(i)
             spectra.append(block.grid.spectrum(position - position.mean()))
     return rows, np.array(spectra).reshape(len(rows), block.lines.hz.size)
-
-
-def actuator_columns(block: Block, names: Sequence[str]) -> Complex:
-    """Return the columns of the actuators' errors of form of size one, the same ones in every block.
-
-    Each actuator by itself, then all of a kind together, as those of one make are wrong.
-
-    Parameters
-    ----------
-    block : Block
-    names : sequence of str
-        Effectors; one that the block does not have has columns of zeros.
-    """
-    rows, spectra = actuator_terms(block)
-    at = {block.rows[i].name.partition("/")[2]: (i, z) for i, z in zip(rows, spectra, strict=True)}
-    shapes = _shapes(block)
-    each = np.zeros((len(names), len(shapes), len(block.rows), block.lines.hz.size), dtype=complex)
-    for k, name in enumerate(names):
-        if name in at:
-            i, spectrum = at[name]
-            each[k][:, i] = shapes * spectrum
-    kinds = block.trial.maneuver.vehicle.effector_kinds
-    like = [
-        [k for k, n in enumerate(names) if kinds.get(n) == kind] for kind in dict.fromkeys(kinds.values())
-    ]
-    together = [each[some].sum(axis=0) for some in like if len(some) > 1]
-    return np.concatenate([each.reshape(-1, *each.shape[2:]), *together])
 
 
 def kinematic_terms(block: Block) -> tuple[list[int], Complex]:

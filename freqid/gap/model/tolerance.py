@@ -205,9 +205,13 @@ def _shared(
             key = f"{rotor.name}.{what}"
             if sizes.get(key) and key not in own and f"effector/{rotor.name}" in trial.maneuver.record:
                 yield key, _rotor(trial, rotor.name, what) * sizes[key]
+    effectors = trial.maneuver.vehicle.effector_kinds
     for effect in (e.of(trial.maneuver.vehicle) for e in library.values()):
+        each = effect.alternatives and any(n in effectors for n in effect.parameters)
         for name, parameter in effect.parameters.items():
             key = f"{effect.id}.{name}"
+            if each and key not in sizes and name in _together(effect, effectors):
+                continue  # what every effector may have by itself, all may have
             clock = trial.sent.dt / np.sqrt(12) if effect.id in TIMING else 0.0
             size = sizes.get(key, sizes.get(effect.id, clock if parameter.unit == "s" else 0.0))
             if key in EACH_FLIGHT or not size or parameter.scale == 0 or untestable(effect, trial):
@@ -215,6 +219,13 @@ def _shared(
             with suppress(ImpossibleSettings):  # what no body can be off by is no tolerance
                 at = in_force_of(effect, trial.simulation)[name]
                 yield key, _central(lambda x, e=effect, n=name, a=at: change(e, trial, {n: a + x}), size)
+
+
+def _together(effect: Effect, kinds: Mapping[str, str]) -> set[str]:
+    """Return the parameters of an effect that move several effectors, each of which has one of its own."""
+    if effect.stage == "sensor":
+        return {"effectors", *kinds.values()}
+    return set(effect.parameters) - set(kinds)
 
 
 def _central(of: Callable[[float], Histories], size: float) -> Histories:

@@ -13,11 +13,11 @@ from freqid.core.design import MultisineDesign, SampledInputs
 from freqid.core.errors import DataError, ImpossibleSettings, UsageError
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.design.multisine import sampled
-from freqid.gap.infer.build import Columns, actuators_of
+from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.system import BlockMatrices
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.model.changes import change
-from freqid.gap.model.form import actuator_columns, form_columns, kinematic_terms, load_terms
+from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms, load_terms
 from freqid.gap.model.testable import in_force_of, untestable
 from freqid.gap.model.tolerance import record_columns, tolerance_columns
 from freqid.gap.next.rivals import Rivals
@@ -89,7 +89,7 @@ class PredictedFlight:
     ----------
     record : FlightRecord
         Without noise.
-    effects, tolerances, own, form, actuators : ndarray, shape (column, number)
+    effects, tolerances, own, form : ndarray, shape (column, number)
         `own` are unknowns of this flight alone; `form` at the size that the data give.
     """
 
@@ -98,7 +98,6 @@ class PredictedFlight:
     tolerances: Array
     own: Array
     form: Array
-    actuators: Array
 
     def matrices(self, flights: int = 1) -> BlockMatrices:
         """Return the inner products of so many of these flights.
@@ -114,7 +113,7 @@ class PredictedFlight:
             np.zeros(number),
             unknown,
             np.zeros((0, number)),
-            root * self.actuators,
+            np.zeros((0, number)),
         )
 
 
@@ -260,12 +259,13 @@ def _columns(around: Surroundings, block: Block, like: Block) -> PredictedFlight
     before = around.columns[list(around.blocks).index(like)]
     share = dict(zip(before.form_names, np.array(rivals.form_error.loads).tolist(), strict=True))
     sizes = np.array([share.get(row.name, 0.0) for row in block.rows])
-    terms = [form_columns(block, one) for one in (load_terms(block), kinematic_terms(block))]
+    terms = [
+        form_columns(block, one) for one in (load_terms(block), actuator_terms(block), kinematic_terms(block))
+    ]
     form = [z for z in np.concatenate(terms) * sizes[:, None] if np.any(z)]
     tolerances = [shared.get(n, none) for n in rivals.system.tolerances]
-    servos = list(actuator_columns(block, actuators_of(around.blocks)))
     return PredictedFlight(
-        block.trial.maneuver.record, *(_white(block, z) for z in (effects, tolerances, own, form, servos))
+        block.trial.maneuver.record, *(_white(block, z) for z in (effects, tolerances, own, form))
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.errors import ImpossibleSettings
-from freqid.gap.infer.build import Columns
+from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import Evidence
 from freqid.gap.infer.system import Form, System
 from freqid.gap.model.candidates import OTHER, Candidate, Place

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.gap.simulation import Simulation
+from freqid.gap.simulation import Departures, Simulation
 from freqid.gap.stack.histories import Histories, Row
 from freqid.gap.stack.lines import Lines, lines_of, thinning
 from freqid.gap.stack.motion import OWN_FLIGHT, Motion, noise_free
@@ -143,6 +143,7 @@ def stack_of(
     band_hz: tuple[float, float],
     *,
     seed: int = 0,
+    departures: Departures | None = None,
 ) -> list[Block]:
     """Return the stack of some records: one block for each condition, repeats together.
 
@@ -155,6 +156,8 @@ def stack_of(
     band_hz : tuple of 2 floats
     seed : int
         Of the noise that is sent through the pipeline.
+    departures : dict of float, optional
+        Of the simulation's own parameters, with which it flies the motion without noise.
 
     Raises
     ------
@@ -166,7 +169,9 @@ def stack_of(
         like = next((g for g in groups if _repeats(maneuvers[g[0]].record, m.record)), None)
         groups.append([i]) if like is None else like.append(i)
     return [
-        _block(simulation, [maneuvers[i] for i in g], [names[i] for i in g], band_hz, seed + 1000 * k)
+        _block(
+            simulation, [maneuvers[i] for i in g], [names[i] for i in g], band_hz, seed + 1000 * k, departures
+        )
         for k, g in enumerate(groups)
     ]
 
@@ -194,12 +199,13 @@ def _block(
     names: Sequence[str],
     band_hz: tuple[float, float],
     seed: int,
+    departures: Departures | None,
 ) -> Block:
     first = maneuvers[0].record
     lines = lines_of(first, band_hz)
     try:
         mean = _mean_of(maneuvers)
-        motion = noise_free(simulation, mean, lines)
+        motion = noise_free(simulation, mean, lines, departures)
         trial = Trial.of(simulation, motion.maneuver, carries=motion.source != OWN_FLIGHT)
         residuals = []
         for m in maneuvers:

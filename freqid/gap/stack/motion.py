@@ -21,7 +21,7 @@ from freqid.core.errors import DataError, UsageError
 from freqid.core.frames import cross
 from freqid.core.identification import Identification
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.gap.simulation import Simulation
+from freqid.gap.simulation import Departures, Simulation
 from freqid.gap.stack.lines import Lines
 from freqid.gap.stack.rows import angle_rates, gravity_of, sensor_lever
 from freqid.gap.stack.sensor_noise import sensor_noise
@@ -55,14 +55,19 @@ class Motion:
     source : {"own flight", "fitted loop", "fitted response", "smoothed record"}
     missed : float
         Largest share of a rate's motion in the record that it does not have; noise included.
+    flown : bool
+        Whether the simulation flew it, whether that was taken or not.
     """
 
     maneuver: Maneuver
     source: str
     missed: float
+    flown: bool = False
 
 
-def noise_free(simulation: Simulation, maneuver: Maneuver, lines: Lines) -> Motion:
+def noise_free(
+    simulation: Simulation, maneuver: Maneuver, lines: Lines, departures: Departures | None = None
+) -> Motion:
     """Return the flight of a manoeuvre without its noise.
 
     Of the simulation's own flight and a fitted closed loop the one that misses less of the record's rates is
@@ -74,11 +79,13 @@ def noise_free(simulation: Simulation, maneuver: Maneuver, lines: Lines) -> Moti
     maneuver : Maneuver
     lines : Lines
         On which a closed loop is fitted.
+    departures : dict of float, optional
+        Of the simulation's own parameters, with which it flies.
     """
     record = maneuver.record
     found: list[tuple[str, dict[str, Array]]] = []
     if record.group("excitation"):
-        own = own_flight(simulation, record)
+        own = own_flight(simulation, record, departures)
         if own:
             found.append((OWN_FLIGHT, own))
         loop = _fitted_loop(maneuver, lines)
@@ -89,10 +96,11 @@ def noise_free(simulation: Simulation, maneuver: Maneuver, lines: Lines) -> Moti
         if response:
             found.append(("fitted response", response))
     ranked = sorted(((_missed(record, x), name, x) for name, x in found), key=lambda one: one[0])
+    flown = any(name == OWN_FLIGHT for name, _ in found)
     if not ranked or ranked[0][0] > _UNLIKE:
-        return Motion(_smoothed(simulation, maneuver), "smoothed record", 1.0)
+        return Motion(_smoothed(simulation, maneuver), "smoothed record", 1.0, flown)
     missed, name, channels = ranked[0]
-    return Motion(Maneuver(_about(record, channels), maneuver.vehicle), name, missed)
+    return Motion(Maneuver(_about(record, channels), maneuver.vehicle), name, missed, flown)
 
 
 def _about(record: FlightRecord, channels: Mapping[str, Array]) -> FlightRecord:
@@ -130,10 +138,19 @@ def air_of(u: Array, v: Array, w: Array) -> dict[str, Array]:
     return {"air/V": speed, "air/alpha": np.arctan2(w, u), "air/beta": np.arcsin(sine)}
 
 
-def own_flight(simulation: Simulation, record: FlightRecord) -> dict[str, Array]:
+def own_flight(
+    simulation: Simulation, record: FlightRecord, departures: Departures | None = None
+) -> dict[str, Array]:
     """Return the simulation's own flight, by channel; nothing where it cannot fly or move its effectors.
 
     Measured effectors are no substitute for its own: they hold what feedback made of noise.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    record : FlightRecord
+    departures : dict of float, optional
+        Of its own parameters, with which it flies.
 
     Raises
     ------
@@ -141,7 +158,7 @@ def own_flight(simulation: Simulation, record: FlightRecord) -> dict[str, Array]
         Where the user's own function flies and diverges, stands still or is not finite, with the time.
     """
     try:
-        flown = simulation.fly(record)
+        flown = simulation.fly(record, None, departures)
     except (DataError, UsageError):
         if simulation.kind == "callable":
             raise
@@ -153,7 +170,7 @@ def own_flight(simulation: Simulation, record: FlightRecord) -> dict[str, Array]
     if any(f"effector/{n}" not in own for n in moving):
         if fed_back(record):
             return {}
-        positions = simulation.positions(record)
+        positions = simulation.positions(record, None, departures)
         own |= {f"effector/{n}": positions.get(n, record[f"effector/{n}"]) for n in moving}
     return _with_attitude_and_felt(record, own)
 

@@ -1,0 +1,77 @@
+"""Tolerances made straight about where they came out, not about nominal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from freqid.gap.infer.columns import Columns
+from freqid.gap.infer.evidence import Evidence, estimate, weigh
+from freqid.gap.infer.system import Form, System
+from freqid.gap.settings import INTERVAL
+from freqid.gap.stack.block import Block
+
+Array = NDArray[np.float64]
+
+
+def relinearised(
+    system: System,
+    columns: Sequence[Columns],
+    blocks: Sequence[Block],
+    sizes: Mapping[str, float],
+    form_error: Form,
+) -> tuple[System, list[Columns]]:
+    """Return a system whose tolerances are straight about their likeliest departures.
+
+    What the simulation's own parameters make together there, less what their columns say, is taken off the
+    residual: a scatter of five per cent in many parameters is not straight to the sensors' noise.
+
+    Parameters
+    ----------
+    system : System
+    columns : sequence of Columns
+        By block.
+    blocks : sequence of Block
+    sizes : dict of float
+        One sigma by name.
+    form_error : Form
+        At which departures are fitted.
+    """
+    departures, fitted = likeliest_departures(system, blocks, sizes, form_error)
+    at = [k for k, name in enumerate(system.tolerances) if name in departures]
+    if not departures:
+        return system, list(columns)
+    new = []
+    for block, c in zip(blocks, columns, strict=True):
+        whole = block.transform(block.trial.departed(departures))
+        straight = np.tensordot(fitted[at], c.sigmas[at], 1)
+        new.append(c.with_residual(block.white(block.residual - (whole - straight))))
+    return replace(system, blocks=[c.matrices for c in new], _reduced={}, _at_loads={}), new
+
+
+def likeliest_departures(
+    system: System, blocks: Sequence[Block], sizes: Mapping[str, float], form_error: Form
+) -> tuple[dict[str, float], Array]:
+    """Return the likeliest departures of the simulation's own parameters, and of all tolerances in sigmas."""
+    own = blocks[0].trial.simulation.tolerances
+    fitted = _likeliest(weigh(replace(system, form_errors=(form_error,), _reduced={})))
+    each = zip(system.tolerances, fitted.tolist(), strict=True)
+    return {name: x * sizes.get(name, own[name].sigma) for name, x in each if name in own}, fitted
+
+
+def _likeliest(evidence: Evidence) -> Array:
+    """Return the tolerances' departures, in sigmas, beside the likeliest effect if one is likely."""
+    system = evidence.system
+    best = int(np.argmax(evidence.candidate)) if len(evidence.candidate) else -1
+    weights = np.zeros(system.columns)
+    if best >= 0 and evidence.candidate[best] > 0:
+        weights[system.columns_of(best)] = estimate(evidence, best, INTERVAL).weights
+    gram, _ = system.gram(system.form_errors[0])
+    n = system.columns
+    t = slice(n, len(gram) - 1)
+    factor = cho_factor(np.eye(t.stop - t.start) + gram[t, t])
+    return cho_solve(factor, gram[t, -1] - gram[t, :n] @ weights)[: len(system.tolerances)]

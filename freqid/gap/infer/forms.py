@@ -27,7 +27,7 @@ _UNLIKELY = 0.01  # probability of an error of form, with an effect or without, 
 _HOPELESS = 30.0  # nats below the best, from which larger ones are no better
 
 
-def likely_forms(system: System, rows: Sequence[str]) -> tuple[Form, ...]:
+def likely_forms(system: System, rows: Sequence[str], most: float) -> tuple[Form, ...]:
     """Return the errors of form that the data leave possible, with an effect or without.
 
     From one size for all rows, the best one, row after row up and down as long as the evidence rises.
@@ -38,21 +38,24 @@ def likely_forms(system: System, rows: Sequence[str]) -> tuple[Form, ...]:
         Its own errors of form do not matter.
     rows : sequence of str
         That have a form.
+    most : float
+        The largest that is looked at.
     """
-    search = _search(system, rows)
+    search = _search(system, rows, most)
     for with_effect in (True, False):
         search.climb(with_effect)
     return search.likely()
 
 
-def common_form(system: System, rows: Sequence[str]) -> Form:
+def common_form(system: System, rows: Sequence[str], most: float) -> Form:
     """Return the likeliest error of form where all rows of a kind have the same size."""
-    search = _search(system, rows)
+    search = _search(system, rows, most)
     return search.form(search.best(True))
 
 
-def _search(system: System, rows: Sequence[str]) -> _Search:
-    search = _Search(system, Weighing(system), np.array([_kind(name) for name in rows], dtype=int))
+def _search(system: System, rows: Sequence[str], most: float) -> _Search:
+    kinds = np.array([_kind(name) for name in rows], dtype=int)
+    search = _Search(system, Weighing(system), kinds, FORM_ERRORS.index(most) + 1)
     for kind in range(len(_KINDS)):
         search.raise_together(kind)
     return search
@@ -65,6 +68,7 @@ class _Search:
     system: System
     weighing: Weighing
     kinds: NDArray[np.intp]
+    count: int
     known: dict[Index, tuple[float, float]] = field(default_factory=dict)
 
     def best(self, with_effect: bool) -> Index:
@@ -87,7 +91,7 @@ class _Search:
         """Ask about one size for all rows of a kind, larger and larger."""
         start = self.best(True) if self.known else (0,) * len(self.kinds)
         top = [-np.inf, -np.inf]
-        for size in range(len(FORM_ERRORS)):
+        for size in range(self.count):
             index = tuple(size if k == kind else i for i, k in zip(start, self.kinds.tolist(), strict=True))
             found = self.ask(index)
             top = [max(a, b) for a, b in zip(top, found, strict=True)]
@@ -102,7 +106,7 @@ class _Search:
             moved = False
             for row in range(len(at)):
                 for step in (1, -1):
-                    while 0 <= at[row] + step < len(FORM_ERRORS):
+                    while 0 <= at[row] + step < self.count:
                         near = (*at[:row], at[row] + step, *at[row + 1 :])
                         found = self.ask(near)[with_effect]
                         if found <= value:

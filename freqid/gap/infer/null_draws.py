@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import cho_factor, cho_solve
 
 from freqid.gap.infer.evidence import Evidence
 from freqid.gap.infer.system import BlockMatrices, Form, System
@@ -96,14 +96,12 @@ def _at_loads(
     block: BlockMatrices, error: float | tuple[float, ...], inner: Array, form: Array
 ) -> tuple[Array, Array]:
     """Return drawn inner products of ``[X, T, A]`` less the loads' error of form, and its evidence."""
-    solved, at, determinant = block.form_solved(error)
+    root, at, determinant = block.form_root(error)
     if not at.size:
         return inner, np.zeros(inner.shape[1])
-    size = block.sizes(error)[at]
-    inside = np.eye(at.size) + size[:, None] * block.form_gram[np.ix_(at, at)] * size
-    root = solve_triangular(np.linalg.cholesky(inside), size[:, None] * form[at], lower=True)
-    log = 0.5 * (root**2).sum(axis=0) - determinant
-    return inner - _without_residual(block, solved).T @ form[at], log
+    projected = root @ form[at]
+    log = 0.5 * (projected**2).sum(axis=0) - determinant
+    return inner - _without_residual(block, root @ block.form[at]).T @ projected, log
 
 
 def _without_residual(block: BlockMatrices, columns: Array) -> Array:

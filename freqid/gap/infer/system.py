@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, cholesky
+from scipy.linalg.lapack import dtrtri
 
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS
@@ -120,16 +121,19 @@ class BlockMatrices:
 
     def at_loads(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
         """Return all inner products less the loads' error of form, and half its log determinant."""
-        solved, at, determinant = self.form_solved(error)
-        return (self.gram - self.form[at].T @ solved if at.size else self.gram), determinant
+        root, at, determinant = self.form_root(error)
+        if not at.size:
+            return self.gram, 0.0
+        across = root @ self.form[at]
+        return self.gram - across.T @ across, determinant
 
-    def form_solved(self, error: float | tuple[float, ...]) -> tuple[Array, NDArray[np.intp], float]:
+    def form_root(self, error: float | tuple[float, ...]) -> tuple[Array, NDArray[np.intp], float]:
         """Return what integrating out an error of form takes, S the sizes of its columns and P their Gram.
 
         Returns
         -------
-        solved : ndarray, shape (kept, n)
-            ``S (1 + S P S)^-1 S`` times the inner products with the form's columns.
+        root : ndarray, shape (kept, kept)
+            ``L^-1 S`` with ``L L' = 1 + S P S``.
         at : ndarray of int, shape (kept,)
             Columns of the form that have a size.
         determinant : float
@@ -138,12 +142,12 @@ class BlockMatrices:
         size = self.sizes(error)
         at = np.flatnonzero(size)
         size = size[at]
-        inside = np.eye(at.size) + size[:, None] * self.form_gram[np.ix_(at, at)] * size
         if not at.size:
-            return np.zeros((0, len(self.gram))), at, 0.0
-        factor = cho_factor(inside, lower=True)
-        solved = size[:, None] * cho_solve(factor, size[:, None] * self.form[at])
-        return solved, at, float(np.log(np.diag(factor[0])).sum())
+            return np.zeros((0, 0)), at, 0.0
+        inside = np.eye(at.size) + size[:, None] * self.form_gram[np.ix_(at, at)] * size
+        lower = cholesky(inside, lower=True, check_finite=False)
+        inverse = dtrtri(lower, lower=1)[0]
+        return inverse * size, at, float(np.log(np.diag(lower)).sum())
 
 
 @dataclass(frozen=True, eq=False)

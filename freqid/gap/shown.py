@@ -110,7 +110,7 @@ def _histories(block: Block, change: Complex, held_out: bool) -> BeforeAfter:
         held_out=held_out,
         responses=tuple(row.name for row in block.rows),
         units=tuple(row.unit for row in block.rows),
-        time=block.maneuvers[0].record.time[0] + time,
+        time=block.maneuvers[0].record.time[block.lines.margin] + time,
         measured=_history(block, measured, time),
         before=_history(block, simulated, time),
         after=_history(block, after, time),

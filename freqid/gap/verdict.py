@@ -162,6 +162,11 @@ def remarks_of(
                 f"{block.names[0]}: no model follows its motion, so effects are computed on the smoothed "
                 "record, which shares its noise"
             )
+        elif block.motion.source.endswith("smoothed"):
+            yield (
+                f"{block.names[0]}: no model follows its motion in one plane, so effects there are computed "
+                "on the smoothed record, which shares its noise"
+            )
     poor = {name: error for name, error in relations.items() if error >= _POOR_SENSORS}
     if poor:
         shares = ", ".join(f"{100 * error:.0f} % of d{name}/dt" for name, error in poor.items())

@@ -150,12 +150,40 @@ def test_effects_share_their_prior_over_places_and_form_is_integrated_out(dense)
     assert evidence.form_weights(0) == pytest.approx(posterior / posterior.sum(), rel=1e-7)
 
 
+def all_at(form_error, count):
+    return np.full(count, FORMS.index(form_error))
+
+
+def test_rows_with_errors_of_form_of_their_own_are_as_if_each_column_had_that_size(dense):
+    """Two rows of the form, the second without a size, and how likely that is before the data."""
+    sizes, row = (0.2, 0.0, 0.05), np.array([0, 0, 1, 1, 2, 2])
+    f = Form(sizes, 0.1, -1.5)
+    scale = np.array(sizes)[row]
+    parts = list(zip(dense.x, dense.t, dense.r, dense.u, dense.form, dense.servos, strict=True))
+    blocks = [BlockMatrices.of(*one, row) for one in parts]
+    here = System(dense.candidates, dense.start, dense.system.tolerances, blocks, (f, NONE))
+    scaled = [BlockMatrices.of(*one[:4], scale[:, None] * one[4], one[5]) for one in parts]
+    there = System(dense.candidates, dense.start, dense.system.tolerances, scaled, (Form(1.0, 0.1), NONE))
+    own, other = here.reduced(f), there.reduced(Form(1.0, 0.1))
+    np.testing.assert_allclose(own.G, other.G, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(own.g, other.g, rtol=1e-8, atol=1e-9)
+    assert own.log_evidence == pytest.approx(other.log_evidence - 1.5, rel=1e-10)
+    one, two = (
+        drawn(s, np.zeros(20000, int), np.random.default_rng(2))[s.form_errors[0]] for s in (here, there)
+    )
+    spread = np.sqrt(np.diag(np.cov(one[0])))
+    assert np.cov(two[0]) / np.outer(spread, spread) == pytest.approx(
+        np.cov(one[0]) / np.outer(spread, spread), abs=0.05
+    )
+    assert one[1].mean() + 1.5 == pytest.approx(two[1].mean(), abs=5 * one[1].std() / np.sqrt(20000))
+
+
 @pytest.mark.parametrize("inserted", [False, True])
 def test_draws_have_the_moments_of_the_whole_gaussian(dense, inserted):
     """At each error of form: products with columns, and log evidence of no effect less the first one's."""
     drawn_at, count = FORMS[-1], 40000
     weights = np.r_[0.7, np.zeros(7), 0.4, -0.5] if inserted else None
-    data = drawn(dense.system, drawn_at, count, np.random.default_rng(5), mean=weights)
+    data = drawn(dense.system, all_at(drawn_at, count), np.random.default_rng(5), mean=weights)
     truth = dense.covariance(drawn_at)
     shift = weights @ dense.columns if inserted else np.zeros(dense.residual.size)
     inverse = {f: np.linalg.inv(dense.covariance(f)) for f in FORMS}
@@ -176,8 +204,8 @@ def test_draws_have_the_moments_of_the_whole_gaussian(dense, inserted):
 
 def test_an_effect_added_to_draws_is_one_that_was_drawn_with_them(dense):
     weights = np.r_[0.7, np.zeros(7), 0.4, -0.5]
-    bare = drawn(dense.system, FORMS[-1], 4, np.random.default_rng(1))
-    with_it = drawn(dense.system, FORMS[-1], 4, np.random.default_rng(1), mean=weights)
+    bare = drawn(dense.system, all_at(FORMS[-1], 4), np.random.default_rng(1))
+    with_it = drawn(dense.system, all_at(FORMS[-1], 4), np.random.default_rng(1), mean=weights)
     added = Draws(dense.system, bare).with_effect(weights, range(4))
     for f in FORMS:
         assert added[f][0] == pytest.approx(with_it[f][0], rel=1e-8)

@@ -207,13 +207,15 @@ def _shared(
                 yield key, _rotor(trial, rotor.name, what) * sizes[key]
     effectors = trial.maneuver.vehicle.effector_kinds
     for effect in (e.of(trial.maneuver.vehicle) for e in library.values()):
-        each = effect.alternatives and any(n in effectors for n in effect.parameters)
+        nested = _together(effect, effectors)
         for name, parameter in effect.parameters.items():
             key = f"{effect.id}.{name}"
-            if each and key not in sizes and name in _together(effect, effectors):
-                continue  # what every effector may have by itself, all may have
+            if name in nested[1:] and key not in sizes:
+                continue
             clock = trial.sent.dt / np.sqrt(12) if effect.id in TIMING else 0.0
             size = sizes.get(key, sizes.get(effect.id, clock if parameter.unit == "s" else 0.0))
+            if nested and key not in sizes and (name in nested or name in effectors):
+                size *= np.sqrt(0.5)  # stated once: half of its variance is of all, half of each by itself
             if key in EACH_FLIGHT or not size or parameter.scale == 0 or untestable(effect, trial):
                 continue
             with suppress(ImpossibleSettings):  # what no body can be off by is no tolerance
@@ -221,11 +223,12 @@ def _shared(
                 yield key, _central(lambda x, e=effect, n=name, a=at: change(e, trial, {n: a + x}), size)
 
 
-def _together(effect: Effect, kinds: Mapping[str, str]) -> set[str]:
-    """Return the parameters of an effect that move several effectors, each of which has one of its own."""
-    if effect.stage == "sensor":
-        return {"effectors", *kinds.values()}
-    return set(effect.parameters) - set(kinds)
+def _together(effect: Effect, kinds: Mapping[str, str]) -> list[str]:
+    """Return the parameters that move several effectors of which each has one too; the widest one first."""
+    if not effect.alternatives or not any(n in kinds for n in effect.parameters):
+        return []
+    several = {"effectors", *kinds.values()} if effect.stage == "sensor" else set(effect.parameters)
+    return [n for n in effect.parameters if n in several and n not in kinds]
 
 
 def _central(of: Callable[[float], Histories], size: float) -> Histories:

@@ -52,7 +52,9 @@ class Motion:
     ----------
     maneuver : Maneuver
         Every channel of the record; commands and injected signals as they were sent.
-    source : {"own flight", "fitted loop", "fitted response", "smoothed record"}
+    source : str
+        ``own flight``, ``fitted loop``, ``fitted response`` or ``smoothed record``; of a response that one
+        plane lacks, ``fitted response, in part smoothed``.
     missed : float
         Largest share of a rate's motion in the record that it does not have; noise included.
     flown : bool
@@ -92,9 +94,9 @@ def noise_free(
         if loop:
             found.append(("fitted loop", loop))
     if not found:
-        response = _fitted_response(record)
+        response, part = _fitted_response(record)
         if response:
-            found.append(("fitted response", response))
+            found.append(("fitted response, in part smoothed" if part else "fitted response", response))
     ranked = sorted(((_missed(record, x), name, x) for name, x in found), key=lambda one: one[0])
     flown = any(name == OWN_FLIGHT for name, _ in found)
     if not ranked or ranked[0][0] > _UNLIKE:
@@ -225,23 +227,30 @@ def _with_attitude_and_felt(record: FlightRecord, moved: dict[str, Array]) -> di
     return found
 
 
-def _fitted_response(record: FlightRecord) -> dict[str, Array]:
+def _fitted_response(record: FlightRecord) -> tuple[dict[str, Array], bool]:
     """Return the response of linear models to the measured effectors, fitted to the record.
 
     Motion in the plane of symmetry and across it by a model each: together they have twice the parameters,
     more than one short record bears, and the fit runs away. A plane that no response is found for, as in
     turbulence without inputs there, is smoothed. Other channels are linear in the states and the effectors.
+
+    Returns
+    -------
+    dict of ndarray
+        By channel; empty where no plane responds.
+    bool
+        Whether a plane is smoothed.
     """
     inputs = [f"effector/{n}" for n in record.group("effector") if np.ptp(record[f"effector/{n}"]) > 0]
     velocity = _VELOCITY if all(n in record for n in _VELOCITY) else _AIR
     states = [n for n in (*velocity, *_RATES, "state/phi", "state/theta") if _moves(record, n)]
     if not inputs or not states:
-        return {}
+        return {}, False
     effectors = smooth(record.matrix(inputs), record.dt).x
     planes = ([n for n in states if n in _SYMMETRIC], [n for n in states if n not in _SYMMETRIC])
     each = [_plane_response(record, plane, effectors) for plane in planes if plane]
     if not any(each):
-        return {}
+        return {}, False
     found = {n: x for response in each for n, x in response.items()}
     left = [n for n in states if n not in found]
     if left:
@@ -256,7 +265,7 @@ def _fitted_response(record: FlightRecord) -> dict[str, Array]:
     for name in others:
         values = np.unwrap(record[name]) if name in _ANGLES else record[name]
         found[name] = np.linalg.lstsq(basis.T, values, rcond=None)[0] @ basis
-    return found
+    return found, bool(left)
 
 
 def _plane_response(record: FlightRecord, states: Sequence[str], effectors: Array) -> dict[str, Array]:

@@ -91,6 +91,8 @@ def covariance_of(draws: Draws, scale: Array, least: Array) -> Complex:
     correlation = _averaged(np.einsum("kil,kjl->lij", white, white.conj()) / len(white), _WIDE)
     size = np.sqrt(np.maximum(np.einsum("lii->li", correlation).real, 1e-12))
     correlation = correlation / (size[:, :, None] * size[:, None, :])
+    at = np.arange(power.shape[1])
+    correlation[:, at, at] = 1.0  # of a row without noise too
     more = power * (np.clip(scale.T, _QUIETER, _LOUDER) - 1)
     quieter = power + np.minimum(more, 0.0)  # than the sensors say: rows and correlations alike
     root = np.sqrt(quieter)

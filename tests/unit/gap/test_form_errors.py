@@ -1,32 +1,69 @@
-"""Each row has its own error of form, as its data have it."""
+"""Errors of form of all rows together: found where they are, and none where there is none."""
 
 from __future__ import annotations
-
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from freqid.gap.infer.build import _average
-from freqid.gap.infer.system import Form
+from freqid.gap.infer.forms import common_form, likely_forms
+from freqid.gap.infer.system import BlockMatrices, Form, System
+from freqid.gap.settings import FORM_ERRORS
+
+ROWS = ("X", "Z", "M", "actuator/de", "kinematic/u", "kinematic/w")
+NUMBERS, TERMS = 240, 12  # of each row
+LARGEST = FORM_ERRORS[-1]
+UNSEEN = 0.002  # an error that makes as much as the noise on one term: 1 / (30 sqrt(240))
 
 
-def evidence(log):
-    """Return an evidence with log weights at errors of 0, 0.1, 0.2 and 0.4."""
-    weights = np.exp(np.array(log) - np.max(log))
-    weights = weights / weights.sum()
-    forms = tuple(Form(f, 0.0) for f in (0.0, 0.1, 0.2, 0.4))
-    return SimpleNamespace(form_weights=lambda: weights, system=SimpleNamespace(form_errors=forms))
+def stack(errors, seed=4):
+    """Return a stack of rows whose own terms are wrong by given shares, beside noise of one."""
+    rng = np.random.default_rng(seed)
+    form = np.zeros((len(ROWS) * TERMS, len(ROWS) * NUMBERS))
+    residual = rng.standard_normal(form.shape[1])
+    for i, error in enumerate(errors):
+        at, numbers = slice(i * TERMS, (i + 1) * TERMS), slice(i * NUMBERS, (i + 1) * NUMBERS)
+        form[at, numbers] = 30.0 * rng.standard_normal((TERMS, NUMBERS))
+        residual += error * rng.standard_normal(TERMS) @ form[at]
+    none = np.zeros((0, residual.size))
+    block = BlockMatrices.of(none, none, residual, none, form, none, np.repeat(np.arange(len(ROWS)), TERMS))
+    return System([], np.zeros(1, int), (), [block], (Form((LARGEST,) * len(ROWS), 0.0),))
+
+
+def best(system):
+    forms = likely_forms(system, ROWS, LARGEST)
+    return max(forms, key=lambda f: system.reduced(f).log_evidence).loads
+
+
+def test_a_simulation_without_errors_of_form_has_none():
+    assert max(best(stack((0.0,) * 6))) <= UNSEEN
 
 
 @pytest.mark.parametrize(
-    ("log", "expected"),
-    [
-        ((-30.0, -40.0, -30.0, 0.0), 0.4),  # one size alone
-        ((-1500.0, 0.0, 0.0, -800.0), np.sqrt((0.1**2 + 0.2**2) / 2)),
-        # none with an effect is as likely as some without: it may not be taken for none
-        ((0.0, -20.0, 0.0, -20.0), np.sqrt(0.2**2 / 2)),
-    ],
+    "errors", [(0.1, 0.1, 0.1, 0, 0, 0), (0.0, 0.0, 0.2, 0, 0, 0), (0, 0, 0, 0.05, 0, 0.02)]
 )
-def test_the_error_of_a_row_has_the_variance_of_all_sizes_together(log, expected):
-    assert _average(evidence(log)) == pytest.approx(expected, rel=1e-6)
+def test_each_row_has_the_error_that_its_data_have(errors):
+    for found, there in zip(best(stack(errors)), errors, strict=True):
+        assert there / 2.1 <= found <= max(2.1 * there, UNSEEN)
+
+
+def test_rows_that_are_alike_are_likelier_than_one_that_is_apart():
+    """At sizes that make nothing the data say nothing, and the prior alone is left."""
+    system = stack((0.0, 0.0, 0.1, 0.1, 0.0, 0.0))
+    prior = {f.loads: f.log_prior for f in likely_forms(system, ROWS, LARGEST)}
+    by_apart = sorted(
+        (np.ptp([FORM_ERRORS.index(x) for x in loads[:3]]), log) for loads, log in prior.items()
+    )
+    assert by_apart[0][1] > by_apart[-1][1]
+
+
+def test_the_common_error_is_one_for_each_kind_of_row():
+    found = common_form(stack((0.1, 0.1, 0.1, 0.0, 0.02, 0.02)), ROWS, LARGEST).loads
+    assert found[0] == found[1] == found[2] == pytest.approx(0.1, rel=0.6)
+    assert found[3] <= UNSEEN
+    assert found[4] == found[5] == pytest.approx(0.02, rel=0.6)
+
+
+def test_no_error_beyond_the_largest_that_is_looked_at():
+    assert max(best(stack((0.4,) * 6))) > 0.1
+    system = stack((0.4,) * 6)
+    assert max(max(f.loads) for f in likely_forms(system, ROWS, 0.05)) == 0.05

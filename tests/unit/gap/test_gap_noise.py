@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freqid.gap.stack.noise import Draws, covariance_of, smooth_ratio, whitening_of
+from freqid.gap.stack.noise import Draws, covariance_of, flown_covariance, smooth_ratio, whitening_of
 
-LINES, PAIRS = 61, 12
+LINES, PAIRS = 61, 48
 HZ = np.arange(LINES) / 20.0
 
 
@@ -96,3 +96,23 @@ def test_power_ratios_become_smooth_functions_of_frequency():
     found = smooth_ratio(HZ, ratio, used, 2.0)
     assert np.mean(found, axis=0)[1:] == pytest.approx(truth[1:], rel=0.15)
     assert np.std(np.log(found[:, 10:])) < 0.6 * np.std(np.log(ratio[:, 10:]))
+
+
+@pytest.mark.parametrize(("excess", "multiple"), [((0, 0, 0), 1.0), ((0, 0, 2.0), 1.0), ((0.3, 0, 0), 1.6)])
+def test_flown_noise_is_told_from_repeats_without_breaking_what_rows_share(dense, excess, multiple):
+    """What is left of a row once the others are known is right, not its power alone."""
+    power = np.einsum("lii->li", dense).real
+    truth = multiple * dense + np.einsum("li,ij->lij", power * excess, np.eye(3))
+    left = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        z = (rng.standard_normal((2, LINES, 3)) * np.sqrt(0.5)).T @ np.array([1.0, 1j])
+        z[:, 0] = rng.standard_normal(3)
+        apart = np.einsum("lij,jl->il", np.linalg.cholesky(truth), z)[None]
+        left.append(np.mean(_alone(flown_covariance(dense, apart)) / _alone(truth), axis=0))
+    assert np.mean(left, axis=0) == pytest.approx(np.ones(3), abs=0.2)
+
+
+def _alone(covariance):
+    """Power of each row that the others do not account for, shape (line, row)."""
+    return 1 / np.einsum("lii->li", np.linalg.inv(covariance)).real

@@ -48,13 +48,14 @@ def test_an_insertion_is_what_the_full_formula_makes_of_the_stack(findings, used
         fresh = [b.white(b.transform(change(effect, b.trial, settings)))[None] for b in blocks]
         matrices = [
             BlockMatrices.of(
-                np.concatenate([k.effects, z]), k.tolerances, k.residual, k.own, k.form, k.actuators
+                np.concatenate([k.effects, z]), k.tolerances, k.residual, k.own, k.form, k.own[:0], k.form_row
             )
             for k, z in zip(columns, fresh, strict=True)
         ]
         start = np.append(system.start[:-1], system.columns + 1)
         own = System(system.candidates, start, system.tolerances, matrices)
-        for f in (Form(0.0, 0.0), Form(0.02, 0.003)):
+        rows = len(columns[0].form_names)
+        for f in (Form((0.0,) * rows, 0.0), Form((0.02,) * rows, 0.0)):
             expected = own.reduced(f).G[-1]
             found = inserted.system.reduced(f).G @ one.weights
             # a candidate that counts as proportional may depart from it by three per cent

@@ -22,8 +22,6 @@ from freqid.simulate.effects.effect import Effect
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_MOST = (0.05, FORM_ERRORS[-1])  # errors of form that are looked at first, and where they do not suffice
-
 
 def build(
     blocks: Sequence[Block], library: Mapping[str, Effect], sizes: Mapping[str, float]
@@ -34,11 +32,8 @@ def build(
     the errors of form those stay that the data leave possible.
     """
     found, not_tested = candidates(library, blocks)
-    for most in _MOST:
-        system, columns, straight = _straight(blocks, found, library, sizes, most)
-        forms = likely_forms(system, columns[0].form_names, most)
-        if np.max([f.loads for f in forms], initial=0.0) < most:
-            break
+    system, columns, straight = _straight(blocks, found, library, sizes)
+    forms = likely_forms(system, columns[0].form_names)
     columns = [c.kept(forms) for c in columns]
     system = replace(system, blocks=[c.matrices for c in columns], form_errors=forms, _at_loads={})
     return system, not_tested, columns, straight
@@ -51,8 +46,8 @@ def flown_departures(
 
     With these it flies closer to the record than with its nominal ones.
     """
-    system, columns, straight = _straight(blocks, [], library, sizes, _MOST[-1])
-    common = common_form(system, columns[0].form_names, _MOST[-1])
+    system, columns, straight = _straight(blocks, [], library, sizes)
+    common = common_form(system, columns[0].form_names)
     return likeliest_departures(system, straight, sizes, common)[0]
 
 
@@ -61,9 +56,8 @@ def _straight(
     found: list[Candidate],
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
-    most: float,
 ) -> tuple[System, list[Columns], list[Block]]:
-    """Return a system with errors of form to a largest one and straight tolerances, columns and blocks."""
+    """Return a system with all errors of form and straight tolerances, its columns and the blocks."""
     shared = [tolerance_columns(b, library, sizes) for b in blocks]
     names = tuple(dict.fromkeys(n for one in shared for n in one))
     start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
@@ -71,12 +65,12 @@ def _straight(
         Parts.of(b, i, found, [shared[i].get(n) for n in names], library, sizes) for i, b in enumerate(blocks)
     ]
     rows = tuple(dict.fromkeys(p.block.rows[i].name for p in parts for i in np.unique(p.form_row).tolist()))
-    every = (Form((most,) * len(rows), 0.0),)
+    every = (Form((FORM_ERRORS[-1],) * len(rows), 0.0),)
     columns = [_columns(p, rows, every) for p in parts]
     system = System(found, start, names, [c.matrices for c in columns], every)
     known = [p.block for p in parts]
     for _ in range(ROUNDS):
-        system, columns = relinearised(system, columns, known, sizes, common_form(system, rows, most))
+        system, columns = relinearised(system, columns, known, sizes, common_form(system, rows))
     return system, columns, known
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +25,11 @@ Index = tuple[int, ...]
 
 _KINDS = ("", "actuator/", "kinematic/")
 _UNLIKELY = 0.01  # probability of an error of form, with an effect or without, below which it is left out
+_STEPS = (8, 4, 2, 1, -1, -2, -4, -8)  # by which a row is moved: in between the evidence may be lower
 _HOPELESS = 30.0  # nats below the best, from which larger ones are no better
 
 
-def likely_forms(system: System, rows: Sequence[str], most: float) -> tuple[Form, ...]:
+def likely_forms(system: System, rows: Sequence[str]) -> tuple[Form, ...]:
     """Return the errors of form that the data leave possible, with an effect or without.
 
     From one size for all rows, the best one, row after row up and down as long as the evidence rises.
@@ -38,24 +40,22 @@ def likely_forms(system: System, rows: Sequence[str], most: float) -> tuple[Form
         Its own errors of form do not matter.
     rows : sequence of str
         That have a form.
-    most : float
-        The largest that is looked at.
     """
-    search = _search(system, rows, most)
+    search = _search(system, rows)
     for with_effect in (True, False):
         search.climb(with_effect)
     return search.likely()
 
 
-def common_form(system: System, rows: Sequence[str], most: float) -> Form:
+def common_form(system: System, rows: Sequence[str]) -> Form:
     """Return the likeliest error of form where all rows of a kind have the same size."""
-    search = _search(system, rows, most)
+    search = _search(system, rows)
     return search.form(search.best(True))
 
 
-def _search(system: System, rows: Sequence[str], most: float) -> _Search:
+def _search(system: System, rows: Sequence[str]) -> _Search:
     kinds = np.array([_kind(name) for name in rows], dtype=int)
-    search = _Search(system, Weighing(system), kinds, FORM_ERRORS.index(most) + 1)
+    search = _Search(system, Weighing(system), kinds)
     for kind in range(len(_KINDS)):
         search.raise_together(kind)
     return search
@@ -68,7 +68,6 @@ class _Search:
     system: System
     weighing: Weighing
     kinds: NDArray[np.intp]
-    count: int
     known: dict[Index, tuple[float, float]] = field(default_factory=dict)
 
     def best(self, with_effect: bool) -> Index:
@@ -91,7 +90,7 @@ class _Search:
         """Ask about one size for all rows of a kind, larger and larger."""
         start = self.best(True) if self.known else (0,) * len(self.kinds)
         top = [-np.inf, -np.inf]
-        for size in range(self.count):
+        for size in range(len(FORM_ERRORS)):
             index = tuple(size if k == kind else i for i, k in zip(start, self.kinds.tolist(), strict=True))
             found = self.ask(index)
             top = [max(a, b) for a, b in zip(top, found, strict=True)]
@@ -99,18 +98,16 @@ class _Search:
                 break
 
     def climb(self, with_effect: bool) -> None:
-        """Move row after row up and down as long as the evidence rises."""
+        """Move row after row, in longer steps too, as long as the evidence rises."""
         at = self.best(with_effect)
         value, moved = self.ask(at)[with_effect], True
         while moved:
             moved = False
-            for row in range(len(at)):
-                for step in (1, -1):
-                    while 0 <= at[row] + step < self.count:
-                        near = (*at[:row], at[row] + step, *at[row + 1 :])
-                        found = self.ask(near)[with_effect]
-                        if found <= value:
-                            break
+            for row, step in product(range(len(at)), _STEPS):
+                if 0 <= at[row] + step < len(FORM_ERRORS):
+                    near = (*at[:row], at[row] + step, *at[row + 1 :])
+                    found = self.ask(near)[with_effect]
+                    if found > value:
                         at, value, moved = near, found, True
 
     def likely(self) -> tuple[Form, ...]:

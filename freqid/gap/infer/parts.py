@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.gap.infer.evidence import weigh
-from freqid.gap.infer.system import BlockMatrices, Form, System
+from freqid.gap.infer.system import SEEN, BlockMatrices, Form, System
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms, load_terms
 from freqid.gap.model.tolerance import record_columns
@@ -19,8 +19,6 @@ from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-
-_SEEN = 0.1  # standard deviations of the noise: directions of a form below it are left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +92,7 @@ class Parts:
                 continue
             white = block.lines.real(self.form[at == i, i] / root)
             _, seen, basis = np.linalg.svd(white, full_matrices=False)
-            kept = size * seen > _SEEN
+            kept = size * seen > SEEN
             z = _zeros(block, int(kept.sum()))
             z[:, i] = block.lines.complex(seen[kept, None] * basis[kept]) * root
             columns.append(z)

@@ -20,6 +20,7 @@ from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS
 
 Array = NDArray[np.float64]
 
+SEEN = 0.1  # standard deviations of the noise: directions of a form below it are left out
 _EMPTY = 1e-10  # of the largest eigenvalue of the form's columns: directions below it are none
 
 
@@ -135,12 +136,13 @@ class BlockMatrices:
         root : ndarray, shape (kept, kept)
             ``L^-1 S`` with ``L L' = 1 + S P S``.
         at : ndarray of int, shape (kept,)
-            Columns of the form that have a size.
+            Columns of the form that stand out of the noise at their size.
         determinant : float
             Half the log determinant of ``1 + S P S``.
         """
         size = self.sizes(error)
-        at = np.flatnonzero(size)
+        seen = size**2 * self.form_power > SEEN**2 if isinstance(error, tuple) else size > 0
+        at = np.flatnonzero(seen)
         size = size[at]
         if not at.size:
             return np.zeros((0, 0)), at, 0.0

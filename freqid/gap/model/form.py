@@ -78,17 +78,24 @@ def kinematic_terms(block: Block) -> tuple[list[int], Complex]:
 
 
 def form_columns(block: Block, terms: tuple[list[int], Complex]) -> Complex:
-    """Return the columns of an error of form of size one, shape (column, row, line), of visible terms."""
+    """Return the columns of an error of form of size one, shape (column, row, line), of visible terms.
+
+    The constant of a load's term is larger than what varies with frequency: derivatives are wrong sooner than
+    dynamics.
+    """
     rows, spectra = terms
     hz = block.lines.hz
     shapes = _shapes(block)
+    constant = np.ones(len(shapes))
+    constant[0] = FORM_CONSTANT
     largest = max(FORM_ERRORS)
     kept = []
     for i, spectrum in zip(rows, spectra, strict=True):
         if largest**2 * float((np.abs(spectrum) ** 2 / block.noise_power[i]).sum()) < _VISIBLE:
             continue
         z = np.zeros((len(shapes), len(block.rows), hz.size), dtype=complex)
-        z[:, i] = shapes * spectrum
+        own = constant if block.rows[i].kind == "response" else np.ones(len(shapes))
+        z[:, i] = own[:, None] * shapes * spectrum
         kept.append(z)
     return np.concatenate(kept) if kept else np.zeros((0, len(block.rows), hz.size), dtype=complex)
 
@@ -97,11 +104,8 @@ def _shapes(block: Block) -> Complex:
     """Return smooth functions of frequency, shape (function, line): Chebyshev's, in and out of phase.
 
     Smooth in frequency, not in its logarithm: lags and wakes are smooth there, and would be taken for form.
-    The constant is larger than what varies with frequency: derivatives are wrong sooner than dynamics.
     """
     hz = block.lines.hz
     weight = 1 / (1 + np.arange(FORM_ORDER + 1.0))
     shapes = chebyshev.chebvander(2 * hz / hz[-1] - 1, FORM_ORDER).T * weight[:, None]
-    whole = np.concatenate([shapes, 1j * shapes])
-    whole[0] *= FORM_CONSTANT
-    return whole
+    return np.concatenate([shapes, 1j * shapes])

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
-from freqid.gap.infer.forms import common_form, likely_forms
+from freqid.gap.infer.forms import _log_prior, common_form, likely_forms
 from freqid.gap.infer.system import BlockMatrices, Form, System
 from freqid.gap.settings import FORM_ERRORS
 
@@ -30,7 +32,7 @@ def stack(errors, seed=4):
 
 
 def best(system):
-    forms = likely_forms(system, ROWS, LARGEST)
+    forms = likely_forms(system, ROWS)
     return max(forms, key=lambda f: system.reduced(f).log_evidence).loads
 
 
@@ -47,23 +49,19 @@ def test_each_row_has_the_error_that_its_data_have(errors):
 
 
 def test_rows_that_are_alike_are_likelier_than_one_that_is_apart():
-    """At sizes that make nothing the data say nothing, and the prior alone is left."""
-    system = stack((0.0, 0.0, 0.1, 0.1, 0.0, 0.0))
-    prior = {f.loads: f.log_prior for f in likely_forms(system, ROWS, LARGEST)}
-    by_apart = sorted(
-        (np.ptp([FORM_ERRORS.index(x) for x in loads[:3]]), log) for loads, log in prior.items()
-    )
-    assert by_apart[0][1] > by_apart[-1][1]
+    alike, near, apart = (_log_prior(np.array(index)) for index in ((3, 3, 3), (3, 4, 3), (3, 9, 3)))
+    assert alike > near > apart
+    every = itertools.product(range(len(FORM_ERRORS)), repeat=2)
+    assert sum(np.exp(_log_prior(np.array(index))) for index in every) == pytest.approx(1.0)
 
 
 def test_the_common_error_is_one_for_each_kind_of_row():
-    found = common_form(stack((0.1, 0.1, 0.1, 0.0, 0.02, 0.02)), ROWS, LARGEST).loads
+    found = common_form(stack((0.1, 0.1, 0.1, 0.0, 0.02, 0.02)), ROWS).loads
     assert found[0] == found[1] == found[2] == pytest.approx(0.1, rel=0.6)
     assert found[3] <= UNSEEN
     assert found[4] == found[5] == pytest.approx(0.02, rel=0.6)
 
 
-def test_no_error_beyond_the_largest_that_is_looked_at():
-    assert max(best(stack((0.4,) * 6))) > 0.1
-    system = stack((0.4,) * 6)
-    assert max(max(f.loads) for f in likely_forms(system, ROWS, 0.05)) == 0.05
+def test_one_row_that_is_poor_is_found_behind_a_valley():
+    """All rows together at a middle size are less likely than none at all."""
+    assert best(stack((0.0, 0.8, 0.0, 0.0, 0.0, 0.0)))[1] == pytest.approx(0.8, rel=0.6)

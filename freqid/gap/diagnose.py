@@ -24,7 +24,7 @@ from freqid.gap.infer.where import gap_map
 from freqid.gap.infer.which import Ranking, detectable_sizes, groups_of, probability_of_none, rank
 from freqid.gap.model.candidates import OTHER
 from freqid.gap.model.refine import refined
-from freqid.gap.settings import INTERVAL, LEVEL, NAMED, NULL_DRAWS, TEMPERATURE
+from freqid.gap.settings import FORM_ERRORS, INTERVAL, LEVEL, NAMED, NULL_DRAWS, TEMPERATURE
 from freqid.gap.simulation import Simulation
 from freqid.gap.stack.block import Block, stack_of
 from freqid.gap.verdict import remarks_of, tolerances_used, verdict
@@ -186,7 +186,9 @@ def diagnose(
         )
         closing = closing_of(system, used, columns, others, explanation, q.candidates, q.tolerances)
         closed = close(closing, explanation, q.seed)
-    forms = dict(zip(columns[0].form_names, evidence.form_sizes().tolist(), strict=True))
+    sizes = evidence.form_sizes()
+    sizes = np.where(sizes < FORM_ERRORS[1], 0.0, sizes)
+    forms = dict(zip(columns[0].form_names, sizes.tolist(), strict=True))
     relations = {n.partition("/")[2]: f for n, f in forms.items() if n.startswith("kinematic/")}
     forms = {n: f for n, f in forms.items() if "/" not in n}
     existence = _existence(exists, p, threshold, q.level, evidence, used, forms)

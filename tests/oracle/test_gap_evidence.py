@@ -160,7 +160,7 @@ def test_rows_with_errors_of_form_of_their_own_are_as_if_each_column_had_that_si
     f = Form(sizes, 0.1, -1.5)
     scale = np.array(sizes)[row]
     parts = list(zip(dense.x, dense.t, dense.r, dense.u, dense.form, dense.servos, strict=True))
-    blocks = [BlockMatrices.of(*one, row) for one in parts]
+    blocks = [BlockMatrices.of(*one, form_row=row) for one in parts]
     here = System(dense.candidates, dense.start, dense.system.tolerances, blocks, (f, NONE))
     scaled = [BlockMatrices.of(*one[:4], scale[:, None] * one[4], one[5]) for one in parts]
     there = System(dense.candidates, dense.start, dense.system.tolerances, scaled, (Form(1.0, 0.1), NONE))

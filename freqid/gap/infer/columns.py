@@ -46,7 +46,13 @@ class Columns:
     def matrices(self) -> BlockMatrices:
         """Their inner products."""
         return BlockMatrices.of(
-            self.effects, self.tolerances, self.residual, self.own, self.form, self.own[:0], self.form_row
+            self.effects,
+            self.tolerances,
+            self.residual,
+            self.own,
+            self.form,
+            self.own[:0],
+            form_row=self.form_row,
         )
 
     def form_at(self, form_error: Form) -> Array:

@@ -84,6 +84,7 @@ class BlockMatrices:
         own: Array,
         form: Array,
         actuators: Array,
+        *,
         form_row: NDArray[np.intp] | None = None,
     ) -> BlockMatrices:
         """Return the matrices of whitened rows, each of shape (column, number)."""

@@ -295,7 +295,8 @@ def _apart(
     """
     count, rows = residuals.shape[:2]
     contrasts = np.linalg.qr(np.eye(count) - 1 / count)[0][:, : count - 1].T
-    record, momentum = trial.maneuver.record, trial.measured.momentum.any(axis=1)
+    record = trial.maneuver.record
+    momentum = np.any(trial.measured.momentum, axis=1)
     columns = []
     for name, size in sigma.items():
         channel = record.channel(name)
@@ -312,7 +313,7 @@ def _apart(
         white = np.moveaxis(np.linalg.solve(root, np.moveaxis(z, (0, 2), (2, 0))), (0, 2), (2, 0))
         return lines.real(white).reshape(len(z), -1)
 
-    y = real(np.tensordot(contrasts, residuals, 1))
+    y = real(np.asarray(np.tensordot(contrasts, residuals, 1), dtype=np.complex128))
     _, size, basis = np.linalg.svd(real(np.array(columns)), full_matrices=False)
     basis = basis[size > _EMPTY * size[0]]
     y = (y - (y @ basis.T) @ basis).reshape(count - 1, rows, -1)

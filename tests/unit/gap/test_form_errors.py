@@ -27,7 +27,9 @@ def stack(errors, seed=4):
         form[at, numbers] = 30.0 * rng.standard_normal((TERMS, NUMBERS))
         residual += error * rng.standard_normal(TERMS) @ form[at]
     none = np.zeros((0, residual.size))
-    block = BlockMatrices.of(none, none, residual, none, form, none, np.repeat(np.arange(len(ROWS)), TERMS))
+    block = BlockMatrices.of(
+        none, none, residual, none, form, none, form_row=np.repeat(np.arange(len(ROWS)), TERMS)
+    )
     return System([], np.zeros(1, int), (), [block], (Form((LARGEST,) * len(ROWS), 0.0),))
 
 

@@ -48,7 +48,13 @@ def test_an_insertion_is_what_the_full_formula_makes_of_the_stack(findings, used
         fresh = [b.white(b.transform(change(effect, b.trial, settings)))[None] for b in blocks]
         matrices = [
             BlockMatrices.of(
-                np.concatenate([k.effects, z]), k.tolerances, k.residual, k.own, k.form, k.own[:0], k.form_row
+                np.concatenate([k.effects, z]),
+                k.tolerances,
+                k.residual,
+                k.own,
+                k.form,
+                k.own[:0],
+                form_row=k.form_row,
             )
             for k, z in zip(columns, fresh, strict=True)
         ]

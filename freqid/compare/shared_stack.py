@@ -283,7 +283,8 @@ def _on(block: Block, motion: Motion, seed: int) -> Block:
 def form_of(blocks: Sequence[SharedBlock]) -> SharedForm:
     """Return the likeliest errors of form of either simulation, each with all its tolerances allowed for."""
     (a, log_a), (b, log_b) = (_likeliest(blocks, i) for i in (0, 1))
-    assert isinstance(a.loads, float) and isinstance(b.loads, float)  # one share holds for all rows
+    assert isinstance(a.loads, float)  # one share holds for all rows
+    assert isinstance(b.loads, float)
     return SharedForm(
         (a.loads, b.loads),
         (a.actuators, b.actuators),

@@ -311,7 +311,7 @@ def _apart(
 
     def real(z: Complex) -> Array:
         white = np.moveaxis(np.linalg.solve(root, np.moveaxis(z, (0, 2), (2, 0))), (0, 2), (2, 0))
-        return lines.real(white).reshape(len(z), -1)
+        return lines.real(np.asarray(white, dtype=np.complex128)).reshape(len(z), -1)
 
     y = real(np.asarray(np.tensordot(contrasts, residuals, 1), dtype=np.complex128))
     _, size, basis = np.linalg.svd(real(np.array(columns)), full_matrices=False)

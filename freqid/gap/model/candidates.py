@@ -40,6 +40,7 @@ _SAME = 1e-3  # of the strongest change: what is left of another beyond a sum of
 _UNSEEN = 0.03  # ... in standard deviations of the noise
 _GRID = 33  # sizes of the prior, either sign
 _VECTOR_SCALES = (0.3, 1.0, 3.0, 10.0)  # prior standard deviations of a vector, of each parameter's scale
+_SHARES = (1.0, -1.0, 0.1, -0.1)  # of one sigma of a vector, of which what no body can be is passed over
 _OTHER_SCALES = (0.03, 0.1, 0.3, 1.0)  # ... of free changes: share of each term
 
 
@@ -427,8 +428,15 @@ def recomputed(candidate: Candidate, library: Mapping[str, Effect], blocks: Sequ
         made = []
         for k, size in enumerate(c.sizes):
             moved = c.place.parameters if c.kind == "scalar" else c.place.parameters[k : k + 1]
-            settings = {n: force[n] + size for n in moved} | dict(c.place.fixed)
-            made.append(block.transform(change(effect, block.trial, settings)))
+            fixed = dict(c.place.fixed)
+            for share in (1.0,) if c.kind == "scalar" else _SHARES:
+                settings = {n: force[n] + share * size for n in moved} | fixed
+                try:
+                    made.append(block.transform(change(effect, block.trial, settings)) / share)
+                    break
+                except ImpossibleSettings:
+                    if c.kind == "scalar" or share == _SHARES[-1]:
+                        raise
         found.append(np.array(made))
     return found
 

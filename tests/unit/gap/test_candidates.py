@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from linear_flight import LIBRARY, Linear, Truth, effect, fly
 
-from freqid.gap.model.candidates import OTHER, Candidate, Place, candidates
+from freqid.core.errors import ImpossibleSettings
+from freqid.gap.model.candidates import OTHER, Candidate, Place, candidates, recomputed
 from freqid.gap.model.changes import change
 from freqid.gap.stack.block import stack_of
 
@@ -95,3 +96,19 @@ def test_the_last_one_is_free_changes_of_the_simulations_terms(found):
 def test_what_needs_what_is_not_there_is_not_tested(found):
     assert all(c.effect != "nowhere" for c in found[0])
     assert "rotor" in found[1]["nowhere"]
+
+
+def test_a_vector_is_recomputed_where_one_sigma_of_it_is_no_body(blocks, monkeypatch):
+    """As a moment of inertia that exceeds the sum of the other two: the opposite sign will do."""
+
+    def only_less(effect, trial, settings):
+        if settings.get("a", 0.0) > 0:
+            raise ImpossibleSettings("no body")
+        return trial.rows(sum(settings.values()) * trial.predicted)
+
+    two = replace(BENT, id="two", parameters=dict.fromkeys("ab", BENT.parameters["size"]))
+    vector = Candidate("two", Place("all", ("a", "b")), "vector", np.array([0.1, 0.2]), np.ones(1), [])
+    monkeypatch.setattr("freqid.gap.model.candidates.change", only_less)
+    (made,) = recomputed(vector, {"two": two}, blocks)
+    whole = blocks[0].transform(blocks[0].trial.rows(blocks[0].trial.predicted))
+    np.testing.assert_allclose(made, [0.1 * whole, 0.2 * whole], rtol=1e-12, atol=1e-12 * np.abs(whole).max())

@@ -18,7 +18,7 @@ from scipy.special import logsumexp
 
 from freqid.gap.infer.evidence import Weighing
 from freqid.gap.infer.system import Form, System
-from freqid.gap.settings import FORM_ERRORS, FORM_LIKENESS
+from freqid.gap.settings import FORM_ERRORS, FORM_LIKENESS, SEPARATE
 
 Array = NDArray[np.float64]
 Index = tuple[int, ...]
@@ -44,7 +44,7 @@ def likely_forms(system: System, rows: Sequence[str]) -> tuple[Form, ...]:
     search = _search(system, rows)
     for with_effect in (True, False):
         search.climb(with_effect)
-    return search.likely()
+    return tuple(dict.fromkeys([*search.likely(), *search.behind_an_effect()]))
 
 
 def common_form(system: System, rows: Sequence[str]) -> Form:
@@ -115,6 +115,20 @@ class _Search:
         log = np.array(list(self.known.values()))
         keep = np.any(log > logsumexp(log, axis=0) + np.log(_UNLIKELY), axis=1)
         return tuple(self.form(index) for index, k in zip(self.known, keep, strict=True) if k)
+
+    def behind_an_effect(self) -> list[Form]:
+        """Return, where an effect is likely, each row in turn as good as the best of its kind.
+
+        A second effect may hide there: alone, either of two leaves the other one to the form.
+        """
+        at = self.best(True)
+        none, every = self.ask(at)
+        if every - none < SEPARATE:
+            return []
+        best = [min(i for i, k in zip(at, self.kinds, strict=True) if k == kind) for kind in self.kinds]
+        return [
+            self.form((*at[:row], best[row], *at[row + 1 :])) for row in range(len(at)) if at[row] > best[row]
+        ]
 
     def _weighed(self, form: Form) -> tuple[float, float]:
         reduced, weighing = self.system.reduced(form), self.weighing

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from .errors import DataError, nearest
 from .units import parse_unit
 
@@ -62,6 +64,7 @@ TAKEN = {**STATE, **AIR, "bias": ("", "")}  # regressors by themselves, so no ef
 EFFECTOR_UNITS = {"surface": "rad", "tilt": "rad", "rotor": "rad/s", "thrust": "N", "throttle": "1"}
 
 
+@cache
 def split(channel: str) -> tuple[str, str]:
     """Split ``group/name`` and check the group, and the name where the group fixes it.
 

@@ -44,6 +44,11 @@ class Channel:
     source: str
     position_m: tuple[float, float, float] | None = None
 
+    @cached_property
+    def not_finite(self) -> NDArray[np.intp]:
+        """Samples that are not finite; a channel is in many records and is looked at once."""
+        return np.flatnonzero(~np.isfinite(self.values))
+
 
 @dataclass(frozen=True)
 class Configuration:
@@ -97,7 +102,7 @@ class FlightRecord:
                 raise DataError(
                     f"channel '{name}' has shape {channel.values.shape}, expected {self.time.shape} like time"
                 )
-            bad = np.flatnonzero(~np.isfinite(channel.values))
+            bad = channel.not_finite
             if bad.size:
                 raise DataError(
                     f"channel '{name}' is not finite in {bad.size} of {self.time.size} samples, "

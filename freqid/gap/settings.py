@@ -35,7 +35,7 @@ MOST_LINES = 400
 PAIRS_OF_DRAWS = 48
 """Antithetic pairs of the sensors' noise that are sent through the whole pipeline."""
 
-NULL_DRAWS = 1000
+NULL_DRAWS = 500
 """Draws of the model without effect, in column space."""
 
 TEMPERATURE = 1.0

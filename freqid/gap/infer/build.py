@@ -35,7 +35,7 @@ def build(
     system, columns, straight = _straight(blocks, found, library, sizes)
     forms = likely_forms(system, columns[0].form_names)
     columns = [c.kept(forms) for c in columns]
-    system = replace(system, blocks=[c.matrices for c in columns], form_errors=forms, _at_loads={})
+    system = replace(system, blocks=[c.matrices for c in columns], form_errors=forms, _reduced={})
     return system, not_tested, columns, straight
 
 
@@ -69,8 +69,9 @@ def _straight(
     columns = [_columns(p, rows, every) for p in parts]
     system = System(found, start, names, [c.matrices for c in columns], every)
     known = [p.block for p in parts]
+    common = common_form(system, rows)
     for _ in range(ROUNDS):
-        system, columns = relinearised(system, columns, known, sizes, common_form(system, rows))
+        system, columns = relinearised(system, columns, known, sizes, common)
     return system, columns, known
 
 

@@ -99,7 +99,7 @@ def _given(evidence: Evidence, places: list[int]) -> dict[str, tuple[float, int]
         solved = np.linalg.solve(own, np.concatenate([across, projected[:, None]], axis=1))
         G = reduced.G - across.T @ solved[:, :-1]
         g = reduced.g - across.T @ solved[:, -1]
-        left = Reduced(G, g, reduced.log_evidence + 0.5 * float(projected @ solved[:, -1]), reduced.tolerance)
+        left = Reduced(G, g, reduced.log_evidence + 0.5 * float(projected @ solved[:, -1]))
         none.append(left.log_evidence)
         by_place.append(weighing.by_place(left, g[:, None])[:, 0])
     joint = logsumexp(np.array(none)[:, None] + np.array(by_place), axis=0) - logsumexp(none)

@@ -131,7 +131,7 @@ class _Search:
         ]
 
     def _weighed(self, form: Form) -> tuple[float, float]:
-        reduced, weighing = self.system.reduced(form), self.weighing
+        reduced, weighing = self.system.reduced_once(form), self.weighing
         none = reduced.log_evidence
         if not self.system.candidates:
             return none, none

@@ -50,7 +50,7 @@ def relinearised(
         whole = block.transform(block.trial.departed(departures))
         straight = np.tensordot(fitted[at], c.sigmas[at], 1)
         new.append(c.with_residual(block.white(block.residual - (whole - straight))))
-    return replace(system, blocks=[c.matrices for c in new], _reduced={}, _at_loads={}), new
+    return replace(system, blocks=[c.matrices for c in new], _reduced={}), new
 
 
 def likeliest_departures(

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dpstrf
 
 from freqid.gap.infer.evidence import Evidence
 from freqid.gap.infer.system import BlockMatrices, Form, System
@@ -146,9 +147,10 @@ def _sampled(
     form, count = _without_residual(block, block.form), shared.shape[1]
     whole = np.block([[gram, form.T], [form, block.form_gram]])
     scale = np.sqrt(np.maximum(np.diag(whole), np.finfo(float).tiny ** 0.5))
-    values, vectors = np.linalg.eigh(whole / scale[:, None] / scale)
-    root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
-    found = root @ rng.standard_normal((len(values), count))
+    factor, order, rank, _ = dpstrf(whole / scale[:, None] / scale)  # pivoted: columns may repeat each other
+    found = np.empty((len(whole), count))
+    found[order - 1] = np.triu(factor[:rank]).T @ rng.standard_normal((rank, count))
+    found *= scale[:, None]
     by_form = {f: block.sizes(f.loads) for f in dict.fromkeys(own)}
     size = np.array([by_form[f] for f in own]).T
     found += whole[:, len(gram) :] @ (size * rng.standard_normal(size.shape))

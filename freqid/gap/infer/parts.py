@@ -108,15 +108,16 @@ class Parts:
         if not rows:
             return self
         best, chosen = -np.inf, self
-        for scale in NOISE_SCALES:
+        for scale in NOISE_SCALES:  # as long as the evidence rises
             root = np.ones(len(block.rows))
             root[rows] = scale
             one = replace(self, block=replace(block, covariance=block.covariance * root[:, None] * root))
             evidence = weigh(rows_alone([(one, rows)], found))
             number = len(rows) * (2 * block.lines.hz.size - 1)
             total = evidence.log_none + np.logaddexp(0.0, evidence.statistic) - number * np.log(scale)
-            if total > best:
-                best, chosen = total, one
+            if total < best:
+                break
+            best, chosen = total, one
         return chosen
 
 

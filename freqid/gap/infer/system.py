@@ -127,7 +127,8 @@ class BlockMatrices:
         if not at.size:
             return self.gram, 0.0
         across = root @ self.form[at]
-        return self.gram - across.T @ across, determinant
+        taken = across.T @ across
+        return np.subtract(self.gram, taken, out=taken), determinant
 
     def form_root(self, error: float | tuple[float, ...]) -> tuple[Array, NDArray[np.intp], float]:
         """Return what integrating out an error of form takes, S the sizes of its columns and P their Gram.
@@ -164,15 +165,11 @@ class Reduced:
         Of the residual.
     log_evidence : float
         Of no effect, less what all sizes of form have in common.
-    tolerance : ndarray, shape (tolerance, column + 1)
-        Posterior mean of the tolerances' departures, in sigmas, per unit of minus a column, and for the
-        residual.
     """
 
     G: Array
     g: Array
     log_evidence: float
-    tolerance: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +192,6 @@ class System:
     blocks: list[BlockMatrices]
     form_errors: tuple[Form, ...] = FORMS
     _reduced: dict[Form, Reduced] = field(default_factory=dict, repr=False)
-    _at_loads: dict[float | tuple[float, ...], tuple[Array, float]] = field(default_factory=dict, repr=False)
 
     @property
     def columns(self) -> int:
@@ -226,11 +222,10 @@ class System:
         Of ``[X, T, r]``; errors of the actuators' form stand behind the tolerances, as one more kind of
         these.
         """
-        if form_error.loads not in self._at_loads:
-            parts = [b.at_loads(form_error.loads) for b in self.blocks]
-            total = np.sum([g for g, _ in parts], axis=0), float(sum(d for _, d in parts))
-            self._at_loads[form_error.loads] = total
-        gram, determinant = self._at_loads[form_error.loads]
+        first, *others = [b.at_loads(form_error.loads) for b in self.blocks]
+        gram, determinant = first
+        for more, part in others:
+            gram, determinant = gram + more, determinant + part
         determinant -= form_error.log_prior
         count = self.blocks[0].count
         if form_error.actuators == 0:
@@ -241,22 +236,25 @@ class System:
         return gram[np.ix_(order, order)] * scale[:, None] * scale, determinant
 
     def reduced(self, form_error: Form) -> Reduced:
-        """Return the small matrices at one error of form."""
+        """Return the small matrices at one error of form, made once."""
         if form_error not in self._reduced:
-            gram, determinant = self.gram(form_error)
-            self._reduced[form_error] = _reduce(gram, determinant, self.columns)
+            self._reduced[form_error] = self.reduced_once(form_error)
         return self._reduced[form_error]
+
+    def reduced_once(self, form_error: Form) -> Reduced:
+        """Return the small matrices at an error of form that is not asked for again: they fill megabytes."""
+        gram, determinant = self.gram(form_error)
+        return _reduce(gram, determinant, self.columns)
 
 
 def _reduce(gram: Array, determinant: float, n: int) -> Reduced:
     """Return what is left of inner products once tolerances of one sigma each are integrated out."""
     t = slice(n, len(gram) - 1)
-    inside = np.eye(t.stop - t.start) + gram[t, t]
-    factor = cho_factor(inside)
-    outer = np.concatenate([gram[t, :n], gram[t, -1:]], axis=1)
-    solved = cho_solve(factor, outer)
-    G = gram[:n, :n] - gram[t, :n].T @ solved[:, :n]
-    g = gram[:n, -1] - gram[t, :n].T @ solved[:, -1]
-    energy = gram[-1, -1] - gram[t, -1] @ solved[:, -1]
-    half = float(np.log(np.diag(factor[0])).sum())
-    return Reduced((G + G.T) / 2, g, -0.5 * float(energy) - determinant - half, solved)
+    lower = cholesky(np.eye(t.stop - t.start) + gram[t, t], lower=True, check_finite=False)
+    inverse = dtrtri(lower, lower=1)[0]
+    across, own = inverse @ gram[t, :n], inverse @ gram[t, -1]
+    G = gram[:n, :n] - across.T @ across
+    g = gram[:n, -1] - across.T @ own
+    energy = float(gram[-1, -1] - own @ own)
+    half = float(np.log(np.diag(lower)).sum())
+    return Reduced(G, g, -0.5 * energy - determinant - half)

@@ -168,7 +168,7 @@ class Weighed:
         for i, f in enumerate(system.form_errors):
             r = system.reduced(f)
             g = self.data[f][0][: system.columns, k]
-            reduced[f] = Reduced(r.G, g, float(self.none[i, k]), r.tolerance)
+            reduced[f] = Reduced(r.G, g, float(self.none[i, k]))
         here = System(
             system.candidates, system.start, system.tolerances, system.blocks, system.form_errors, reduced
         )
@@ -191,7 +191,7 @@ def only_candidates(evidence: Evidence, left: Sequence[int]) -> Evidence:
     reduced = {}
     for f in system.form_errors:
         r = system.reduced(f)
-        reduced[f] = Reduced(r.G[np.ix_(at, at)], r.g[at], r.log_evidence, r.tolerance[:, [*at, -1]])
+        reduced[f] = Reduced(r.G[np.ix_(at, at)], r.g[at], r.log_evidence)
     # products before tolerances keep all columns: nothing here asks for them
     some = [system.candidates[i] for i in left]
     here = System(some, start, system.tolerances, system.blocks, system.form_errors, reduced)

@@ -176,6 +176,24 @@ def stack_of(
     ]
 
 
+def flown_again(block: Block, departures: Departures) -> Block:
+    """Return a block on the motion that a simulation with departures of its own parameters flies.
+
+    What was measured stays as it is, and so does its noise.
+    """
+    simulation = block.trial.simulation
+    motion = noise_free(simulation, _mean_of(block.maneuvers), block.lines, departures)
+    return replace(block, motion=motion, trial=_thin(_trial(simulation, motion), block.lines))
+
+
+def _trial(simulation: Simulation, motion: Motion) -> Trial:
+    return Trial.of(simulation, motion.maneuver, carries=motion.source != OWN_FLIGHT)
+
+
+def _thin(trial: Trial, lines: Lines) -> Trial:
+    return trial.thinned(thinning(lines.samples, lines.dt, lines.hz[-1]))
+
+
 def _repeats(one: FlightRecord, other: FlightRecord) -> bool:
     """Return whether two records hold the same injected signals at the same reference."""
     injected = one.group("excitation")
@@ -206,7 +224,7 @@ def _block(
     try:
         mean = _mean_of(maneuvers)
         motion = noise_free(simulation, mean, lines, departures)
-        trial = Trial.of(simulation, motion.maneuver, carries=motion.source != OWN_FLIGHT)
+        trial = _trial(simulation, motion)
         residuals = []
         for m in maneuvers:
             own = Trial.of(simulation, m) if len(maneuvers) > 1 or m is not motion.maneuver else trial
@@ -235,7 +253,7 @@ def _block(
         tuple(maneuvers),
         lines,
         motion,
-        trial.thinned(thinning(lines.samples, lines.dt, lines.hz[-1])),
+        _thin(trial, lines),
         sigma,
         draws,
         unbiased,

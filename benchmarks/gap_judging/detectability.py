@@ -2,6 +2,11 @@
 
 The covariance of the stack is that of the sensors' noise, by Monte Carlo, plus that of everything within the
 stated tolerances, by differences of flights. An ideal scan knows every effect's true shape.
+
+Differences of flights at one sigma cover a tolerance to first order only. An effect of the same thing differs
+from them by its second order and by its own form (a surface that loses more at large deflections), and noise
+is so low that this remainder alone reaches a stratum at three sigmas. It is no gap: detectability is bounded
+by the squared number of sigmas, and the scan sees no more of the effect than that.
 """
 
 from __future__ import annotations
@@ -11,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import sensing
-from candidates import Candidate
+from candidates import Candidate, stated
 from motion import fly
 from multisine import harmonics
 from numpy.typing import NDArray
@@ -170,6 +175,7 @@ class Signatures:
     size : ndarray, shape (candidate, stratum)
         NaN where the stratum lies beyond the physical range.
     detectability : ndarray, shape (candidate, stratum)
+        At most the squared number of sigmas of what is stated for the same thing.
     column : ndarray, shape (candidate, stratum, number)
         Whitened; zero where there is no size.
     shares : list of list of dict
@@ -182,12 +188,30 @@ class Signatures:
     column: NDArray[np.float64]
     shares: list[list[dict[str, dict[str, float]]]]
 
+    def beyond(self, m: Metric) -> NDArray[np.float64]:
+        """Return the columns, less strong where a tolerance for the same thing bounds detectability."""
+        power = np.einsum("ijn,ijn->ij", self.column, np.array([m.weighed(c.T).T for c in self.column]))
+        seen = np.divide(self.detectability, power, out=np.zeros_like(power), where=power > 0)
+        return self.column * np.sqrt(seen)[..., None]
+
+
+def sigmas_of(aircraft: Any, c: Candidate) -> float:
+    """Return how many sigmas of the tolerances for the same thing a unit of size is; infinite without any."""
+    cases, flights = per_case(aircraft), per_flight(aircraft)
+    squares = 0.0
+    for name, unit in stated(aircraft, c).items():
+        if name in cases:
+            squares += (unit / cases[name]) ** 2
+        elif name in flights:  # the mean of two flights, in each condition
+            squares += 2 * len(aircraft.TRIM) * (unit / flights[name]) ** 2
+    return np.sqrt(squares) or np.inf
+
 
 def signatures(
     aircraft: Any, simulation: Any, m: Metric, listed: list[Candidate], points: int = 7
 ) -> Signatures:
     """Find the size of every effect that reaches each stratum within 10 %."""
-    own = per_case(aircraft)
+    sigmas = np.array([sigmas_of(aircraft, c) for c in listed])
 
     def weigh(pairs):
         made = (
@@ -196,10 +220,7 @@ def signatures(
         )
         white = np.array([m.whiten(change) for change in made])
         power = np.einsum("ij,ij->i", white, m.weighed(white.T).T)
-        # What is tolerated itself is no gap before it leaves its tolerance, whatever its second order makes.
-        power = np.minimum(
-            power, [(size / own.get(listed[i].key, np.inf)) ** 2 or np.inf for i, size in pairs]
-        )
+        power = np.minimum(power, [(size * sigmas[i]) ** 2 for i, size in pairs])
         return made, white, power
 
     grid = np.array([np.geomspace(c.low, c.high, points) for c in listed])
@@ -266,7 +287,7 @@ class IdealScan:
 
     def __init__(self, m: Metric, known: Signatures, seed: int = 2) -> None:
         keep = ~np.isnan(known.size)
-        self.m, self.columns = m, known.column[keep]
+        self.m, self.columns = m, known.beyond(m)[keep]
         index = np.broadcast_to(np.arange(len(known.candidates))[:, None], keep.shape)[keep]
         self.place = index
         self.signed = np.array([known.candidates[i].signed for i in index])

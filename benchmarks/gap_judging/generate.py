@@ -146,6 +146,7 @@ def make(args, plan, setup) -> None:
                 case["own"].append(draw(biases, rng))
                 departures.append(added(case["common"], case["own"][-1], effect))
     log = fly(truth, flights, Settings(departures))
+    seen = {id(source): source.beyond(m) for source in (known, others)}
     at = 0
     for case in plan:
         rng = np.random.default_rng([case["seed"], 1])
@@ -169,7 +170,7 @@ def make(args, plan, setup) -> None:
                 at += 1
         # The scan is ideal in this too: this case's noise, and scatter and effect to first order.
         white = m.whiten(noise) + m.tolerance @ in_sigmas(case, sigmas, biases, len(conditions))
-        white = white + sum(source.column[i, j] for source, i, j in case["acts"])
+        white = white + sum(seen[id(source)][i, j] for source, i, j in case["acts"])
         case["ideal"] = scan.judge(white, [s.candidates[i].id for s, i, _ in case["acts"]])
         text = json.dumps(described(args, case, truth, m, conditions), indent=1)
         (folder / "case.json").write_text(text + "\n")

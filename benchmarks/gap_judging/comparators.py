@@ -15,8 +15,7 @@ the first two names are the answer to a pair.
 They are favoured: their columns are the true shapes, of every parameter and place, at the sizes of the strata
 (LASSO: at 200), which no method would have. They are whitened in three ways: by the noise alone, which is all
 that such methods know; by noise and tolerances; and so with the owner's error of form, which nobody knows,
-taken off as well. The ideal scan's line is what `case.json` says, where scatter acts to first order; it knows
-no pairs.
+taken off as well. The ideal scan's line is what `case.json` says; it knows no pairs.
 """
 
 from __future__ import annotations

@@ -115,6 +115,27 @@ def candidates(aircraft: Any) -> list[Candidate]:
     return out
 
 
+def stated(aircraft: Any, c: Candidate) -> dict[str, float]:
+    """Return the tolerances that the owner states for the same thing: departure by a unit of size.
+
+    They have the effect's own key, or another name where the owner's parameter has one: a rotor's thrust is
+    stated, not its weakness.
+    """
+    surfaces = [c.place] if c.place else list(aircraft.SURFACES)
+    rotors = [c.place] if c.place else list(aircraft.ROTORS)
+    if c.id == "surface_effectiveness":
+        return {f"{e}.effectiveness": -1.0 for e in surfaces}
+    if c.id == "weak_rotor":
+        return {f"{e}.thrust": -1.0 for e in rotors}
+    if c.id == "motor_lag":
+        return {f"{e}.time_constant": 1.0 / aircraft.MOTOR_TAU for e in rotors}
+    if c.key == "sensor_bias.surface":
+        return {f"{c.key}@{e}": 1.0 for e in surfaces}
+    if c.key == "sensor_bias.rotor":
+        return {f"{c.key}@{e}": 1.0 for e in rotors}
+    return {c.key.partition("@")[0]: 1.0}  # one delay is stated for every effector
+
+
 def outsiders(aircraft: Any) -> list[Candidate]:
     """Return the effects that no library describes, with ranges of their own."""
     return [Candidate("outsider", name, low, high) for name, (low, high) in aircraft.OUTSIDERS.items()]

@@ -1,7 +1,13 @@
 """How well a gap could be seen: covariance of the stack, detectability of an effect, and an ideal scan.
 
 The covariance of the stack is that of the sensors' noise, by Monte Carlo, plus that of everything within the
-stated tolerances, by differences of flights. An ideal scan knows every effect's true shape.
+stated tolerances: to first order by differences of flights, and what is beyond it by flights with all of them
+drawn together. The noise is so low that the latter alone has a detectability of some hundreds. An ideal scan
+knows every effect's true shape; its threshold is that of other such flights.
+
+An effect of what a tolerance is stated for differs from its first order by the second, and by its own form (a
+surface that loses more at large deflections); this remainder alone reaches a stratum at three sigmas. It is
+no gap: detectability is bounded by the squared number of sigmas, and the scan sees no more of it than that.
 """
 
 from __future__ import annotations
@@ -11,17 +17,18 @@ from typing import Any
 
 import numpy as np
 import sensing
-from candidates import Candidate
+from candidates import Candidate, stated
 from motion import fly
 from multisine import harmonics
 from numpy.typing import NDArray
-from scatter import per_case, per_flight
+from scatter import added, draw, per_case, per_flight
 from scipy.linalg import solve_triangular
 from scipy.special import logsumexp
 from settings import Settings
 from stack import LINES, rows_of, stack
 
 DRAWS = 100  # of the sensors' noise, for each condition
+SCATTERED = 200  # draws of all tolerances for the covariance, and as many for the scan's threshold
 BATCH = 360  # flights integrated together
 STRATA = (15.0, 50.0, 200.0, 1000.0)
 
@@ -31,7 +38,22 @@ def clean_stacks(
 ) -> NDArray[np.complex128]:
     """Return noise-free stacks, shape (case, condition, row, line), of flights by the first design."""
     conditions = list(aircraft.TRIM)
-    flights = [({"condition": c, "design": 0}, d) for d in departures for c in conditions]
+    made = flown_stacks(aircraft, simulation, [(c, d) for d in departures for c in conditions])
+    return made.reshape(len(departures), len(conditions), *made[0].shape)
+
+
+def flown_stacks(
+    aircraft: Any, simulation: Any, wanted: list[tuple[str, dict[str, float]]]
+) -> NDArray[np.complex128]:
+    """Return noise-free stacks, shape (flight, row, line), of flights by the first design.
+
+    Parameters
+    ----------
+    aircraft, simulation : module
+    wanted : list of (str, dict)
+        Condition and departures of each flight.
+    """
+    flights = [({"condition": c, "design": 0}, d) for c, d in wanted]
     out = []
     for start in range(0, len(flights), BATCH):
         part = flights[start : start + BATCH]
@@ -43,7 +65,7 @@ def clean_stacks(
                 continue
             channels = sensing.measure(aircraft, log, k, d, None)
             out.append(stack(aircraft, simulation, channels, aircraft.TRIM[flight["condition"]]["rho"]))
-    return np.array(out).reshape(len(departures), len(conditions), *out[0].shape)
+    return np.array(out)
 
 
 @dataclass
@@ -60,7 +82,12 @@ class Metric:
     factor : ndarray, shape (condition, line, row, row)
         Cholesky factors of the noise covariance.
     tolerance : ndarray, shape (number, column)
-        Whitened change that one sigma of each tolerance makes.
+        Whitened change that one sigma of each tolerance makes; then columns whose outer products are the
+        covariance of what all of them make beyond first order.
+    beyond_first : ndarray, shape (number,)
+        Whitened mean of the latter.
+    scattered : ndarray, shape (draw, number)
+        Whitened change that other draws of all tolerances make.
     """
 
     rows: list[str]
@@ -68,6 +95,8 @@ class Metric:
     nominal: NDArray[np.complex128]
     factor: NDArray[np.complex128]
     tolerance: NDArray[np.float64]
+    beyond_first: NDArray[np.float64]
+    scattered: NDArray[np.float64]
 
     def __post_init__(self) -> None:
         t = self.tolerance
@@ -142,7 +171,8 @@ def metric(aircraft: Any, simulation: Any, seed: int = 1) -> Metric:
             per_line.append(np.linalg.cholesky(0.5 * cover))  # of the mean of two repeats
         factor.append(np.array(per_line))
     size = (2 * LINES.size - 1) * len(rows_of(aircraft)) * len(conditions)
-    out = Metric(rows_of(aircraft), np.array(bias), np.array(nominal), np.array(factor), np.zeros((size, 0)))
+    nothing = np.zeros((size, 0)), np.zeros(size), np.zeros((0, size))
+    out = Metric(rows_of(aircraft), np.array(bias), np.array(nominal), np.array(factor), *nothing)
     cases, flights = per_case(aircraft), per_flight(aircraft)
     names = [*cases, *flights]
     sigma = cases | flights
@@ -157,7 +187,39 @@ def metric(aircraft: Any, simulation: Any, seed: int = 1) -> Metric:
                 alone = np.zeros_like(change)
                 alone[c] = change[c]
                 columns.append(out.whiten(alone) / np.sqrt(2))
-    return Metric(out.rows, out.bias, out.nominal, out.factor, np.array(columns).T)
+    first = np.array(columns).T
+    sigmas, made = scattered(aircraft, simulation, out, 2 * SCATTERED, rng)
+    beyond = (made - sigmas @ first.T)[:SCATTERED]
+    mean = beyond.mean(axis=0)
+    second = (beyond - mean).T / np.sqrt(SCATTERED - 1)
+    every = np.hstack([first, second])
+    return Metric(out.rows, out.bias, out.nominal, out.factor, every, mean, made[SCATTERED:])
+
+
+def scattered(
+    aircraft: Any, simulation: Any, m: Metric, count: int, rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Fly draws of all tolerances together, as a case without an effect has them.
+
+    Returns
+    -------
+    sigmas : ndarray, shape (draw, column)
+        In the order of the metric's columns of first order.
+    made : ndarray, shape (draw, number)
+        Whitened change of the mean stack of two repeats.
+    """
+    cases, flights = per_case(aircraft), per_flight(aircraft)
+    sigmas, wanted = [], []
+    for _ in range(count):
+        common = draw(cases, rng)
+        own = {c: [draw(flights, rng) for _ in range(2)] for c in aircraft.TRIM}
+        wanted += [(c, added(common, own[c][repeat])) for repeat in range(2) for c in aircraft.TRIM]
+        sigmas.append([common[name] / sigma for name, sigma in cases.items()])
+        for name, sigma in flights.items():
+            sigmas[-1] += [(a[name] + b[name]) / np.sqrt(2) / sigma for a, b in own.values()]
+    made = flown_stacks(aircraft, simulation, wanted)
+    made = made.reshape(count, 2, *m.nominal.shape).mean(axis=1) - m.nominal
+    return np.array(sigmas), np.array([m.whiten(change) for change in made])
 
 
 @dataclass
@@ -170,6 +232,7 @@ class Signatures:
     size : ndarray, shape (candidate, stratum)
         NaN where the stratum lies beyond the physical range.
     detectability : ndarray, shape (candidate, stratum)
+        At most the squared number of sigmas of what is stated for the same thing.
     column : ndarray, shape (candidate, stratum, number)
         Whitened; zero where there is no size.
     shares : list of list of dict
@@ -182,12 +245,30 @@ class Signatures:
     column: NDArray[np.float64]
     shares: list[list[dict[str, dict[str, float]]]]
 
+    def beyond(self, m: Metric) -> NDArray[np.float64]:
+        """Return the columns, less strong where a tolerance for the same thing bounds detectability."""
+        power = np.einsum("ijn,ijn->ij", self.column, np.array([m.weighed(c.T).T for c in self.column]))
+        seen = np.divide(self.detectability, power, out=np.zeros_like(power), where=power > 0)
+        return self.column * np.sqrt(seen)[..., None]
+
+
+def sigmas_of(aircraft: Any, c: Candidate) -> float:
+    """Return how many sigmas of the tolerances for the same thing a unit of size is; infinite without any."""
+    cases, flights = per_case(aircraft), per_flight(aircraft)
+    squares = 0.0
+    for name, unit in stated(aircraft, c).items():
+        if name in cases:
+            squares += (unit / cases[name]) ** 2
+        elif name in flights:  # the mean of two flights, in each condition
+            squares += 2 * len(aircraft.TRIM) * (unit / flights[name]) ** 2
+    return np.sqrt(squares) or np.inf
+
 
 def signatures(
     aircraft: Any, simulation: Any, m: Metric, listed: list[Candidate], points: int = 7
 ) -> Signatures:
     """Find the size of every effect that reaches each stratum within 10 %."""
-    own = per_case(aircraft)
+    sigmas = np.array([sigmas_of(aircraft, c) for c in listed])
 
     def weigh(pairs):
         made = (
@@ -196,10 +277,7 @@ def signatures(
         )
         white = np.array([m.whiten(change) for change in made])
         power = np.einsum("ij,ij->i", white, m.weighed(white.T).T)
-        # What is tolerated itself is no gap before it leaves its tolerance, whatever its second order makes.
-        power = np.minimum(
-            power, [(size / own.get(listed[i].key, np.inf)) ** 2 or np.inf for i, size in pairs]
-        )
+        power = np.minimum(power, [(size * sigmas[i]) ** 2 for i, size in pairs])
         return made, white, power
 
     grid = np.array([np.geomspace(c.low, c.high, points) for c in listed])
@@ -266,7 +344,7 @@ class IdealScan:
 
     def __init__(self, m: Metric, known: Signatures, seed: int = 2) -> None:
         keep = ~np.isnan(known.size)
-        self.m, self.columns = m, known.column[keep]
+        self.m, self.columns = m, known.beyond(m)[keep]
         index = np.broadcast_to(np.arange(len(known.candidates))[:, None], keep.shape)[keep]
         self.place = index
         self.signed = np.array([known.candidates[i].signed for i in index])
@@ -275,9 +353,11 @@ class IdealScan:
         self.weighed = m.weighed(self.columns.T).T
         G = self.weighed @ self.columns.T
         self.power = np.diag(G)
-        values, vectors = np.linalg.eigh(G)
-        root = vectors * np.sqrt(np.maximum(values, 0))
-        draws = root @ np.random.default_rng(seed).standard_normal((len(G), 4000))
+        values, vectors = np.linalg.eigh(self.weighed @ self.weighed.T)
+        root = vectors * np.sqrt(np.maximum(values, 0))  # of the noise in what is weighed
+        null = self.weighed @ (m.scattered - m.beyond_first).T
+        noise = np.random.default_rng(seed).standard_normal((len(G), 20 * len(m.scattered)))
+        draws = np.tile(null, 20) + root @ noise
         self.threshold = float(np.quantile(self.statistic(self.evidence(draws)), 0.98))
 
     def evidence(self, g: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -306,7 +386,7 @@ class IdealScan:
         Parameters
         ----------
         white : ndarray, shape (number,)
-            Whitened mean stack of the repeats, less that of the nominal truth.
+            Whitened mean stack of the repeats, less that of the nominal truth and the mean of scatter.
         truth : list of str
             Ids that act.
         """

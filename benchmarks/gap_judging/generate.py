@@ -146,11 +146,12 @@ def make(args, plan, setup) -> None:
                 case["own"].append(draw(biases, rng))
                 departures.append(added(case["common"], case["own"][-1], effect))
     log = fly(truth, flights, Settings(departures))
+    seen = {id(source): source.beyond(m) for source in (known, others)}
     at = 0
     for case in plan:
         rng = np.random.default_rng([case["seed"], 1])
         folder = args.out / args.vehicle / case["id"]
-        noise = m.nominal - m.bias
+        mean = -m.bias
         for c, condition in enumerate(conditions):
             rho = truth.TRIM[condition]["rho"]
             if not np.abs(log.state[:, 6:8, at]).max() < 1.0:
@@ -158,32 +159,19 @@ def make(args, plan, setup) -> None:
             for name in FILES:
                 channels = sensing.measure(truth, log, at, departures[at], rng)
                 if name != "h":
-                    quiet = sensing.measure(truth, log, at, departures[at], None)
-                    noise[c] += 0.5 * stack(truth, simulation, channels, rho)
-                    noise[c] -= 0.5 * stack(truth, simulation, quiet, rho)
+                    mean[c] += 0.5 * stack(truth, simulation, channels, rho)
                 for i, e in enumerate(truth.EFFECTORS):
                     channels[f"excitation/{e}"] = truth.excitation(sensing.TIME)[flights[at]["design"], i]
                 file = f"{condition}_{name}.h5"
                 record = record_of(truth, scenario, sensing.with_air(channels, rho), condition, file)
                 write_record(folder / file, record, sha)
                 at += 1
-        # The scan is ideal in this too: this case's noise, and scatter and effect to first order.
-        white = m.whiten(noise) + m.tolerance @ in_sigmas(case, sigmas, biases, len(conditions))
-        white = white + sum(source.column[i, j] for source, i, j in case["acts"])
+        # The scan is ideal in this too: it knows the owner's error of form and the mean of the scatter.
+        white = m.whiten(mean) - m.beyond_first
+        white = white - sum(source.column[i, j] - seen[id(source)][i, j] for source, i, j in case["acts"])
         case["ideal"] = scan.judge(white, [s.candidates[i].id for s, i, _ in case["acts"]])
         text = json.dumps(described(args, case, truth, m, conditions), indent=1)
         (folder / "case.json").write_text(text + "\n")
-
-
-def in_sigmas(case, sigmas, biases, conditions) -> np.ndarray:
-    """Return the scatter of a case in units of one sigma, in the order of the metric's columns."""
-    out = [case["common"][name] / sigma for name, sigma in sigmas.items()]
-    flown = [i for i, name in enumerate(FILES) if name != "h"]
-    for name, sigma in biases.items():
-        for c in range(conditions):
-            mean = np.mean([case["own"][c * len(FILES) + i][name] for i in flown])
-            out.append(mean / sigma * np.sqrt(2))
-    return np.array(out)
 
 
 def described(args, case, truth, m, conditions) -> dict:

@@ -78,6 +78,7 @@ COLUMNS = (
     "rmse_named_after",
     "log_score_gain",
     "remarks",
+    "form_errors",
     "json",
 )
 """``words`` are names of the parameters and places of each true effect, ``named_words`` of the parameters of
@@ -327,6 +328,9 @@ def _answers(
         "rmse_named_after": _number(named_after),
         "log_score_gain": _number(log_score_gain(far)),
         "remarks": len(found.get("remarks") or ()),
+        "form_errors": _dumped(
+            _rounded({n: f for n, f in (gap.get("form_errors") or {}).items() if f is not None})
+        ),
     }
 
 

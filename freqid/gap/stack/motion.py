@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.linalg import expm
 
+from freqid.core.channels import COEFFICIENT, WRENCH
 from freqid.core.errors import DataError, UsageError
 from freqid.core.frames import cross
 from freqid.core.identification import Identification
@@ -25,6 +26,7 @@ from freqid.gap.simulation import Departures, Simulation
 from freqid.gap.stack.lines import Lines
 from freqid.gap.stack.rows import angle_rates, gravity_of, sensor_lever
 from freqid.gap.stack.sensor_noise import sensor_noise
+from freqid.identify.explanatory import history
 from freqid.identify.instruments import driven_maneuvers
 from freqid.identify.smoothing import smooth
 from freqid.simulate.effects.along import centre
@@ -36,7 +38,7 @@ MOTION = ("u", "v", "w", "p", "q", "r")
 _RATES = ("state/p", "state/q", "state/r")
 _ANGLES = ("state/phi", "state/theta", "state/psi")
 _VELOCITY = ("state/u", "state/v", "state/w")
-_FELT = ("state/ax", "state/ay", "state/az")
+_FELT: tuple[str, ...] = ("state/ax", "state/ay", "state/az")
 _AIR = ("air/V", "air/alpha", "air/beta")
 _SYMMETRIC = ("state/u", "state/w", "state/q", "state/theta", "air/V", "air/alpha")
 _ROUNDS = 3  # of a fitted response: least squares, then twice with its own response as instruments
@@ -345,7 +347,8 @@ def _moves(record: FlightRecord, name: str) -> bool:
 def _smoothed(simulation: Simulation, maneuver: Maneuver) -> Maneuver:
     """Return the record's own motion as far as it stands out of the noise: the last resort.
 
-    Specific forces are the simulation's: measured ones would lend their noise to every column of a mass.
+    Specific forces are the simulation's, axis by axis: measured ones would lend their noise to every column
+    of a mass.
     """
     record = maneuver.record
     names = [n for n in record.channels if n.startswith(("state/", "air/", "effector/"))]
@@ -356,23 +359,39 @@ def _smoothed(simulation: Simulation, maneuver: Maneuver) -> Maneuver:
     found = dict(zip(moving, smooth(values, record.dt).x, strict=True))
     channels = [replace(record.channel(n), values=x) for n, x in found.items()]
     clean = Maneuver(record.with_channels(*channels), maneuver.vehicle)
-    if not {"X", "Y", "Z"} <= set(simulation.responses) or not all(n in record for n in (*_FELT, *_RATES)):
+    forces = _forces(simulation, clean)
+    forces = {n: x for n, x in forces.items() if n in record}
+    if not forces:
         return clean
-    wrench = dict(zip(simulation.responses, simulation.predict(clean.record), strict=True))
-    rates = clean.record.matrix(_RATES)
+    rates = np.array([clean.record[n] if n in record else np.zeros(record.time.size) for n in _RATES])
     turning = np.gradient(rates, record.dt, axis=1)
     arm = _arm_of_accelerometers(clean)
-    felt = np.array([wrench[n] for n in "XYZ"]) / maneuver.vehicle.mass_properties.mass_kg
-    felt = felt + cross(turning, arm) + cross(rates, cross(rates, arm))
-    own = dict(zip(_FELT, felt, strict=True))
+    added = dict(zip(_FELT, cross(turning, arm) + cross(rates, cross(rates, arm)), strict=True))
+    own = {n: x / maneuver.vehicle.mass_properties.mass_kg + added[n] for n, x in forces.items()}
     kept = {n: x for n, x in found.items() if n not in _FELT}
     return Maneuver(_about(record, {**kept, **own}), maneuver.vehicle)
+
+
+def _forces(simulation: Simulation, maneuver: Maneuver) -> dict[str, Array]:
+    """Return the simulated forces, N, shape (sample,) each, by the channel that feels them."""
+    area = maneuver.vehicle.area_m2
+    found = {}
+    for name, row in zip(simulation.responses, simulation.predict(maneuver.record), strict=True):
+        letter = COEFFICIENT.get(name, name)
+        if letter not in WRENCH[:3]:
+            continue
+        channel = _FELT[WRENCH.index(letter)]
+        if name == letter:
+            found[channel] = row
+        elif area is not None:
+            found[channel] = row * history(maneuver, "qbar") * area
+    return found
 
 
 def _arm_of_accelerometers(maneuver: Maneuver) -> Array:
     """Return where the accelerometers are from the centre of gravity, m, shape (3, sample)."""
     record = maneuver.record
-    place = record.channel("state/ax").position_m
+    place = next(record.channel(n).position_m for n in _FELT if n in record)
     if place is None:
         return np.zeros((3, record.time.size))
     return np.array(place)[:, None] - centre(record, maneuver.vehicle)

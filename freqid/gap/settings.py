@@ -18,13 +18,23 @@ FORM_ERRORS = (0.0, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4
 """Sizes of the error of form that a row may have: share of each term of the simulation there."""
 
 FORM_CONSTANT = 4.0
-"""Constant error of each term over what varies with frequency."""
+"""Constant error of each term of a load over what varies with frequency.
+
+Chosen, not measured: above one, because derivatives are wrong sooner than dynamics.
+"""
 
 FORM_LIKENESS = 0.5
-"""Odds of a row's error of form being a step of `FORM_ERRORS` further from the others' than it is."""
+"""Odds of a row's error of form being a step of `FORM_ERRORS` further from the one that its kind shares.
+
+Chosen, not measured: below one, because a simulation whose other rows are exact is not likely to be poor in
+one; not so far below that a row cannot differ, for a simulation may be good in lift and poor in drag.
+"""
 
 ACTUATOR_FORM_ERRORS = (0.0, 0.003, 0.02)
-"""... and share of each actuator's movement."""
+"""Sizes of the actuators' error of form where two simulations are compared: share of their movement.
+
+In a diagnosis actuators have the sizes of `FORM_ERRORS`, as all rows.
+"""
 
 FORM_ORDER = 4
 """Highest Chebyshev polynomial in frequency of an error of form."""

@@ -95,9 +95,9 @@ def closing_of(
         added = [recomputed(c, library, held_out) for c in few]
         few = [replace(c, columns=[*c.columns, *more]) for c, more in zip(few, added, strict=True)]
         at = range(len(used), len(used) + len(held_out))
-        like, forms = columns[0], system.form_errors
+        rows, forms = columns[0].form_names, system.form_errors
         made = [
-            columns_of(b, i, few, system.tolerances, library, tolerances, like, forms)
+            columns_of(b, i, few, system.tolerances, library, tolerances, rows, forms)
             for b, i in zip(held_out, at, strict=True)
         ]
         parts += [c for c, _ in made]

@@ -82,7 +82,7 @@ def columns_of(
     names: Sequence[str],
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
-    like: Columns,
+    rows: Sequence[str],
     forms: Sequence[Form],
 ) -> tuple[Columns, Block]:
     """Return the columns of one more block, and the block with its noise as it was flown.
@@ -97,14 +97,14 @@ def columns_of(
         Tolerances, in their order.
     library : dict of Effect
     sizes : dict of float
-    like : Columns
-        Of a block of the stack.
+    rows : sequence of str
+        That have a form anywhere in the stack.
     forms : sequence of Form
         Errors of form of the stack.
     """
     shared = tolerance_columns(block, library, sizes)
     parts = Parts.of(block, index, found, [shared.get(n) for n in names], library, sizes)
-    return _columns(parts, like.form_names, forms), parts.block
+    return _columns(parts, rows, forms), parts.block
 
 
 def _columns(parts: Parts, rows: Sequence[str], forms: Sequence[Form]) -> Columns:

@@ -112,7 +112,7 @@ class Parts:
             root = np.ones(len(block.rows))
             root[rows] = scale
             one = replace(self, block=replace(block, covariance=block.covariance * root[:, None] * root))
-            evidence = weigh(rows_alone([(one, rows)], found))
+            evidence = weigh(one._alone(rows, found))
             number = len(rows) * (2 * block.lines.hz.size - 1)
             total = evidence.log_none + np.logaddexp(0.0, evidence.statistic) - number * np.log(scale)
             if total < best:
@@ -120,23 +120,24 @@ class Parts:
             best, chosen = total, one
         return chosen
 
+    def _alone(self, rows: Sequence[int], found: Sequence[Candidate]) -> System:
+        """Return the system of some rows of the block, with the candidates that change them."""
+        start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
+        moved = _in(self.effects, rows)
+        few = [i for i in range(len(found)) if moved[start[i] : start[i + 1]].any()]
+        effects = np.concatenate([self.effects[:0], *(self.effects[start[i] : start[i + 1]] for i in few)])
+        shared, own, form = (z[_in(z, rows)] for z in (self.tolerances, self.own, self.form))
+        columns = (effects, shared, self.block.residual, own, form, form[:0])
+        matrices = BlockMatrices.of(*(self.block.white(z, rows) for z in columns))
+        begin = np.concatenate([[0], np.cumsum([len(found[i].sizes) for i in few])]).astype(int)
+        names = tuple(map(str, range(len(shared))))
+        forms = tuple(Form(f, 0.0) for f in FORM_ERRORS)
+        return System([found[i] for i in few], begin, names, [matrices], forms)
 
-def rows_alone(parts: Sequence[tuple[Parts, Sequence[int]]], found: Sequence[Candidate]) -> System:
-    """Return the system of some rows of some blocks, with the candidates that change them."""
-    start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
-    moved = np.any([np.any(p.effects[:, list(rows)], axis=(1, 2)) for p, rows in parts], axis=0)
-    few = [i for i in range(len(found)) if moved[start[i] : start[i + 1]].any()]
-    keep = np.concatenate([np.zeros(0, int), *(np.arange(start[i], start[i + 1]) for i in few)]).astype(int)
-    shared = np.any([np.any(p.tolerances[:, list(rows)], axis=(1, 2)) for p, rows in parts], axis=0)
-    matrices = []
-    for p, rows in parts:
-        form = p.form[np.any(p.form[:, list(rows)], axis=(1, 2))]
-        own = p.own[np.any(p.own[:, list(rows)], axis=(1, 2))]
-        columns = (p.effects[keep], p.tolerances[shared], p.block.residual, own, form, form[:0])
-        matrices.append(BlockMatrices.of(*(p.block.white(z, rows) for z in columns)))
-    begin = np.concatenate([[0], np.cumsum([len(found[i].sizes) for i in few])]).astype(int)
-    names = tuple(map(str, range(int(shared.sum()))))
-    return System([found[i] for i in few], begin, names, matrices, tuple(Form(f, 0.0) for f in FORM_ERRORS))
+
+def _in(columns: Complex, rows: Sequence[int]) -> NDArray[np.bool_]:
+    """Return which columns, shape (column, row, line), are not zero in some rows."""
+    return np.any(columns[:, list(rows)], axis=(1, 2))
 
 
 def _zeros(block: Block, count: int) -> Complex:

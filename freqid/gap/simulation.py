@@ -37,6 +37,8 @@ class Tolerance:
         Of the departure: an SI unit, or "1" where it is a share of the nominal value.
     actuator : str
         Effector whose own position is all that the parameter moves; empty where it may move anything.
+    loads_only : bool
+        Whether it moves no actuator: these need not be asked again.
 
     Raises
     ------
@@ -47,6 +49,7 @@ class Tolerance:
     sigma: float
     unit: str = "1"
     actuator: str = ""
+    loads_only: bool = False
 
     def __post_init__(self) -> None:
         number = isinstance(self.sigma, int | float | np.number) and not isinstance(self.sigma, bool)

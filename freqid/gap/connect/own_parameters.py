@@ -46,6 +46,7 @@ _NUMERICAL = ("strips",)  # no property of the aircraft
 _DELAYS = {"surface.delay": "surface", "tilt.delay": "tilt", "motor.delay": "speed"}
 _BATTERY = {"battery.charge": "charge", "battery.resistance_ohm": "resistance"}
 _SERVO = ("natural_frequency", "damping", "gain")
+_TURNING = ("propeller.", "wake.")  # what may load the rotors, so the battery and the motors
 _MOTOR = ("time_constant", "gain")
 
 
@@ -68,7 +69,10 @@ def own_tolerances(scenario: Scenario) -> dict[str, Tolerance]:
         Where ``[tolerance]`` gives one of them a sigma that is negative, not finite or absurd.
     """
     defaults = {
-        name: Tolerance(MEASURED if name.rpartition(".")[2] in _MEASURED else SHARE)
+        name: Tolerance(
+            MEASURED if name.rpartition(".")[2] in _MEASURED else SHARE,
+            loads_only=not name.startswith(_TURNING),
+        )
         for name, _, _ in _numbers(scenario.simulation.airframe)
     }
     if scenario.simulation.actuators:

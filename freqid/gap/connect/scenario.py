@@ -163,7 +163,7 @@ class ScenarioSimulation:
         if not any(f"command/{e.name}" in record for e in self.vehicle.effectors):
             return {}
         settings, own = self._settings(effects), self._departures(departures)
-        act = motion.parameters(self._scenario(effects)).actuators
+        act = (motion.parameters(self._scenario(effects)) if effects else self._parameters).actuators
         act = actuators_with(act, self.vehicle, own)
         ratio = np.ones(record.time.size)
         if "rotor" in self.vehicle.effector_kinds.values():

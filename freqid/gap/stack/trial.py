@@ -167,7 +167,10 @@ class Trial:
         """Return the change of the residual where parameters of the truth depart from the simulation's."""
         record, simulation = self.maneuver.record, self.simulation
         after = simulation.predict(record, departures=departures)
-        positions = self.positions_with(departures=departures) if self.positions else {}
+        own = simulation.tolerances
+        if not self.positions or all(n in own and own[n].loads_only for n in departures):
+            return self.rows(after - self.predicted)
+        positions = self.positions_with(departures=departures)
         moved = {n: positions[n] - x for n, x in self.positions.items()}
         return self.rows(after - self.predicted, moved)
 

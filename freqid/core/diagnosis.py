@@ -214,15 +214,19 @@ class Closure:
     settings : dict of dict of Interval
         Refitted parameters, by effect id.
     wrench, response : Share
-        Of the replayed residual with effect and tolerances, and of the simulation's own flight.
+        Of the replayed residual with effect and tolerances, and of the motion that the simulation flies by
+        itself under the injected signals.
     effect_only, tolerances_only : Share
         Of the replayed residual with the effect at nominal tolerances, and with tolerances alone.
+    response_effect_only : Share
+        Of the simulation's own flight with the effect at nominal tolerances.
     log_score : float
         Nats by which the effect predicts manoeuvres that were not used better than tolerances alone do.
     strained : dict of float
         Tolerances that would have to be off most without the effect, by name, in sigmas.
     rmse, theil, J : dict of Change
-        By response; J by response and input.
+        RMSE and Theil's coefficient of replays by response; J of the simulation's own flight by state, mean
+        over the injected signals.
     held_out : tuple of str
         Manoeuvres that it was scored on.
     note : str
@@ -243,6 +247,7 @@ class Closure:
     consequence: dict[str, Any] = field(default_factory=dict)
     effect_only: Share = field(default_factory=lambda: Share(math.nan, math.nan, math.nan))
     tolerances_only: Share = field(default_factory=lambda: Share(math.nan, math.nan, math.nan))
+    response_effect_only: Share = field(default_factory=lambda: Share(math.nan, math.nan, math.nan))
     log_score: float = math.nan
     strained: dict[str, float] = field(default_factory=dict)
 

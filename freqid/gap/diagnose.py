@@ -185,7 +185,7 @@ def diagnose(
             else []
         )
         closing = closing_of(system, used, columns, others, explanation, q.candidates, q.tolerances)
-        closed = close(closing, explanation, q.seed)
+        closed = close(closing, explanation, q.seed, library, q.tolerances)
     sizes = evidence.form_sizes()
     sizes = np.where(sizes < FORM_ERRORS[1], 0.0, sizes)
     forms = dict(zip(columns[0].form_names, sizes.tolist(), strict=True))
@@ -326,8 +326,10 @@ def _which(
         if c.kind == "scalar" and c.place.fixed:
             names = [c.place.parameters[0]]
         parameters[effect] = {
-            n: Interval(float(x), float(lo), float(hi), c.unit)
-            for n, x, lo, hi in zip(names, found.size, found.lo, found.hi, strict=False)
+            n: Interval(float(x), float(lo), float(hi), unit)
+            for n, x, lo, hi, unit in zip(
+                names, found.size, found.lo, found.hi, c.units or (c.unit,) * len(names), strict=False
+            )
         }
         parameters[effect] |= {n: Interval(v, v, v, "") for n, v in c.place.fixed}
     withdrawn = {}

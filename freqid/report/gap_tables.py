@@ -100,7 +100,12 @@ def closures(d: GapDiagnosis) -> list[dict[str, Any]]:
             "strained": ", ".join(f"{n} {x:+.1f}".replace("-", "−") for n, x in c.strained.items()),
             "log_score": f"{c.log_score:+.1f} nats".replace("-", "−") if math.isfinite(c.log_score) else "",
             "response": share(c.response) if math.isfinite(c.response.G) else "",
-            "with_cost": bool(c.J),
+            "with_cost": bool(c.rmse.keys() & c.J),
+            "flown_cost": ", ".join(
+                f"{n} {number(x.before, 2)} to {number(x.after, 2)}"
+                for n, x in c.J.items()
+                if n not in c.rmse
+            ),
             "held_out": ", ".join(c.held_out),
             "note": c.note,
             "cost": c.consequence.get("sentence", ""),
@@ -141,7 +146,7 @@ def _classical(c: Closure, name: str) -> dict[str, Any]:
         "name": name,
         "rmse": ends(c.rmse.get(name)),
         "theil": ends(c.theil.get(name))[:2],
-        "J": ends(c.J.get(name))[:2] if c.J else [],
+        "J": ends(c.J.get(name))[:2] if c.rmse.keys() & c.J else [],
     }
 
 

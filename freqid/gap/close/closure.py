@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,12 +10,12 @@ import numpy as np
 from freqid.core.diagnosis import Closure, Interval, Share
 from freqid.gap.close.closing import Closing
 from freqid.gap.close.fit import Fit, fit, joint_evidence, likeliest_form_error
+from freqid.gap.close.flown import Flown, motions
 from freqid.gap.close.score import Responses, Scored, responses, shares
 from freqid.gap.infer.evidence import Evidence, estimate, weigh
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.settings import INTERVAL
-
-_UNDEFINED = Share(float("nan"), float("nan"), float("nan"), "the simulation cannot fly with the effect")
+from freqid.simulate.effects.effect import Effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,13 @@ class Closed:
     withdrawn: str
 
 
-def close(closing: Closing, explanation: Explanation, seed: int) -> list[Closed]:
+def close(
+    closing: Closing,
+    explanation: Explanation,
+    seed: int,
+    library: Mapping[str, Effect],
+    tolerances: Mapping[str, float],
+) -> list[Closed]:
     """Return the closure of an explanation, then of each of its effects alone where it has several.
 
     A second effect stays only where it raises the score of what was not used.
@@ -48,7 +55,12 @@ def close(closing: Closing, explanation: Explanation, seed: int) -> list[Closed]
     explanation : Explanation
         Whose candidates are those of the closing's system, in that order.
     seed : int
+    library : dict of Effect
+        Of the vehicle.
+    tolerances : dict of float
+        One sigma by name.
     """
+    flown = Flown(closing.blocks, library, tolerances)
     whole = weigh(closing.system)
     fitted = whole if len(closing.folds) > 1 else weigh(closing.system.only(closing.folds[0].rest))
     order = tuple(range(len(explanation.places)))
@@ -61,11 +73,12 @@ def close(closing: Closing, explanation: Explanation, seed: int) -> list[Closed]
         if more <= score:
             break
         best, score = longer, more
-    found = [_closed(closing, fitted, best, best, score, seed)]
+    found = [_closed(closing, fitted, best, best, score, seed, flown)]
     if len(best.places) > 1:
         for i in best.places:
             alone = Explanation((i,), (fitted.candidate[i],), (estimate(fitted, i, INTERVAL),))
-            found.append(_closed(closing, fitted, alone, best, _score(closing, whole, alone), seed))
+            score = _score(closing, whole, alone)
+            found.append(_closed(closing, fitted, alone, best, score, seed, flown))
     return found
 
 
@@ -89,7 +102,13 @@ def _score(closing: Closing, whole: Evidence, explanation: Explanation) -> float
 
 
 def _closed(
-    closing: Closing, fitted: Evidence, explanation: Explanation, best: Explanation, score: float, seed: int
+    closing: Closing,
+    fitted: Evidence,
+    explanation: Explanation,
+    best: Explanation,
+    score: float,
+    seed: int,
+    flown: Flown,
 ) -> Closed:
     """Return the closure of an explanation, at the error of form beside the best one.
 
@@ -97,30 +116,35 @@ def _closed(
     """
     scored: list[Scored] = []
     index: list[int] = []
+    anew: list[Explanation] = []
     for fold in closing.folds:
         one = len(closing.folds) == 1
         here = fitted if one else weigh(closing.system.only(fold.rest))
         again, alike = (e if one else _again(here, e) for e in (explanation, best))
         fit_ = fit(here, again, likeliest_form_error(here, alike))
         index += [closing.source[i] for i in fold.scored]
+        anew += [again for _ in fold.scored]
         scored += [Scored(closing.blocks[closing.source[i]], closing.columns[i], fit_) for i in fold.scored]
     share = shares(scored, seed, INTERVAL)
     if closing.by_lines:
         scored, index = scored[:1], index[:1]  # histories are of the whole block
+    system = closing.system
+    moved = motions(flown, scored, index, system.candidates, system.tolerances, anew, seed, INTERVAL)
     sigmas = [s.columns.sigmas for s in scored]
-    figures = responses(scored, index, closing.system.candidates, sigmas)
+    figures = responses(scored, index, system.candidates, sigmas)
     closure = Closure(
         effects=explanation.effects,
         settings=_settings(explanation),
         wrench=share["both"],
-        response=_UNDEFINED,
+        response=moved.share,
         rmse=figures.rmse,
         theil=figures.theil,
-        J={},
+        J=moved.cost,
         held_out=closing.held_out,
         note=_note(share, figures),
         effect_only=share["effect"],
         tolerances_only=share["tolerances"],
+        response_effect_only=moved.effect_only,
         log_score=score,
     )
     whole = fit(fitted, explanation, likeliest_form_error(fitted, best))
@@ -148,9 +172,10 @@ def _settings(explanation: Explanation) -> dict[str, dict[str, Interval]]:
     for e in explanation.estimates:
         c = e.candidate
         named = c.place.parameters if c.kind == "vector" else c.place.parameters[:1]
+        units = c.units or (c.unit,) * len(named)
         values = {
-            n: Interval(float(x), float(lo), float(hi), c.unit)
-            for n, x, lo, hi in zip(named, e.size, e.lo, e.hi, strict=False)
+            n: Interval(float(x), float(lo), float(hi), unit)
+            for n, x, lo, hi, unit in zip(named, e.size, e.lo, e.hi, units, strict=False)
         }
         if c.kind == "scalar":  # one size for all effectors of a group
             values |= {n: next(iter(values.values())) for n in c.place.parameters[1:]}

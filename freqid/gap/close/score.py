@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,12 +73,29 @@ def shares(scored: Sequence[Scored], seed: int, level: float) -> dict[str, Share
     }
     before = np.concatenate([s.left(*z) for s, z in zip(scored, zero, strict=True)])
     rng = np.random.default_rng([seed, 3])
+    afters = {
+        name: np.concatenate([s.left(*h) for s, h in zip(scored, how, strict=True)])
+        for name, how in ways.items()
+    }
+    return shares_of(before, afters, rng, level)
+
+
+def shares_of(
+    before: Array, afters: Mapping[str, Array], rng: np.random.Generator, level: float
+) -> dict[str, Share]:
+    """Return the shares of energies over noise that go, with bootstrap intervals of a level.
+
+    Parameters
+    ----------
+    before : ndarray, shape (number,)
+        Each one where noise is all.
+    afters : dict of ndarray, shape (number,)
+        By name.
+    rng : numpy.random.Generator
+    level : float
+    """
     drawn = rng.integers(0, before.size, size=(_DRAWS, before.size))
-    found = {}
-    for name, how in ways.items():
-        after = np.concatenate([s.left(*h) for s, h in zip(scored, how, strict=True)])
-        found[name] = _share(before, after, drawn, level)
-    return found
+    return {name: _share(before, after, drawn, level) for name, after in afters.items()}
 
 
 def _share(before: Array, after: Array, drawn: NDArray[np.intp], level: float) -> Share:

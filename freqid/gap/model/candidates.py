@@ -98,6 +98,8 @@ class Candidate:
         By block: of a scalar, the change at each size; of a vector, by one sigma of each parameter.
     unit : str
         Of sizes.
+    units : tuple of str
+        Of a vector, by parameter.
     bounds : tuple of 2 floats
         Physical range of the size.
     curve : Curve, optional
@@ -114,6 +116,7 @@ class Candidate:
     unit: str = "1"
     bounds: tuple[float, float] = (-inf, inf)
     curve: Curve | None = None
+    units: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -199,7 +202,7 @@ def _of_effect(effect: Effect, vehicle: Vehicle, blocks: Sequence[Block]) -> lis
     if set(moving) <= {effect.size}:
         return _with_shapes(effect, free, moving, blocks)
     vectors = [v for names in _triples(moving) if (v := _vector(effect, names, moving))]
-    return [*moving.values(), *vectors]
+    return vectors if effect.together else [*moving.values(), *vectors]
 
 
 def _with_shapes(
@@ -251,7 +254,8 @@ def _vector(effect: Effect, names: tuple[str, ...], moving: Mapping[str, Candida
     # a standard deviation of half the physical range is the widest that makes sense
     widest = min(min(-c.bounds[0], c.bounds[1]) / (2 * s) for c, s in zip(each, sigma, strict=True))
     prior = np.array([t for t in _VECTOR_SCALES if t <= widest] or [widest])
-    return Candidate(effect.id, Place(label, names), "vector", sigma, prior, columns)
+    units = tuple(effect.parameters[n].unit for n in names)
+    return Candidate(effect.id, Place(label, names), "vector", sigma, prior, columns, units=units)
 
 
 def _scalar(effect: Effect, place: Place, of: Parameter, blocks: Sequence[Block]) -> Candidate | None:

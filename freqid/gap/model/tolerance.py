@@ -205,6 +205,16 @@ def _shared(
             key = f"{rotor.name}.{what}"
             if sizes.get(key) and key not in own and f"effector/{rotor.name}" in trial.maneuver.record:
                 yield key, _rotor(trial, rotor.name, what) * sizes[key]
+    for key, effect, name, size in of_effects(trial, library, sizes):
+        with suppress(ImpossibleSettings):  # what no body can be off by is no tolerance
+            at = in_force_of(effect, trial.simulation)[name]
+            yield key, _central(lambda x, e=effect, n=name, a=at: change(e, trial, {n: a + x}), size)
+
+
+def of_effects(
+    trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, float]
+) -> Iterator[tuple[str, Effect, str, float]]:
+    """Yield the tolerances that are parameters of effects: name, effect, parameter and one sigma."""
     effectors = trial.maneuver.vehicle.effector_kinds
     for effect in (e.of(trial.maneuver.vehicle) for e in library.values()):
         nested = _together(effect, effectors)
@@ -218,9 +228,7 @@ def _shared(
                 size *= np.sqrt(0.5)  # stated once: half of its variance is of all, half of each by itself
             if key in EACH_FLIGHT or not size or parameter.scale == 0 or untestable(effect, trial):
                 continue
-            with suppress(ImpossibleSettings):  # what no body can be off by is no tolerance
-                at = in_force_of(effect, trial.simulation)[name]
-                yield key, _central(lambda x, e=effect, n=name, a=at: change(e, trial, {n: a + x}), size)
+            yield key, effect, name, size
 
 
 def _together(effect: Effect, kinds: Mapping[str, str]) -> list[str]:

@@ -179,6 +179,20 @@ def own_flight(
     return _with_attitude_and_felt(record, own)
 
 
+def own_maneuver(simulation: Simulation, maneuver: Maneuver) -> Maneuver | None:
+    """Return the simulation's nominal flight under a record's injected signals; None where it has none.
+
+    About the straight lines of the record's channels. Commands are those of the record.
+
+    Raises
+    ------
+    DataError
+        As `own_flight`.
+    """
+    own = own_flight(simulation, maneuver.record)
+    return Maneuver(_about(maneuver.record, own), maneuver.vehicle) if own else None
+
+
 def fed_back(record: FlightRecord) -> bool:
     """Return whether commands hold more than the injected signals."""
     for name in record.group("command"):

@@ -75,6 +75,8 @@ class Effect:
         all free together.
     jointly : tuple of str
         Of such places those that may be at fault at once, each in its own way, as all kinds of effector.
+    together : bool
+        Whether the parameters are off together only: each by itself is another effect.
     sizes : tuple of float
         Of an effect that does nothing below some size, such as a limit: sizes at which it is looked for.
     in_loop : bool
@@ -120,6 +122,7 @@ class Effect:
     states: dict[str, str] = field(default_factory=dict)
     alternatives: bool = False
     jointly: tuple[str, ...] = ()
+    together: bool = False
     sizes: tuple[float, ...] = ()
     in_loop: bool = False
     add: Callable[[dict[str, Any], Any], Any] | None = None

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from linear_flight import LIBRARY, Linear, Truth, fly
+from linear_flight import LIBRARY, Linear, Truth, fly, motion
 
 from freqid.gap.close.closing import closing_of
 from freqid.gap.close.closure import close
@@ -82,7 +82,7 @@ def test_a_second_effect_stays_only_where_it_predicts_what_was_not_used(worn):
         closing = closing_of(
             used.system, used.blocks, used.columns, others, explanation, LIBRARY, QUESTION.tolerances
         )
-        scored[name] = set(close(closing, explanation, 0)[0].closure.effects)
+        scored[name] = set(close(closing, explanation, 0, LIBRARY, QUESTION.tolerances)[0].closure.effects)
     assert scored["with it"] == {"worn", "drag"}
     assert scored["without it"] == {"worn"}
 
@@ -109,3 +109,45 @@ def test_nulls_of_a_simulation_within_its_tolerances_are_called_as_rarely_as_is_
         p.append(found.gap.p)
     assert called < 4
     assert np.mean(np.array(p) < 0.2) < 0.45
+
+
+@dataclass(frozen=True, eq=False)
+class Flying(Linear):
+    """The simulation with a flight of its own, integrated apart from all that closes a gap."""
+
+    can_fly: bool = True
+
+    def fly(self, record, effects=None, departures=None):
+        flown = motion(Truth(), 40.0, 40.0, int(record.reference[1:]))
+        return {n.removeprefix("state/"): x for n, x in flown.items() if not n.startswith("excitation/")}
+
+
+def flown_closures(truth, named=()):
+    question = replace(QUESTION, named=named)
+    found = diagnose(Flying(), [flight(truth, s) for s in (1, 2)], question, held_out=[flight(truth, 3)])
+    return {c.effects: c for c in found.diagnosis.how_far}
+
+
+@pytest.mark.parametrize(
+    ("truth", "effect"), [(WORN, "worn"), (Truth(late=0.03), "late"), (Truth(drag=1.5), "drag")]
+)
+def test_the_simulations_own_flight_closes_with_the_right_effect(truth, effect):
+    closure = flown_closures(truth)[(effect,)]
+    assert closure.response.G > 0.97
+    assert closure.response.lo <= closure.response.G <= closure.response.hi <= 1.0
+    assert set(closure.J) == {"u", "w", "q", "theta"}
+    assert closure.J["q"].after < 0.1 * closure.J["q"].before
+
+
+def test_a_wrong_effect_leaves_the_own_flight_where_it_was():
+    closures = flown_closures(Truth(drag=1.5), ("late",))
+    assert pytest.approx(0.0, abs=0.1) == closures[("late",)].response_effect_only.G
+    assert closures[("late",)].response.G < 0.4
+    assert closures[("drag",)].response_effect_only.G > 0.9
+
+
+def test_a_simulation_that_cannot_fly_says_so(worn):
+    closure = worn.diagnosis.how_far[0]
+    assert np.isnan(closure.response.G)
+    assert "does not fly" in closure.response.why_undefined
+    assert closure.J == {}

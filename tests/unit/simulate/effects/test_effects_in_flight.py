@@ -95,6 +95,7 @@ IN_FLIGHT = {
     "mass": {"fraction": 0.1},
     "cg_offset": {"x": 0.03},
     "inertia": {"yy": 0.3},
+    "mass_properties": {"fraction": 0.1, "x": 0.03, "yy": 0.1},
     "tilt_inertia": {"fraction": -0.5},
 }
 

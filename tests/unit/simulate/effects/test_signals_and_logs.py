@@ -40,6 +40,7 @@ IDS = [
     "mass",
     "cg_offset",
     "inertia",
+    "mass_properties",
     "tilt_inertia",
     "flexible_mode",
     "sensor_bias",

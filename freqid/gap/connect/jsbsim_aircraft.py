@@ -9,9 +9,10 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
 from functools import cached_property
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,8 @@ def quiet() -> Iterator[Any]:
         try:
             for number in (1, 2):
                 os.dup2(written.fileno(), number)
-            yield written
+            with redirect_stdout(StringIO()):  # its banner goes to Python's, which may be no file
+                yield written
         finally:
             if os.name == "posix":
                 ctypes.CDLL(None).fflush(None)  # C++ holds back what does not go to a terminal

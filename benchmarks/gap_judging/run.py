@@ -399,7 +399,8 @@ def _command_of(case: Mapping[str, Any], folder: Path) -> list[str]:
     found = ["diagnose-gap", *(str(_path(p, folder)) for p in case["use"])]
     for path in case.get("holdout") or ():
         found += ["--holdout", str(_path(path, folder))]
-    found += ["--sim", f"{_path(file, folder)}:{name}"]
+    # a function in a file; else words of the command itself, such as jsbsim:c172p, or a scenario
+    found += ["--sim", f"{_path(file, folder)}:{name}" if file.endswith(".py") else case["simulation"]]
     if case.get("scenario"):
         found += ["--scenario", str(_path(case["scenario"], folder))]
     if case.get("band_hz"):

@@ -226,8 +226,8 @@ def test_a_flight_with_departures_starts_from_its_own_trim(simulation, flown):
 
 def test_tolerances_are_of_every_number_and_the_scenario_replaces_them(la8):
     tolerances = ScenarioSimulation(la8).tolerances
-    assert tolerances["aerofoil.lift_slope"] == Tolerance(0.05, "1")
-    assert tolerances["wing.front.span_m"] == Tolerance(0.01, "1")
+    assert tolerances["aerofoil.lift_slope"] == Tolerance(0.05, "1", loads_only=True)
+    assert tolerances["wing.front.span_m"] == Tolerance(0.01, "1", loads_only=True)
     assert tolerances["de1.natural_frequency"] == Tolerance(0.05, "1", "de1")
     assert tolerances["n8.time_constant"] == Tolerance(0.05, "1", "n8")
     assert tolerances["dw1.gain"] == Tolerance(0.01, "1", "dw1")
@@ -247,3 +247,14 @@ def test_an_unknown_parameter_is_refused(simulation, flown):
     for ask in (simulation.predict, simulation.positions, simulation.fly):
         with pytest.raises(UsageError, match=r"did you mean 'aerofoil\.lift_slope'"):
             ask(flown("u45").record, departures={"aerofoil.lift_slop": 0.05})
+
+
+def test_what_is_said_to_move_loads_only_moves_no_actuator(simulation, flown):
+    record = flown("u20").record
+    nominal = simulation.positions(record)
+    names = [n for n, t in simulation.tolerances.items() if t.loads_only]
+    assert {"aerofoil.lift_slope", "wing.front.span_m", "fuselage.drag_area_m2"} <= set(names)
+    assert not any(n.startswith("propeller.") for n in names)
+    moved = simulation.positions(record, departures=dict.fromkeys(names, 0.05))
+    for name, x in nominal.items():
+        np.testing.assert_allclose(moved[name], x, rtol=1e-9, atol=1e-9, err_msg=name)

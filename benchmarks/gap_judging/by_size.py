@@ -101,7 +101,8 @@ def _forms(outcomes: Iterable[Outcome]) -> str:
     learned = [one for one in learned if one]
     rows = dict.fromkeys(row for one in learned for row in one)
     return ", ".join(
-        f"{row} {100 * statistics.median(one.get(row, 0.0) for one in learned):.2g} %" for row in rows
+        f"{row} {float(f'{100 * statistics.median(one.get(row, 0.0) for one in learned):.2g}'):g} %"
+        for row in rows
     )
 
 

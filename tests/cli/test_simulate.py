@@ -105,7 +105,7 @@ def test_the_record_holds_nothing_of_the_truth(freqid, tmp_path):
     effect = ("--effect", "slipstream=0.7", "--turbulence", "--noise")
     assert freqid("simulate", LA8, *SHORT, *effect, "-o", record)[0] == 0
     raw = record.read_bytes()
-    described = {"mass", "inertia", "rate_limit"}  # words of the vehicle's description too
+    described = {"mass", "mass_properties", "inertia", "rate_limit"}  # words of the vehicle's description too
     for word in (*(set(library()) - described), "wind", "strength", "response", "pdot", "effects"):
         assert word.encode() not in raw, word
     assert b"slipstream" in record.with_suffix(".truth.h5").read_bytes()

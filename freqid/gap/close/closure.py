@@ -127,7 +127,7 @@ def _closed(
         scored += [Scored(closing.blocks[closing.source[i]], closing.columns[i], fit_) for i in fold.scored]
     share = shares(scored, seed, INTERVAL)
     if closing.by_lines:
-        scored, index = scored[:1], index[:1]  # histories are of the whole block
+        scored, index, anew = scored[:1], index[:1], anew[:1]  # histories are of the whole block
     system = closing.system
     moved = motions(flown, scored, index, system.candidates, system.tolerances, anew, seed, INTERVAL)
     sigmas = [s.columns.sigmas for s in scored]

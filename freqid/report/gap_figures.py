@@ -294,8 +294,13 @@ def _log_level(axes: Axes, noise: Array, highest: float) -> None:
     """Give a panel a logarithmic axis from below the noise to above `highest`."""
     axes.set_yscale("log")
     low = max(0.1 * float(np.median(noise)), 1e-300)
-    axes.set_ylim(low, 2 * max(float(highest), 10 * low))
-    axes.yaxis.set_major_locator(LogLocator(numticks=4))
+    high = 2 * max(float(highest), 10 * low)
+    axes.set_ylim(low, high)
+    if high < 100 * low:  # one power of ten alone would be no scale
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+        axes.yaxis.set_major_formatter(plain)
+    else:
+        axes.yaxis.set_major_locator(LogLocator(numticks=4))
     axes.yaxis.set_minor_locator(NullLocator())
 
 

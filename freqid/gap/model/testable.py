@@ -14,7 +14,7 @@ def untestable(effect: Effect, trial: Trial) -> str | None:
     """
     route = route_of(effect, trial.simulation)
     if route is None:
-        return "the simulation does not have it and it says nothing of simulations without it"
+        return "the simulation does not have it, and it cannot be added to one that does not"
     record = trial.maneuver.record
     for need in effect.needs:
         if not _there(need, trial, route):

@@ -57,6 +57,7 @@ COLUMNS = (
     "p",
     "named",
     "named_words",
+    "named_moved",
     "p_truth",
     "set_stated",
     "pair",
@@ -82,10 +83,10 @@ COLUMNS = (
     "json",
 )
 """``words`` are names of the parameters and places of each true effect, ``named_words`` of the parameters of
-each effect that the diagnosis estimates among those that it names; ``rmse_*`` are relative to the rows'
-own rms, over the rows where the true effect acts and over those that the diagnosis lists (all, where none of
-these has one); ``where_inputs`` is the share of the listed cells that name an input, and may add up to more
-than one."""
+each effect that the diagnosis estimates among those that it names, ``named_moved`` those of them whose
+interval leaves out zero; ``rmse_*`` are relative to the rows' own rms, over the rows where the true effect
+acts and over those that the diagnosis lists (all, where none of these has one); ``where_inputs`` is the share
+of the listed cells that name an input, and may add up to more than one."""
 
 Row = dict[str, Any]
 
@@ -300,6 +301,7 @@ def _answers(
     if named_before is None:  # it lists none of the rows that have an RMSE
         named_before, named_after = _relative(changes, changes)
     alone = far.get("tolerances_only") or {}
+    sizes = which.get("parameters") or {}
     given = dict.fromkeys([*(which.get("named") or ()), *(which.get("pair") or ())])
     return {
         "exists": "" if gap.get("exists") is None else int(gap["exists"]),
@@ -308,6 +310,7 @@ def _answers(
         "named_words": _dumped({i: list(which["parameters"].get(i) or {}) for i in given})
         if which.get("parameters")
         else "",
+        "named_moved": _dumped({i: _moved(sizes[i]) for i in given if i in sizes}),
         "p_truth": _number(sum(chances.get(i, 0.0) for i in right)) if chances else "",
         "set_stated": " ".join(which.get("set") or ()),
         "pair": " ".join(which.get("pair") or ()),
@@ -332,6 +335,11 @@ def _answers(
             _rounded({n: f for n, f in (gap.get("form_errors") or {}).items() if f is not None})
         ),
     }
+
+
+def _moved(sizes: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Return the parameters of which an estimate says that they are off."""
+    return [n for n, x in sizes.items() if x["lo"] > 0 or x["hi"] < 0]
 
 
 def log_score_gain(far: Mapping[str, Any]) -> float | None:

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from aliases import equivalent, groups_of, merged
+from aliases import equivalent, groups_of, merged, right
 
 STRATA = (15, 50, 200, 1000)
 LISTED = 0.1  # share from which a row or an input counts as where the effect is
@@ -96,6 +96,7 @@ class Outcome:
         pair = row["pair"].split()
         names = [n for n in (pair or row["named"].split()) + faults if n not in withdrawn]
         lam = _loaded(row["lambda"], {}).values()
+        same = equivalent(words, groups, _loaded(row.get("named_moved", ""), {}))
         return cls(
             vehicle=row["vehicle"],
             set=row["set"],
@@ -105,8 +106,8 @@ class Outcome:
             answered=row["exists"] != "",
             stopped=row["exists"] == "" and bool(row["bookkeeping"]),
             called=row["exists"] == "1" or bool(faults),
-            same=equivalent(words, groups),
-            answers=merged(names, groups),
+            same=same,
+            answers=merged(names, groups, same),
             pair=len(pair) > 1 and not set(pair) & withdrawn,
             stated=set(row["set_stated"].split()),
             probabilities=_loaded(row["probabilities"], {}),
@@ -134,9 +135,7 @@ class Outcome:
     @property
     def right(self) -> bool:
         """Whether exactly the true effects were named."""
-        if len(self.answers) != len(self.same):
-            return False
-        return all(any(a & same for a in self.answers) for same in self.same.values())
+        return right(self.same, self.answers)
 
     def chance(self, merge: bool) -> float | None:
         """Return the probability on the truth, with its aliases if `merge`; None without probabilities."""

@@ -75,6 +75,7 @@ class ScenarioSimulation:
     can_fly: bool = True
     gyroscopic: bool | None = True
     _loops: dict[str, ClosedLoop] = field(default_factory=dict, repr=False)
+    _airframes: dict[tuple, Any] = field(default_factory=dict, repr=False)
 
     @property
     def vehicle(self) -> Vehicle:
@@ -263,7 +264,10 @@ class ScenarioSimulation:
     def _airframe(self, changed: Settings | None, own: Departures | None = None):
         airframe = self._parameters.airframe
         if own and changes_airframe(own, self.scenario):
-            airframe = description.parameters(with_departures(self.scenario, own))
+            key = tuple(sorted(own.items()))
+            if key not in self._airframes:  # every manoeuvre asks for the same ones
+                self._airframes[key] = description.parameters(with_departures(self.scenario, own))
+            airframe = self._airframes[key]
         if not changed:
             return airframe
         self._scenario(changed)  # refuses what is unknown

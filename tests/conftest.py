@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import importlib.util
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 from hypothesis import settings
+
+from freqid.cli.main import run
 
 # The same examples on every machine, and no verdict on how fast a shared one runs them.
 settings.register_profile("project", derandomize=True, deadline=None)
@@ -55,3 +58,27 @@ def linear_logs(linear_aircraft, tmp_path_factory):
     for seed, (name, path) in enumerate(logs.items()):
         linear_aircraft.fly(seed=seed, noise=float(name == "noisy"), periods=1).to_csv(path, index=False)
     return logs
+
+
+@pytest.fixture(scope="session")
+def fly_worn(linear_aircraft):
+    """Put flights of the linear aircraft with a worn elevator, and its sound simulation, into a folder."""
+    project = linear_aircraft.__file__.rpartition("/examples/")[0]
+
+    def fly(folder, loss, seeds, period=30.0):
+        worn = {
+            r: {n: c * (1 - loss * (n == "de")) for n, c in row.items()}
+            for r, row in linear_aircraft.DERIVATIVES.items()
+        }
+        shutil.copy(f"{project}/examples/linear_simulation.py", folder)
+        for seed in seeds:
+            log = folder / f"flight{seed}.csv"
+            table = linear_aircraft.fly(seed=seed, period=period, periods=1, derivatives=worn)
+            table.to_csv(log, index=False, float_format="%.10g")
+            words = f"import-log {log} --scenario {project}/scenarios/linear.toml --at u20 "
+            words += f"--map {project}/scenarios/maps/linear.toml -o {folder}/flight{seed}.h5"
+            with pytest.raises(SystemExit) as left:
+                run(words.split())
+            assert left.value.code == 0
+
+    return fly

@@ -1,0 +1,151 @@
+"""The results of whole commands, as ``--json`` prints them, held to values of an earlier release.
+
+The values are no truth, the oracles of the other tests are: these say that a change of the program's
+inside changed no result. Where a change is wanted, write the files anew and read the difference::
+
+    FREQID_WRITE_GOLDEN=1 python -m pytest tests/golden
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from pathlib import Path
+
+import pytest
+
+from freqid.cli.main import run
+from freqid.core.record_file import read_record
+
+HERE = Path(__file__).resolve().parent
+SCENARIOS = HERE.parents[1] / "scenarios"
+LINEAR, MAP, LA8 = SCENARIOS / "linear.toml", SCENARIOS / "maps" / "linear.toml", SCENARIOS / "la8.toml"
+DIRECT, SEARCHED = 1e-9, 1e-6  # relative; the second where an optimiser's end is in the result
+QUICK = ["--no-page", "--json"]
+
+
+def differences(now, golden, relative, where=""):
+    """Yield where two results differ, and what they hold there."""
+    if isinstance(golden, dict) and isinstance(now, dict):
+        if set(now) != set(golden):
+            yield f"{where}: keys {sorted(set(now) ^ set(golden))}"
+        for key in set(now) & set(golden):
+            yield from differences(now[key], golden[key], relative, f"{where}.{key}")
+    elif isinstance(golden, list) and isinstance(now, list):
+        if len(now) != len(golden):
+            yield f"{where}: {len(now)} entries, {len(golden)} before"
+        for i, (a, b) in enumerate(zip(now, golden, strict=False)):
+            yield from differences(a, b, relative, f"{where}[{i}]")
+    elif type(now) is float and type(golden) in (float, int):
+        if not math.isclose(now, golden, rel_tol=relative, abs_tol=1e-12):
+            yield f"{where}: {now!r}, {golden!r} before"
+    elif now != golden:
+        yield f"{where}: {now!r}, {golden!r} before"
+
+
+def hold(name, now, relative=DIRECT):
+    """Compare a result with its golden file, or write that file where that is asked for."""
+    path = HERE / f"{name}.json"
+    if os.environ.get("FREQID_WRITE_GOLDEN"):
+        path.write_text(json.dumps(now, indent=1) + "\n")
+    assert list(differences(now, json.loads(path.read_text()), relative)) == []
+
+
+@pytest.fixture
+def result(capsys):
+    """Run one command in this process; return what it prints as JSON, without the folder's name."""
+
+    def call(folder, *arguments):
+        with pytest.raises(SystemExit) as left:
+            run([str(a) for a in arguments])
+        out, err = capsys.readouterr()
+        assert left.value.code in (0, 4), err  # a missed gate is a result
+        printed = out.replace(f"{folder}", "FOLDER").replace(f"{SCENARIOS}", "SCENARIOS")
+        return json.loads(printed[printed.index("{") :])
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def linear(linear_logs, tmp_path_factory):
+    """A folder with one noisy flight of the linear aircraft."""
+    folder = tmp_path_factory.mktemp("golden")
+    words = ["import-log", linear_logs["noisy"], "--map", MAP, "--scenario", LINEAR, "--at", "u20"]
+    with pytest.raises(SystemExit) as left:
+        run([*map(str, words), "-o", f"{folder}/flight.h5"])
+    assert left.value.code == 0
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("design-linear", [LINEAR]),
+        ("design-linear-classic", [LINEAR, "--input", "3-2-1-1"]),
+        ("design-linear-optimal", [LINEAR, "--optimal", "A", "--model", "POINT"]),
+    ],
+)
+def test_design_inputs(result, linear, tmp_path, name, options):
+    if "POINT" in options:
+        model = tmp_path / "model.h5"
+        result(tmp_path, "identify-point", linear / "flight.h5", "--scenario", LINEAR, "-o", model, "--json")
+        options = [model if o == "POINT" else o for o in options]
+    words = ["design-inputs", *options, "-o", tmp_path / "design.h5", "--no-study", *QUICK]
+    hold(name, result(tmp_path, *words), SEARCHED)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "relative"),
+    [
+        ("point-linear", [], DIRECT),
+        ("point-linear-time", ["--method", "time", "--form", "coefficient"], DIRECT),
+        ("point-linear-select", ["--select", "--axes", "stability"], DIRECT),
+        ("point-linear-sensors", ["--kinematics", "correct", "--align", "fit"], SEARCHED),
+        ("point-linear-instruments", ["--estimator", "instruments"], DIRECT),
+    ],
+)
+def test_identify_point(result, linear, tmp_path, name, options, relative):
+    words = ["identify-point", linear / "flight.h5", "--scenario", LINEAR, "-o", tmp_path / "point.h5"]
+    hold(name, result(linear, *words, *options, "--json"), relative)
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("response-linear", ["--output", "M", "--output", "q", "--input", "de"]),
+        ("response-linear-poles", ["--output", "state/q", "--input", "de", "--poles", "2"]),
+        ("response-linear-windows", ["--output", "q", "--input", "de", "--windows", "--band", "0.1:1.5"]),
+    ],
+)
+def test_frequency_response(result, linear, tmp_path, name, options):
+    words = ["frequency-response", linear / "flight.h5", "--scenario", LINEAR, "-o", tmp_path / "f.h5"]
+    hold(name, result(linear, *words, *options, *QUICK))
+
+
+def test_a_study_its_points_blended_and_a_flight_through_the_corridor(result, tmp_path):
+    """The LA-8 class aircraft with a quick design."""
+    scenario, folder = tmp_path / "quick.toml", tmp_path / "study"
+    text = LA8.read_text().replace('allocation = "propulsors-low"', 'allocation = "interleaved"\nstarts = 1')
+    text = text.replace("net_load = { X = 1, Y = 1, Z = 1, L = 1, M = 1, N = 1 }", "")
+    scenario.write_text(text.replace("period_s = 60.0", "period_s = 40.0"))
+    words = ["study", scenario, "--at", "u40,u50", "--jobs", "1", "-o", folder, "--json"]
+    hold("study-la8", result(tmp_path, *words), SEARCHED)
+    points = [folder / "points" / f"{at}.h5" for at in ("u40", "u50")]
+    words = ["global-blend", *points, "-o", tmp_path / "model.h5", "--densities", "together", "--json"]
+    hold("blend-la8", result(tmp_path, *words), SEARCHED)
+    words = ["simulate", scenario, "-o", tmp_path / "gusts.h5", "--at", "u40", "--duration", "5"]
+    words += ["--noise", "1", "--turbulence", "7.7", "--effect", "mass=0.05", *QUICK]
+    now = result(tmp_path, *words)
+    logged = read_record(tmp_path / "gusts.h5").channels.items()
+    hold("simulate-la8", {**now, "last": {n: float(c.values[-1]) for n, c in logged}}, SEARCHED)
+
+
+def test_diagnose_gap(result, fly_worn, tmp_path):
+    """Which accounts are kept, and what is believed to two decimals: the method itself is still moving."""
+    fly_worn(tmp_path, 0.5, (1, 2))
+    words = ["diagnose-gap", tmp_path / "flight1.h5", tmp_path / "flight2.h5", "-o", tmp_path / "gap.h5"]
+    words += ["--sim", f"{tmp_path}/linear_simulation.py:wrench", "--scenario", LINEAR, *QUICK]
+    now = result(tmp_path, *words, "--no-next-flight", "--draws", "100")
+    believed = {n: round(p, 2) for n, p in now["which"]["probabilities"].items() if p > 0.01}
+    hold("gap-linear", {"keys": sorted(now), "exists": now["gap"]["exists"], "probabilities": believed})

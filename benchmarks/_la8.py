@@ -16,21 +16,21 @@ import msgspec
 import numpy as np
 
 from freqid.core.channels import WRENCH
-from freqid.core.design import SampledInputs
 from freqid.core.excitation import Excitation
 from freqid.core.identification import Identification
-from freqid.core.models import PointModel
 from freqid.core.record import FlightRecord, Maneuver
+from freqid.core.results.design import SampledInputs
+from freqid.core.results.point import PointModel
 from freqid.core.scenario import Reference, read_scenario
 from freqid.design.finish import finish
-from freqid.design.multisine import design_multisines, sampled
-from freqid.identify.fourier import harmonics
-from freqid.identify.line_equations import LineEquations, on_lines
+from freqid.design.multisine.orthogonal_set import design_multisines, sampled
+from freqid.identify.model.line_equations import LineEquations, on_lines
+from freqid.identify.model.problem import Problem
 from freqid.identify.point import Estimator, identify_point
-from freqid.identify.problem import Problem
+from freqid.identify.spectra.fourier import harmonics
 from freqid.simulate import sensors
+from freqid.simulate.control.lq import ClosedLoop, close_loop
 from freqid.simulate.fly import fly, sortie
-from freqid.simulate.lq import ClosedLoop, close_loop
 from freqid.simulate.truth import truth_of
 
 RATE_HZ = 50.0  # of the log

@@ -16,14 +16,14 @@ import msgspec
 import numpy as np
 from _la8 import PATH, SCENARIO, SHA256
 
-from freqid.core.design_file import read_inputs
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord
+from freqid.core.results.design_file import read_inputs
 from freqid.core.scenario import Reference
 from freqid.simulate import runner, sensors
+from freqid.simulate.air.dryden import steady_wind
 from freqid.simulate.maneuver import LOG_RATE, Conditions, fly_maneuver
 from freqid.simulate.truth import read_truth, write_truth
-from freqid.simulate.turbulence import steady_wind
 from freqid.study import work
 
 FOLDER = Path(tempfile.gettempdir()) / "freqid-la8-flights"
@@ -91,7 +91,7 @@ def fly(path: Path, *, reference: str, corridor: str, among: list[list[float]], 
 
 @lru_cache(maxsize=4)
 def _loop(corridor: str):
-    from freqid.simulate.lq import close_loop
+    from freqid.simulate.control.lq import close_loop
 
     along = corridors()[corridor]
     return close_loop(msgspec.structs.replace(SCENARIO, reference=along), along[0])

@@ -17,12 +17,12 @@ import numpy as np
 from scipy.linalg import solve_continuous_are
 
 from freqid.core.channels import WRENCH
-from freqid.core.design import MultisineDesign
 from freqid.core.record import Channel, FlightRecord, Maneuver
+from freqid.core.results.design import MultisineDesign
 from freqid.core.scenario import read_scenario
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.core.vehicle import Vehicle
-from freqid.numerics.small_motion import equations_of_motion
+from freqid.dynamics.small_motion import equations_of_motion
 
 Flights = dict[str, np.ndarray]
 

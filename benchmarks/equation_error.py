@@ -22,11 +22,11 @@ from scipy.interpolate import CubicSpline
 
 from freqid.core.record import Channel, FlightRecord
 from freqid.flightlog.read import read_log
-from freqid.identify.fourier import FourierPlan, frequency_grid
-from freqid.identify.regression import LeastSquares, least_squares
-from freqid.identify.smoothing import local_derivative, smooth
-from freqid.identify.trend import remove_trend, trend_columns
-from freqid.identify.uncertainty import correct_coloured_lines, correct_coloured_samples
+from freqid.identify.regress.regression import LeastSquares, least_squares
+from freqid.identify.regress.uncertainty import correct_coloured_lines, correct_coloured_samples
+from freqid.identify.spectra.fourier import FourierPlan, frequency_grid
+from freqid.identify.spectra.smoothing import local_derivative, smooth
+from freqid.identify.spectra.trend import remove_trend, trend_columns
 
 Array = NDArray[np.float64]
 ROOT = Path(__file__).resolve().parents[1]

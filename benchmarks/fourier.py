@@ -18,7 +18,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from scipy.signal import CZT, ZoomFFT
 
-from freqid.identify.fourier import FourierPlan, frequency_grid, harmonics
+from freqid.identify.spectra.fourier import FourierPlan, frequency_grid, harmonics
 
 ROUNDS = 200
 CASES = {  # name: channels, samples, dt, frequencies

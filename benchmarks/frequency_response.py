@@ -21,8 +21,8 @@ sys.path.insert(0, str(PROJECT / "tests" / "oracle"))
 
 import closed_loop_plant as plant  # noqa: E402
 
-from freqid.identify.injected_lines import injected_lines  # noqa: E402
-from freqid.identify.local_response import Lines, local_response  # noqa: E402
+from freqid.identify.response.injected_lines import injected_lines  # noqa: E402
+from freqid.identify.response.local_response import Lines, local_response  # noqa: E402
 
 AT = np.array([0.1, 0.3, 0.6, 1.0])
 CONDITIONS = ((1.0, 0.1), (1.0, 0.3), (0.5, 0.3))  # amplitude of the signals, noise

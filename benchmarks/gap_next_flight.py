@@ -19,9 +19,9 @@ import numpy as np
 from _la8 import EXCITATION, SCENARIO, inputs, write
 from scipy.stats import norm
 
-from freqid.core.design import SampledInputs
 from freqid.core.record import Maneuver
-from freqid.design.multisine import sampled
+from freqid.core.results.design import SampledInputs
+from freqid.design.multisine.orthogonal_set import sampled
 from freqid.gap.connect.scenario import ScenarioSimulation
 from freqid.gap.diagnose import Findings, Question, diagnose
 from freqid.gap.infer.evidence import Evidence

@@ -26,7 +26,7 @@ import numpy as np
 from linear_pair import ELEVATOR, SLOPES, fly, simulation
 
 from freqid.compare.two_simulations import compare_two
-from freqid.core.rivals import Rivals
+from freqid.core.results.rivals import Rivals
 from freqid.gap.settings import LEVEL
 from freqid.simulate.effects import library
 

@@ -19,16 +19,18 @@ import numpy as np
 
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.line_up import line_up
-from freqid.core.corridor import Corridor, KnotResponse
 from freqid.core.identification import Identification
-from freqid.core.models import PointModel
 from freqid.core.record import Channel, FlightRecord, Maneuver
+from freqid.core.results.corridor import Corridor, KnotResponse
+from freqid.core.results.point import PointModel
 from freqid.core.scenario import Reference, read_scenario
 from freqid.identify.point import identify_point
-from freqid.simulate import airframe, motion, multibody
-from freqid.simulate.attitude import cross
-from freqid.simulate.quantities import Flow, Positions
-from freqid.simulate.trim import trim
+from freqid.simulate.control.trim import trim
+from freqid.simulate.loads import airframe
+from freqid.simulate.loads.quantities import Flow, Positions
+from freqid.simulate.motion import multibody
+from freqid.simulate.motion import whole_vehicle as motion
+from freqid.simulate.motion.attitude import cross
 
 import jax  # isort: skip  after the simulation, which sets it up
 import jax.numpy as jnp  # isort: skip

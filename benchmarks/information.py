@@ -8,9 +8,10 @@ a linear-quadratic regulator (Q and R by Bryson's rule from the limits below). E
 effectors for two periods of 60 s; each signal is scaled to the half range, (max - min) / 2, of the
 simplex-phased one of that effector. The figure is det(F)^(1/p) over that of the simplex-phased flat combs, by
 response and over all parameters of all responses; F is the inverse of the covariance that
-`freqid.design.forecast` expects of least squares with the regressors of the scenario and research-quality
-noise. Those combs are interleaved, their phases Schroeder's improved by the Nelder-Mead simplex
-(benchmarks/multisine.py). "inputs alone" is what rms^2 over peak^2 promises, for inputs without an aircraft.
+`freqid.design.forecast.standard_errors` expects of least squares with the regressors of the scenario and
+research-quality noise. Those combs are interleaved, their phases Schroeder's improved by the Nelder-Mead
+simplex (benchmarks/multisine.py). "inputs alone" is what rms^2 over peak^2 promises, for inputs without an
+aircraft.
 """
 
 from __future__ import annotations
@@ -26,19 +27,19 @@ from multisine import CEILING, COMBS, LINES, PROPULSORS, simplex_phases
 from scipy.linalg import solve_continuous_are
 
 from freqid.core.channels import WRENCH
-from freqid.core.design import Multisine, MultisineDesign
+from freqid.core.results.design import Multisine, MultisineDesign
 from freqid.core.scenario import Scenario, read_scenario
-from freqid.design.allocation import search
-from freqid.design.closed_loop import STATES, ClosedLoop
-from freqid.design.forecast import Forecast, forecast
-from freqid.design.multisine import with_low_net_loads
-from freqid.design.phases import lowest_peaks
-from freqid.design.power import limits_from_db
-from freqid.design.rigid_body import close_loop
-from freqid.design.signals import relative_peak_factor
-from freqid.simulate import motion
-from freqid.simulate.linearize import linearize
-from freqid.simulate.trim import trim
+from freqid.design.forecast.closed_loop import STATES, ClosedLoop
+from freqid.design.forecast.perturbation_model import close_loop
+from freqid.design.forecast.standard_errors import Forecast, forecast
+from freqid.design.multisine.allocation import search
+from freqid.design.multisine.orthogonal_set import with_low_net_loads
+from freqid.design.multisine.phases import lowest_peaks
+from freqid.design.multisine.power import limits_from_db
+from freqid.design.multisine.signals import relative_peak_factor
+from freqid.simulate.control.linearize import linearize
+from freqid.simulate.control.trim import trim
+from freqid.simulate.motion import whole_vehicle as motion
 
 SCENARIO = Path(__file__).resolve().parents[1] / "scenarios" / "la8.toml"
 # Deviations that cost the regulator alike: m/s, rad/s and rad in the order of STATES; rad and rad/s.

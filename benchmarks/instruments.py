@@ -44,16 +44,16 @@ from _unstable_aircraft import (
 from freqid.core.channels import WRENCH
 from freqid.core.identification import Identification
 from freqid.core.record import Maneuver
-from freqid.design.multisine import design_multisines
-from freqid.identify.explanatory import explanatory_variables
-from freqid.identify.fourier import fourier, harmonics
-from freqid.identify.instruments import driven_maneuvers
-from freqid.identify.line_equations import LineEquations, on_lines
-from freqid.identify.loop_model import LoopModel
+from freqid.design.multisine.orthogonal_set import design_multisines
+from freqid.identify.instruments.driven import driven_maneuvers
+from freqid.identify.instruments.loop_model import LoopModel
+from freqid.identify.loads.explanatory import explanatory_variables
+from freqid.identify.model.line_equations import LineEquations, on_lines
+from freqid.identify.model.problem import Problem
 from freqid.identify.point import identify_point
-from freqid.identify.problem import Problem
-from freqid.identify.two_stage import two_stage_least_squares
-from freqid.identify.uncertainty import correct_coloured_lines
+from freqid.identify.regress.two_stage import two_stage_least_squares
+from freqid.identify.regress.uncertainty import correct_coloured_lines
+from freqid.identify.spectra.fourier import fourier, harmonics
 
 SEEDS = int(sys.argv[1]) if len(sys.argv) > 1 else 200
 LINES = harmonics(SCENARIO.excitation.period_s, SCENARIO.excitation.band_hz)

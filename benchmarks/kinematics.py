@@ -22,7 +22,7 @@ from scipy.signal import lfilter
 
 from freqid.core.record import Channel, FlightRecord
 from freqid.flightlog.read import read_log
-from freqid.identify.kinematics import KinematicCheck, KinematicSettings, check_kinematics
+from freqid.identify.sensors.kinematics import KinematicCheck, KinematicSettings, check_kinematics
 
 ROOT = Path(__file__).resolve().parents[1]
 DATA = ROOT.parent / "shared" / "data" / "fvsysid"

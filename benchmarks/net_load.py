@@ -20,15 +20,15 @@ import numpy as np
 from information import SCENARIO, regulated
 
 from freqid.core.channels import WRENCH
-from freqid.core.design import Multisine
+from freqid.core.results.design import Multisine
 from freqid.core.scenario import read_scenario
-from freqid.design.allocation import interleave, lines_in_band, search
-from freqid.design.mirrored import mirrored
-from freqid.design.multisine import effectiveness, excited
-from freqid.design.net_load import load_gains, lowest_nets, net_peaks, peaks_by_chance
-from freqid.design.phases import lowest_peak, lowest_peaks
-from freqid.design.power import limits_from_db
-from freqid.design.signals import relative_peak_factor
+from freqid.design.multisine.allocation import interleave, lines_in_band, search
+from freqid.design.multisine.mirrored import mirrored
+from freqid.design.multisine.net_load import load_gains, lowest_nets, net_peaks, peaks_by_chance
+from freqid.design.multisine.orthogonal_set import effectiveness, excited
+from freqid.design.multisine.phases import lowest_peak, lowest_peaks
+from freqid.design.multisine.power import limits_from_db
+from freqid.design.multisine.signals import relative_peak_factor
 
 CEILING = 72  # 1.2 Hz, of propulsors
 

@@ -2,7 +2,7 @@
 
 Aeronaut CAM folding 16 x 8 in, two blades, University of Illinois propeller database, volume 3 (Brandt,
 Deters, Ananda, Dantsker, Selig), at the rotor speeds that the aircraft flies with. Fits the form of
-`freqid.simulate.propeller`; writes benchmarks/propeller_fit.csv beside the table it prints.
+`freqid.simulate.loads.propeller`; writes benchmarks/propeller_fit.csv beside the table it prints.
 """
 
 from __future__ import annotations

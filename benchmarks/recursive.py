@@ -19,8 +19,8 @@ import numpy as np
 
 from freqid.core.identification import Identification
 from freqid.core.scenario import read_scenario
-from freqid.identify.fourier import harmonics
-from freqid.identify.in_flight import InFlight
+from freqid.identify.in_flight.running import InFlight
+from freqid.identify.spectra.fourier import harmonics
 
 SCENARIO = Path(__file__).resolve().parents[1] / "scenarios" / "la8.toml"
 DT, LINES = 0.02, harmonics(60.0, (0.05, 1.8))

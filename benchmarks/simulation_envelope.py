@@ -18,14 +18,15 @@ import jax
 import msgspec
 import numpy as np
 
-from freqid.core.design import SampledInputs
+from freqid.core.results.design import SampledInputs
 from freqid.core.scenario import Reference, Scenario, read_scenario
 from freqid.design.finish import finish
-from freqid.design.multisine import design_multisines, sampled
-from freqid.simulate import attitude, turbulence
+from freqid.design.multisine.orthogonal_set import design_multisines, sampled
+from freqid.simulate.air import dryden as turbulence
+from freqid.simulate.control.lq import close_loop
 from freqid.simulate.fly import Flight, fly_batch, sortie
-from freqid.simulate.lq import close_loop
 from freqid.simulate.maneuver import with_effects
+from freqid.simulate.motion import attitude
 
 HERE = Path(__file__).parent
 LIGHT = 7.7  # m/s of wind at 20 ft

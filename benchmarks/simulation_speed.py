@@ -41,10 +41,10 @@ def closed_loop():
     """Return what `fly` needs: the excited vehicle at u45 under its control law, from reading on."""
     import numpy as np
 
-    from freqid.core.design import SampledInputs
+    from freqid.core.results.design import SampledInputs
     from freqid.core.scenario import read_scenario
+    from freqid.simulate.control.lq import close_loop
     from freqid.simulate.fly import sortie
-    from freqid.simulate.lq import close_loop
 
     scenario, _ = read_scenario(SCENARIO)
     reference = scenario.reference_of("u45")

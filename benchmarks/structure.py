@@ -23,11 +23,11 @@ import numpy as np
 from freqid.core.record import Maneuver
 from freqid.core.scenario import read_scenario
 from freqid.design.finish import finish
-from freqid.design.multisine import design_multisines, sampled
+from freqid.design.multisine.orthogonal_set import design_multisines, sampled
 from freqid.flightlog.read import read_log
-from freqid.identify import selection
+from freqid.identify.model import selection
 from freqid.identify.point import identify_point, predict
-from freqid.simulate import lq
+from freqid.simulate.control import lq
 from freqid.simulate.maneuver import Conditions, fly_maneuver
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -42,12 +42,12 @@ from _la8 import (
 from joblib import Parallel, delayed
 
 from freqid.core.channels import WRENCH
-from freqid.core.design import SampledInputs
-from freqid.core.models import Fit, PointModel
 from freqid.core.record import Maneuver
-from freqid.identify.line_equations import LineEquations
+from freqid.core.results.design import SampledInputs
+from freqid.core.results.point import Fit, PointModel
+from freqid.identify.model.line_equations import LineEquations
 from freqid.identify.point import predict
-from freqid.identify.two_stage import WeakInstruments
+from freqid.identify.regress.two_stage import WeakInstruments
 
 SEEDS = int(sys.argv[1]) if len(sys.argv) > 1 else 10
 SCALE = float(sys.argv[2]) if len(sys.argv) > 2 else 1.0

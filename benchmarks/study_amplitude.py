@@ -2,7 +2,7 @@
 
 The LA-8 simulation flies the multisines of the scenario at 1, 1/2, 1/4 and 1/8 of their amplitudes; sensors
 without error log it. By response, the difference of the estimates from the derivatives of
-`freqid.simulate.linearize` at the trim, over all parameters:
+`freqid.simulate.control.linearize` at the trim, over all parameters:
 
 size    each times the rms of its regressor at full amplitude, root sum square over the derivatives', per
         cent.
@@ -24,8 +24,8 @@ from _la8 import SCENARIO, closed_loop, flown, identified, inputs, logged, table
 from joblib import Parallel, delayed
 
 from freqid.core.channels import WRENCH
-from freqid.core.design import SampledInputs
-from freqid.simulate.linearize import STATES, linearize
+from freqid.core.results.design import SampledInputs
+from freqid.simulate.control.linearize import STATES, linearize
 
 CONDITIONS = ("u00", "u20", "u45", "u62")
 SCALES = (1.0, 0.5, 0.25, 0.125)

@@ -18,11 +18,11 @@ from _la8 import SETTINGS as STATED
 from _la8_flights import flights, measured
 
 from freqid.core.record import Maneuver
-from freqid.identify.explanatory import history
-from freqid.identify.fourier import harmonics
-from freqid.identify.in_flight import InFlight
-from freqid.identify.parameter_history import parameter_history
+from freqid.identify.in_flight.parameter_history import parameter_history
+from freqid.identify.in_flight.running import InFlight
+from freqid.identify.loads.explanatory import history
 from freqid.identify.point import identify_point
+from freqid.identify.spectra.fourier import harmonics
 
 CONDITIONS = ("u00", "u10", "u20", "u36", "u45", "u62", "u85")
 SEEDS = 3

@@ -28,12 +28,12 @@ from _la8_flights import BETWEEN, REFERENCES, corridors, flights, measured, refe
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.line_up import line_up
 from freqid.blend.predict import replay
-from freqid.core.corridor import Corridor
-from freqid.core.models import PointModel
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.identify.explanatory import history
+from freqid.core.results.corridor import Corridor
+from freqid.core.results.point import PointModel
+from freqid.identify.loads.explanatory import history
 from freqid.identify.point import identify_point, predict
-from freqid.identify.trend import up_to
+from freqid.identify.spectra.trend import up_to
 from freqid.simulate.sensors import suite
 
 RESPONSES = ("X", "Y", "Z", "L", "M", "N")

@@ -30,7 +30,7 @@ from scipy.special import erf
 from study_global import POINTS, RESPONSES, corridor
 
 from freqid.blend.global_model import GlobalModel
-from freqid.core.corridor import Corridor
+from freqid.core.results.corridor import Corridor
 
 SEEDS = int(sys.argv[1]) if len(sys.argv) > 1 else 200
 WITHIN = 0.10

@@ -21,8 +21,8 @@ from _la8 import EXCITATION, SCENARIO, SETTINGS, write
 from _la8_flights import REFERENCES, flights, measured
 
 from freqid.core.frames import turn_about_y
-from freqid.core.models import PointModel
 from freqid.core.record import FlightRecord, Maneuver
+from freqid.core.results.point import PointModel
 from freqid.core.vehicle import Inertia, Vehicle
 from freqid.identify.point import identify_point
 

@@ -22,8 +22,8 @@ from _la8 import SCENARIO, flown, identified, inputs, logged, on_harmonics, tabl
 from joblib import Parallel, delayed
 
 from freqid.core.channels import WRENCH
-from freqid.core.design import SampledInputs
-from freqid.identify.two_stage import WeakInstruments, two_stage_least_squares
+from freqid.core.results.design import SampledInputs
+from freqid.identify.regress.two_stage import WeakInstruments, two_stage_least_squares
 
 SEEDS = int(sys.argv[1]) if len(sys.argv) > 1 else 200
 CONDITIONS = ("u45", "u20")

@@ -17,14 +17,14 @@ from _la8 import EXCITATION, SCENARIO, SETTINGS, write
 from _la8_flights import flights, measured, reference_of
 
 from freqid.core.channels import WRENCH
-from freqid.core.models import PointModel
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.identify.delays import Alignment
-from freqid.identify.delays_point import identify_aligned
-from freqid.identify.delays_record import Misaligned
+from freqid.core.results.point import PointModel
 from freqid.identify.point import identify_point
+from freqid.identify.sensors.delays import Alignment
+from freqid.identify.sensors.delays_point import identify_aligned
+from freqid.identify.sensors.delays_record import Misaligned
 from freqid.simulate import sensors
-from freqid.simulate.turbulence import steady_wind
+from freqid.simulate.air.dryden import steady_wind
 
 CONDITIONS = ("u00", "u10", "u20", "u36", "u45", "u62", "u85")
 SEEDS = 12

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from freqid.core.diagnosis import (
+from freqid.core.results.diagnosis import (
     Change,
     Closure,
     Existence,
@@ -16,8 +16,8 @@ from freqid.core.diagnosis import (
     ToleranceUsed,
     Which,
 )
-from freqid.core.gap_map import GapMap
-from freqid.core.gap_result import BeforeAfter, GapResult, Increment, ResidualSpectra
+from freqid.core.results.gap_map import GapMap
+from freqid.core.results.gap_result import BeforeAfter, GapResult, Increment, ResidualSpectra
 
 
 def made_up(exists=True):

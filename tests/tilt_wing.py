@@ -8,8 +8,8 @@ import numpy as np
 from scipy.optimize import fsolve
 
 from freqid.core.identification import Identification
-from freqid.core.models import Fit, PointModel, ResponseModel
 from freqid.core.record import Channel, FlightRecord, Maneuver
+from freqid.core.results.point import Fit, PointModel, ResponseModel
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle, Wing
 from freqid.identify.point import identify_point

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from freqid.blend.pchip import Pchip
 from freqid.blend.similarity import equivalent, goes_with_velocity
-from freqid.core.corridor import Corridor, KnotResponse
+from freqid.core.results.corridor import Corridor, KnotResponse
 
 Array = NDArray[np.float64]
 

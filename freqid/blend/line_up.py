@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.blend.similarity import ALIKE, equivalent, not_similar
-from freqid.core.corridor import Corridor, KnotResponse
 from freqid.core.errors import DataError, UsageError
 from freqid.core.identification import factors_of
-from freqid.core.models import PointModel
+from freqid.core.results.corridor import Corridor, KnotResponse
+from freqid.core.results.point import PointModel
 
 Array = NDArray[np.float64]
 Densities = Literal["apart", "together"]

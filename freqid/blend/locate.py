@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from freqid.blend.line import Line, Position
 from freqid.blend.similarity import ALIKE, equivalent, goes_with_velocity, not_similar
-from freqid.core.corridor import Corridor
 from freqid.core.errors import DataError, UsageError
+from freqid.core.results.corridor import Corridor
 
 Array = NDArray[np.float64]
 Outside = Literal["refuse", "hold"]

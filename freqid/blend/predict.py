@@ -8,11 +8,11 @@ import numpy as np
 
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.locate import TILTS, Outside
-from freqid.core.models import Fit
 from freqid.core.record import Maneuver
-from freqid.identify.explanatory import history
-from freqid.identify.trend import up_to
-from freqid.identify.wrench import AppliedWrench, Form, applied_wrench
+from freqid.core.results.point import Fit
+from freqid.identify.loads.explanatory import history
+from freqid.identify.loads.wrench import AppliedWrench, Form, applied_wrench
+from freqid.identify.spectra.trend import up_to
 
 
 def replay(

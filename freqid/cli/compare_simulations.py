@@ -12,7 +12,7 @@ from freqid.cli import options
 
 if TYPE_CHECKING:
     from freqid.core.record import FlightRecord
-    from freqid.core.rivals import Contest, Rivals
+    from freqid.core.results.rivals import Contest, Rivals
     from freqid.core.scenario import Scenario
     from freqid.gap.simulation import Simulation
     from freqid.simulate.effects.effect import Effect
@@ -77,7 +77,7 @@ def run(
 ) -> None:
     """Compare two simulations on records, write the result and its page, and print it."""
     from freqid.compare.two_simulations import compare_two
-    from freqid.core.rivals_file import write_rivals
+    from freqid.core.results.rivals_file import write_rivals
     from freqid.gap import flights
     from freqid.gap.bookkeeping.check import check
 
@@ -118,8 +118,8 @@ def run(
     compared = replace(compared, remarks=(*remarks, *compared.remarks), provenance=provenance)
     write_rivals(destination, compared, str(sources.get("scenario", {}).get("sha256", "")))
     if drawn:
-        from freqid.report.rendering import write_text
-        from freqid.report.rivals_page import build_rivals_page
+        from freqid.report.gap.rivals_page import build_rivals_page
+        from freqid.report.kit.rendering import write_text
 
         tell("drawing")
         write_text(drawn, build_rivals_page(compared))

@@ -12,9 +12,9 @@ from freqid.cli.design_texts import effector_pair, wanted_errors
 from freqid.cli.options import as_json, emit, keep_inputs, output
 
 if TYPE_CHECKING:
-    from freqid.core.design import ClassicDesign, MultisineDesign, SampledInputs
+    from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledInputs
     from freqid.core.scenario import Scenario
-    from freqid.design.modelled import Criterion, ModelledAircraft
+    from freqid.design.forecast.modelled import Criterion, ModelledAircraft
     from freqid.design.sequence import Waveform
 
 STUDIED_PERIODS = (40.0, 60.0, 80.0, 100.0, 120.0)  # s, the range of the LA-8 study
@@ -114,9 +114,9 @@ def command(
     Writes DESIGN.h5 and beside it a page with all plots, and a test card as text and HTML.
     """
     from freqid.core.errors import UsageError
-    from freqid.core.point_file import read_point
+    from freqid.core.results.point_file import read_point
     from freqid.core.scenario import read_scenario
-    from freqid.design.modelled import ModelledAircraft
+    from freqid.design.forecast.modelled import ModelledAircraft
 
     described, sha256 = read_scenario(scenario)
     if described.excitation is None:
@@ -165,10 +165,10 @@ def _multisines(
 ) -> tuple[dict[str, Any], str]:
     """Design multisines, and a second set where pairs are to be swapped."""
     from freqid.design.finish import finish, swapped
-    from freqid.design.merit import merit
-    from freqid.design.multisine import sampled
-    from freqid.report.design_documents import flight_plan, write_documents
-    from freqid.report.design_summary import multisine_summary, multisine_table
+    from freqid.design.multisine.merit import merit
+    from freqid.design.multisine.orthogonal_set import sampled
+    from freqid.report.design.documents import flight_plan, write_documents
+    from freqid.report.design.summary import multisine_summary, multisine_table
 
     excitation, aircraft = job.scenario.excitation, job.aircraft
     assert excitation is not None
@@ -204,11 +204,11 @@ def _multisines(
 
 def _classic(job: Job, waveform: Waveform) -> tuple[dict[str, Any], str]:
     """Design doublets, 3-2-1-1 or sweeps."""
-    from freqid.design.modelled import about
+    from freqid.design.forecast.modelled import about
     from freqid.design.sequence import design_classic, extent
-    from freqid.report.classic_page import write_classic_documents
-    from freqid.report.design_documents import flight_plan
-    from freqid.report.design_summary import classic_summary, classic_table
+    from freqid.report.design.classic_page import write_classic_documents
+    from freqid.report.design.documents import flight_plan
+    from freqid.report.design.summary import classic_summary, classic_table
 
     excitation, vehicle = job.scenario.excitation, job.scenario.aircraft()
     assert excitation is not None
@@ -227,7 +227,7 @@ def _searched(scenario: Scenario, seed: int) -> MultisineDesign:
     """Return multisines of low peaks, with a progress bar."""
     from tqdm import tqdm
 
-    from freqid.design.multisine import design_multisines
+    from freqid.design.multisine.orthogonal_set import design_multisines
 
     assert scenario.excitation is not None
     with tqdm(desc="signals", unit="signal", disable=None, leave=False) as bar:
@@ -257,7 +257,7 @@ def _with_period(scenario: Scenario, period_s: float, seed: int) -> MultisineDes
     """Return the design of another period; None where it is too short for so many effectors."""
     from freqid.core.errors import FreqidError
     from freqid.core.toml import overridden
-    from freqid.design.multisine import design_multisines
+    from freqid.design.multisine.orthogonal_set import design_multisines
 
     assert scenario.excitation is not None
     try:
@@ -274,8 +274,8 @@ def _write(
     job: Job, path: Path, design: MultisineDesign | ClassicDesign, inputs: SampledInputs
 ) -> list[Path]:
     """Write a design and its other formats; return their paths."""
-    from freqid.core.design import MultisineDesign
-    from freqid.core.design_file import write_design
+    from freqid.core.results.design import MultisineDesign
+    from freqid.core.results.design_file import write_design
     from freqid.design import export
 
     write_design(path, design, inputs, job.sha256)

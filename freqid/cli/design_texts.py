@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from freqid.core.errors import UsageError
 
 if TYPE_CHECKING:
-    from freqid.core.models import PointModel
+    from freqid.core.results.point import PointModel
 
 
 def wanted_errors(reach: tuple[str, ...], point: PointModel) -> dict[str, dict[str, float]]:

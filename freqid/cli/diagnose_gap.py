@@ -14,7 +14,7 @@ from freqid import __version__
 from freqid.cli import options
 
 if TYPE_CHECKING:
-    from freqid.core.diagnosis import GapDiagnosis, ToleranceUsed
+    from freqid.core.results.diagnosis import GapDiagnosis, ToleranceUsed
     from freqid.core.scenario import Scenario
     from freqid.gap.diagnose import Findings, Question
     from freqid.gap.simulation import Simulation
@@ -111,8 +111,8 @@ def command(
     from freqid.cli.compare_simulations import Asked
     from freqid.cli.gap_texts import bookkeeping_text, diagnosis_text
     from freqid.core.errors import GateFailed, UsageError, nearest
-    from freqid.core.gap_file import write_gap
     from freqid.core.record_file import read_record
+    from freqid.core.results.gap_file import write_gap
     from freqid.core.scenario import read_scenario
     from freqid.gap import flights
     from freqid.gap.bookkeeping.check import check
@@ -229,8 +229,8 @@ def command(
     result = shown(replace(findings, diagnosis=found), tolerances, provenance)
     write_gap(destination, result, sha256)
     if drawn:
-        from freqid.report.gap_page import build_gap_page
-        from freqid.report.rendering import write_text
+        from freqid.report.gap.page import build_gap_page
+        from freqid.report.kit.rendering import write_text
 
         tell("drawing")
         write_text(drawn, build_gap_page(result))

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from freqid.core.scenario import Reference, Scenario
-    from freqid.report.simulation_trims import TrimCurve
-    from freqid.simulate.lq import ClosedLoop
+    from freqid.report.flight.trims import TrimCurve
+    from freqid.simulate.control.lq import ClosedLoop
+    from freqid.simulate.control.trim import Trim
     from freqid.simulate.maneuver import Flown
-    from freqid.simulate.trim import Trim
 
 
 def write_page(
@@ -40,9 +40,9 @@ def write_page(
     """
     import numpy as np
 
-    from freqid.report.rendering import write_text
-    from freqid.report.simulation_page import build_simulation_page
-    from freqid.report.simulation_tables import SimulatedFlight
+    from freqid.report.flight.page import build_simulation_page
+    from freqid.report.flight.tables import SimulatedFlight
+    from freqid.report.kit.rendering import write_text
 
     flight = SimulatedFlight(
         scenario=scenario,
@@ -61,7 +61,7 @@ def write_page(
 def _others(scenario: Scenario, loop: ClosedLoop) -> list[list[Trim]]:
     """Return trims along the corridors of other densities, without conditions that have none."""
     from freqid.core.errors import UsageError
-    from freqid.simulate.trim import trim
+    from freqid.simulate.control.trim import trim
 
     flown = next(iter(loop.trims.values())).reference.rho
     others: dict[float, list[Reference]] = {}
@@ -85,8 +85,8 @@ def _curve(scenario: Scenario, loop: ClosedLoop, trims: Sequence[Trim]) -> TrimC
     import jax
     import numpy as np
 
-    from freqid.report.simulation_trims import TrimCurve
-    from freqid.simulate.battery import power
+    from freqid.report.flight.trims import TrimCurve
+    from freqid.simulate.motion.battery import power
 
     positions = {}
     for kind, values in (

@@ -12,8 +12,8 @@ from freqid import __version__
 from freqid.cli import options
 
 if TYPE_CHECKING:
-    from freqid.core.frequency_response import FrequencyResponse
     from freqid.core.record import Maneuver
+    from freqid.core.results.frequency_response import FrequencyResponse
 
 
 @click.command("frequency-response")
@@ -78,11 +78,11 @@ def command(
     from dataclasses import replace
 
     from freqid.core.errors import DataError, UsageError
-    from freqid.core.frequency_response_file import write_frequency_response
     from freqid.core.record import Maneuver
     from freqid.core.record_file import read_record
+    from freqid.core.results.frequency_response_file import write_frequency_response
     from freqid.core.scenario import read_scenario
-    from freqid.identify.frequency_response import frequency_response
+    from freqid.identify.response.frequency_response import frequency_response
 
     described, sha256 = read_scenario(scenario) if scenario else (None, "")
     vehicle = described.aircraft() if described else None
@@ -119,8 +119,8 @@ def command(
             options.keep_inputs(result, *records, scenario)
     write_frequency_response(destination, response, sha256)
     if drawn:
-        from freqid.report.frequency_response_page import build_frequency_response_page
-        from freqid.report.rendering import write_text
+        from freqid.report.kit.rendering import write_text
+        from freqid.report.response.page import build_frequency_response_page
 
         write_text(drawn, build_frequency_response_page(response, maneuvers[0].vehicle.name))
     for remark in response.remarks:
@@ -135,8 +135,8 @@ def _by_windows(
     import numpy as np
 
     from freqid.core.errors import DataError
-    from freqid.identify.injected_lines import output_history
-    from freqid.identify.window_response import window_response
+    from freqid.identify.response.injected_lines import output_history
+    from freqid.identify.response.window_response import window_response
 
     path = input_ if "/" in input_ else f"effector/{input_}"
     injected_path = f"excitation/{path.rpartition('/')[2]}"
@@ -162,7 +162,7 @@ def _by_windows(
 
 def _unit(maneuver: Maneuver, output: str) -> str:
     from freqid.core.channels import RESPONSE
-    from freqid.identify.explanatory import unit_of
+    from freqid.identify.loads.explanatory import unit_of
 
     if output in RESPONSE:
         return RESPONSE[output][0]
@@ -197,7 +197,7 @@ def _for_machines(response: FrequencyResponse) -> dict[str, Any]:
 
 def _table(response: FrequencyResponse) -> str:
     """Return one line for each pair."""
-    from freqid.report.frequency_response_page import summary_rows
+    from freqid.report.response.page import summary_rows
 
     lines = ["output    input     lines  coherence (lowest)  random error  misfit"]
     for row in summary_rows(response):

@@ -10,7 +10,7 @@ from freqid.cli.columns import table
 from freqid.cli.self_test_text import self_test_text
 
 if TYPE_CHECKING:
-    from freqid.core.diagnosis import Change, Closure, GapDiagnosis, Interval, Share
+    from freqid.core.results.diagnosis import Change, Closure, GapDiagnosis, Interval, Share
     from freqid.gap.bookkeeping.check import Finding
 
 _LISTED = 0.005  # probability from which an effect has a line

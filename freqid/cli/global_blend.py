@@ -11,8 +11,8 @@ from freqid.cli.options import as_json, emit, keep_inputs
 
 if TYPE_CHECKING:
     from freqid.blend.consistency import Agreement
-    from freqid.core.corridor import Corridor
-    from freqid.core.models import Fit
+    from freqid.core.results.corridor import Corridor
+    from freqid.core.results.point import Fit
 
 
 @click.command("global-blend")
@@ -58,10 +58,10 @@ def command(
     from freqid.blend.line_up import line_up
     from freqid.blend.predict import replay
     from freqid.core.errors import DataError
-    from freqid.core.global_file import write_global
-    from freqid.core.point_file import read_point
     from freqid.core.record import Maneuver
     from freqid.core.record_file import read_record
+    from freqid.core.results.global_file import write_global
+    from freqid.core.results.point_file import read_point
 
     keep_inputs(destination, *points, held_out)
     corridor = line_up([read_point(p) for p in points], [str(p) for p in points], densities)

@@ -13,8 +13,8 @@ from freqid.cli.data_compatibility import checked, identified
 from freqid.cli.options import as_json, emit, keep_inputs, output
 
 if TYPE_CHECKING:
-    from freqid.core.models import Fit, PointModel, ResponseModel
     from freqid.core.record import FlightRecord
+    from freqid.core.results.point import Fit, PointModel, ResponseModel
     from freqid.identify.point import Estimator
 
 
@@ -96,14 +96,14 @@ def command(
     from dataclasses import replace
 
     from freqid.core.errors import DataError, GateFailed, UsageError
-    from freqid.core.models import missed_gates
-    from freqid.core.point_file import write_point
     from freqid.core.record import Maneuver, parse_span
     from freqid.core.record_file import read_record
+    from freqid.core.results.point import missed_gates
+    from freqid.core.results.point_file import write_point
     from freqid.core.scenario import read_scenario
     from freqid.core.toml import overridden
-    from freqid.identify.delays import align
     from freqid.identify.point import lines_of, predict
+    from freqid.identify.sensors.delays import align
 
     described, sha256 = read_scenario(scenario)
     if described.identification is None:
@@ -264,7 +264,7 @@ def _for_machines(model: PointModel) -> dict[str, Any]:
 
 def _table(model: PointModel) -> str:
     """Return the model as text: one block a response."""
-    from freqid.core.point_file import per
+    from freqid.core.results.point_file import per
 
     lines = []
     for name, response in model.responses.items():
@@ -290,7 +290,7 @@ def _table(model: PointModel) -> str:
 
 def _chosen(account: dict[str, Any]) -> list[str]:
     """Return what was left out of a response and what was added to it, one line each."""
-    from freqid.identify.selection import DISTORTED, F_KEPT
+    from freqid.identify.model.selection import DISTORTED, F_KEPT
 
     lines = []
     if account.get("left_out"):

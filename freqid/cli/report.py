@@ -22,26 +22,27 @@ def command(
 
     A point model, the diagnosis of a gap, or a comparison of two simulations.
     """
-    from freqid.core import gap_file, rivals_file, store
-    from freqid.report.rendering import write_text
+    from freqid.core import store
+    from freqid.core.results import gap_file, rivals_file
+    from freqid.report.kit.rendering import write_text
 
     destination = destination or model.with_suffix(".html")
     kind = store.kind_of(model)
     if kind == rivals_file.FORMAT:
-        from freqid.report.rivals_page import build_rivals_page
+        from freqid.report.gap.rivals_page import build_rivals_page
 
         keep_inputs(destination, model)
         text = build_rivals_page(rivals_file.read_rivals(model))
     elif kind == gap_file.FORMAT:
-        from freqid.report.gap_page import build_gap_page
+        from freqid.report.gap.page import build_gap_page
 
         keep_inputs(destination, model)
         text = build_gap_page(gap_file.read_gap(model))
     else:
-        from freqid.core.point_file import read_point
         from freqid.core.record_file import read_record
+        from freqid.core.results.point_file import read_point
         from freqid.core.scenario import read_scenario
-        from freqid.report.page import build_page
+        from freqid.report.point.page import build_page
 
         point = read_point(model)
         if record is None:

@@ -6,10 +6,10 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from freqid.cli.columns import table
-from freqid.core.gap_self_test import ENDS
+from freqid.core.results.gap_self_test import ENDS
 
 if TYPE_CHECKING:
-    from freqid.core.gap_self_test import Rate, SelfTest, SmallestSize, Stratum
+    from freqid.core.results.gap_self_test import Rate, SelfTest, SmallestSize, Stratum
 
 _LISTED = 0.05  # share of draws from which a wrong answer is listed
 

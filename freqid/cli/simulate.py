@@ -77,11 +77,11 @@ def command(
     the flight, true excursions and effectors beside their limits, the aircraft and its trims.
     """
     from freqid.cli.flight_page import write_page
-    from freqid.core.design_file import read_inputs
     from freqid.core.errors import DataError, UsageError
     from freqid.core.record_file import write_record
+    from freqid.core.results.design_file import read_inputs
     from freqid.core.scenario import read_scenario
-    from freqid.simulate.lq import close_loop
+    from freqid.simulate.control.lq import close_loop
     from freqid.simulate.maneuver import Conditions, fly_maneuver, with_effects
     from freqid.simulate.truth import beside, write_truth
 

@@ -11,7 +11,7 @@ from freqid.cli.options import as_json, emit
 
 if TYPE_CHECKING:
     from freqid.identify.point import Estimator
-    from freqid.report.study_results import StudyResults
+    from freqid.report.study.results import StudyResults
 
 
 @click.command("study")
@@ -53,8 +53,8 @@ def command(
 
     What is done is kept: a second run, or one after a stop, goes on from there.
     """
-    from freqid.report.rendering import write_text
-    from freqid.report.study_page import build_study_page
+    from freqid.report.kit.rendering import write_text
+    from freqid.report.study.page import build_study_page
     from freqid.study.chain import Campaign, study
 
     folder = folder or Path("reports") / f"{scenario.stem}-study"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from freqid.compare.shared_stack import SharedBlock
-from freqid.core.rivals import Contest, Rivals
+from freqid.core.results.rivals import Contest, Rivals
 from freqid.gap.settings import FORM_ERRORS
 from freqid.gap.simulation import Simulation
 

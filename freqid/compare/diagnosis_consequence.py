@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from freqid.compare.consequence import Consequence
-from freqid.core.diagnosis import GapDiagnosis
 from freqid.core.errors import FreqidError
+from freqid.core.results.diagnosis import GapDiagnosis
 from freqid.core.scenario import Scenario
 
 Settings = Mapping[str, Mapping[str, float]]

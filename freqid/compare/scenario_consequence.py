@@ -14,14 +14,14 @@ from freqid.compare.linear_loop import Actuation, LinearLoop
 from freqid.core.errors import UsageError
 from freqid.core.scenario import Reference, Scenario
 from freqid.simulate import effects as library
-from freqid.simulate import motion
-from freqid.simulate.actuators import by_kind
-from freqid.simulate.control import AXES, Setting
+from freqid.simulate.control.law import AXES, Setting
+from freqid.simulate.control.linearize import STATES, linearize
+from freqid.simulate.control.lq import design_law
+from freqid.simulate.control.trim import Trim, trim
 from freqid.simulate.effects import actuator_delay
-from freqid.simulate.linearize import STATES, linearize
-from freqid.simulate.lq import design_law
 from freqid.simulate.maneuver import with_effects
-from freqid.simulate.trim import Trim, trim
+from freqid.simulate.motion import whole_vehicle as motion
+from freqid.simulate.motion.actuators import by_kind
 
 Array = NDArray[np.float64]
 Settings = Mapping[str, Mapping[str, float]]

@@ -26,7 +26,7 @@ from freqid.compare.comparison_text import ALL, remarks_on, verdict_on
 from freqid.compare.shared_stack import SharedBlock, SharedForm, form_of, shared_stack
 from freqid.core.errors import UsageError
 from freqid.core.record import Maneuver
-from freqid.core.rivals import Contest, Rivals, Span
+from freqid.core.results.rivals import Contest, Rivals, Span
 from freqid.gap.infer.system import BlockMatrices
 from freqid.gap.model.tolerance import stated
 from freqid.gap.settings import INTERVAL, LEVEL

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
-from .errors import DataError, nearest
-from .units import parse_unit
+from freqid.core.errors import DataError, nearest
+from freqid.core.units import parse_unit
 
 STATE = {
     "u": ("m/s", "velocity along x body, relative to the air"),

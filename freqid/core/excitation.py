@@ -7,9 +7,9 @@ from typing import Literal
 
 import msgspec
 
-from .channels import AIR, RESPONSE, STATE
-from .errors import nearest
-from .vehicle import Strict
+from freqid.core.channels import AIR, RESPONSE, STATE
+from freqid.core.errors import nearest
+from freqid.core.vehicle import Strict
 
 MOST_HARMONICS = 10_000  # in the band; more is a slip in a unit, and fills the memory
 MOST_SAMPLES = 10_000_000  # of one signal; likewise

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .errors import UsageError
+from freqid.core.errors import UsageError
 
 Array = NDArray[np.float64]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from .channels import WRENCH
-from .errors import nearest
-from .vehicle import Strict
+from freqid.core.channels import WRENCH
+from freqid.core.errors import nearest
+from freqid.core.vehicle import Strict
 
 
 class FrequencyGrid(Strict, frozen=True):

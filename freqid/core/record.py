@@ -11,9 +11,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from .channels import split
-from .errors import DataError, UsageError, nearest
-from .vehicle import MassProperties, Vehicle
+from freqid.core.channels import split
+from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.vehicle import MassProperties, Vehicle
 
 _TIME_TOLERANCE = 1e-3  # of one sample: what decimal places in a log leave of a uniform clock
 

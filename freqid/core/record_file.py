@@ -8,12 +8,12 @@ from pathlib import Path
 import h5py
 import msgspec
 
-from . import store
-from .channels import effector_unit, si_unit, split
-from .errors import DataError
-from .record import Channel, Configuration, FlightRecord
-from .units import to_si
-from .vehicle import MassProperties, Vehicle
+from freqid.core import store
+from freqid.core.channels import effector_unit, si_unit, split
+from freqid.core.errors import DataError
+from freqid.core.record import Channel, Configuration, FlightRecord
+from freqid.core.units import to_si
+from freqid.core.vehicle import MassProperties, Vehicle
 
 FORMAT = "freqid-record"
 

@@ -9,12 +9,12 @@ from typing import Any
 
 import msgspec
 
-from .channels import WRENCH
-from .errors import UsageError, nearest
-from .excitation import Excitation
-from .identification import Identification
-from .toml import read_toml
-from .vehicle import Effector, Group, Inertia, MassProperties, Rotor, Strict, Vector, Vehicle, Wing
+from freqid.core.channels import WRENCH
+from freqid.core.errors import UsageError, nearest
+from freqid.core.excitation import Excitation
+from freqid.core.identification import Identification
+from freqid.core.toml import read_toml
+from freqid.core.vehicle import Effector, Group, Inertia, MassProperties, Rotor, Strict, Vector, Vehicle, Wing
 
 
 class Airframe(Strict, frozen=True):

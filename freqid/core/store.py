@@ -15,8 +15,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import __version__
-from .errors import DataError
+from freqid import __version__
+from freqid.core.errors import DataError
 
 VERSION = "1.1"  # of the file layout; the major number changes when an old release could misread a file
 

@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from .errors import DataError, UsageError, nearest
-from .vehicle import Strict
+from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.vehicle import Strict
 
 T = TypeVar("T")
 S = TypeVar("S", bound=Strict)

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from math import pi
 
-from .errors import DataError, nearest
+from freqid.core.errors import DataError, nearest
 
 STANDARD_GRAVITY = 9.80665  # m/s2, ISO 80000-3
 FOOT = 0.3048  # m, exact

@@ -15,8 +15,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from .channels import EFFECTOR_UNITS, TAKEN
-from .errors import UsageError, nearest
+from freqid.core.channels import EFFECTOR_UNITS, TAKEN
+from freqid.core.errors import UsageError, nearest
 
 Vector = tuple[float, float, float]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.errors import UsageError
-from freqid.design.bounds import at_least
+from freqid.design.multisine.bounds import at_least
 
 Array = NDArray[np.float64]
 

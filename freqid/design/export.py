@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from scipy.io import savemat
 
-from freqid.core.design import MultisineDesign, SampledInputs
 from freqid.core.errors import UsageError
+from freqid.core.results.design import MultisineDesign, SampledInputs
 from freqid.core.store import replacing
 
 # MATLAB files begin with 116 bytes of text, in which the writer puts the date; ours are the same every day.

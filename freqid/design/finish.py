@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from freqid.core.design import MultisineDesign
 from freqid.core.excitation import Excitation
+from freqid.core.results.design import MultisineDesign
 from freqid.core.vehicle import Effector
-from freqid.design.modelled import Criterion, ModelledAircraft, Wanted
-from freqid.design.multisine import check_feasible, excited, with_low_net_loads
-from freqid.design.optimal import Optimum
-from freqid.design.swapped import swap_combs
+from freqid.design.forecast.modelled import Criterion, ModelledAircraft, Wanted
+from freqid.design.forecast.optimal import Optimum
+from freqid.design.multisine.orthogonal_set import check_feasible, excited, with_low_net_loads
+from freqid.design.multisine.swapped import swap_combs
 
 
 @dataclass(frozen=True, eq=False)

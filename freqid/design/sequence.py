@@ -9,14 +9,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.design import ClassicDesign, SampledInputs
 from freqid.core.errors import UsageError
 from freqid.core.excitation import MOST_SAMPLES, Excitation
+from freqid.core.results.design import ClassicDesign, SampledInputs
 from freqid.core.vehicle import Vehicle
-from freqid.design.bounds import at_least, at_most
 from freqid.design.classic import doublet, frequency_sweep, three_two_one_one
-from freqid.design.limits import room
-from freqid.design.multisine import amplitude_of, excited
+from freqid.design.forecast.limits import room
+from freqid.design.multisine.bounds import at_least, at_most
+from freqid.design.multisine.orthogonal_set import amplitude_of, excited
 
 Array = NDArray[np.float64]
 Waveform = Literal["doublet", "3-2-1-1", "sweep"]

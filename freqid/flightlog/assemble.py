@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.channels import EFFECTOR_UNITS, si_unit
-from ..core.errors import DataError, UsageError
-from ..core.record import Channel, Configuration, FlightRecord, check_time
-from ..core.units import parse_unit, to_si
-from ..core.vehicle import Inertia, MassProperties, Vehicle
-from .column_map import MASS_PROPERTIES, ColumnMap, Place
-from .resample import METHOD, onto_grid
+from freqid.core.channels import EFFECTOR_UNITS, si_unit
+from freqid.core.errors import DataError, UsageError
+from freqid.core.record import Channel, Configuration, FlightRecord, check_time
+from freqid.core.units import parse_unit, to_si
+from freqid.core.vehicle import Inertia, MassProperties, Vehicle
+from freqid.flightlog.column_map import MASS_PROPERTIES, ColumnMap, Place
+from freqid.flightlog.resample import METHOD, onto_grid
 
 # Effectors whose kind nobody stated, and pilots' controls, take the SI unit of their dimension.
 _EFFECTOR_SI = (*dict.fromkeys(EFFECTOR_UNITS.values()), "m")

@@ -6,10 +6,10 @@ from math import isfinite
 from pathlib import Path
 from typing import Literal
 
-from ..core.channels import split
-from ..core.errors import DataError
-from ..core.toml import read_toml
-from ..core.vehicle import Strict, Vector
+from freqid.core.channels import split
+from freqid.core.errors import DataError
+from freqid.core.toml import read_toml
+from freqid.core.vehicle import Strict, Vector
 
 MASS_PROPERTIES = {
     "mass": "kg",

@@ -12,10 +12,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from ..core.errors import DataError, nearest
-from ..core.record import FlightRecord
-from .assemble import assemble_map
-from .column_map import ColumnMap, Place
+from freqid.core.errors import DataError, nearest
+from freqid.core.record import FlightRecord
+from freqid.flightlog.assemble import assemble_map
+from freqid.flightlog.column_map import ColumnMap, Place
 
 _FOREIGN = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")  # control characters that no text table holds
 

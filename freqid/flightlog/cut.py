@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from ..core.errors import DataError
-from ..core.record import FlightRecord
+from freqid.core.errors import DataError
+from freqid.core.record import FlightRecord
 
 WINDOW_S = 1.0  # over which movement is measured
 STEADY_S = 2.0  # shortest stretch that counts as trim

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core.errors import DataError
+from freqid.core.errors import DataError
 
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15

@@ -9,11 +9,11 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import DataError, nearest
-from ..core.record import FlightRecord
-from .assemble import assemble_map
-from .column_map import ColumnMap, Place
-from .mat5 import read_mat5
+from freqid.core.errors import DataError, nearest
+from freqid.core.record import FlightRecord
+from freqid.flightlog.assemble import assemble_map
+from freqid.flightlog.column_map import ColumnMap, Place
+from freqid.flightlog.mat5 import read_mat5
 
 
 def read_matlab(path: Path, column_map: ColumnMap, **options: Any) -> FlightRecord:

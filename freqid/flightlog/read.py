@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ..core.errors import DataError, UsageError
-from ..core.record import FlightRecord
-from ..core.vehicle import Vehicle
-from .column_map import ColumnMap, read_column_map
-from .csv import read_csv
-from .matlab import load_variables, read_matlab
-from .sidpac import is_sidpac, read_sidpac
+from freqid.core.errors import DataError, UsageError
+from freqid.core.record import FlightRecord
+from freqid.core.vehicle import Vehicle
+from freqid.flightlog.column_map import ColumnMap, read_column_map
+from freqid.flightlog.csv import read_csv
+from freqid.flightlog.matlab import load_variables, read_matlab
+from freqid.flightlog.sidpac import is_sidpac, read_sidpac
 
 _TEXT = (".csv", ".tsv", ".txt", ".asc", ".dat")
 _PLANNED = {

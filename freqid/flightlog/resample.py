@@ -18,8 +18,8 @@ from scipy.signal import kaiser_beta
 from scipy.sparse import csr_array
 from scipy.special import i0e
 
-from ..core.errors import DataError, UsageError
-from ..core.record import FlightRecord
+from freqid.core.errors import DataError, UsageError
+from freqid.core.record import FlightRecord
 
 PASS = 0.8  # of the lower Nyquist frequency: what passes unchanged
 LONGEST_GAP = 3.5  # native sample intervals that a spline may bridge

@@ -11,14 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.io import savemat
 
-from ..core import store
-from ..core.errors import DataError
-from ..core.record import FlightRecord
-from ..core.units import parse_unit
-from ..core.vehicle import MassProperties, Vehicle
-from .assemble import Column, assemble, effector_si
-from .matlab import load_variables, lookup, numeric, texts
-from .sidpac_columns import CHANNELS, GEOMETRY, MASS, MEASURED_ACCELERATION, SPARE, SPELLED, WIDTH
+from freqid.core import store
+from freqid.core.errors import DataError
+from freqid.core.record import FlightRecord
+from freqid.core.units import parse_unit
+from freqid.core.vehicle import MassProperties, Vehicle
+from freqid.flightlog.assemble import Column, assemble, effector_si
+from freqid.flightlog.matlab import load_variables, lookup, numeric, texts
+from freqid.flightlog.sidpac_columns import (
+    CHANNELS,
+    GEOMETRY,
+    MASS,
+    MEASURED_ACCELERATION,
+    SPARE,
+    SPELLED,
+    WIDTH,
+)
 
 _SPARE_UNITS = {"rad": "deg", "rad/s": "rad/s", "N": "lbf", "1": "", "m": "in"}  # by the channel's SI unit
 _UNNAMED = "unnamed"

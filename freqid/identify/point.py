@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 from freqid.core.errors import UsageError, nearest
 from freqid.core.excitation import Excitation
 from freqid.core.identification import Identification
-from freqid.core.models import Fit, PointModel
 from freqid.core.record import Maneuver
+from freqid.core.results.point import Fit, PointModel
 from freqid.core.scenario import Reference
-from freqid.identify.air_relative import refuse_without_air
-from freqid.identify.explanatory import explanatory_variables
-from freqid.identify.fit_samples import fit_samples
-from freqid.identify.flown import departures, flown_reference
-from freqid.identify.fourier import frequency_grid, harmonics
-from freqid.identify.instruments import driven_maneuvers
-from freqid.identify.problem import Problem, measured_responses
-from freqid.identify.selection import Flights, choose_terms
-from freqid.identify.trend import up_to
+from freqid.identify.instruments.driven import driven_maneuvers
+from freqid.identify.loads.air_relative import refuse_without_air
+from freqid.identify.loads.explanatory import explanatory_variables
+from freqid.identify.loads.flown import departures, flown_reference
+from freqid.identify.model.fit_samples import fit_samples
+from freqid.identify.model.problem import Problem, measured_responses
+from freqid.identify.model.selection import Flights, choose_terms
+from freqid.identify.spectra.fourier import frequency_grid, harmonics
+from freqid.identify.spectra.trend import up_to
 
 Array = NDArray[np.float64]
 Estimator = Literal["least-squares", "instruments"]
@@ -58,7 +58,7 @@ def identify_point(
     -------
     PointModel
         Where terms were chosen, its provenance says under ``structure`` which and why
-        (`freqid.identify.selection.choose_terms`).
+        (`freqid.identify.model.selection.choose_terms`).
 
     Raises
     ------

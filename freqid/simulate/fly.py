@@ -15,21 +15,22 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.design import SampledInputs
-from ..core.errors import UsageError, nearest
-from ..core.scenario import Reference, Scenario
-from ..core.units import STANDARD_GRAVITY
-from . import attitude, motion, multibody
-from .actuators import Commands, by_kind
-from .control import Aim, Law, command
-from .effects import turbulence
-from .integrate import Divergence, divergence
-from .lq import ClosedLoop
-from .motion import Details, Moving, State
-from .quantities import Positions
-from .rigid_body import BodyState
-from .small_motion import HEIGHT
-from .surroundings import Surroundings, windy
+from freqid.core.errors import UsageError, nearest
+from freqid.core.results.design import SampledInputs
+from freqid.core.scenario import Reference, Scenario
+from freqid.core.units import STANDARD_GRAVITY
+from freqid.simulate.air.surroundings import Surroundings, windy
+from freqid.simulate.control.law import Aim, Law, command
+from freqid.simulate.control.lq import ClosedLoop
+from freqid.simulate.effects import turbulence
+from freqid.simulate.loads.quantities import Positions
+from freqid.simulate.motion import attitude, multibody
+from freqid.simulate.motion import whole_vehicle as motion
+from freqid.simulate.motion.actuators import Commands, by_kind
+from freqid.simulate.motion.derivatives import HEIGHT
+from freqid.simulate.motion.integrate import Divergence, divergence
+from freqid.simulate.motion.rigid_body import BodyState
+from freqid.simulate.motion.whole_vehicle import Details, Moving, State
 
 Array = NDArray[np.float64]
 

@@ -9,15 +9,16 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from ..core.design import SampledInputs
-from ..core.errors import DataError
-from ..core.record import FlightRecord
-from ..core.scenario import Reference, Scenario
-from . import effects, sensors, turbulence
-from .fly import Flight, fly, sortie
-from .integrate import Divergence
-from .lq import ClosedLoop, close_loop
-from .truth import truth_of
+from freqid.core.errors import DataError
+from freqid.core.record import FlightRecord
+from freqid.core.results.design import SampledInputs
+from freqid.core.scenario import Reference, Scenario
+from freqid.simulate import effects, sensors
+from freqid.simulate.air import dryden as turbulence
+from freqid.simulate.control.lq import ClosedLoop, close_loop
+from freqid.simulate.fly import Flight, fly, sortie
+from freqid.simulate.motion.integrate import Divergence
+from freqid.simulate.truth import truth_of
 
 LOG_RATE = 50.0  # Hz
 

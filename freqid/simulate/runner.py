@@ -18,9 +18,9 @@ from typing import Any
 
 from tqdm import tqdm
 
-from .. import __version__
-from ..core.errors import DataError, FreqidError, UsageError
-from ..core.store import replacing
+from freqid import __version__
+from freqid.core.errors import DataError, FreqidError, UsageError
+from freqid.core.store import replacing
 
 Inputs = Mapping[str, Any]
 Work = Callable[..., None]

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from ..core.channels import si_unit, split
-from ..core.errors import DataError, UsageError, nearest
-from ..core.frames import cross, flow_angles, level_from_body, specific_force_at
-from ..core.record import Channel, FlightRecord
-from ..core.scenario import Scenario
-from ..core.toml import convert
-from ..core.vehicle import Strict, Vector, Vehicle
+from freqid.core.channels import si_unit, split
+from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.frames import cross, flow_angles, level_from_body, specific_force_at
+from freqid.core.record import Channel, FlightRecord
+from freqid.core.scenario import Scenario
+from freqid.core.toml import convert
+from freqid.core.vehicle import Strict, Vector, Vehicle
 
 Array = NDArray[np.float64]
 

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.channels import WRENCH, si_unit
-from ..core.frames import flow_angles
-from ..core.record import Channel, FlightRecord
-from ..core.record_file import read_record, write_record
-from ..core.scenario import Scenario
-from .actuators import Commands, by_kind
-from .fly import DT, EVERY, Flight
+from freqid.core.channels import WRENCH, si_unit
+from freqid.core.frames import flow_angles
+from freqid.core.record import Channel, FlightRecord
+from freqid.core.record_file import read_record, write_record
+from freqid.core.scenario import Scenario
+from freqid.simulate.fly import DT, EVERY, Flight
+from freqid.simulate.motion.actuators import Commands, by_kind
 
 Array = NDArray[np.float64]
 

@@ -11,24 +11,24 @@ from typing import Any
 
 import numpy as np
 
-from ..blend.global_model import GlobalModel
-from ..blend.line_up import line_up
-from ..blend.predict import replay
-from ..core.design_file import read_design
-from ..core.errors import UsageError
-from ..core.global_file import write_global
-from ..core.models import PointModel
-from ..core.point_file import read_point
-from ..core.record import Maneuver
-from ..core.record_file import read_record
-from ..core.scenario import Scenario, read_scenario
-from ..core.store import replacing
-from ..identify.parameter_history import parameter_history
-from ..identify.point import Estimator, predict
-from ..report.study_results import HeldOut, StudiedPoint, StudyResults, rmse_inside, spread
-from ..simulate import runner, sensors
-from . import work
-from .convergence import validation_rmse
+from freqid.blend.global_model import GlobalModel
+from freqid.blend.line_up import line_up
+from freqid.blend.predict import replay
+from freqid.core.errors import UsageError
+from freqid.core.record import Maneuver
+from freqid.core.record_file import read_record
+from freqid.core.results.design_file import read_design
+from freqid.core.results.global_file import write_global
+from freqid.core.results.point import PointModel
+from freqid.core.results.point_file import read_point
+from freqid.core.scenario import Scenario, read_scenario
+from freqid.core.store import replacing
+from freqid.identify.in_flight.parameter_history import parameter_history
+from freqid.identify.point import Estimator, predict
+from freqid.report.study.results import HeldOut, StudiedPoint, StudyResults, rmse_inside, spread
+from freqid.simulate import runner, sensors
+from freqid.study import work
+from freqid.study.convergence import validation_rmse
 
 Progress = Callable[[str], None]
 

@@ -10,15 +10,15 @@ from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
-from ..core.design_file import read_inputs, write_design
-from ..core.errors import DataError, UsageError
-from ..core.point_file import write_point
-from ..core.record import Maneuver
-from ..core.record_file import read_record, write_record
-from ..core.scenario import read_scenario
-from ..design.finish import finish
-from ..design.multisine import design_multisines, sampled
-from ..identify.point import Estimator, identify_point, predict
+from freqid.core.errors import DataError, UsageError
+from freqid.core.record import Maneuver
+from freqid.core.record_file import read_record, write_record
+from freqid.core.results.design_file import read_inputs, write_design
+from freqid.core.results.point_file import write_point
+from freqid.core.scenario import read_scenario
+from freqid.design.finish import finish
+from freqid.design.multisine.orthogonal_set import design_multisines, sampled
+from freqid.identify.point import Estimator, identify_point, predict
 
 
 def design(path: Path, *, scenario: str, seed: int) -> None:
@@ -48,7 +48,7 @@ def fly(
     DataError
         Where the flight diverges: an incomplete manoeuvre is no result.
     """
-    from ..simulate.maneuver import Conditions, fly_maneuver
+    from freqid.simulate.maneuver import Conditions, fly_maneuver
 
     described, sha256 = read_scenario(Path(scenario))
     at = described.reference_of(reference)
@@ -67,7 +67,7 @@ def fly(
 @lru_cache(maxsize=2)
 def _closed_loop(scenario: str, sha256: str, rho: float):
     """Return trims and control law of one corridor; the hash keeps a changed file from being mistaken."""
-    from ..simulate.lq import close_loop
+    from freqid.simulate.control.lq import close_loop
 
     described, _ = read_scenario(Path(scenario))
     return close_loop(described, next(at for at in described.reference if at.rho == rho))
@@ -98,8 +98,8 @@ def identify(
 
 def linearise(path: Path, *, scenario: str, reference: str) -> None:
     """Write the derivatives of the simulation at a trim, by response and regressor, as JSON."""
-    from ..core.channels import WRENCH
-    from ..simulate.linearize import STATES, linearize
+    from freqid.core.channels import WRENCH
+    from freqid.simulate.control.linearize import STATES, linearize
 
     described, sha256 = read_scenario(Path(scenario))
     at = described.reference_of(reference)

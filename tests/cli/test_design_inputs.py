@@ -8,16 +8,16 @@ import h5py
 import numpy as np
 import pytest
 
-from freqid.core.design_file import read_design, read_inputs
 from freqid.core.errors import DataError
-from freqid.core.point_file import write_point
 from freqid.core.record import Maneuver
+from freqid.core.results.design_file import read_design, read_inputs
+from freqid.core.results.point_file import write_point
 from freqid.core.scenario import read_scenario
-from freqid.design.excursions import excursions
-from freqid.design.forecast import forecast
-from freqid.design.merit import merit, truncated
-from freqid.design.modelled import ModelledAircraft
-from freqid.design.multisine import design_multisines, sampled
+from freqid.design.forecast.excursions import excursions
+from freqid.design.forecast.modelled import ModelledAircraft
+from freqid.design.forecast.standard_errors import forecast
+from freqid.design.multisine.merit import merit, truncated
+from freqid.design.multisine.orthogonal_set import design_multisines, sampled
 from freqid.flightlog.read import read_log
 from freqid.identify.point import identify_point
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from freqid.blend.global_model import GlobalModel
-from freqid.core.global_file import read_global
-from freqid.core.point_file import read_point
+from freqid.core.results.global_file import read_global
+from freqid.core.results.point_file import read_point
 
 LA8 = Path(__file__).resolve().parents[2] / "scenarios" / "la8.toml"
 

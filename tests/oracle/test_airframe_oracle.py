@@ -11,10 +11,10 @@ import pytest
 from slow_airframe import SlowAirframe
 
 from freqid.core.scenario import read_scenario
-from freqid.simulate import airframe, description
-from freqid.simulate.quantities import Flow, Positions, Wake
-from freqid.simulate.wing import strips
-from freqid.simulate.wing_theory import induction, strip_centres, strip_edges
+from freqid.simulate.loads import airframe, description
+from freqid.simulate.loads.quantities import Flow, Positions, Wake
+from freqid.simulate.loads.wing import strips
+from freqid.simulate.loads.wing_theory import induction, strip_centres, strip_edges
 
 SCENARIO = Path(__file__).resolve().parents[2] / "scenarios" / "la8.toml"
 SPAN, CHORD, SLOPE = 1.83, 0.33, 5.9

@@ -15,12 +15,12 @@ from freqid.compare.scenario_consequence import condition_at, consequence_of_eff
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.scenario import read_scenario
 from freqid.core.vehicle import Inertia
-from freqid.identify.mass import moving_mass
-from freqid.identify.momentum import airframe_momentum
-from freqid.numerics.small_motion import equations_of_motion, rotor_spin
-from freqid.simulate import motion
-from freqid.simulate.linearize import linearize
-from freqid.simulate.trim import trim
+from freqid.dynamics.small_motion import equations_of_motion, rotor_spin
+from freqid.identify.loads.mass import moving_mass
+from freqid.identify.loads.momentum import airframe_momentum
+from freqid.simulate.control.linearize import linearize
+from freqid.simulate.control.trim import trim
+from freqid.simulate.motion import whole_vehicle as motion
 
 SCENARIO = read_scenario(Path(__file__).resolve().parents[2] / "scenarios" / "la8.toml")[0]
 AT = SCENARIO.reference_of("u45")

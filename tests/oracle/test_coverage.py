@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from freqid.identify.regression import LeastSquares, least_squares
-from freqid.identify.uncertainty import (
+from freqid.identify.regress.regression import LeastSquares, least_squares
+from freqid.identify.regress.uncertainty import (
     correct_by_autocorrelation,
     correct_coloured_lines,
     correct_coloured_samples,

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freqid.identify.fourier import FourierPlan, frequency_grid
-from freqid.identify.regression import least_squares
-from freqid.identify.smoothing import local_derivative
+from freqid.identify.regress.regression import least_squares
+from freqid.identify.spectra.fourier import FourierPlan, frequency_grid
+from freqid.identify.spectra.smoothing import local_derivative
 
 CHANNELS = ("air/alpha", "state/q", "effector/de")
 

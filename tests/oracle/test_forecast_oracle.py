@@ -13,15 +13,15 @@ import msgspec
 import numpy as np
 import pytest
 
-from freqid.core.design import Multisine, MultisineDesign
 from freqid.core.record import Maneuver
+from freqid.core.results.design import Multisine, MultisineDesign
 from freqid.core.scenario import read_scenario
-from freqid.design.forecast import forecast
-from freqid.design.rigid_body import close_loop
+from freqid.design.forecast.perturbation_model import close_loop
+from freqid.design.forecast.standard_errors import forecast
 from freqid.flightlog.read import read_log
-from freqid.identify.fourier import FourierPlan, harmonics
 from freqid.identify.point import identify_point
-from freqid.identify.regression import least_squares
+from freqid.identify.regress.regression import least_squares
+from freqid.identify.spectra.fourier import FourierPlan, harmonics
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 PERIOD, PERIODS, DT, BAND = 60.0, 2, 0.02, (0.05, 1.8)

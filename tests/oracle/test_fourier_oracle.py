@@ -9,8 +9,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from freqid.identify.fourier import FourierPlan, frequency_grid, harmonics
-from freqid.numerics.quadrature import fourier_end_weights
+from freqid.identify.spectra.fourier import FourierPlan, frequency_grid, harmonics
+from freqid.identify.spectra.quadrature import fourier_end_weights
 
 DT, SAMPLES = 0.02, 3001
 TIME = DT * np.arange(SAMPLES)

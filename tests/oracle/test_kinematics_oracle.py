@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from freqid.flightlog.read import read_log
-from freqid.identify.flight_path import FlightPath, integrate, skew
-from freqid.identify.kinematic_correction import corrected
-from freqid.identify.kinematic_noise import Noise, whiten
-from freqid.identify.kinematics import KinematicSettings, check_kinematics
+from freqid.identify.sensors.flight_path import FlightPath, integrate, skew
+from freqid.identify.sensors.kinematic_correction import corrected
+from freqid.identify.sensors.kinematic_noise import Noise, whiten
+from freqid.identify.sensors.kinematics import KinematicSettings, check_kinematics
 
 MAPS = Path(__file__).resolve().parents[2] / "scenarios" / "maps"
 DT = 0.1

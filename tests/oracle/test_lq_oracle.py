@@ -11,10 +11,10 @@ import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov, solve_discrete_are
 
 from freqid.core.scenario import read_scenario
-from freqid.simulate import motion
-from freqid.simulate.linearize import STATES, linearize
-from freqid.simulate.lq import design_law
-from freqid.simulate.trim import trim
+from freqid.simulate.control.linearize import STATES, linearize
+from freqid.simulate.control.lq import design_law
+from freqid.simulate.control.trim import trim
+from freqid.simulate.motion import whole_vehicle as motion
 
 SCENARIO = read_scenario(Path(__file__).resolve().parents[2] / "scenarios" / "la8.toml")[0]
 WEIGHT, SPAN = 28.6 * 9.80665, 1.83

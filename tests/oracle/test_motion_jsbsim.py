@@ -14,11 +14,12 @@ import numpy as np
 import pytest
 
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
-from freqid.simulate import atmosphere, attitude, multibody, rigid_body
-from freqid.simulate.integrate import integrate, rk4
-from freqid.simulate.multibody import Configuration
-from freqid.simulate.quantities import Wrench
-from freqid.simulate.rigid_body import BodyState
+from freqid.simulate.air import atmosphere
+from freqid.simulate.loads.quantities import Wrench
+from freqid.simulate.motion import attitude, multibody, rigid_body
+from freqid.simulate.motion.integrate import integrate, rk4
+from freqid.simulate.motion.multibody import Configuration
+from freqid.simulate.motion.rigid_body import BodyState
 
 jsbsim = pytest.importorskip("jsbsim", reason="JSBSim is not installed")
 

@@ -14,11 +14,13 @@ from scipy.signal import welch
 from scipy.spatial.transform import Rotation
 
 from freqid.core.vehicle import Inertia, MassProperties, Rotor, Vehicle, Wing
-from freqid.simulate import atmosphere, attitude, multibody, rigid_body, turbulence
-from freqid.simulate.integrate import integrate, rk4
-from freqid.simulate.multibody import Configuration
-from freqid.simulate.quantities import Wrench
-from freqid.simulate.rigid_body import BodyState
+from freqid.simulate.air import atmosphere
+from freqid.simulate.air import dryden as turbulence
+from freqid.simulate.loads.quantities import Wrench
+from freqid.simulate.motion import attitude, multibody, rigid_body
+from freqid.simulate.motion.integrate import integrate, rk4
+from freqid.simulate.motion.multibody import Configuration
+from freqid.simulate.motion.rigid_body import BodyState
 
 GRAVITY = 9.80665
 STILL = Wrench(jnp.zeros(3), jnp.zeros(3))

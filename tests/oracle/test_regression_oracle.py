@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from freqid.identify.regression import least_squares
+from freqid.identify.regress.regression import least_squares
 
 
 def complex_noise(rng, *shape):

@@ -7,7 +7,7 @@ import pytest
 import scipy.io
 from scipy.signal import lsim
 
-from freqid.identify.smoothing import local_derivative, smooth
+from freqid.identify.spectra.smoothing import local_derivative, smooth
 
 DT = 0.02
 TIME = DT * np.arange(3001)

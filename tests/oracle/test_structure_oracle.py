@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from freqid.identify.orthogonal import orthogonal_functions
-from freqid.identify.regression import least_squares
-from freqid.identify.structure import stepwise
+from freqid.identify.regress.orthogonal import orthogonal_functions
+from freqid.identify.regress.regression import least_squares
+from freqid.identify.regress.structure import stepwise
 
 
 def stacked(table):

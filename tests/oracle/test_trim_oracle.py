@@ -12,8 +12,8 @@ from scipy.optimize import least_squares
 from slow_airframe import SlowAirframe, turn
 
 from freqid.core.scenario import read_scenario
-from freqid.simulate import motion
-from freqid.simulate.trim import trim
+from freqid.simulate.control.trim import trim
+from freqid.simulate.motion import whole_vehicle as motion
 
 PATH = Path(__file__).resolve().parents[2] / "scenarios" / "la8.toml"
 SCENARIO = read_scenario(PATH)[0]

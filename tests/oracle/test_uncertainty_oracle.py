@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freqid.identify.regression import least_squares
-from freqid.identify.uncertainty import (
+from freqid.identify.regress.regression import least_squares
+from freqid.identify.regress.uncertainty import (
     correct_by_autocorrelation,
     correct_coloured_lines,
     correct_coloured_samples,

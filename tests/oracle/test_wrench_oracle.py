@@ -12,8 +12,8 @@ from freqid.core.channels import si_unit
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.units import to_si
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
-from freqid.identify.fourier import FourierPlan
-from freqid.identify.wrench import applied_wrench
+from freqid.identify.loads.wrench import applied_wrench
+from freqid.identify.spectra.fourier import FourierPlan
 
 # ------------------------------------------------------------------------- exact operators
 NODES = np.arange(11)

@@ -12,8 +12,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from freqid.core.scenario import read_scenario
-from freqid.simulate import airframe, description
-from freqid.simulate.quantities import Flow, Positions, Wake
+from freqid.simulate.loads import airframe, description
+from freqid.simulate.loads.quantities import Flow, Positions, Wake
 
 SCENARIO = Path(__file__).resolve().parents[2] / "scenarios" / "la8.toml"
 WEIGHT = 28.6 * 9.80665

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from freqid.core.vehicle import Inertia, MassProperties, Rotor, Vehicle, Wing
-from freqid.simulate import attitude, delay, multibody, rigid_body
-from freqid.simulate.actuators import Motors, Servos, motor_acceleration, servo_acceleration
-from freqid.simulate.battery import BatterySection, battery, power
-from freqid.simulate.integrate import integrate, rk4
-from freqid.simulate.multibody import Configuration
-from freqid.simulate.quantities import Wrench
-from freqid.simulate.rigid_body import BodyState
+from freqid.simulate.loads.quantities import Wrench
+from freqid.simulate.motion import attitude, delay, multibody, rigid_body
+from freqid.simulate.motion.actuators import Motors, Servos, motor_acceleration, servo_acceleration
+from freqid.simulate.motion.battery import BatterySection, battery, power
+from freqid.simulate.motion.integrate import integrate, rk4
+from freqid.simulate.motion.multibody import Configuration
+from freqid.simulate.motion.rigid_body import BodyState
 
 DT = 0.005
 few = settings(max_examples=40, deadline=None, derandomize=True)

@@ -12,14 +12,15 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from freqid.core.scenario import read_scenario
-from freqid.simulate import attitude, motion
-from freqid.simulate.control import Aim, command
+from freqid.simulate.air.surroundings import calm
+from freqid.simulate.control.law import Aim, command
+from freqid.simulate.control.lq import close_loop
 from freqid.simulate.effects import library
-from freqid.simulate.integrate import integrate
-from freqid.simulate.lq import close_loop
-from freqid.simulate.quantities import Positions
-from freqid.simulate.rigid_body import BodyState
-from freqid.simulate.surroundings import calm
+from freqid.simulate.loads.quantities import Positions
+from freqid.simulate.motion import attitude
+from freqid.simulate.motion import whole_vehicle as motion
+from freqid.simulate.motion.integrate import integrate
+from freqid.simulate.motion.rigid_body import BodyState
 
 SCENARIO = read_scenario(Path(__file__).resolve().parents[2] / "scenarios" / "la8.toml")[0]
 DT, STEPS, ALTITUDE = 0.005, 200, 100.0

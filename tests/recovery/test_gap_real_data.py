@@ -10,8 +10,8 @@ from freqid.gap.diagnose import Question, diagnose
 from freqid.gap.model.changes import change
 from freqid.gap.model.tolerance import stated
 from freqid.gap.undescribed import without_vehicle
-from freqid.identify.fourier import FourierPlan
-from freqid.identify.trend import remove_trend
+from freqid.identify.spectra.fourier import FourierPlan
+from freqid.identify.spectra.trend import remove_trend
 from freqid.simulate.effects import shipped
 from freqid.simulate.effects.files import load_file
 

@@ -100,7 +100,7 @@ def test_without_noise_products_are_what_flew(flights, scenario):
 @pytest.mark.parametrize("estimator", ["least-squares", "instruments"])
 def test_a_linear_aircraft_gets_no_products(flights, scenario, estimator, monkeypatch):
     """All products are tried, whatever the distortion; more than 1 of 20 flights would be a fault."""
-    monkeypatch.setattr("freqid.identify.selection.DISTORTED", 0.0)
+    monkeypatch.setattr("freqid.identify.model.selection.DISTORTED", 0.0)
     entered = 0
     for seed in range(20):
         model, _ = identified(noisy(flights["linear"], seed), scenario, estimator, nonlinear="products")

@@ -17,8 +17,8 @@ from freqid.gap.bookkeeping.comparison import Comparison
 from freqid.gap.bookkeeping.correction import gain_of
 from freqid.gap.bookkeeping.fault import FOOT, POUND, RADIAN, Bench, Fault
 from freqid.gap.connect.differences import moved
-from freqid.identify.momentum import rotor_momentum
-from freqid.identify.smoothing import local_derivative
+from freqid.identify.loads.momentum import rotor_momentum
+from freqid.identify.spectra.smoothing import local_derivative
 
 Array = NDArray[np.float64]
 

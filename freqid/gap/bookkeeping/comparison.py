@@ -15,7 +15,7 @@ from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.vehicle import Vehicle
 from freqid.gap.bookkeeping.fault import Bench, Fault
 from freqid.gap.simulation import Simulation
-from freqid.identify.wrench import applied_wrench
+from freqid.identify.loads.wrench import applied_wrench
 
 Array = NDArray[np.float64]
 Parts = tuple[Array, Array]  # fluctuation, shape (response, sample), and level, shape (response,)

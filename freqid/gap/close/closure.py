@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from freqid.core.diagnosis import Closure, Interval, Share
+from freqid.core.results.diagnosis import Closure, Interval, Share
 from freqid.gap.close.closing import Closing
 from freqid.gap.close.fit import Fit, fit, joint_evidence, likeliest_form_error
 from freqid.gap.close.flown import Flown, motions

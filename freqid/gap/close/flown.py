@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.diagnosis import Change, Share
+from freqid.core.results.diagnosis import Change, Share
 from freqid.gap.close.own_flight import CannotFly, OwnFlight
 from freqid.gap.close.score import Scored, shares_of
 from freqid.gap.fidelity import frequency_cost

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
+from freqid.dynamics.small_motion import STATES, equations_of_motion, rotor_spin
 from freqid.gap.stack.lines import Lines
-from freqid.numerics.small_motion import STATES, equations_of_motion, rotor_spin
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

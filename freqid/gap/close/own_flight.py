@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from freqid.core.channels import WRENCH
 from freqid.core.errors import FreqidError
 from freqid.core.record import FlightRecord, Maneuver
+from freqid.dynamics.small_motion import STATES
 from freqid.gap.close.loop import Loop, feedback_on, law_of, steady_spectra
 from freqid.gap.model.replay import Replay
 from freqid.gap.model.testable import in_force_of
@@ -24,7 +25,6 @@ from freqid.gap.stack.lines import Lines
 from freqid.gap.stack.motion import own_maneuver
 from freqid.gap.stack.noise import smooth_ratio
 from freqid.gap.stack.sensor_noise import sensor_noise
-from freqid.numerics.small_motion import STATES
 from freqid.simulate.effects.effect import Effect
 
 Array = NDArray[np.float64]

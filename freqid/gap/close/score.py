@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from freqid.core.diagnosis import Change, Share
+from freqid.core.results.diagnosis import Change, Share
 from freqid.gap.close.fit import Fit
 from freqid.gap.infer.columns import Columns
 from freqid.gap.model.candidates import Candidate

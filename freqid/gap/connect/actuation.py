@@ -16,11 +16,17 @@ from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
 from freqid.gap.connect.loads import Along, torques
 from freqid.gap.simulation import Settings
-from freqid.simulate import airframe
-from freqid.simulate.actuators import Actuators, Commands, by_kind, motor_acceleration, servo_acceleration
-from freqid.simulate.battery import charge_rate, power
 from freqid.simulate.effects import actuator_delay, actuator_lag, battery_sag, rate_limit
-from freqid.simulate.integrate import rk4
+from freqid.simulate.loads import airframe
+from freqid.simulate.motion.actuators import (
+    Actuators,
+    Commands,
+    by_kind,
+    motor_acceleration,
+    servo_acceleration,
+)
+from freqid.simulate.motion.battery import charge_rate, power
+from freqid.simulate.motion.integrate import rk4
 
 Array = NDArray[np.float64]
 

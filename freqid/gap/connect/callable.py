@@ -21,7 +21,7 @@ from freqid.core.vehicle import Vehicle
 from freqid.gap.connect import answers
 from freqid.gap.connect.differences import central
 from freqid.gap.simulation import Departures, Settings, Tolerance, checked_departures
-from freqid.identify.explanatory import history
+from freqid.identify.loads.explanatory import history
 
 Array = NDArray[np.float64]
 

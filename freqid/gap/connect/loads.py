@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from freqid.simulate import airframe, attitude, multibody, wake
-from freqid.simulate.multibody import MassModel
-from freqid.simulate.quantities import Aero, Flow, Positions, Wake
+from freqid.simulate.loads import airframe, wake
+from freqid.simulate.loads.quantities import Aero, Flow, Positions, Wake
+from freqid.simulate.motion import attitude, multibody
+from freqid.simulate.motion.multibody import MassModel
 
 Array = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ from freqid.core.errors import DataError
 from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Vehicle
 from freqid.gap.simulation import Departures, Tolerance
-from freqid.simulate.actuators import Actuators, Servos
+from freqid.simulate.motion.actuators import Actuators, Servos
 
 Array = NDArray[np.float64]
 

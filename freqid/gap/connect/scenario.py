@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from freqid.core.channels import KNOWN, WRENCH, split
-from freqid.core.design import SampledInputs
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.frames import cross, specific_force_at
 from freqid.core.record import FlightRecord
+from freqid.core.results.design import SampledInputs
 from freqid.core.scenario import Reference, Scenario
 from freqid.core.vehicle import Vehicle
 from freqid.gap.connect import actuation, loads
@@ -32,17 +32,19 @@ from freqid.gap.connect.own_parameters import (
     with_departures,
 )
 from freqid.gap.simulation import Departures, Settings, Tolerance, checked_departures
-from freqid.identify.smoothing import local_derivative
-from freqid.simulate import description, motion, multibody
+from freqid.identify.spectra.smoothing import local_derivative
 from freqid.simulate import effects as library
-from freqid.simulate.actuators import by_kind
-from freqid.simulate.atmosphere import altitude_of
+from freqid.simulate.air.atmosphere import altitude_of
+from freqid.simulate.control.lq import ClosedLoop, close_loop, corridor
+from freqid.simulate.control.trim import trim
 from freqid.simulate.fly import Flight, fly, sortie
-from freqid.simulate.lq import ClosedLoop, close_loop, corridor
+from freqid.simulate.loads import description
+from freqid.simulate.loads.quantities import Flow, Positions
 from freqid.simulate.maneuver import with_effects
-from freqid.simulate.quantities import Flow, Positions
-from freqid.simulate.small_motion import HEIGHT
-from freqid.simulate.trim import trim
+from freqid.simulate.motion import multibody
+from freqid.simulate.motion import whole_vehicle as motion
+from freqid.simulate.motion.actuators import by_kind
+from freqid.simulate.motion.derivatives import HEIGHT
 from freqid.simulate.truth import truth_of
 
 Array = NDArray[np.float64]

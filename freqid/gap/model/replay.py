@@ -15,7 +15,7 @@ from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.vehicle import Vehicle
 from freqid.gap.simulation import Simulation
-from freqid.identify.explanatory import history
+from freqid.identify.loads.explanatory import history
 
 Array = NDArray[np.float64]
 

@@ -9,13 +9,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.design import MultisineDesign
 from freqid.core.errors import UsageError
 from freqid.core.excitation import Excitation
 from freqid.core.record import FlightRecord
+from freqid.core.results.design import MultisineDesign
 from freqid.core.scenario import Reference, Scenario
 from freqid.core.vehicle import Vehicle
-from freqid.design.multisine import design_multisines
+from freqid.design.multisine.orthogonal_set import design_multisines
 from freqid.gap.stack.block import Block
 
 Array = NDArray[np.float64]

@@ -113,8 +113,8 @@ def _written(flight: NextFlight | None, design_file: Path | None, scenario_sha25
     """Write a flight's design and return where it is; empty where nothing is written."""
     if flight is None or design_file is None:
         return ""
-    from freqid.core.design_file import write_design
-    from freqid.design.multisine import sampled
+    from freqid.core.results.design_file import write_design
+    from freqid.design.multisine.orthogonal_set import sampled
 
     write_design(design_file, flight.plan.design, sampled(flight.plan.design), scenario_sha256)
     return str(design_file)

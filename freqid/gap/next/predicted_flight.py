@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.design import MultisineDesign, SampledInputs
 from freqid.core.errors import DataError, ImpossibleSettings, UsageError
 from freqid.core.record import Channel, FlightRecord, Maneuver
-from freqid.design.multisine import sampled
+from freqid.core.results.design import MultisineDesign, SampledInputs
+from freqid.design.multisine.orthogonal_set import sampled
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.system import BlockMatrices
 from freqid.gap.model.candidates import Candidate

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from freqid.core.gap_self_test import SEVERAL
+from freqid.core.results.gap_self_test import SEVERAL
 from freqid.gap.infer.evidence import NONE, Evidence, Weighing
 from freqid.gap.infer.null_draws import drawn
 from freqid.gap.infer.system import Form, Reduced, System

@@ -15,9 +15,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.diagnosis import GapDiagnosis
 from freqid.core.errors import DataError
-from freqid.core.gap_self_test import (
+from freqid.core.results.diagnosis import GapDiagnosis
+from freqid.core.results.gap_self_test import (
     ENDS,
     SEVERAL,
     Rate,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.gap_self_test import SmallestSize
+from freqid.core.results.gap_self_test import SmallestSize
 from freqid.gap.infer.evidence import Evidence
 from freqid.gap.model.candidates import OTHER
 from freqid.gap.self_test.answers import Draws, Weighed, only_candidates

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from freqid.core.record import FlightRecord
 from freqid.gap.settings import MOST_LINES
 from freqid.gap.stack.histories import Histories
-from freqid.identify.fourier import FourierPlan
-from freqid.identify.line_equations import plan_of
+from freqid.identify.model.line_equations import plan_of
+from freqid.identify.spectra.fourier import FourierPlan
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -26,9 +26,9 @@ from freqid.gap.simulation import Departures, Simulation
 from freqid.gap.stack.lines import Lines
 from freqid.gap.stack.rows import angle_rates, gravity_of, sensor_lever
 from freqid.gap.stack.sensor_noise import sensor_noise
-from freqid.identify.explanatory import history
-from freqid.identify.instruments import driven_maneuvers
-from freqid.identify.smoothing import smooth
+from freqid.identify.instruments.driven import driven_maneuvers
+from freqid.identify.loads.explanatory import history
+from freqid.identify.spectra.smoothing import smooth
 from freqid.simulate.effects.along import centre
 
 Array = NDArray[np.float64]
@@ -205,7 +205,7 @@ def fed_back(record: FlightRecord) -> bool:
 
 
 def _fitted_loop(maneuver: Maneuver, lines: Lines) -> dict[str, Array]:
-    """Return motion and effectors of a closed loop fitted to the record (`freqid.identify.instruments`)."""
+    """Return motion and effectors of a fitted closed loop (`freqid.identify.instruments.driven`)."""
     record = maneuver.record
     moving = tuple(n for n in record.group("effector") if np.ptp(record[f"effector/{n}"]) > 0)
     hz = lines.hz[lines.driven] if lines.driven.any() else lines.hz[1:]

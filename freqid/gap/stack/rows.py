@@ -14,7 +14,7 @@ from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.gap.simulation import Settings, Simulation
 from freqid.gap.stack.histories import Histories, Row
-from freqid.identify.wrench import applied_wrench
+from freqid.identify.loads.wrench import applied_wrench
 
 Array = NDArray[np.float64]
 

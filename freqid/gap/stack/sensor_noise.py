@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.record import FlightRecord
-from freqid.identify.smoothing import Smoothed, smooth
+from freqid.identify.spectra.smoothing import Smoothed, smooth
 
 Array = NDArray[np.float64]
 

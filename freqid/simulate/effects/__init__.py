@@ -9,10 +9,10 @@ from functools import cache
 from math import isfinite
 from typing import Any
 
-from ...core.errors import UsageError, nearest
-from ...core.record import FlightRecord
-from ...core.vehicle import Vehicle
-from .effect import Effect
+from freqid.core.errors import UsageError, nearest
+from freqid.core.record import FlightRecord
+from freqid.core.vehicle import Vehicle
+from freqid.simulate.effects.effect import Effect
 
 Settings = dict[str, dict[str, float]]
 

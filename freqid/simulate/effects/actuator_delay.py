@@ -8,10 +8,10 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.vehicle import Vehicle
-from ..actuators import Commands
-from .effect import Effect, Parameter
-from .signals import delayed
+from freqid.core.vehicle import Vehicle
+from freqid.simulate.effects.effect import Effect, Parameter
+from freqid.simulate.effects.signals import delayed
+from freqid.simulate.motion.actuators import Commands
 
 Signals = dict[str, NDArray[np.float64]]
 

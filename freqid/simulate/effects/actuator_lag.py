@@ -8,10 +8,10 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.vehicle import Vehicle
-from .effect import Effect, Parameter
-from .places import one_each
-from .signals import lagged
+from freqid.core.vehicle import Vehicle
+from freqid.simulate.effects.effect import Effect, Parameter
+from freqid.simulate.effects.places import one_each
+from freqid.simulate.effects.signals import lagged
 
 Signals = dict[str, NDArray[np.float64]]
 

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...core.frames import cross, shaft_axis, turn_about_y
-from ...core.record import FlightRecord
-from ...core.vehicle import Rotor, Vehicle, Wing
+from freqid.core.frames import cross, shaft_axis, turn_about_y
+from freqid.core.record import FlightRecord
+from freqid.core.vehicle import Rotor, Vehicle, Wing
 
 Array = NDArray[np.float64]
 

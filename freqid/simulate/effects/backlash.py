@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.vehicle import Vehicle
-from .effect import Effect, Parameter
-from .places import one_each
+from freqid.core.vehicle import Vehicle
+from freqid.simulate.effects.effect import Effect, Parameter
+from freqid.simulate.effects.places import one_each
 
 Signals = dict[str, NDArray[np.float64]]
 

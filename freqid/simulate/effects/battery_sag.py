@@ -8,7 +8,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from .effect import Effect, Parameter
+from freqid.simulate.effects.effect import Effect, Parameter
 
 Signals = dict[str, NDArray[np.float64]]
 

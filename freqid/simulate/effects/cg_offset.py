@@ -8,8 +8,8 @@ from dataclasses import replace as changed
 import numpy as np
 from msgspec.structs import replace
 
-from ...core.vehicle import Vehicle
-from .effect import Effect, Parameter
+from freqid.core.vehicle import Vehicle
+from freqid.simulate.effects.effect import Effect, Parameter
 
 _SHARE = 0.03  # of the chord, that a weighing with a load of unknown place leaves
 

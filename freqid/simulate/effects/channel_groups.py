@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.record import FlightRecord
+from freqid.core.record import FlightRecord
 
 Array = NDArray[np.float64]
 

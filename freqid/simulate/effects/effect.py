@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Any, Literal
 
-from ...core.vehicle import Vehicle
+from freqid.core.vehicle import Vehicle
 
 Stage = Literal["command", "airframe", "mass", "sensor", "environment"]
 

@@ -8,10 +8,10 @@ from typing import Any
 import jax
 from numpy.typing import NDArray
 
-from .. import attitude
-from ..quantities import Wrench
-from . import along
-from .effect import Effect, Parameter
+from freqid.simulate.effects import along
+from freqid.simulate.effects.effect import Effect, Parameter
+from freqid.simulate.loads.quantities import Wrench
+from freqid.simulate.motion import attitude
 
 _STILL = 1e-6  # m2/s2, keeps the derivative of the speed defined at rest
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, get_args
 
-from ...core.errors import UsageError
-from . import shipped
-from .effect import Effect, Parameter, Stage
+from freqid.core.errors import UsageError
+from freqid.simulate.effects import shipped
+from freqid.simulate.effects.effect import Effect, Parameter, Stage
 
 # What every hook is called with; the stages that a hook is asked in, all where none are named.
 _ARGUMENTS = {

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.record import FlightRecord
-from .channel_groups import changed
-from .effect import Effect, Parameter
+from freqid.core.record import FlightRecord
+from freqid.simulate.effects.channel_groups import changed
+from freqid.simulate.effects.effect import Effect, Parameter
 
 _PER_METRE = 0.5  # rad of pitch that a metre of the mode's deflection turns the sensors by
 

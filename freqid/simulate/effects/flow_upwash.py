@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ...core.frames import body_velocity, flow_angles
-from ...core.record import FlightRecord
-from .along import velocity
-from .channel_groups import changed
-from .effect import Effect, Parameter
+from freqid.core.frames import body_velocity, flow_angles
+from freqid.core.record import FlightRecord
+from freqid.simulate.effects.along import velocity
+from freqid.simulate.effects.channel_groups import changed
+from freqid.simulate.effects.effect import Effect, Parameter
 
 _VELOCITY = ("state/u", "state/v", "state/w")
 

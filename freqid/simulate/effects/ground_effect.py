@@ -11,10 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import frames
-from ..quantities import Wrench
-from . import along
-from .effect import Effect, Parameter
+from freqid.simulate.effects import along
+from freqid.simulate.effects.effect import Effect, Parameter
+from freqid.simulate.loads import frames
+from freqid.simulate.loads.quantities import Wrench
 
 _LOWEST = 0.5  # radii above ground; the formula is stated from here up
 _LEAST_THRUST = 1e-3  # N, keeps the ratio of thrust and airspeed defined when both are zero

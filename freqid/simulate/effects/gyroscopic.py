@@ -9,10 +9,10 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.frames import cross
-from ..multibody import MassModel
-from . import along
-from .effect import Effect, Parameter
+from freqid.core.frames import cross
+from freqid.simulate.effects import along
+from freqid.simulate.effects.effect import Effect, Parameter
+from freqid.simulate.motion.multibody import MassModel
 
 
 def spinning(settings: dict[str, jax.Array], mass: MassModel) -> MassModel:

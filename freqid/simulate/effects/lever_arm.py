@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ...core.frames import specific_force_at
-from ...core.record import FlightRecord
-from .along import rates, slope
-from .channel_groups import changed
-from .effect import Effect, Parameter
+from freqid.core.frames import specific_force_at
+from freqid.core.record import FlightRecord
+from freqid.simulate.effects.along import rates, slope
+from freqid.simulate.effects.channel_groups import changed
+from freqid.simulate.effects.effect import Effect, Parameter
 
 _FORCES = ("state/ax", "state/ay", "state/az")
 _TURNING = ("state/pdot", "state/qdot", "state/rdot")

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from msgspec.structs import replace
 
-from ...core.vehicle import Vehicle
-from .effect import Effect, Parameter
+from freqid.core.vehicle import Vehicle
+from freqid.simulate.effects.effect import Effect, Parameter
 
 
 def _load(settings: Mapping[str, float], vehicle: Vehicle) -> Vehicle:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ...core.vehicle import Vehicle
-from . import cg_offset, inertia, mass
-from .effect import Effect, Parameter
+from freqid.core.vehicle import Vehicle
+from freqid.simulate.effects import cg_offset, inertia, mass
+from freqid.simulate.effects.effect import Effect, Parameter
 
 _PARTS = (mass.EFFECT, cg_offset.EFFECT, inertia.EFFECT)
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...core.record import FlightRecord
-from .channel_groups import changed
-from .effect import Effect, Parameter
+from freqid.core.record import FlightRecord
+from freqid.simulate.effects.channel_groups import changed
+from freqid.simulate.effects.effect import Effect, Parameter
 
 _SENSORS = {
     "imu": (("state/p", "state/q", "state/r"), ("state/ax", "state/ay", "state/az")),

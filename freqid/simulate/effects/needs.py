@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from ...core.record import FlightRecord
-from ...core.vehicle import Vehicle
-from .effect import Effect
+from freqid.core.record import FlightRecord
+from freqid.core.vehicle import Vehicle
+from freqid.simulate.effects.effect import Effect
 
 
 def unmet(

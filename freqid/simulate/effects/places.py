@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.vehicle import Vehicle
-from .. import precision as precision
-from .effect import Effect, Parameter
+from freqid.core.vehicle import Vehicle
+from freqid.simulate import precision as precision
+from freqid.simulate.effects.effect import Effect, Parameter
 
 
 def one_each(vehicle: Vehicle, like: Parameter, kinds: Collection[str]) -> dict[str, Parameter]:

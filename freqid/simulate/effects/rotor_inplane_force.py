@@ -10,10 +10,10 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.frames import cross
-from ..propeller import Discs
-from . import along
-from .effect import Effect, Parameter
+from freqid.core.frames import cross
+from freqid.simulate.effects import along
+from freqid.simulate.effects.effect import Effect, Parameter
+from freqid.simulate.loads.propeller import Discs
 
 _COEFFICIENT = 0.02  # of in-plane force and hub moment, that strength 1 stands for in a replay
 

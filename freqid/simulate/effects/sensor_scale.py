@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ...core.record import FlightRecord
-from .channel_groups import BIAS, each
-from .effect import Effect, Parameter
+from freqid.core.record import FlightRecord
+from freqid.simulate.effects.channel_groups import BIAS, each
+from freqid.simulate.effects.effect import Effect, Parameter
 
 
 def _distort(settings: Mapping[str, float], record: FlightRecord) -> FlightRecord:

@@ -10,12 +10,12 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.frames import cross, turn_about_y
-from ...core.vehicle import Rotor
-from ..propeller import Discs
-from ..slipstream import Slipstreams, added_velocity
-from . import along
-from .effect import Effect, Parameter
+from freqid.core.frames import cross, turn_about_y
+from freqid.core.vehicle import Rotor
+from freqid.simulate.effects import along
+from freqid.simulate.effects.effect import Effect, Parameter
+from freqid.simulate.loads.propeller import Discs
+from freqid.simulate.loads.slipstream import Slipstreams, added_velocity
 
 # That strength 1 stands for in a replay: lift slope, and share of a surface behind propellers.
 _SLOPE, _COVERED = 4.5, 0.7

@@ -11,11 +11,11 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.frames import cross, turn_about_y
-from .. import attitude
-from ..quantities import Wrench
-from . import along
-from .effect import Effect, Parameter
+from freqid.core.frames import cross, turn_about_y
+from freqid.simulate.effects import along
+from freqid.simulate.effects.effect import Effect, Parameter
+from freqid.simulate.loads.quantities import Wrench
+from freqid.simulate.motion import attitude
 
 _ROUNDING = 0.1  # of the onset, in the sine of the angle of attack
 _STILL = 0.01  # m2/s2

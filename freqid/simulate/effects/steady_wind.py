@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...core.frames import level_from_body
-from ...core.record import FlightRecord
-from .along import velocity
-from .channel_groups import changed
-from .effect import Effect, Parameter
+from freqid.core.frames import level_from_body
+from freqid.core.record import FlightRecord
+from freqid.simulate.effects.along import velocity
+from freqid.simulate.effects.channel_groups import changed
+from freqid.simulate.effects.effect import Effect, Parameter
 
 _VELOCITY = ("state/u", "state/v", "state/w")
 _ATTITUDE = ("state/phi", "state/theta", "state/psi")

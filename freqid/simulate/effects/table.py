@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from . import shipped
-from .effect import Effect, Parameter
+from freqid.simulate.effects import shipped
+from freqid.simulate.effects.effect import Effect, Parameter
 
 START, STOP = "<!-- effects: written by freqid.simulate.effects.table -->", "<!-- end of effects -->"
 KINDS = ("scenario", "callable", "predictions", "fmu", "jsbsim")

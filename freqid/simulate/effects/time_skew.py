@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...core.record import FlightRecord
-from ...core.vehicle import Vehicle
-from .channel_groups import changed, unwrapped
-from .effect import Effect, Parameter
-from .signals import delayed
+from freqid.core.record import FlightRecord
+from freqid.core.vehicle import Vehicle
+from freqid.simulate.effects.channel_groups import changed, unwrapped
+from freqid.simulate.effects.effect import Effect, Parameter
+from freqid.simulate.effects.signals import delayed
 
 _GROUPS = {
     "velocity": (

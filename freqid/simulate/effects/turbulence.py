@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..turbulence import gusts, low_altitude
-from .effect import Effect, Parameter
+from freqid.simulate.air.dryden import gusts, low_altitude
+from freqid.simulate.effects.effect import Effect, Parameter
 
 EFFECT = Effect(
     id="turbulence",

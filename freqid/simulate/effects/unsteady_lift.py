@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import attitude
-from ..quantities import Wrench
-from . import along
-from .effect import Effect, Parameter
+from freqid.simulate.effects import along
+from freqid.simulate.effects.effect import Effect, Parameter
+from freqid.simulate.loads.quantities import Wrench
+from freqid.simulate.motion import attitude
 
 _SLOPE = 4.5  # per rad: lift curve of a wing of usual aspect ratio
 _STILL = 0.01  # m2/s2

@@ -8,9 +8,9 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.vehicle import Vehicle
-from .effect import Effect, Parameter
-from .places import spread
+from freqid.core.vehicle import Vehicle
+from freqid.simulate.effects.effect import Effect, Parameter
+from freqid.simulate.effects.places import spread
 
 Signals = dict[str, NDArray[np.float64]]
 

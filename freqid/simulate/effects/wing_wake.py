@@ -9,10 +9,10 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.frames import cross, turn_about_y
-from ..quantities import Wake
-from . import along
-from .effect import Effect, Parameter
+from freqid.core.frames import cross, turn_about_y
+from freqid.simulate.effects import along
+from freqid.simulate.effects.effect import Effect, Parameter
+from freqid.simulate.loads.quantities import Wake
 
 # That strength 1 stands for in a replay: downwash over the front wing's normal velocity, and lift slope.
 _DOWNWASH, _SLOPE = 0.15, 4.5

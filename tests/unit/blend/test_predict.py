@@ -10,7 +10,7 @@ from freqid.blend.global_model import GlobalModel
 from freqid.blend.line_up import line_up
 from freqid.blend.predict import replay
 from freqid.core.errors import DataError
-from freqid.identify.wrench import AppliedWrench
+from freqid.identify.loads.wrench import AppliedWrench
 
 SEA = 1.225
 SPEEDS = (9.0, 10.0, 11.0, 12.0)

@@ -12,7 +12,7 @@ from freqid.compare import scenario_consequence
 from freqid.compare.consequence import Condition, compare_conditions
 from freqid.compare.diagnosis_consequence import with_consequence
 from freqid.compare.linear_loop import Actuation, LinearLoop
-from freqid.core.diagnosis import Closure, Existence, GapDiagnosis, Place, Share, Which
+from freqid.core.results.diagnosis import Closure, Existence, GapDiagnosis, Place, Share, Which
 from freqid.core.scenario import read_scenario
 from freqid.simulate import effects
 

@@ -9,7 +9,7 @@ from scipy.stats import false_discovery_control
 
 from freqid.compare.two_simulations import compare_two, difference_of, holm
 from freqid.core.errors import UsageError
-from freqid.core.rivals import Rivals
+from freqid.core.results.rivals import Rivals
 from freqid.gap.infer.system import BlockMatrices
 from freqid.simulate.effects import library
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from made_up_gap import made_up
 
-from freqid.core.diagnosis import Change, GapDiagnosis
 from freqid.core.errors import DataError
-from freqid.core.gap_file import read_gap, write_gap
+from freqid.core.results.diagnosis import Change, GapDiagnosis
+from freqid.core.results.gap_file import read_gap, write_gap
 
 
 def test_what_is_written_is_read(tmp_path):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from freqid.core.design import Multisine, MultisineDesign
+from freqid.core.results.design import Multisine, MultisineDesign
 from freqid.core.scenario import read_scenario
 
 SCENARIO = read_scenario(Path(__file__).resolve().parents[3] / "scenarios" / "linear.toml")[0]

@@ -7,9 +7,9 @@ from linear_design import VEHICLE, design
 
 from freqid.core.errors import UsageError
 from freqid.design.classic import doublet, frequency_sweep, multistep, three_two_one_one
+from freqid.design.multisine.signals import relative_peak_factor
+from freqid.design.multisine.swapped import swap_combs
 from freqid.design.sequence import in_turn
-from freqid.design.signals import relative_peak_factor
-from freqid.design.swapped import swap_combs
 
 DT = 0.02
 

@@ -8,9 +8,9 @@ from scipy.integrate import solve_ivp
 
 from freqid.core.errors import UsageError
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Rotor, Vehicle, Wing
-from freqid.design.closed_loop import STATES
-from freqid.design.excursions import excursions
-from freqid.design.rigid_body import close_loop, derivatives_of
+from freqid.design.forecast.closed_loop import STATES
+from freqid.design.forecast.excursions import excursions
+from freqid.design.forecast.perturbation_model import close_loop, derivatives_of
 
 EFFECTORS = tuple(AMPLITUDE)
 FREQUENCIES = np.array([0.05, 0.2, 0.7, 1.8])

@@ -10,8 +10,8 @@ import pytest
 from linear_design import design
 from scipy.io import loadmat
 
-from freqid.core.design import Multisine, SampledInputs
 from freqid.core.errors import DataError, UsageError
+from freqid.core.results.design import Multisine, SampledInputs
 from freqid.design.export import write_c_header, write_csv, write_lua, write_mat
 
 # Inside, on samples, between them, near both ends, outside.

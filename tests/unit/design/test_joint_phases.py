@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from freqid.core.design import Multisine
-from freqid.design import joint_phases
-from freqid.design.joint_phases import JointPhases
-from freqid.design.net_load import load_gains, net_loads
-from freqid.design.phases import lowest_peaks
-from freqid.design.power import limits_from_db
-from freqid.design.signals import relative_peak_factor
+from freqid.core.results.design import Multisine
+from freqid.design.multisine import joint_phases
+from freqid.design.multisine.joint_phases import JointPhases
+from freqid.design.multisine.net_load import load_gains, net_loads
+from freqid.design.multisine.phases import lowest_peaks
+from freqid.design.multisine.power import limits_from_db
+from freqid.design.multisine.signals import relative_peak_factor
 
 COMBS = [np.arange(3 + j, 40, 6) for j in range(6)]
 TONES = sum(comb.size for comb in COMBS)

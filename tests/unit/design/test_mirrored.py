@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from freqid.core.design import Multisine
-from freqid.design.allocation import interleave
-from freqid.design.mirrored import mirrored
-from freqid.design.net_load import load_gains, lowest_nets, net_loads
-from freqid.design.phases import lowest_peaks
+from freqid.core.results.design import Multisine
+from freqid.design.multisine.allocation import interleave
+from freqid.design.multisine.mirrored import mirrored
+from freqid.design.multisine.net_load import load_gains, lowest_nets, net_loads
+from freqid.design.multisine.phases import lowest_peaks
 
 # Two flaps that lift and roll, two ruddervators that alone push sideways, and two lifting rotors.
 LOADS = np.array(

@@ -7,16 +7,21 @@ from linear_design import AMPLITUDE, GAINS, VEHICLE
 from msgspec.structs import replace
 from scipy.signal import lsim
 
-from freqid.core.design import Multisine
 from freqid.core.excitation import Excitation
+from freqid.core.results.design import Multisine
 from freqid.core.scenario import read_scenario
-from freqid.design.excursions import excursions
-from freqid.design.multisine import design_multisines, effectiveness, excited, with_low_net_loads
-from freqid.design.net_load import load_gains, lowest_nets, net_loads, nets, peaks_by_chance, ways
-from freqid.design.phases import lowest_peaks
-from freqid.design.power import limits_from_db
-from freqid.design.rigid_body import close_loop
-from freqid.design.signals import relative_peak_factor, sample
+from freqid.design.forecast.excursions import excursions
+from freqid.design.forecast.perturbation_model import close_loop
+from freqid.design.multisine.net_load import load_gains, lowest_nets, net_loads, nets, peaks_by_chance, ways
+from freqid.design.multisine.orthogonal_set import (
+    design_multisines,
+    effectiveness,
+    excited,
+    with_low_net_loads,
+)
+from freqid.design.multisine.phases import lowest_peaks
+from freqid.design.multisine.power import limits_from_db
+from freqid.design.multisine.signals import relative_peak_factor, sample
 
 
 def signals(count=4, tones=4, seed=3):

@@ -8,11 +8,11 @@ from linear_design import AMPLITUDE, GAINS, NOISE, SCENARIO, VEHICLE, design
 
 from freqid.core.errors import UsageError
 from freqid.core.toml import overridden
-from freqid.design.excursions import excursions
-from freqid.design.forecast import forecast
-from freqid.design.limits import room
-from freqid.design.optimal import optimal_amplitudes
-from freqid.design.rigid_body import close_loop
+from freqid.design.forecast.excursions import excursions
+from freqid.design.forecast.limits import room
+from freqid.design.forecast.optimal import optimal_amplitudes
+from freqid.design.forecast.perturbation_model import close_loop
+from freqid.design.forecast.standard_errors import forecast
 
 # Without noise in the regressors the criterion and the forecast agree to the nuisance columns, which
 # do not matter for forces when there are none.

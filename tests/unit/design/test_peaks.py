@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from freqid.design.peaks import SmoothPeak, descend
-from freqid.design.signals import sample
+from freqid.design.multisine.peaks import SmoothPeak, descend
+from freqid.design.multisine.signals import sample
 
 RNG = np.random.default_rng(11)
 INDEX = np.array([3, 10, 17, 24])

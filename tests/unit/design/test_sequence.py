@@ -8,9 +8,9 @@ from scipy.signal import lsim
 
 from freqid.core.errors import UsageError
 from freqid.core.excitation import Classic, Excitation
-from freqid.design.bounds import at_least, at_most
-from freqid.design.excursions import excursions
-from freqid.design.rigid_body import close_loop
+from freqid.design.forecast.excursions import excursions
+from freqid.design.forecast.perturbation_model import close_loop
+from freqid.design.multisine.bounds import at_least, at_most
 from freqid.design.sequence import design_classic, extent
 
 TRIM = {"de": 0.0, "da": 0.0, "dr": 0.0, "n1": 420.0}

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from freqid.design.signals import (
+from freqid.design.multisine.signals import (
     crest_factor,
     relative_peak_factor,
     sample,

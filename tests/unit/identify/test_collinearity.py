@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import DataError
-from freqid.identify.regression import least_squares
+from freqid.identify.regress.regression import least_squares
 
 NAMES = ("a", "b", "c", "d", "e", "f")
 

@@ -12,10 +12,10 @@ from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Channel, Maneuver
 from freqid.core.scenario import read_scenario
 from freqid.flightlog.read import read_log
-from freqid.identify.delays import AlignmentSettings, align
-from freqid.identify.delays_point import identify_aligned
-from freqid.identify.delays_record import Misaligned
 from freqid.identify.point import identify_point, lines_of
+from freqid.identify.sensors.delays import AlignmentSettings, align
+from freqid.identify.sensors.delays_point import identify_aligned
+from freqid.identify.sensors.delays_record import Misaligned
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 SEEDS = range(8)

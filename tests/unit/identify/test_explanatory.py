@@ -10,7 +10,7 @@ import pytest
 from freqid.core.errors import DataError
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle, Wing
-from freqid.identify.explanatory import history
+from freqid.identify.loads.explanatory import history
 
 CG = np.array([0.09, 0.0, 0.03])
 VELOCITY, FLOW = ("u", "v", "w"), ("V", "alpha", "beta")

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from freqid.core.errors import DataError, UsageError
-from freqid.identify.fourier import FourierPlan, fourier, frequency_grid, harmonics
+from freqid.identify.spectra.fourier import FourierPlan, fourier, frequency_grid, harmonics
 
 
 @pytest.fixture

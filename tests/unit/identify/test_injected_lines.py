@@ -8,8 +8,8 @@ import pytest
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
-from freqid.identify.frequency_response import frequency_response
-from freqid.identify.injected_lines import injected_lines, repeated_period
+from freqid.identify.response.frequency_response import frequency_response
+from freqid.identify.response.injected_lines import injected_lines, repeated_period
 
 VEHICLE = Vehicle(name="one", mass_properties=MassProperties(mass_kg=1.0, inertia=Inertia(xx=1, yy=1, zz=1)))
 TIME = 0.02 * np.arange(2001)

@@ -10,8 +10,8 @@ from wrench_cases import RIGID
 
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Channel, Maneuver
-from freqid.identify import kinematic_fit
-from freqid.identify.flight_path import (
+from freqid.identify.sensors import kinematic_fit
+from freqid.identify.sensors.flight_path import (
     attitude_matrix,
     error_growth,
     euler_angles,
@@ -19,10 +19,10 @@ from freqid.identify.flight_path import (
     running_integral,
     skew,
 )
-from freqid.identify.kinematic_correction import corrected
-from freqid.identify.kinematic_noise import coloured_covariance
-from freqid.identify.kinematic_sensors import GROUND, VELOCITY, predicted, sensors_of
-from freqid.identify.kinematics import KinematicSettings, check_kinematics
+from freqid.identify.sensors.kinematic_correction import corrected
+from freqid.identify.sensors.kinematic_noise import coloured_covariance
+from freqid.identify.sensors.kinematic_sensors import GROUND, VELOCITY, predicted, sensors_of
+from freqid.identify.sensors.kinematics import KinematicSettings, check_kinematics
 
 ARM = (0.7, 0.1, -0.3)
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Rotor, Vehicle
-from freqid.design.rigid_body import close_loop
-from freqid.identify.loop_model import LoopModel
-from freqid.numerics.small_motion import rotor_spin
+from freqid.design.forecast.perturbation_model import close_loop
+from freqid.dynamics.small_motion import rotor_spin
+from freqid.identify.instruments.loop_model import LoopModel
 
 STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta")
 GAINS = {"de": {"theta": 0.35, "q": 0.05, "w": 0.01}, "da": {"phi": -0.3, "p": -0.05}}

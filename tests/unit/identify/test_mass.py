@@ -7,7 +7,7 @@ from wrench_cases import DT, FULL, INERTIA, RIGID, SENSOR, TILTING, TIME, motion
 
 from freqid.core.errors import UsageError
 from freqid.core.vehicle import Inertia, MassProperties, Wing
-from freqid.identify.wrench import applied_wrench
+from freqid.identify.loads.wrench import applied_wrench
 
 
 def test_wings_that_stay_where_the_mass_properties_hold_change_nothing():

@@ -8,9 +8,9 @@ from freqid.core.excitation import Excitation
 from freqid.core.identification import Identification
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
-from freqid.identify.noise_lines import Noise, correct_by_noise_lines, noise_lines, noise_power
 from freqid.identify.point import identify_point
-from freqid.identify.regression import least_squares
+from freqid.identify.regress.noise_lines import Noise, correct_by_noise_lines, noise_lines, noise_power
+from freqid.identify.regress.regression import least_squares
 
 HARMONICS = np.arange(3, 109) / 60.0
 AIRCRAFT = Vehicle(

@@ -15,14 +15,14 @@ from freqid.core.record import Maneuver
 from freqid.core.scenario import read_scenario
 from freqid.core.toml import overridden
 from freqid.flightlog.read import read_log
-from freqid.identify.explanatory import history
-from freqid.identify.fourier import FourierPlan, harmonics
-from freqid.identify.in_flight import InFlight
-from freqid.identify.parameter_history import parameter_history
+from freqid.identify.in_flight.parameter_history import parameter_history
+from freqid.identify.in_flight.recursive import RecursiveRegression
+from freqid.identify.in_flight.recursive_transform import RecursiveTransform
+from freqid.identify.in_flight.running import InFlight
+from freqid.identify.loads.explanatory import history
 from freqid.identify.point import identify_point
-from freqid.identify.recursive import RecursiveRegression
-from freqid.identify.recursive_transform import RecursiveTransform
-from freqid.identify.trend import remove_trend
+from freqid.identify.spectra.fourier import FourierPlan, harmonics
+from freqid.identify.spectra.trend import remove_trend
 
 SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
 LINES = harmonics(20.0, (0.05, 1.8))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import DataError, UsageError
-from freqid.identify.smoothing import local_derivative, smooth
+from freqid.identify.spectra.smoothing import local_derivative, smooth
 
 DT = 0.02
 TIME = DT * np.arange(501)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import DataError, UsageError
-from freqid.identify.orthogonal import orthogonal_functions
-from freqid.identify.structure import stepwise
+from freqid.identify.regress.orthogonal import orthogonal_functions
+from freqid.identify.regress.structure import stepwise
 
 BOTH = pytest.mark.parametrize("choose", [stepwise, orthogonal_functions])
 

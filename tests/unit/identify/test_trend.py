@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import UsageError
-from freqid.identify.fourier import FourierPlan, frequency_grid
-from freqid.identify.trend import remove_trend, trend_columns, up_to
+from freqid.identify.spectra.fourier import FourierPlan, frequency_grid
+from freqid.identify.spectra.trend import remove_trend, trend_columns, up_to
 
 DT = 0.1
 TIME = DT * np.arange(201)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freqid.identify.regression import least_squares
-from freqid.identify.two_stage import WeakInstruments, two_stage_least_squares
+from freqid.identify.regress.regression import least_squares
+from freqid.identify.regress.two_stage import WeakInstruments, two_stage_least_squares
 
 
 def complex_normal(rng, *shape):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import DataError, UsageError
-from freqid.identify.regression import least_squares
-from freqid.identify.uncertainty import (
+from freqid.identify.regress.regression import least_squares
+from freqid.identify.regress.uncertainty import (
     correct_by_autocorrelation,
     correct_coloured_lines,
     correct_coloured_samples,

@@ -12,7 +12,7 @@ from freqid.core.errors import DataError, UsageError
 from freqid.core.frames import specific_force_at
 from freqid.core.record import Maneuver
 from freqid.core.vehicle import Rotor
-from freqid.identify.wrench import applied_wrench, response_name
+from freqid.identify.loads.wrench import applied_wrench, response_name
 
 
 def test_a_rigid_vehicle_obeys_the_scalar_equations():

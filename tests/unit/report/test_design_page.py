@@ -13,18 +13,18 @@ import numpy as np
 import pytest
 from test_page import HOSTILE, Page
 
-from freqid.core.design import Multisine, MultisineDesign
 from freqid.core.identification import Identification
+from freqid.core.results.design import Multisine, MultisineDesign
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
-from freqid.design.excursions import excursions
-from freqid.design.forecast import forecast
-from freqid.design.merit import merit, truncated
-from freqid.design.net_load import net_loads
-from freqid.design.rigid_body import close_loop
-from freqid.report import test_card as cards
-from freqid.report.design_page import build_design_page, write_design_page
-from freqid.report.effectors import groups_of, reach, runs
-from freqid.report.flight_plan import FlightPlan, intrusions
+from freqid.design.forecast.excursions import excursions
+from freqid.design.forecast.perturbation_model import close_loop
+from freqid.design.forecast.standard_errors import forecast
+from freqid.design.multisine.merit import merit, truncated
+from freqid.design.multisine.net_load import net_loads
+from freqid.report.design import test_card as cards
+from freqid.report.design.flight_plan import FlightPlan, intrusions
+from freqid.report.design.page import build_design_page, write_design_page
+from freqid.report.kit.effectors import groups_of, reach, runs
 
 NAMES = ("de1", "de2", "da", "n1")
 DERIVATIVES = {

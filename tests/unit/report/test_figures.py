@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from freqid.core.models import Fit
+from freqid.core.results.point import Fit
 from freqid.core.spectrum import Spectrum
-from freqid.report import figures
-from freqid.report.drawing import envelope
-from freqid.report.svg import inline_svg
+from freqid.report.kit import figures
+from freqid.report.kit.drawing import envelope
+from freqid.report.kit.svg import inline_svg
 
 F = np.arange(1, 31) / 20
 Z = np.exp(3j * F) / F

@@ -8,8 +8,8 @@ import pytest
 from made_up_gap import made_up
 
 from freqid.cli.gap_texts import diagnosis_text
-from freqid.core.diagnosis import GapDiagnosis
-from freqid.report.gap_page import build_gap_page
+from freqid.core.results.diagnosis import GapDiagnosis
+from freqid.report.gap.page import build_gap_page
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ import pytest
 from made_up_gap import made_up
 
 from freqid.cli.gap_texts import diagnosis_text
-from freqid.report.gap_figures import before_after_time, heat_panels, increment_bars
-from freqid.report.gap_page import build_gap_page
+from freqid.report.gap.figures import before_after_time, heat_panels, increment_bars
+from freqid.report.gap.page import build_gap_page
 
 
 @pytest.fixture(scope="module")

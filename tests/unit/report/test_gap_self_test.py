@@ -10,10 +10,17 @@ import pytest
 from made_up_gap import made_up
 
 from freqid.cli.self_test_text import self_test_text
-from freqid.core.diagnosis import GapDiagnosis
-from freqid.core.gap_self_test import Rate, Reliability, ReliabilityBin, SelfTest, SmallestSize, Stratum
-from freqid.report.gap_page import build_gap_page
-from freqid.report.gap_self_test import confusions, summary
+from freqid.core.results.diagnosis import GapDiagnosis
+from freqid.core.results.gap_self_test import (
+    Rate,
+    Reliability,
+    ReliabilityBin,
+    SelfTest,
+    SmallestSize,
+    Stratum,
+)
+from freqid.report.gap.page import build_gap_page
+from freqid.report.gap.self_test import confusions, summary
 
 
 def rate(count, of):

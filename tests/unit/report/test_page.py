@@ -13,8 +13,8 @@ import pytest
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord
 from freqid.core.scenario import Gates
-from freqid.report.page import build_page
-from freqid.report.rendering import write_text
+from freqid.report.kit.rendering import write_text
+from freqid.report.point.page import build_page
 
 VOID = {"meta", "br", "hr", "img", "link", "input"}
 PLAIN = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻−", "0123456789--")

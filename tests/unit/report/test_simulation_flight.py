@@ -16,8 +16,8 @@ from test_page import Page
 
 from freqid.cli import flight_page
 from freqid.cli.simulate import command
-from freqid.report import simulation_page
-from freqid.report.simulation_tables import SimulatedFlight
+from freqid.report.flight import page as simulation_page
+from freqid.report.flight.tables import SimulatedFlight
 
 CONDITIONS = ("u45", "u50", "u45-1500m", "u50-1500m")
 
@@ -84,7 +84,7 @@ def test_trims_of_both_densities_are_those_that_are_flown(written):
 
 def test_a_condition_without_trim_is_left_out(written, monkeypatch):
     from freqid.core.errors import UsageError
-    from freqid.simulate import trim as trims
+    from freqid.simulate.control import trim as trims
 
     def refuse(scenario, parameters, reference):
         if reference.id == "u50-1500m":

@@ -12,10 +12,10 @@ import pytest
 from simulated_flights import film_record, scenario_of
 from test_page import HOSTILE, Page
 
-from freqid.report.rendering import write_text
-from freqid.report.simulation_page import build_simulation_page
-from freqid.report.simulation_tables import SimulatedFlight, effector_rows, excursion_rows, facts, findings
-from freqid.report.simulation_trims import TrimCurve
+from freqid.report.flight.page import build_simulation_page
+from freqid.report.flight.tables import SimulatedFlight, effector_rows, excursion_rows, facts, findings
+from freqid.report.flight.trims import TrimCurve
+from freqid.report.kit.rendering import write_text
 
 EXCURSIONS = {
     "u": {"largest": 20.0, "unit": "m/s"},

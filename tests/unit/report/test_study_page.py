@@ -14,18 +14,18 @@ from test_page import HOSTILE, Page
 
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.line_up import line_up
-from freqid.core.design import Multisine, MultisineDesign
 from freqid.core.identification import Identification
-from freqid.core.models import ErrorsInVariables, ResponseModel
 from freqid.core.record import Channel, FlightRecord, Maneuver
+from freqid.core.results.design import Multisine, MultisineDesign
+from freqid.core.results.point import ErrorsInVariables, ResponseModel
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
-from freqid.design.signals import sample
-from freqid.identify.parameter_history import parameter_history
+from freqid.design.multisine.signals import sample
+from freqid.identify.in_flight.parameter_history import parameter_history
 from freqid.identify.point import identify_point, predict
-from freqid.report.rendering import write_text
-from freqid.report.study_page import HeldOut, StudiedPoint, StudyResults, build_study_page
-from freqid.report.study_tables import condition_rows, held_out_rows
+from freqid.report.kit.rendering import write_text
+from freqid.report.study.page import HeldOut, StudiedPoint, StudyResults, build_study_page
+from freqid.report.study.tables import condition_rows, held_out_rows
 
 EFFECTORS = ("de1", "de2", "dr1", "n1")
 REGRESSORS = {"Z": ("u", "w", "q", "de1", "de2", "n1"), "N": ("v", "r", "dr1")}

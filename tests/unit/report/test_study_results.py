@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from test_study_page import DENSITIES, results
 
-from freqid.core.models import Fit
+from freqid.core.results.point import Fit
 from freqid.core.scenario import Reference
-from freqid.identify.parameter_history import ParameterHistory
-from freqid.report.study_results import (
+from freqid.identify.in_flight.parameter_history import ParameterHistory
+from freqid.report.study.results import (
     HeldOut,
     densities,
     rmse_inside,

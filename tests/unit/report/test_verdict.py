@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from freqid.core.models import Fit
+from freqid.core.results.point import Fit
 from freqid.core.scenario import Gates
-from freqid.report.verdict import crosses_zero, missed_by_response, verdict
+from freqid.report.point.verdict import crosses_zero, missed_by_response, verdict
 
 
 def said(model, gates=None) -> list[tuple[str, str]]:

@@ -6,8 +6,8 @@ import pytest
 from freqid.core.errors import UsageError
 from freqid.core.toml import convert
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
-from freqid.simulate import delay
-from freqid.simulate.actuators import (
+from freqid.simulate.motion import delay
+from freqid.simulate.motion.actuators import (
     ActuatorSection,
     Motors,
     Servos,
@@ -15,8 +15,8 @@ from freqid.simulate.actuators import (
     motor_acceleration,
     servo_acceleration,
 )
-from freqid.simulate.battery import BatterySection, battery, charge_rate, power
-from freqid.simulate.integrate import integrate, rk4
+from freqid.simulate.motion.battery import BatterySection, battery, charge_rate, power
+from freqid.simulate.motion.integrate import integrate, rk4
 
 DT = 0.005
 

@@ -12,10 +12,11 @@ from scipy.optimize import least_squares
 
 from freqid.core.scenario import read_scenario
 from freqid.core.units import STANDARD_GRAVITY
-from freqid.simulate import airframe, description, multibody
 from freqid.simulate.effects.effect import Effect, Parameter
-from freqid.simulate.quantities import Aero, Flow, Positions, Wake, Wrench
-from freqid.simulate.wake import convection_time
+from freqid.simulate.loads import airframe, description
+from freqid.simulate.loads.quantities import Aero, Flow, Positions, Wake, Wrench
+from freqid.simulate.loads.wake import convection_time
+from freqid.simulate.motion import multibody
 
 SCENARIO = read_scenario(Path(__file__).resolve().parents[3] / "scenarios" / "la8.toml")[0]
 VEHICLE = SCENARIO.aircraft()

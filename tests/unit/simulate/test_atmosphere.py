@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from freqid.simulate.atmosphere import air, altitude_of
+from freqid.simulate.air.atmosphere import air, altitude_of
 
 
 @pytest.mark.parametrize("altitude", [-500.0, 0.0, 1234.5, 10_500.0])

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from freqid.core.scenario import read_scenario
-from freqid.simulate import attitude
-from freqid.simulate.control import Aim, command
-from freqid.simulate.lq import close_loop
-from freqid.simulate.rigid_body import BodyState
+from freqid.simulate.control.law import Aim, command
+from freqid.simulate.control.lq import close_loop
+from freqid.simulate.motion import attitude
+from freqid.simulate.motion.rigid_body import BodyState
 
 SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]
 

@@ -11,8 +11,8 @@ import pytest
 from freqid.core.errors import UsageError
 from freqid.core.scenario import Scenario, read_scenario
 from freqid.simulate import effects
-from freqid.simulate.description import parameters
 from freqid.simulate.effects import library
+from freqid.simulate.loads.description import parameters
 
 SCENARIO = read_scenario(Path(__file__).resolve().parents[3] / "scenarios" / "la8.toml")[0]
 

@@ -8,16 +8,16 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.signal import lsim
 
-from freqid.core.design import SampledInputs
 from freqid.core.errors import UsageError
+from freqid.core.results.design import SampledInputs
 from freqid.core.scenario import read_scenario
-from freqid.simulate import attitude
 from freqid.simulate import fly as module
+from freqid.simulate.control.linearize import STATES, linearize
+from freqid.simulate.control.lq import ClosedLoop, close_loop
+from freqid.simulate.control.trim import trim
 from freqid.simulate.fly import DT, EVERY, LIMITS, fly, fly_batch, sortie
-from freqid.simulate.linearize import STATES, linearize
-from freqid.simulate.lq import ClosedLoop, close_loop
 from freqid.simulate.maneuver import with_effects
-from freqid.simulate.trim import trim
+from freqid.simulate.motion import attitude
 from freqid.simulate.truth import truth_of
 
 SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]

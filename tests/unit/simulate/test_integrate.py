@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import UsageError
-from freqid.simulate.integrate import divergence, integrate, rk4
+from freqid.simulate.motion.integrate import divergence, integrate, rk4
 
 DT = 0.01
 TIME = np.arange(200) * DT

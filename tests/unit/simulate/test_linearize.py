@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from freqid.core.scenario import read_scenario
-from freqid.simulate import motion
-from freqid.simulate.actuators import by_kind
-from freqid.simulate.linearize import STATES, linearize
-from freqid.simulate.small_motion import small_motion
-from freqid.simulate.trim import trim
+from freqid.simulate.control.linearize import STATES, linearize
+from freqid.simulate.control.trim import trim
+from freqid.simulate.motion import whole_vehicle as motion
+from freqid.simulate.motion.actuators import by_kind
+from freqid.simulate.motion.derivatives import small_motion
 
 SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]
 EFFECTORS = [effector.name for effector in SCENARIO.effector]

@@ -10,10 +10,10 @@ import pytest
 
 from freqid.core.errors import UsageError
 from freqid.core.scenario import Reference, read_scenario
-from freqid.simulate import motion
-from freqid.simulate.linearize import linearize
-from freqid.simulate.lq import close_loop, corridor, design_law
-from freqid.simulate.trim import trim
+from freqid.simulate.control.linearize import linearize
+from freqid.simulate.control.lq import close_loop, corridor, design_law
+from freqid.simulate.control.trim import trim
+from freqid.simulate.motion import whole_vehicle as motion
 
 SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]
 KINDS = [effector.kind for effector in SCENARIO.effector]

@@ -8,8 +8,8 @@ import pytest
 from freqid.core.channels import split
 from freqid.core.errors import UsageError
 from freqid.core.scenario import read_scenario
-from freqid.identify.flight_path import attitude_matrix
-from freqid.simulate.lq import close_loop
+from freqid.identify.sensors.flight_path import attitude_matrix
+from freqid.simulate.control.lq import close_loop
 from freqid.simulate.maneuver import Conditions, fly_maneuver, with_effects
 from freqid.simulate.sensors import scaled, suite
 

@@ -11,14 +11,16 @@ import pytest
 
 from freqid.core.errors import UsageError
 from freqid.core.scenario import read_scenario
-from freqid.simulate import attitude, motion, wake
-from freqid.simulate.actuators import Commands
-from freqid.simulate.airframe import Situation
+from freqid.simulate.air.surroundings import Surroundings, calm, relative_flow, windy
 from freqid.simulate.effects import ground_effect, turbulence
-from freqid.simulate.integrate import integrate
-from freqid.simulate.quantities import Aero, Flow, Positions, Wake, Wrench
-from freqid.simulate.rigid_body import BodyState
-from freqid.simulate.surroundings import Surroundings, calm, relative_flow, windy
+from freqid.simulate.loads import wake
+from freqid.simulate.loads.airframe import Situation
+from freqid.simulate.loads.quantities import Aero, Flow, Positions, Wake, Wrench
+from freqid.simulate.motion import attitude
+from freqid.simulate.motion import whole_vehicle as motion
+from freqid.simulate.motion.actuators import Commands
+from freqid.simulate.motion.integrate import integrate
+from freqid.simulate.motion.rigid_body import BodyState
 
 SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]
 DT, STEPS = 0.005, 160

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from freqid.simulate.propeller import Propellers, discs
+from freqid.simulate.loads.propeller import Propellers, discs
 
 D, RHO = 0.4064, 1.2
 THRUST, TORQUE = [0.095, -0.039, -0.136, -0.035], [0.0049, 0.0020, 0.0015, -0.020]

@@ -7,10 +7,10 @@ import pytest
 
 from freqid.core.errors import UsageError
 from freqid.core.vehicle import Inertia, MassProperties, Rotor, Vehicle, Wing
-from freqid.simulate import attitude, multibody, rigid_body
-from freqid.simulate.multibody import Configuration
-from freqid.simulate.quantities import Wrench
-from freqid.simulate.rigid_body import BodyState
+from freqid.simulate.loads.quantities import Wrench
+from freqid.simulate.motion import attitude, multibody, rigid_body
+from freqid.simulate.motion.multibody import Configuration
+from freqid.simulate.motion.rigid_body import BodyState
 
 INERTIA = Inertia(xx=4.0, yy=7.0, zz=9.0, xz=0.2)
 WING = Wing(

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from freqid.simulate.propeller import Discs
-from freqid.simulate.slipstream import Slipstreams, added_velocity, induced_velocity
+from freqid.simulate.loads.propeller import Discs
+from freqid.simulate.loads.slipstream import Slipstreams, added_velocity, induced_velocity
 
 R, RHO = 0.2032, 1.2
 AREA = np.pi * R**2

@@ -10,8 +10,8 @@ import pytest
 
 from freqid.core.errors import UsageError
 from freqid.core.scenario import Reference, read_scenario
-from freqid.simulate import motion
-from freqid.simulate.trim import EQUATIONS, HEIGHT, _balance, trim
+from freqid.simulate.control.trim import EQUATIONS, HEIGHT, _balance, trim
+from freqid.simulate.motion import whole_vehicle as motion
 
 SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]
 WEIGHT = 28.6 * 9.80665

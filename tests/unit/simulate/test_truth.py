@@ -8,8 +8,8 @@ import pytest
 from freqid.core.errors import DataError
 from freqid.core.record_file import read_record, write_record
 from freqid.core.scenario import read_scenario
+from freqid.simulate.control.lq import close_loop
 from freqid.simulate.fly import fly, sortie
-from freqid.simulate.lq import close_loop
 from freqid.simulate.truth import beside, read_truth, truth_of, write_truth
 
 SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]

@@ -6,7 +6,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from freqid.core.errors import UsageError
 from freqid.core.scenario import read_scenario
-from freqid.simulate.turbulence import gusts, low_altitude, steady_wind
+from freqid.simulate.air.dryden import gusts, low_altitude, steady_wind
 
 SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]
 

@@ -11,7 +11,7 @@ from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Rotor, Vehicle
 from freqid.gap.bookkeeping.check import check
 from freqid.gap.bookkeeping.gyroscopic import rotor_account, without_rotor_inertia
-from freqid.identify.wrench import applied_wrench
+from freqid.identify.loads.wrench import applied_wrench
 
 RATE, DURATION = 50.0, 30.0
 TIME = np.arange(round(RATE * DURATION) + 1) / RATE

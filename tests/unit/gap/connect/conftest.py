@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from freqid.core.design import SampledInputs
+from freqid.core.results.design import SampledInputs
 from freqid.core.scenario import read_scenario
-from freqid.simulate.lq import close_loop
+from freqid.simulate.control.lq import close_loop
 from freqid.simulate.maneuver import Conditions, fly_maneuver
 
 SCENARIO = Path(__file__).parents[4] / "scenarios" / "la8.toml"

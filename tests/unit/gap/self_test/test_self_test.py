@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from freqid.core.diagnosis import GapDiagnosis
+from freqid.core.results.diagnosis import GapDiagnosis
 from freqid.gap.self_test.answers import Answer
 from freqid.gap.self_test.self_test import DETECTABILITIES, reliability, self_test, with_self_test
 

@@ -10,15 +10,17 @@ import msgspec
 import numpy as np
 import pytest
 
-from freqid.core.design import SampledInputs
 from freqid.core.frames import cross
+from freqid.core.results.design import SampledInputs
 from freqid.core.scenario import read_scenario
 from freqid.gap.model.replay import Replay
-from freqid.simulate import airframe, effects, motion
-from freqid.simulate.airframe import Situation
+from freqid.simulate import effects
+from freqid.simulate.control.lq import close_loop
 from freqid.simulate.fly import fly, sortie
-from freqid.simulate.lq import close_loop
+from freqid.simulate.loads import airframe
+from freqid.simulate.loads.airframe import Situation
 from freqid.simulate.maneuver import with_effects
+from freqid.simulate.motion import whole_vehicle as motion
 from freqid.simulate.truth import truth_of
 
 WHOLE = read_scenario(Path(__file__).parents[4] / "scenarios" / "la8.toml")[0]

@@ -1,0 +1,106 @@
+"""Point models lined up along the transition corridor: what a global model is blended from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.errors import UsageError, nearest
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class KnotResponse:
+    """One response at all knots, as the point models have it.
+
+    ``response = bias[k] + sum_j estimate[j, k] (regressor[j] - trim[j, k])`` at knot k
+
+    Attributes
+    ----------
+    response, unit : str
+        Name and SI unit.
+    regressors, regressor_units : tuple of str, length p
+    trim : ndarray, shape (p, knot)
+        Values of the regressors that each model is expanded about.
+    regressor_rms : ndarray, shape (p, knot)
+        What each regressor was moved by when the point was identified.
+    estimate : ndarray, shape (p, knot)
+        Unit of the response per unit of the regressor, at the density of the knot.
+    covariance : ndarray, shape (knot, p, p)
+        Of the estimates; knots are independent of each other.
+    bias, bias_std_error : ndarray, shape (knot,)
+        Response at the trim; its error is independent of the estimates'.
+    """
+
+    response: str
+    unit: str
+    regressors: tuple[str, ...]
+    regressor_units: tuple[str, ...]
+    trim: Array
+    regressor_rms: Array
+    estimate: Array
+    covariance: Array
+    bias: Array
+    bias_std_error: Array
+
+    @property
+    def std_error(self) -> Array:
+        """Standard errors of the estimates, shape (p, knot)."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)).T
+
+
+@dataclass(frozen=True)
+class Corridor:
+    """Point models of one aircraft, sorted by line and speed.
+
+    Attributes
+    ----------
+    ids : tuple of str, length knot
+        Of the reference conditions.
+    u, rho : ndarray, shape (knot,)
+        True speed, m/s, and air density, kg/m3.
+    tilt : ndarray, shape (2, knot)
+        Front and rear wing tilt ``dw1 dw2``, rad.
+    line : ndarray of int, shape (knot,)
+        Which line of the corridor a knot belongs to, from 0; lines ascend in density.
+    responses : mapping of str to KnotResponse
+    form : {"force", "specific", "coefficient"}
+    vehicle : str
+    highest_hz : float
+        Highest frequency that all points were identified at; nan where some were in time.
+    provenance : dict
+        Files of the points and their own provenance; JSON-compatible.
+    """
+
+    ids: tuple[str, ...]
+    u: Array
+    rho: Array
+    tilt: Array
+    line: NDArray[np.int64]
+    responses: Mapping[str, KnotResponse]
+    form: str
+    vehicle: str
+    highest_hz: float = float("nan")
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __getitem__(self, response: str) -> KnotResponse:
+        try:
+            return self.responses[response]
+        except KeyError:
+            raise UsageError(
+                f"the model has no response '{response}'", remedy=nearest(response, self.responses)
+            ) from None
+
+    @property
+    def units(self) -> dict[str, str]:
+        """SI unit by regressor, over all responses."""
+        return {
+            name: unit
+            for r in self.responses.values()
+            for name, unit in zip(r.regressors, r.regressor_units, strict=True)
+        }

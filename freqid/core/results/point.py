@@ -1,0 +1,265 @@
+"""What identification gives: a point model of the applied wrench at one reference condition."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.errors import UsageError, nearest
+from freqid.core.scenario import Gates, Reference
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A response as measured and as the model gives it, on frequencies or samples.
+
+    Attributes
+    ----------
+    axis : ndarray, shape (n,)
+        Frequencies in Hz, or times in s.
+    measured, modelled : ndarray, shape (n,)
+        Complex transforms on frequencies, real values in time.
+    noise : ndarray, shape (n,), optional
+        On frequencies, where noise lines tell it: rms magnitude of a residual that is noise alone, allowing
+        for what the fit takes of it.
+    """
+
+    axis: Array
+    measured: NDArray[Any]
+    modelled: NDArray[Any]
+    noise: Array | None = None
+
+    @property
+    def residual(self) -> NDArray[Any]:
+        """Measured less modelled, shape (n,)."""
+        return self.measured - self.modelled
+
+    @property
+    def r2(self) -> float:
+        """Share of the measured energy that the model explains; about the mean in time."""
+        centre = 0.0 if np.iscomplexobj(self.measured) else self.measured.mean()
+        total = np.sum(np.abs(self.measured - centre) ** 2)
+        return float(1 - np.sum(np.abs(self.residual) ** 2) / total) if total else float("nan")
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residual."""
+        return float(np.sqrt(np.mean(np.abs(self.residual) ** 2)))
+
+
+@dataclass(frozen=True)
+class ErrorsInVariables:
+    """Least squares beside an estimate by instruments, and where noise in the regressors tells them apart.
+
+    Attributes
+    ----------
+    estimate, std_error : ndarray, shape (p,)
+        By least squares, unit of the response per unit of the regressor.
+    difference_std_error : ndarray, shape (p,)
+        Standard deviation of instruments less least squares, were the regressors free of noise.
+    critical : ndarray, shape (p,)
+        What the difference over its standard deviation would then exceed in any of the p parameters
+        with the probability that the confidence level leaves.
+    strength : ndarray, shape (p,)
+        First-stage F statistic of each regressor; below ten its instrument is too weak.
+    """
+
+    estimate: Array
+    std_error: Array
+    difference_std_error: Array
+    critical: Array
+    strength: Array
+
+
+@dataclass(frozen=True)
+class ResponseModel:
+    """One response as a linear function of p regressors about the reference, with its uncertainty.
+
+    ``response = bias + sum_j estimate[j] (regressor[j] - trim[j])``
+
+    Attributes
+    ----------
+    response, unit : str
+        Name and SI unit.
+    regressors, regressor_units : tuple of str, length p
+    trim : ndarray, shape (p,)
+        Values of the regressors that the model is expanded about.
+    regressor_rms : ndarray, shape (p,)
+        Of the regressors over the manoeuvre, about a straight line: what each was moved by.
+    estimate, std_error : ndarray, shape (p,)
+        Unit of the response per unit of the regressor.
+    covariance : ndarray, shape (p, p)
+    lower, upper : ndarray, shape (p,)
+        Confidence limits at the level of the identification.
+    bias, bias_std_error : float
+        Response at the trim, from the time domain.
+    r2, pse, rmse, fit_error : float
+        Coefficient of determination; predicted squared error of one real equation; rms of the residual
+        in the band of the fit, in the response's unit; standard deviation of one real equation.
+    t_statistic, variance_inflation : ndarray, shape (p,)
+    correlation : ndarray, shape (p, p)
+        Of the parameters' errors.
+    condition_index : ndarray, shape (n,)
+        Of the n = p + nuisance columns; the last is the condition number.
+    variance_proportion : ndarray, shape (n, p)
+        Share of each parameter's variance by condition index.
+    inseparable : tuple of tuple of str
+        Groups of parameters that the data cannot tell apart.
+    fit : mapping of str to Fit
+        ``"frequency"`` where lines were regressed, and ``"time"``, then up to the highest line. Further
+        manoeuvres of the same fit follow as ``"frequency 2"``, ``"time 2"`` and so on.
+    errors_in_variables : ErrorsInVariables, optional
+        Where the estimate is by instruments: what least squares says beside it.
+    distortion : float, optional
+        Power of the residual on the harmonics over that of noise, where noise lines tell it: one for a
+        response that is linear as far as noise shows.
+    r2_ceiling : float, optional
+        What `r2` would be were the residual on the harmonics noise alone, likewise; a fit may chance to
+        exceed it.
+    """
+
+    response: str
+    unit: str
+    regressors: tuple[str, ...]
+    regressor_units: tuple[str, ...]
+    trim: Array
+    regressor_rms: Array
+    estimate: Array
+    std_error: Array
+    covariance: Array
+    lower: Array
+    upper: Array
+    bias: float
+    bias_std_error: float
+    r2: float
+    pse: float
+    rmse: float
+    fit_error: float
+    t_statistic: Array
+    variance_inflation: Array
+    correlation: Array
+    condition_index: Array
+    variance_proportion: Array
+    inseparable: tuple[tuple[str, ...], ...]
+    fit: Mapping[str, Fit]
+    errors_in_variables: ErrorsInVariables | None = None
+    distortion: float | None = None
+    r2_ceiling: float | None = None
+
+    @property
+    def normalised_difference(self) -> Array:
+        """Instruments less least squares over its standard deviation, shape (p,); nan without both."""
+        beside = self.errors_in_variables
+        if beside is None:
+            return np.full(len(self.regressors), np.nan)
+        with np.errstate(invalid="ignore", divide="ignore"):  # no noise, no difference: nan
+            return (self.estimate - beside.estimate) / beside.difference_std_error
+
+    @property
+    def differing(self) -> tuple[str, ...]:
+        """Parameters whose two estimates differ beyond noise; empty without both."""
+        if self.errors_in_variables is None:
+            return ()
+        beyond = np.abs(self.normalised_difference) > self.errors_in_variables.critical
+        return tuple(name for name, b in zip(self.regressors, beyond, strict=True) if b)
+
+    @property
+    def condition_number(self) -> float:
+        """Ratio of largest to smallest singular value of the scaled columns."""
+        return float(self.condition_index[-1])
+
+    def __getitem__(self, regressor: str) -> tuple[float, float]:
+        """Return estimate and standard error of one parameter, or of ``"bias"``."""
+        if regressor == "bias":
+            return self.bias, self.bias_std_error
+        if regressor not in self.regressors:
+            raise UsageError(
+                f"response '{self.response}' has no parameter '{regressor}'",
+                remedy=nearest(regressor, (*self.regressors, "bias")),
+            )
+        j = self.regressors.index(regressor)
+        return float(self.estimate[j]), float(self.std_error[j])
+
+
+@dataclass(frozen=True)
+class PointModel:
+    """Responses identified at one reference condition.
+
+    Attributes
+    ----------
+    reference : Reference
+    responses : mapping of str to ResponseModel
+    method : {"frequency", "time"}
+    form : {"force", "specific", "coefficient"}
+    axes : {"body", "stability"}
+    confidence : float
+        Level of the intervals.
+    duration : float
+        Length of the manoeuvre, or of all together, s.
+    vehicle : str
+    provenance : dict
+        Records, scenario and settings; JSON-compatible.
+    prediction : mapping of str to Fit
+        By response: history of a manoeuvre that was not used, measured and as the model predicts it.
+    estimator : {"least-squares", "instruments"}
+    remarks : tuple of str
+        What a reader should know before using the model, one sentence each.
+    """
+
+    reference: Reference
+    responses: Mapping[str, ResponseModel]
+    method: str
+    form: str
+    axes: str
+    confidence: float
+    duration: float
+    vehicle: str
+    provenance: dict[str, Any] = field(default_factory=dict)
+    prediction: Mapping[str, Fit] = field(default_factory=dict)
+    estimator: str = "least-squares"
+    remarks: tuple[str, ...] = ()
+
+    def __getitem__(self, response: str) -> ResponseModel:
+        try:
+            return self.responses[response]
+        except KeyError:
+            raise UsageError(
+                f"the model has no response '{response}'", remedy=nearest(response, self.responses)
+            ) from None
+
+
+@dataclass(frozen=True)
+class MissedGate:
+    """A figure of merit that is not what the scenario asks for.
+
+    Attributes
+    ----------
+    response : str
+    figure : str
+        ``"R2"`` or ``"condition number"``.
+    found, gate : float
+    """
+
+    response: str
+    figure: str
+    found: float
+    gate: float
+
+
+def missed_gates(model: PointModel, gates: Gates) -> list[MissedGate]:
+    """Return the gates that a model misses; a figure that is not a number misses its gate."""
+    missed = []
+    for name, response in model.responses.items():
+        asked = gates.r2.get(name) if isinstance(gates.r2, dict) else gates.r2
+        if asked is not None and not response.r2 >= asked:
+            missed.append(MissedGate(name, "R2", response.r2, asked))
+        bound = gates.condition_number
+        if bound is not None and not response.condition_number <= bound:
+            missed.append(MissedGate(name, "condition number", response.condition_number, bound))
+    return missed

@@ -1,0 +1,181 @@
+"""What a flight will buy: expected standard errors of every parameter, before it is flown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.channels import WRENCH
+from freqid.core.identification import Identification
+from freqid.core.results.design import MultisineDesign
+from freqid.core.vehicle import Vector
+from freqid.design.forecast.closed_loop import ClosedLoop
+from freqid.design.forecast.experiment import Equation, Experiment
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseForecast:
+    """What least squares will find for one response.
+
+    Attributes
+    ----------
+    response, unit : str
+        Among X Y Z L M N; N or N m.
+    regressors : tuple of str, length p
+    parameter : ndarray, shape (p,)
+        As the model has them, unit of the response per unit of the regressor.
+    std_error : ndarray, shape (p,)
+        Scatter of the estimates from flight to flight.
+    bias : ndarray, shape (p,)
+        What noise in the regressors adds to the estimates on average; instruments take it away.
+    covariance : ndarray, shape (p, p)
+    """
+
+    response: str
+    unit: str
+    regressors: tuple[str, ...]
+    parameter: Array
+    std_error: Array
+    bias: Array
+    covariance: Array
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation of the parameters' errors, shape (p, p)."""
+        return self.covariance / np.outer(self.std_error, self.std_error)
+
+    @property
+    def det_figure(self) -> float:
+        """``det(F)^(1/p)`` with F the inverse covariance: mean information per parameter, own units."""
+        # By the correlation: the covariance of parameters with mixed units is badly scaled.
+        log_det = np.linalg.slogdet(self.correlation)[1] + 2 * np.log(self.std_error).sum()
+        return float(np.exp(-log_det / len(self.std_error)))
+
+    @property
+    def trace_figure(self) -> float:
+        """``trace(F^-1) / p``: mean variance of the parameters, own units."""
+        return float(np.mean(self.std_error**2))
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """Expected accuracy of a point model that is identified from a design.
+
+    Attributes
+    ----------
+    design : MultisineDesign
+        As flown, with its number of periods.
+    responses : mapping of str to ResponseForecast
+    """
+
+    design: MultisineDesign
+    responses: Mapping[str, ResponseForecast]
+
+    def __getitem__(self, response: str) -> ResponseForecast:
+        return self.responses[response]
+
+    @property
+    def det_figure(self) -> float:
+        """``det(F)^(1/p)`` over all parameters of all responses."""
+        count = [len(r.regressors) for r in self.responses.values()]
+        return float(
+            np.exp(np.average([np.log(r.det_figure) for r in self.responses.values()], weights=count))
+        )
+
+
+def forecast(
+    design: MultisineDesign,
+    loop: ClosedLoop,
+    settings: Identification,
+    noise: Mapping[str, float],
+    *,
+    accelerometer_m: Vector | None = None,
+) -> Forecast:
+    """Forecast the standard errors of equation error on the lines of a design.
+
+    Parameters
+    ----------
+    design : MultisineDesign
+    loop : ClosedLoop
+        The aircraft as it is thought to be.
+    settings : Identification
+        Responses and regressors; forces and moments in body axes.
+    noise : mapping of str to float
+        One sigma of a sample, white, SI, of every channel that is needed: states in the regressors, rates
+        for moments, ``ax ay az`` for forces, effectors.
+    accelerometer_m : tuple of 3 floats, optional
+        Position in vehicle axes, m; the centre of gravity where absent.
+
+    Returns
+    -------
+    Forecast
+
+    Raises
+    ------
+    UsageError
+        Where a noise level is missing, a regressor does not move, or the design cannot separate some.
+
+    Notes
+    -----
+    With X the regressors' transforms, R the covariance of the noise in them on a line, e the residual that
+    noise leaves (the response's own and ``- theta^T`` the regressors'), d the residual that bias leaves,
+    S = E|e|^2 and c = E[conj(noise in X) e], sums over the lines::
+
+        H     = Re sum (conj(X) X^T + R)
+        theta = H^-1 Re sum (conj(X) z + E[conj(noise in X) noise in z])
+        W     = 1/2 Re sum (conj(X) X^T S + conj(X) d c^T + (..)^H + |d|^2 R + R S + c c^T)
+        Cov   = H^-1 W H^-1
+
+    which is exact for Gaussian noise on independent lines but for the scatter of H itself. It holds for the
+    steady state; plain least squares is what is forecast, not a weighted one. Derivation, and how it
+    compares with Monte Carlo: docs/theory/forecast.md.
+
+    References
+    ----------
+    Klein & Morelli, *Aircraft System Identification*, 2nd ed., ch. 7 (complex least squares) and ch. 9
+    (experiment design). Fuller, *Measurement Error Models*, 1987, ch. 1, for noisy regressors.
+    """
+    experiment = Experiment.of(design, loop, settings, noise, accelerometer_m)
+    return Forecast(design, {r: _least_squares(experiment.equation(r)) for r in settings.responses})
+
+
+def _least_squares(equation: Equation) -> ResponseForecast:
+    """Forecast one response; columns are scaled to unit length so that units do not spoil the algebra."""
+    x, z = equation.columns, equation.response
+    length = np.linalg.norm(x, axis=1)
+    x, g = x / length[:, None], equation.column_noise / length[:, None]
+    k, v = equation.response_noise, equation.variance
+    lines = z.size
+    r = (g * v) @ g.T
+
+    signal = (x.conj() @ x.T).real
+    projection = (x.conj() @ z).real
+    clean = np.linalg.solve(signal, projection)
+    normal = signal + lines * r
+    theta = np.linalg.solve(normal, projection + (k.real @ (g * v).T).sum(axis=0))
+
+    e = k - theta @ g  # what each sensor's noise does to the residual, by line
+    d = z - theta @ x
+    s = np.abs(e) ** 2 @ v
+    c = e @ (g * v).T
+    mixed = (x.conj() * d) @ c
+    scatter = (x.conj() * s) @ x.T + mixed + mixed.T + (np.abs(d) ** 2 + s).sum() * r + c.T @ c
+    half = np.linalg.solve(normal, 0.5 * scatter.real)
+    covariance = np.linalg.solve(normal, half.T)
+
+    q, p_length = equation.nuisances, length[equation.nuisances :]
+    covariance = covariance[q:, q:] / np.outer(p_length, p_length)
+    return ResponseForecast(
+        response=equation.name,
+        unit="N" if equation.name in WRENCH[:3] else "N m",
+        regressors=equation.regressors,
+        parameter=clean[q:] / p_length,
+        std_error=np.sqrt(np.diag(covariance)),
+        bias=(theta - clean)[q:] / p_length,
+        covariance=covariance,
+    )

@@ -1,0 +1,260 @@
+"""Who gets which harmonic: combs, combs that keep propulsors low, sets given by the user, and the search.
+
+Sets that share no harmonic are orthogonal over the period. Sets in arithmetic progression have the lowest
+peaks, so every allocation here is made of progressions; the search chooses among those that fit together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from freqid.core.errors import UsageError
+from freqid.design.multisine.phases import lowest_peak
+
+Lines = NDArray[np.int64]
+
+_SPARSEST = 2.0  # strides up to this multiple of the number of effectors are tried
+_FEWEST_TONES = 4  # with fewer, peaks rise (1.16 for 4 tones, 1.37 for 2, power within 3 dB) and so does risk
+_MOST_CHOICES = 2000  # ways to hand residue classes to the two groups, by layout
+
+
+def lines_in_band(period_s: float, band_hz: tuple[float, float]) -> Lines:
+    """Return the harmonics of 1/T inside a band, its ends included.
+
+    Parameters
+    ----------
+    period_s : float
+        T, s.
+    band_hz : tuple of 2 floats
+        Hz.
+
+    Returns
+    -------
+    lines : ndarray of int, shape (line,)
+
+    Raises
+    ------
+    UsageError
+        If the band holds no harmonic.
+    """
+    low, high = band_hz
+    tolerance = 1e-9 * max(1.0, high * period_s)  # 0.05 Hz times 60 s is 3.0000000000000004
+    lines = np.arange(max(1, np.ceil(low * period_s - tolerance)), np.floor(high * period_s + tolerance) + 1)
+    if lines.size == 0:
+        raise UsageError(
+            f"the band {low:g} to {high:g} Hz holds no harmonic of 1/{period_s:g} s",
+            remedy=f"widen the band or lengthen the period, to {1 / high:.4g} s or more",
+        )
+    return lines.astype(np.int64)
+
+
+def interleave(lines: ArrayLike, effectors: int, *, empty: int = 0) -> tuple[Lines, ...]:
+    """Deal harmonics out in turn, so that every effector has a comb across the band.
+
+    Parameters
+    ----------
+    lines : array_like of int, shape (line,)
+        Rising.
+    effectors : int
+    empty : int
+        Combs that nobody gets: their lines stay free of excitation and show noise and nonlinearity.
+
+    Returns
+    -------
+    sets : tuple of ndarray of int, one for each effector
+
+    Raises
+    ------
+    UsageError
+        If there are fewer lines than effectors.
+    """
+    lines = np.asarray(lines, dtype=np.int64)
+    stride = effectors + empty
+    if lines.size < effectors:
+        raise UsageError(
+            f"{lines.size} harmonics are too few for {effectors} effectors",
+            remedy=f"lengthen the period {effectors / max(lines.size, 1):.3g} times, or widen the band",
+        )
+    return tuple(lines[j::stride] for j in range(effectors))
+
+
+def check_sets(sets: Mapping[str, ArrayLike], lines: ArrayLike) -> tuple[Lines, ...]:
+    """Check sets of harmonics that a user wrote down.
+
+    Parameters
+    ----------
+    sets : mapping from effector name to array_like of int
+    lines : array_like of int
+        Harmonics inside the band.
+
+    Returns
+    -------
+    sets : tuple of ndarray of int
+        Sorted, in the order of the mapping.
+
+    Raises
+    ------
+    UsageError
+        If a set is empty, leaves the band, repeats a harmonic or shares one with another effector.
+    """
+    lines = np.asarray(lines)
+    owner: dict[int, str] = {}
+    for name, wanted in sets.items():
+        numbers = [int(k) for k in np.atleast_1d(np.asarray(wanted))]
+        if not numbers:
+            raise UsageError(f"effector {name} has no harmonic", remedy="give it one or more")
+        for k in numbers:
+            if k not in lines:
+                nearest = int(lines[np.argmin(np.abs(lines - k))])
+                raise UsageError(
+                    f"harmonic {k} of effector {name} is outside the band",
+                    remedy=f"the nearest one inside is {nearest}",
+                )
+            if k in owner:
+                raise UsageError(
+                    f"effectors {owner[k]} and {name} share harmonic {k}, so they are not orthogonal",
+                    remedy="give each harmonic to one effector, once",
+                )
+            owner[k] = name
+    return tuple(np.sort(np.atleast_1d(np.asarray(wanted, dtype=np.int64))) for wanted in sets.values())
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Two families of progressions that never meet, because their residues modulo `modulus` differ."""
+
+    modulus: int
+    low_classes: int  # residue classes of the low group; the others belong to the rest
+    low: tuple[Lines, ...]  # by first line: progressions that end at the ceiling
+    rest: tuple[Lines, ...]  # by first line: progressions across the band
+
+
+def search(
+    lines: ArrayLike,
+    low: Sequence[bool],
+    ceiling: int | None = None,
+    *,
+    limits: tuple[float, float] | None = None,
+    starts: int = 8,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[Lines, ...]:
+    """Choose the allocation whose signals, phases and free powers included, have the lowest peaks.
+
+    The criterion is the mean of ``log RPF``: at equal peaks the information matrix of an input grows
+    with rms squared, so it is minus half the mean logarithm of the information bought.
+
+    Parameters
+    ----------
+    lines : array_like of int, shape (line,)
+        Rising; holes (structural modes, wanted empty lines) are kept free.
+    low : sequence of bool, shape (effector,)
+        Effectors that stay in the lower frequencies: the propulsors, whose thrust follows slow commands
+        only (the rule of the LA-8 work).
+    ceiling : int, optional
+        Highest harmonic of those; needed where `low` has any.
+    limits : tuple of 2 floats, optional
+        As for `freqid.design.multisine.phases.lowest_peak`.
+    starts, seed : int
+        Of each of the few hundred waveforms that are compared.
+    progress : callable, optional
+        Called with how many layouts are done and how many there are.
+
+    Returns
+    -------
+    sets : tuple of ndarray of int, one for each effector
+        Lines of `lines` that no set holds stay empty.
+
+    Raises
+    ------
+    UsageError
+        If the low effectors have no ceiling, or no layout gives every effector enough harmonics.
+
+    Notes
+    -----
+    Progressions of strides p and q are disjoint if and only if their first lines differ modulo
+    ``gcd(p, q)``. A layout splits the residues modulo m between the groups and gives the low group the
+    stride p = m a, the rest q = m b, with a and b just large enough for their numbers.
+    """
+    lines = np.asarray(lines, dtype=np.int64)
+    lows = sum(map(bool, low))
+    rests = len(low) - lows
+    if lows and ceiling is None:
+        raise UsageError("the low effectors have no ceiling", remedy="give their highest harmonic")
+    layouts = tuple(_layouts(lines, lows, rests, int(lines[-1] if ceiling is None else ceiling)))
+    if not layouts:
+        raise UsageError(
+            f"no layout gives {lows} low and {rests} other effectors enough of {lines.size} harmonics",
+            remedy="raise the ceiling, widen the band or lengthen the period",
+        )
+    known: dict[tuple[int, ...], float] = {}
+
+    def cost(index: Lines) -> float:
+        shape = tuple(
+            (index // np.gcd.reduce(index)).tolist()
+        )  # waves that differ by a factor of time are one
+        if shape not in known:
+            waveform = lowest_peak(np.array(shape), limits=limits, starts=starts, seed=seed)
+            known[shape] = float(np.log(waveform.factor))
+        return known[shape]
+
+    best, chosen = np.inf, ((), ())
+    for i, layout in enumerate(layouts):
+        total, found = _choose(layout, lows, rests, cost)
+        if total < best:
+            best, chosen = total, found
+        if progress is not None:
+            progress(i + 1, len(layouts))
+    low_sets, rest_sets = iter(chosen[0]), iter(chosen[1])
+    return tuple(next(low_sets) if is_low else next(rest_sets) for is_low in low)
+
+
+def _layouts(lines: Lines, lows: int, rests: int, ceiling: int) -> Iterator[_Layout]:
+    """Yield the layouts in which everybody has enough tones."""
+    fewest = min(_FEWEST_TONES, lines.size // (lows + rests))
+    strides: set[tuple[int, int, int, int]] = set()
+    for modulus in range(1, int(_SPARSEST * (lows + rests)) + 1):
+        for classes in range(modulus + 1):
+            if (classes == 0) == (lows == 0) and (classes == modulus) == (rests == 0):
+                a = -(-lows // classes) if lows else 1
+                b = -(-rests // (modulus - classes)) if rests else 1
+                strides.add((modulus, classes, modulus * a, modulus * b))
+    for modulus, classes, p, q in sorted(strides):
+        many = int(np.prod([(modulus - i) / (i + 1) for i in range(classes)]))  # binomial
+        if max(p if lows else 0, q if rests else 0) > _SPARSEST * (lows + rests) or many > _MOST_CHOICES:
+            continue
+        low = _progressions(lines[lines <= ceiling], lines[0], p) if lows else ()
+        rest = _progressions(lines, lines[0], q) if rests else ()
+        if min((s.size for s in (*low, *rest)), default=0) >= fewest:
+            yield _Layout(modulus, classes, low, rest)
+
+
+def _progressions(lines: Lines, first: int, stride: int) -> tuple[Lines, ...]:
+    """Return the lines of every residue of `stride`, counted from `first`."""
+    return tuple(lines[(lines - first) % stride == j] for j in range(stride))
+
+
+def _choose(
+    layout: _Layout, lows: int, rests: int, cost: Callable[[Lines], float]
+) -> tuple[float, tuple[tuple[Lines, ...], tuple[Lines, ...]]]:
+    """Return the cheapest choice of a layout: total cost, and the sets of both groups by first line."""
+    low_cost = np.array([cost(s) for s in layout.low])
+    rest_cost = np.array([cost(s) for s in layout.rest])
+    low_class = np.arange(low_cost.size) % layout.modulus
+    rest_class = np.arange(rest_cost.size) % layout.modulus
+    best, chosen = np.inf, ((), ())
+    for classes in combinations(range(layout.modulus), layout.low_classes):
+        a = np.flatnonzero(np.isin(low_class, classes))
+        b = np.flatnonzero(~np.isin(rest_class, classes))
+        a = np.sort(a[np.argsort(low_cost[a], kind="stable")[:lows]])
+        b = np.sort(b[np.argsort(rest_cost[b], kind="stable")[:rests]])
+        total = low_cost[a].sum() + rest_cost[b].sum()
+        if total < best:
+            best = total
+            chosen = tuple(layout.low[i] for i in a), tuple(layout.rest[i] for i in b)
+    return best, chosen

@@ -1,0 +1,287 @@
+"""Which terms each response of a point model has: regressors worth keeping, and products where it is bent.
+
+Code that chooses among columns is in `freqid.identify.regress.structure`; here lines, noise and instruments
+are made into such columns (docs/theory/regression.md, "Structure of a point model").
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from freqid.core.identification import factors_of
+from freqid.core.record import Maneuver
+from freqid.core.results.point import ResponseModel
+from freqid.identify.loads.explanatory import explanatory_variables
+from freqid.identify.model.fit_lines import fit_lines
+from freqid.identify.model.line_equations import LineEquations, on_lines
+from freqid.identify.model.problem import Problem, numbered
+from freqid.identify.regress.families import enter_families
+from freqid.identify.regress.noise_lines import HALF_WIDTH, noise_lines
+from freqid.identify.regress.products import candidate_products
+from freqid.identify.regress.structure import Structure, partial_f_of_all, prepare_candidates, stepwise
+from freqid.identify.regress.two_stage import two_stage_least_squares
+from freqid.identify.regress.uncertainty import independent_share
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+F_KEPT = 10.0
+"""F that a term must keep to stay: one of 24 that do nothing has it by chance in 4 % of responses."""
+DISTORTED = 1.5
+"""Distortion from which a response is taken to be bent: of a linear one it is 1.1 +- 0.17 on 106 lines."""
+RESOLVED = 1e-6
+"""Share of a response's power below which what a model leaves is arithmetic, not flight."""
+SUPPORTED = 10.0
+"""Power of a product on the harmonics over that between them: of less, noise makes more than a tenth."""
+
+
+@dataclass(frozen=True, eq=False)
+class Flights:
+    """The manoeuvres that a structure is chosen from.
+
+    Attributes
+    ----------
+    maneuvers : sequence of Maneuver
+    lines_hz : ndarray, shape (M,)
+    period_s : float or None
+        Of the multisines.
+    driven : sequence of Maneuver, or None
+        As the injected signals alone would have made them, where instruments estimate.
+    """
+
+    maneuvers: Sequence[Maneuver]
+    lines_hz: Array
+    period_s: float | None
+    driven: Sequence[Maneuver] | None
+
+    def instruments(self, names: Sequence[str]) -> list[Array] | None:
+        """Return instruments of regressors, shape (p, N_s) each, about their means."""
+        if self.driven is None:
+            return None
+        histories = [explanatory_variables(m, names)[0] for m in self.driven]
+        return [x - x.mean(axis=1, keepdims=True) for x in histories]
+
+    def fit(self, problem: Problem) -> dict[str, ResponseModel]:
+        """Fit all responses on lines."""
+        return fit_lines(problem, self.lines_hz, self.instruments(problem.names), self.period_s)
+
+
+def choose_terms(problem: Problem, flights: Flights) -> tuple[Problem, dict[str, Any]]:
+    """Choose the terms of every response as the settings ask.
+
+    Parameters
+    ----------
+    problem : Problem
+        With all regressors.
+    flights : Flights
+
+    Returns
+    -------
+    problem : Problem
+        With the regressors that each response is left with, products among them.
+    account : dict
+        By response, JSON-compatible: ``kept`` and ``left_out``, F by regressor, where regressors were chosen;
+        ``distortion`` of the linear model and ``products``, F by product, where products were tried.
+
+    Raises
+    ------
+    DataError, UsageError
+        As `fit_lines`.
+
+    Notes
+    -----
+    Lines are weighted by the residual's own smoothed power, so that F means what it says under coloured
+    noise; what is not linear counts as noise there, the same in every period though it is. Products come
+    first: what is bent may resemble a regressor that does nothing. With instruments regressors are what the
+    instruments explain of them, and products those of the instruments.
+    """
+    settings, offered = problem.settings, problem.names
+    account: dict[str, Any] = {r: {} for r in settings.responses}
+    if settings.nonlinear == "products":
+        models = flights.fit(problem)
+        chosen = {r: settings.regressors_of(r) for r in settings.responses}
+        possible = _Products.of(problem, flights, offered)
+        for response, model in models.items():
+            products: dict[str, float] = {}
+            if model.distortion is not None and model.distortion > DISTORTED:
+                products = _bend(problem, flights, model, possible)
+            account[response] = {"distortion": model.distortion, "products": products}
+            factors = [factor for name in products for factor in factors_of(name)]
+            chosen[response] = tuple(dict.fromkeys((*chosen[response], *factors, *products)))
+        problem = _changed(problem, flights, chosen)
+    if settings.structure == "stepwise":
+        chosen = {}
+        for response, model in flights.fit(problem).items():
+            found = _keep(problem, flights, model)
+            terms = _with_factors(model.regressors, found)
+            f = {name: _figure(value) for name, value in found.partial_f.items()}
+            account[response]["kept"] = {n: f[n] for n in terms}
+            account[response]["left_out"] = {n: v for n, v in f.items() if n not in terms}
+            if "products" in account[response]:
+                left = [n for n in account[response]["products"] if n in terms]
+                account[response]["products"] = {n: f[n] for n in left}
+            chosen[response] = terms
+        problem = _changed(problem, flights, chosen)
+    return problem, account
+
+
+def _changed(problem: Problem, flights: Flights, regressors: dict[str, tuple[str, ...]]) -> Problem:
+    settings = msgspec.structs.replace(problem.settings, regressors=regressors)
+    return Problem.of(flights.maneuvers, settings)
+
+
+def _with_factors(offered: Sequence[str], found: Structure) -> tuple[str, ...]:
+    """Return what was found in the order offered, at least one, and with every product its factors."""
+    terms = found.terms or (max(found.partial_f, key=found.partial_f.__getitem__),)
+    needed = {factor for term in terms for factor in factors_of(term)}
+    return tuple(name for name in offered if name in terms or name in needed)
+
+
+def _keep(problem: Problem, flights: Flights, model: ResponseModel) -> Structure:
+    """Choose among the regressors of one response."""
+    equations = _equations(problem, flights, problem.x)
+    row = problem.settings.responses.index(model.response)
+    weight = _whitening(problem, equations, model)
+    x = equations.x[[problem.names.index(n) for n in model.regressors]] * weight
+    z, nuisance = equations.z[[row]] * weight, equations.nuisance * weight
+    driven = flights.instruments(model.regressors)
+    if driven is not None:
+        x, z = _explained(x, z, _equations(problem, flights, driven).x * weight, nuisance)
+    return stepwise(
+        x,
+        z,
+        names=model.regressors,
+        nuisance=nuisance,
+        f_enter=F_KEPT,
+        start="everything",
+        independent_share=_share(flights),
+    )
+
+
+def _explained(x: Complex, z: Complex, driven: Complex, nuisance: Complex) -> tuple[Complex, Complex]:
+    """Return regressors and a response whose least squares is the estimate by instruments.
+
+    The columns are what instruments explain of the regressors; the response is the sum of these times the
+    estimate, plus the residual of the measured regressors. That residual is orthogonal to the instruments, so
+    the estimate stays, and its variance is the one that the estimate scatters by; least squares of the
+    response itself would leave the noise in the regressors out of it.
+    """
+    fit = two_stage_least_squares(x, z, driven, nuisance=nuisance)[0]
+    basis = np.linalg.qr(_stacked(np.concatenate([nuisance, driven])).T)[0]
+    explained = _stacked(x) @ basis @ basis.T
+    lines = x.shape[1]
+    columns = np.asarray(explained[:, :lines] + 1j * explained[:, lines:], dtype=complex)
+    return columns, np.asarray(fit.estimate @ columns + fit.residual, dtype=complex)
+
+
+def _stacked(columns: Complex) -> Array:
+    return np.concatenate([columns.real, columns.imag], axis=1)
+
+
+def _bend(problem: Problem, flights: Flights, model: ResponseModel, offered: _Products) -> dict[str, float]:
+    """Return the products that one response needs beside its regressors, with their F."""
+    equations = _equations(problem, flights, problem.x)
+    linear = _columns(problem, flights, equations, model.regressors)
+    weight = _whitening(problem, equations, model)
+    present = {frozenset(factors_of(name)) for name in model.regressors if len(factors_of(name)) > 1}
+    new = [j for j, name in enumerate(offered.names) if frozenset(factors_of(name)) not in present]
+    if not new:
+        return {}
+    names = [offered.names[j] for j in new]
+    candidates = prepare_candidates(
+        offered.columns[new] * weight,
+        _residual(equations, model) * weight,
+        names,
+        np.concatenate([equations.nuisance, linear]) * weight,
+        _share(flights),
+    )
+    families = [[j for j, n in enumerate(names) if factor in factors_of(n)] for factor in problem.names]
+    response = equations.z[problem.settings.responses.index(model.response)] * weight
+    arithmetic = RESOLVED * float(np.sum(np.abs(response) ** 2))
+    chosen = enter_families(candidates, families, F_KEPT, arithmetic)
+    f = partial_f_of_all(candidates, chosen)
+    return {names[j]: _figure(f[j]) for j in sorted(chosen)}
+
+
+@dataclass(frozen=True, eq=False)
+class _Products:
+    """Products that physics and the excitation support, on lines: shape (c, S M)."""
+
+    names: tuple[str, ...]
+    columns: Complex
+
+    @classmethod
+    def of(cls, problem: Problem, flights: Flights, order: Sequence[str]) -> _Products:
+        unit_of = dict(zip(problem.names, problem.units, strict=True))
+        units = {n: unit_of[n] for n in order if n in unit_of and len(factors_of(n)) == 1}
+        names = candidate_products(units)
+        trim = dict(zip(problem.names, problem.trim.tolist(), strict=True))
+        measured = [explanatory_variables(m, names, trim)[0] for m in flights.maneuvers]
+        equations = _equations(problem, flights, measured)
+        on, off = _power(equations.x), np.zeros(len(names))
+        assert flights.period_s is not None  # else `fit_lines` has refused noise lines
+        for x, wrench, dt, duration in zip(
+            measured, problem.wrench, problem.dt, equations.durations, strict=True
+        ):
+            between = noise_lines(flights.lines_hz, flights.period_s, duration)
+            off += _power(on_lines([x], [wrench], [dt], between).x) / len(measured)
+        columns = equations.x
+        driven = flights.instruments(names)
+        if driven is not None:
+            columns = _equations(problem, flights, driven).x
+        supported = (on > SUPPORTED * off) & (_power(columns) > 0)
+        return cls(tuple(n for n, s in zip(names, supported, strict=True) if s), columns[supported])
+
+
+def _equations(problem: Problem, flights: Flights, histories: Sequence[Array]) -> LineEquations:
+    settings = problem.settings
+    trend = settings.trend or "line"
+    return on_lines(
+        histories, problem.wrench, problem.dt, flights.lines_hz, trend=trend, nuisance=settings.nuisance
+    )
+
+
+def _columns(
+    problem: Problem, flights: Flights, equations: LineEquations, regressors: Sequence[str]
+) -> Complex:
+    """Return regressors of a response on lines, or their instruments, shape (p, S M)."""
+    driven = flights.instruments(regressors)
+    if driven is not None:
+        return _equations(problem, flights, driven).x
+    return equations.x[[problem.names.index(n) for n in regressors]]
+
+
+def _residual(equations: LineEquations, model: ResponseModel) -> Complex:
+    """Return what a fit leaves of its response on lines, weighted as its equations, shape (S M,)."""
+    left = [model.fit[numbered("frequency", m)].residual for m in range(len(equations.durations))]
+    return np.asarray(equations.weight * np.concatenate(left), dtype=complex)
+
+
+def _whitening(problem: Problem, equations: LineEquations, model: ResponseModel) -> Array:
+    """Return one over the residual's smoothed magnitude, relative, shape (S M,)."""
+    power = np.abs(_residual(equations, model)) ** 2
+    if problem.settings.residuals == "white" or not power.any():
+        return np.ones_like(power)
+    each = np.split(power, len(equations.durations))
+    smooth = np.concatenate([uniform_filter1d(p, 2 * HALF_WIDTH + 1, mode="nearest") for p in each])
+    return np.sqrt(smooth.mean() / smooth)
+
+
+def _figure(f: float) -> float:
+    """Return an F as a number that JSON has: of an exact fit it is infinite."""
+    return round(min(float(f), 1e12), 3)
+
+
+def _power(columns: Complex) -> Array:
+    return np.mean(np.abs(columns) ** 2, axis=1)
+
+
+def _share(flights: Flights) -> float:
+    return float(np.mean([independent_share(flights.lines_hz, m.record.duration) for m in flights.maneuvers]))

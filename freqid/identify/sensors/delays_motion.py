@@ -1,0 +1,132 @@
+"""Delays of velocity and attitude, biases of attitude and scales of rates, by kinematics on lines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from freqid.core.frames import cross, level_from_body
+from freqid.core.record import Maneuver
+from freqid.core.units import STANDARD_GRAVITY
+from freqid.identify.loads.wrench import AppliedWrench
+from freqid.identify.model.line_equations import on_lines
+from freqid.identify.regress.equations import real_equations
+from freqid.identify.sensors.delays_record import ATTITUDE, BIASES, GROUND, SCALES, VELOCITY, Misaligned
+
+Array = NDArray[np.float64]
+
+_INERTIAL = tuple(f"state/{n}" for n in ("p", "q", "r", "ax", "ay", "az"))
+STEP = 1e-4  # s, rad or 1, for derivatives
+# Rounds of Gauss-Newton, each with weights by what the last one leaves: the first holds the delays.
+ROUNDS = 4
+
+
+def motion_unknowns(flown: Misaligned) -> tuple[str, ...]:
+    """Return what kinematics can tell of a record's clocks: nothing without rates, forces and attitude."""
+    record = flown.maneuver.record
+    if not all(n in record for n in (*_INERTIAL, *ATTITUDE)):
+        return ()
+    moving = ("velocity delay",) if "velocity delay" in flown.clocks() else ()
+    # Through the air attitude only turns gravity; over the ground it turns u v w into each other.
+    return (*moving, "attitude delay", *(BIASES if flown.over_ground else ()), *SCALES)
+
+
+def fit_motion(flown: Misaligned, lines_hz: Array, plausible: Mapping[str, float]) -> tuple[Array, Array]:
+    """Estimate `motion_unknowns` on lines.
+
+    Parameters
+    ----------
+    flown : Misaligned
+    lines_hz : ndarray, shape (M,)
+        Hz, where the manoeuvre was excited.
+    plausible : mapping of str to float
+        One sigma of each unknown beforehand, SI units.
+
+    Returns
+    -------
+    estimate : ndarray, shape (k,)
+    covariance : ndarray, shape (k, k)
+
+    Notes
+    -----
+    With C from body to earth axes and V the velocity of the accelerometers' point,
+
+        ``V' = C f + g``  over the ground,  ``v' = f + C^T g - w x v``  through the air,
+
+    and Euler angles change with the rates. All hold in any steady wind and without aerodynamics, and what is
+    left of them on the lines is least at the right delays. Means are not used, so the biases of
+    accelerometers and of steady angles do not enter; a bias of the attitude is told by the cross-talk that
+    it makes between the axes. Scale errors of the rates, which every moment and every rate's parameter share,
+    are those against the attitude. Each equation is weighed by what it leaves.
+    """
+    names = motion_unknowns(flown)
+    sizes = np.array([plausible[n] for n in names])
+
+    def left(unknown: Array) -> Array:
+        maneuver = flown.at(dict(zip(names, unknown.tolist(), strict=True)))
+        motion = _kinematics(maneuver, ground=flown.over_ground, moving="velocity delay" in names)
+        line = np.zeros((1, motion.direct.shape[1]))  # on_lines wants a regressor; nothing is regressed
+        equations = on_lines([line], [motion], [maneuver.record.dt], lines_hz)
+        ends, rows = real_equations(equations.nuisance, equations.z)
+        basis = np.linalg.qr(ends.T)[0]
+        return rows - (rows @ basis) @ basis.T
+
+    found: Array = np.zeros(len(names))
+    covariance: Array = np.diag(sizes**2)
+    for _ in range(ROUNDS):
+        now = left(found)
+        slope = np.array([(left(found + s) - now) / STEP for s in STEP * np.eye(len(names))])
+        scale = np.tile(np.sqrt(_noise(now, lines_hz)), (1, 2))
+        columns = (slope / scale).reshape(len(names), -1)
+        covariance = np.linalg.inv(columns @ columns.T + np.diag(sizes**-2)).astype(np.float64)
+        found = found - covariance @ (columns @ (now / scale).ravel() + found / sizes**2)
+    return found, covariance
+
+
+def _noise(left: Array, lines_hz: Array) -> Array:
+    """Return the power that each equation leaves per real equation, ``a + b f^2``, shape (rows, M).
+
+    Noise of what is differentiated grows with frequency, that of rates and forces does not.
+    """
+    power = (left[:, : lines_hz.size] ** 2 + left[:, lines_hz.size :] ** 2) / 2
+    shape = np.stack([np.ones_like(lines_hz), lines_hz**2], axis=1)
+    level = np.empty_like(power)
+    for row, own in enumerate(power):
+        level[row] = own.mean()
+        for _ in range(3):  # powers scatter like their size
+            level[row] = shape @ nnls(shape / level[row][:, None], own / level[row])[0]
+    return level
+
+
+def _kinematics(maneuver: Maneuver, *, ground: bool, moving: bool) -> AppliedWrench:
+    """Return the equations of motion as ``direct + d(momentum)/dt = 0``."""
+    record = maneuver.record
+    rates, felt = record.matrix(_INERTIAL[:3]), record.matrix(_INERTIAL[3:])
+    attitude = record.matrix(ATTITUDE)
+    (p, q, r), (phi, theta) = rates, attitude[:2]
+    across = q * np.sin(phi) + r * np.cos(phi)
+    turning = [
+        p + across * np.tan(theta),
+        q * np.cos(phi) - r * np.sin(phi),
+        across / np.cos(theta),
+    ]
+    direct, momentum = -np.array(turning), attitude
+    if moving:
+        home = np.array(maneuver.vehicle.mass_properties.cg_m)
+        names = GROUND if ground else VELOCITY
+        places = [record.channel(n).position_m for n in ("state/ax", names[0])]
+        arm = np.subtract(*(home if at is None else np.array(at) for at in places))
+        swung = cross(rates, np.broadcast_to(arm[:, None], rates.shape))
+        turn = level_from_body(attitude)
+        if ground:
+            velocity = record.matrix(GROUND) + np.einsum("ijn,jn->in", turn, swung)
+            accelerating = -np.einsum("ijn,jn->in", turn, felt)
+        else:
+            velocity = record.matrix(VELOCITY) + swung
+            accelerating = cross(rates, velocity) - felt - STANDARD_GRAVITY * turn[2]
+        direct, momentum = np.concatenate([direct, accelerating]), np.concatenate([momentum, velocity])
+    rows = len(direct)
+    return AppliedWrench(("",) * rows, ("",) * rows, direct, momentum)

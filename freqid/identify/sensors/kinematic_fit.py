@@ -1,0 +1,270 @@
+"""Output error on the kinematics of a rigid body: the sensor errors that best explain its channels."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.errors import DataError
+from freqid.identify.sensors.kinematic_noise import Noise, coloured_covariance, whiten
+from freqid.identify.sensors.kinematic_problem import INITIAL, CompatibilityProblem, Guess, Prediction
+from freqid.identify.spectra.smoothing import smooth
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+# A parameter is held at zero where its standard error is beyond this share of the size that it may well have:
+# the data then tell less about it than is known without them.
+LARGEST_SHARE = 0.5
+# Nor is one believed that comes out this many plausible sizes away: a channel that shows noise and hardly
+# any motion fits best with a scale of -1.
+FARTHEST = 3.0
+# Columns whose neighbours make up for them are kept apart from rounding by this much prior knowledge.
+FAINT = 1e-3
+HELD_STEPS = 3  # in which prior knowledge still holds the estimates
+FULL_STEPS = 12  # after which half steps end the swinging of an unknown that is hardly told
+# Steps after which an unknown that still moves is held: the data tell it along a curve only, as the scale of
+# an airspeed that a wind would explain as well, and Gauss-Newton creeps along that.
+PATIENCE = 25
+STEPS = 200
+# Steps this small beside the standard errors let unknowns be judged, and end the iteration.
+NEARLY, SETTLED = 0.5, 0.02
+# Noise levels that change by less than this are steady.
+STEADY = 0.05
+# Of a parameter that is held, those are named that take up this much of it, each in its plausible size.
+TAKES_UP = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class CompatibilityFit:
+    """Estimates of one record.
+
+    Attributes
+    ----------
+    names : tuple of str, length p
+        Unknowns that the data tell, initial values first.
+    estimate : ndarray, shape (p,)
+    covariance : ndarray, shape (p, p)
+    degrees_of_freedom : ndarray, shape (p,)
+    undetermined : mapping of str to tuple of str
+        Sensor errors that were asked for and are held where they started, at zero for errors, since the data
+        do not tell them or put them beyond FARTHEST times their plausible size; with the unknowns that would
+        take up an actual error of this kind.
+    before, after : Prediction
+        By initial values alone, and with the sensor errors.
+    noise : Noise
+        Levels that the weights rest on.
+    """
+
+    names: tuple[str, ...]
+    estimate: Array
+    covariance: Array
+    degrees_of_freedom: Array
+    undetermined: dict[str, tuple[str, ...]]
+    before: Prediction
+    after: Prediction
+    noise: Noise
+
+
+def fit_compatibility(
+    problem: CompatibilityProblem, wanted: Collection[str], plausible: Array, wind_walk: float
+) -> CompatibilityFit:
+    """Estimate initial values and sensor errors by generalised least squares.
+
+    Parameters
+    ----------
+    problem : CompatibilityProblem
+    wanted : collection of str
+        Sensor errors to try.
+    plausible : ndarray, shape (m,)
+        Size that each of the problem's unknowns may well have.
+    wind_walk : float
+        Intensity of the wind's random walk, m/s per square root of a second.
+
+    Returns
+    -------
+    CompatibilityFit
+
+    Raises
+    ------
+    DataError
+        The estimates do not settle, or a delay runs to its limit.
+
+    Notes
+    -----
+    Gauss-Newton on columns that the filter of `kinematic_noise.whiten` has made white. First steps, far from
+    the answer, are held by the plausible sizes as prior knowledge; then the prior goes, and unknowns whose
+    standard error stays beyond LARGEST_SHARE of their plausible size go with it, the worst first and one at a
+    time: of two that only their sum is known of, one remains. So goes one that still moves after PATIENCE
+    steps. The noise of the channels that are compared
+    follows from the innovations, that of inertial sensors from what Fourier smoothing calls noise in them.
+    """
+    everything = np.array([i < INITIAL or n in wanted for i, n in enumerate(problem.names)])
+    initial = everything & (np.arange(everything.size) < INITIAL)
+    guess, before = _settled_plainly(problem, initial, problem.start, plausible)
+    # Delays come last: a wave fits itself again a period later, so they have to start near.
+    clocked = np.array([not n.endswith("skew") for n in problem.names])
+    guess, _ = _settled_plainly(problem, everything & clocked, guess, plausible)
+    guess, now = _settled_plainly(problem, everything, guess, plausible)
+
+    active, noise, steps = everything, _first_noise(problem, now, wind_walk), 0
+    for turn in range(STEPS):
+        free = turn >= HELD_STEPS
+        now = problem.predict(guess)
+        columns = np.concatenate((now.residual[None], now.jacobian))
+        white = whiten(now.path, problem.window, now.seen, noise, columns)
+        residual, jacobian = white[0], white[1:]
+        told = _told(jacobian, active, plausible) if free else active
+        if not np.array_equal(told, active):
+            guess, active, steps = guess.back(active & ~told, problem.start), told, 0
+            continue
+        size, away = plausible[active], (guess.values - problem.start.values)[active]
+        fit = _solve(jacobian[active], residual, size, FAINT if free else 1.0, away)
+        outputs = np.maximum(noise.outputs * fit.spread, _floor(before))
+        blocked = problem.blocked(guess, active, fit.step) if free else []
+        steady = free and fit.largest < NEARLY and np.allclose(outputs, noise.outputs, rtol=STEADY, atol=0)
+        if steady or blocked:
+            covariance, dof = coloured_covariance(jacobian[active], fit.left)
+            share = np.zeros(active.size)
+            share[active] = np.sqrt(np.diag(covariance)) / size
+            beyond = np.abs(guess.values - problem.start.values) > FARTHEST * plausible
+            share[beyond & active & (np.arange(active.size) >= INITIAL)] = np.inf
+            worst = blocked[0] if blocked else int(np.argmax(share))
+            if share[worst] > LARGEST_SHARE:
+                untold = np.arange(active.size) == worst
+                guess, active, steps = guess.back(untold, problem.start), active & ~untold, 0
+                continue
+            if fit.largest < SETTLED:
+                break
+            if blocked:
+                raise DataError(
+                    f"'{problem.names[worst]}' runs to {guess.values[worst]:.3g} s, the limit of delays",
+                    remedy="raise longest_skew_s, or align the log's clocks first",
+                )
+        if free and steps >= PATIENCE:
+            share = np.zeros(active.size)
+            share[active] = fit.error / size * (np.abs(fit.step) > SETTLED * fit.error)
+            share[:INITIAL] = 0.0
+            if share.any():
+                creeping = np.arange(active.size) == np.argmax(share)
+                guess, active, steps = guess.back(creeping, problem.start), active & ~creeping, 0
+                continue
+        noise = replace(noise, outputs=outputs)
+        guess = problem.moved(guess, active, fit.step if steps < FULL_STEPS else fit.step / 2)
+        steps += 1
+    else:
+        raise DataError(
+            f"the compatibility check has not settled in {STEPS} steps",
+            remedy="look for jumps in the record, cut it, or ask for fewer parameters",
+        )
+    return CompatibilityFit(
+        names=tuple(n for n, a in zip(problem.names, active, strict=True) if a),
+        estimate=guess.values[active],
+        covariance=covariance,
+        degrees_of_freedom=dof,
+        undetermined=_taken_up(problem.names, jacobian, active, everything & ~active, plausible),
+        before=before,
+        after=now,
+        noise=noise,
+    )
+
+
+def _told(jacobian: Array, active: Mask, plausible: Array) -> Mask:
+    """Return those unknowns that white residuals would tell, the worst told one left out again and again."""
+    told = active.copy()
+    while True:
+        size = plausible[told]
+        columns = np.concatenate((_columns(jacobian[told], size), FAINT * np.eye(size.size)))
+        share = np.sqrt((np.linalg.inv(np.linalg.qr(columns, mode="r")) ** 2).sum(axis=1))
+        if share.max() <= LARGEST_SHARE:
+            return told
+        told[np.flatnonzero(told)[np.argmax(share)]] = False
+
+
+def _taken_up(
+    names: tuple[str, ...], jacobian: Array, active: Mask, held: Mask, plausible: Array
+) -> dict[str, tuple[str, ...]]:
+    """Return, by each sensor error that is held, the unknowns that would take it up."""
+    held = held & (np.arange(held.size) >= INITIAL)
+    if not held.any():
+        return {}
+    left = [n for n, a in zip(names, active, strict=True) if a]
+    columns, wanted = (_columns(jacobian[m], plausible[m]) for m in (active, held))
+    shares = np.linalg.lstsq(columns, wanted)[0].T
+    return {
+        name: tuple(n for n, s in zip(left, share, strict=True) if abs(s) > TAKES_UP)
+        for name, share in zip((n for n, h in zip(names, held, strict=True) if h), shares, strict=True)
+    }
+
+
+def _settled_plainly(
+    problem: CompatibilityProblem, active: Mask, guess: Guess, plausible: Array
+) -> tuple[Guess, Prediction]:
+    """Return the fit of least squares with weights by each channel's residual, held by plausible sizes."""
+    now = problem.predict(guess)
+    for _ in range(STEPS):
+        weight = 1 / np.maximum(now.residual.std(axis=1), _floor(now))[:, None]
+        away = (guess.values - problem.start.values)[active]
+        columns, target = now.jacobian[active] * weight, now.residual * weight
+        step = _solve(columns, target, plausible[active], 1.0, away).step
+        guess = problem.moved(guess, active, step)
+        then = problem.predict(guess)
+        change = np.abs(then.modelled - now.modelled).max(axis=1) * weight[:, 0]
+        now = then
+        if (change < SETTLED).all():
+            break
+    return guess, now
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """One solution of the whitened problem: the step, its standard errors, and what is left, shape (k, n)."""
+
+    step: Array
+    error: Array
+    left: Array
+
+    @property
+    def largest(self) -> float:
+        """Largest step beside its standard error."""
+        return float((np.abs(self.step) / self.error).max())
+
+    @property
+    def spread(self) -> Array:
+        """Standard deviation of what is left of each channel, shape (k,)."""
+        k, n = self.left.shape
+        return np.sqrt((self.left**2).sum(axis=1) / (n - len(self.step) / k))
+
+
+def _solve(jacobian: Array, residual: Array, size: Array, prior: float, away: Array) -> _Step:
+    """Solve for a step in units of plausible sizes.
+
+    `prior` weighs the knowledge that unknowns, now so far `away` from where they started, stay near it.
+    """
+    m = len(jacobian)
+    columns = np.concatenate((_columns(jacobian, size), prior * np.eye(m)))
+    basis, factor = np.linalg.qr(columns)
+    target = np.concatenate((residual.ravel(), -prior * away / size))
+    step = np.linalg.solve(factor, basis.T @ target) * size
+    error = np.sqrt((np.linalg.inv(factor) ** 2).sum(axis=1)) * size
+    return _Step(step, error, residual - np.einsum("m,mkn->kn", step, jacobian))
+
+
+def _columns(jacobian: Array, size: Array) -> Array:
+    """Return derivatives by unknowns in units of their plausible sizes, shape (k n, m)."""
+    return jacobian.reshape(len(jacobian), jacobian[0].size).T * size
+
+
+def _first_noise(problem: CompatibilityProblem, now: Prediction, wind_walk: float) -> Noise:
+    sensors = problem.sensors
+    inputs = smooth(np.concatenate((sensors.rates, sensors.force)), sensors.dt).noise_std
+    outputs = np.maximum(smooth(sensors.values, sensors.dt).noise_std, _floor(now))
+    return Noise(inputs[:3], inputs[3:], wind_walk, outputs)
+
+
+def _floor(now: Prediction) -> Array:
+    """Return the least noise that a channel is believed to have: nothing is exact beyond its rounding."""
+    return 1e-6 * np.abs(now.modelled).max(axis=1) + 1e-9

@@ -1,0 +1,252 @@
+"""The unknowns of a compatibility check, and what the sensors should show for given ones."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.errors import DataError
+from freqid.core.frames import body_velocity, cross
+from freqid.identify.sensors.flight_path import (
+    CAUSES,
+    FlightPath,
+    attitude_matrix,
+    error_growth,
+    integrate,
+    turned_by,
+)
+from freqid.identify.sensors.kinematic_sensors import (
+    ANGLES,
+    ATTITUDE,
+    FLOW,
+    GROUND,
+    VELOCITY,
+    Sensors,
+    predicted,
+)
+
+Array = NDArray[np.float64]
+
+INITIAL = 7  # values that an integration starts from, the first of all unknowns
+LARGEST_MOVE = 0.1  # of a delay in one step, s
+WINDS = ("wind north", "wind east", "wind down")
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """Values of the unknowns.
+
+    Attributes
+    ----------
+    attitude : ndarray, shape (3, 3)
+        Turn from body to earth axes where the comparison starts; the unknown turns are steps from it.
+    values : ndarray, shape (m,)
+        All unknowns, SI units; the first three, the turns, are zero.
+    """
+
+    attitude: Array
+    values: Array
+
+    def back(self, unknowns: NDArray[np.bool_], start: Guess) -> Guess:
+        """Return the guess with some unknowns back where they started."""
+        return Guess(self.attitude, np.where(unknowns, start.values, self.values))
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What the sensors should show over the window that is compared, to first order about a guess.
+
+    Attributes
+    ----------
+    path : FlightPath
+        Over the whole record.
+    modelled, residual : ndarray, shape (k, n)
+        Channels by the guess, and measured less modelled.
+    jacobian : ndarray, shape (m, k, n)
+        Derivatives of `modelled` by the unknowns.
+    seen : ndarray, shape (k, 10, n)
+        Derivatives of `modelled` by errors of the path at the time that is shown, and by wind.
+    """
+
+    path: FlightPath
+    modelled: Array
+    residual: Array
+    jacobian: Array
+    seen: Array
+
+
+class CompatibilityProblem:
+    """Sensors of one record as a least-squares problem in their errors.
+
+    A channel is modelled as ``(1 + scale) true(t - skew) + bias``.
+
+    Parameters
+    ----------
+    sensors : Sensors
+    longest_skew : float
+        Longest delay that is tried, s; as much is left out at both ends of the record.
+
+    Attributes
+    ----------
+    sensors
+        As given.
+    names : tuple of str, length m
+        Seven initial values, then biases of rates and forces, wind, and errors of the other channels.
+    window : slice
+        Samples that are compared.
+    start : Guess
+        Initial values as measured, no errors.
+
+    Raises
+    ------
+    DataError
+        The record is too short.
+    """
+
+    def __init__(self, sensors: Sensors, longest_skew: float):
+        margin = int(np.ceil(longest_skew / sensors.dt)) + 3  # three more to interpolate and differentiate
+        samples = sensors.values.shape[1]
+        least = 2 * margin + 200
+        if samples < least:
+            raise DataError(
+                f"the record has {samples} samples, expected at least {least} for a compatibility check with "
+                f"delays up to {longest_skew:g} s",
+                remedy="use a longer record, or lower longest_skew_s",
+            )
+        self.sensors, self.window = sensors, slice(margin, samples - margin)
+        self.names = (*CAUSES, *_other_unknowns(sensors.names))
+        self._index = {name: i for i, name in enumerate(self.names)}
+        self._winds = [axis for axis, name in enumerate(WINDS) if name in self._index]
+        self.start = self._initial()
+        self._skews = np.array([name.endswith("skew") for name in self.names])
+        self._longest_skew = longest_skew
+
+    def moved(self, guess: Guess, unknowns: NDArray[np.bool_], step: Array) -> Guess:
+        """Return a guess after a step of some unknowns, of which the first three turn the attitude.
+
+        Delays move by LARGEST_MOVE at most and stop at the longest that the margins of the window allow.
+        """
+        whole = np.zeros(len(self.names))
+        whole[unknowns] = step
+        whole[self._skews] = np.clip(whole[self._skews], -LARGEST_MOVE, LARGEST_MOVE)
+        values = guess.values + whole
+        values[self._skews] = np.clip(values[self._skews], -self._longest_skew, self._longest_skew)
+        values[:3] = 0.0
+        return Guess(turned_by(whole[:3]) @ guess.attitude, values)
+
+    def blocked(self, guess: Guess, unknowns: NDArray[np.bool_], step: Array) -> list[int]:
+        """Return the delays that a step would carry beyond the longest one."""
+        whole = np.zeros(len(self.names))
+        whole[unknowns] = step
+        beyond = np.abs(guess.values + whole) > self._longest_skew
+        at_limit = np.abs(guess.values) >= self._longest_skew * (1 - 1e-9)
+        return np.flatnonzero(self._skews & at_limit & beyond).tolist()
+
+    def predict(self, guess: Guess) -> Prediction:
+        """Integrate the inertial sensors less their biases, and compare the other channels with that."""
+        sensors, value = self.sensors, guess.values
+        bias = value[INITIAL : len(CAUSES), None]
+        rates, force = sensors.rates - bias[:3], sensors.force - bias[3:]
+        path = integrate(rates, force, sensors.dt, self.window.start, guess.attitude, value[3:6], value[6])
+        wind = np.zeros(3)
+        wind[self._winds] = [value[self._index[WINDS[axis]]] for axis in self._winds]
+        ideal, by_state, by_wind = predicted(path, sensors, rates, wind)
+        by_cause = np.einsum("ksn,scn->kcn", by_state, error_growth(path))
+        slope = np.gradient(ideal, sensors.dt, axis=1)
+
+        k, n, m = len(ideal), self.window.stop - self.window.start, len(CAUSES)
+        modelled, jacobian = np.empty((k, n)), np.zeros((len(self.names), k, n))
+        seen = np.empty((k, by_state.shape[1] + 3, n))
+        for row, name in enumerate(sensors.names):
+            at = {kind: self._index.get(unknown(name, kind)) for kind in ("scale", "bias", "skew")}
+            gain, offset, delay = 1.0, 0.0, 0.0
+            if at["scale"] is not None:
+                gain += value[at["scale"]]
+            if at["bias"] is not None:
+                offset = value[at["bias"]]
+            if at["skew"] is not None:
+                delay = value[at["skew"]]
+            rows = (ideal[row, None], slope[row, None], by_cause[row], by_state[row], by_wind[row])
+            rows = self._delayed(np.concatenate(rows), delay)
+            modelled[row], seen[row] = gain * rows[0] + offset, gain * rows[2 + m :]
+            jacobian[:m, row] = gain * rows[2 : 2 + m]
+            for axis in self._winds:
+                jacobian[self._index[WINDS[axis]], row] = seen[row, axis - 3]
+            for kind, column in (("scale", rows[0]), ("bias", 1.0), ("skew", -gain * rows[1])):
+                if at[kind] is not None:
+                    jacobian[at[kind], row] = column
+        residual = sensors.values[:, self.window] - modelled
+        for row, name in enumerate(sensors.names):
+            if name in ANGLES:  # whole turns apart where each was unwound by itself
+                residual[row] -= 2 * np.pi * np.round(residual[row].mean() / (2 * np.pi))
+        return Prediction(path, modelled, residual, jacobian, seen)
+
+    def _delayed(self, rows: Array, delay: float) -> Array:
+        """Return rows at t - delay over the window, by cubics through four neighbouring samples."""
+        shift = -delay / self.sensors.dt
+        whole = int(np.floor(shift))
+        m = shift - whole
+        weights = (
+            -m * (m - 1) * (m - 2) / 6,
+            (m + 1) * (m - 1) * (m - 2) / 2,
+            -(m + 1) * m * (m - 2) / 2,
+            (m + 1) * m * (m - 1) / 6,
+        )
+        first, last = self.window.start + whole, self.window.stop + whole
+        parts = (w * rows[..., first + j : last + j] for j, w in enumerate(weights, start=-1))
+        return sum(parts, np.zeros(1))
+
+    def _initial(self) -> Guess:
+        """Return the start of the comparison as measured, zero for what was not."""
+        sensors, at = self.sensors, self.window.start
+        near = slice(at - 2, at + 3)
+        level = {
+            n.partition("/")[2]: v[near].mean() for n, v in zip(sensors.names, sensors.values, strict=True)
+        }
+        attitude = attitude_matrix(*(level.get(n, 0.0) for n in ("phi", "theta", "psi")))
+        body = body_velocity(level.get("V", 0.0), level.get("alpha", 0.0), level.get("beta", 0.0))
+        if not any(n in level for n in ("V", "alpha", "beta")):
+            body = np.array([level.get(n, 0.0) for n in "uvw"])
+        arm = next(
+            (a for n, a in zip(sensors.names, sensors.arms, strict=True) if n in (*FLOW, *VELOCITY)), 0.0
+        )
+        rates = sensors.rates[:, near].mean(axis=1)
+        velocity = attitude @ (body - cross(rates, np.broadcast_to(arm, 3)))
+        values = np.zeros(len(self.names))
+        values[3:6] = velocity
+        for axis, name in enumerate(GROUND):
+            if name.partition("/")[2] in level:  # the air moves with what is left
+                values[3 + axis] = level[name.partition("/")[2]]
+                if axis in self._winds:
+                    values[self._index[WINDS[axis]]] = values[3 + axis] - velocity[axis]
+        values[6] = level.get("alt", 0.0)
+        return Guess(attitude, values)
+
+
+def _other_unknowns(channels: tuple[str, ...]) -> list[str]:
+    """Return the unknowns beside initial values and biases of inertial sensors, by what was logged."""
+    air = (*FLOW, *VELOCITY)
+    names: list[str] = []
+    if any(n in air for n in channels):  # wind is what differs between ground and air
+        if any(n in GROUND for n in channels):
+            names += WINDS
+        elif "state/alt" in channels:
+            names += WINDS[2:]
+    for channel in channels:
+        if channel in air:
+            names.append(unknown(channel, "scale"))
+        if channel in air or channel in ATTITUDE[:2]:  # of heading and altitude the start stands for a bias
+            names.append(unknown(channel, "bias"))
+        names.append(unknown(channel, "skew"))
+    return list(dict.fromkeys(names))
+
+
+def unknown(channel: str, kind: str) -> str:
+    """Return the name of a channel's scale, bias or skew; attitudes share a clock, ground velocities too."""
+    if kind == "skew":
+        for group, name in ((ATTITUDE, "attitude"), (GROUND, "ground")):
+            if channel in group:
+                return f"{name} skew"
+    return f"{channel.partition('/')[2]} {kind}"

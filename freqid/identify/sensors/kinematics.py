@@ -1,0 +1,226 @@
+"""Do the sensors of a flight agree? Their biases, scale factors and delays, found by kinematics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from freqid.core.channels import AIR, STATE
+from freqid.core.errors import UsageError, nearest
+from freqid.core.record import FlightRecord, Maneuver
+from freqid.core.results.point import Fit
+from freqid.identify.sensors.kinematic_fit import fit_compatibility
+from freqid.identify.sensors.kinematic_problem import INITIAL, CompatibilityProblem
+from freqid.identify.sensors.kinematic_sensors import INERTIAL, sensors_of
+
+Array = NDArray[np.float64]
+
+# Size that each error may well have, SI units: for weighing what the data tell against what is known anyway.
+PLAUSIBLE = {
+    "turn": 0.3,
+    "start": 30.0,
+    "height": 1000.0,
+    "wind": 20.0,
+    "skew": 0.3,
+    "p q r bias": 0.02,
+    "ax ay az bias": 0.5,
+    "phi theta bias": 0.03,
+    "alpha beta bias": 0.05,
+    "alpha beta scale": 0.3,
+    "V u v w bias": 3.0,
+    "V u v w scale": 0.2,
+}
+
+
+@dataclass(frozen=True)
+class KinematicSettings:
+    """What a compatibility check estimates.
+
+    Attributes
+    ----------
+    parameters : tuple of str, optional
+        Sensor errors to estimate, such as ``"alpha skew"``, ``"ax bias"``, ``"V scale"``; where absent, all
+        that the channels of the record allow. Those that the data do not tell are held at zero and named.
+    wind_walk : float
+        Intensity of a random walk of the wind, m/s per square root of a second: 0 for a constant wind.
+    longest_skew_s : float
+        Longest delay that is tried, s; as much of the record is left out at both ends.
+    plausible : mapping of str to float
+        Size that an error may well have, SI units, by parameter; replaces the built-in sizes.
+    confidence : float
+        Of the intervals.
+    """
+
+    parameters: tuple[str, ...] | None = None
+    wind_walk: float = 0.0
+    longest_skew_s: float = 1.0
+    plausible: Mapping[str, float] = field(default_factory=dict)
+    confidence: float = 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class KinematicCheck:
+    """What a record's kinematics say of its sensors.
+
+    A channel reads ``(1 + scale) true(t - skew) + bias``: a positive skew is a late channel.
+
+    Attributes
+    ----------
+    names : tuple of str, length p
+        Sensor errors that the data tell, and wind: ``"ax bias"``, ``"alpha scale"``, ``"attitude skew"``,
+        ``"wind east"``.
+    units : tuple of str, length p
+    estimate, std_error : ndarray, shape (p,)
+        SI units; standard errors allow for drift by sensor noise and for coloured residuals.
+    covariance : ndarray, shape (p, p)
+    lower, upper : ndarray, shape (p,)
+        Confidence limits.
+    undetermined : mapping of str to tuple of str
+        Errors that the data do not tell, or put at three times their plausible size, and that were held at
+        zero; with the names of those unknowns that would take an actual error of this kind up, initial
+        values among them.
+    rms_before, rms_after : mapping of str to float
+        By channel: residual of the integrated motion with initial values alone, and with the sensor errors.
+    fit : mapping of str to Fit
+        By channel: measured and modelled history, with the sensor errors.
+    noise_std : mapping of str to float
+        White noise by channel that the weights rest on.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    estimate: Array
+    std_error: Array
+    covariance: Array
+    lower: Array
+    upper: Array
+    undetermined: Mapping[str, tuple[str, ...]]
+    rms_before: Mapping[str, float]
+    rms_after: Mapping[str, float]
+    fit: Mapping[str, Fit]
+    noise_std: Mapping[str, float]
+
+    def __getitem__(self, parameter: str) -> tuple[float, float]:
+        """Return estimate and standard error of one parameter."""
+        if parameter not in self.names:
+            raise UsageError(
+                f"the check did not estimate '{parameter}'", remedy=nearest(parameter, self.names)
+            )
+        i = self.names.index(parameter)
+        return float(self.estimate[i]), float(self.std_error[i])
+
+
+def check_kinematics(
+    flown: FlightRecord | Maneuver, settings: KinematicSettings = KinematicSettings()
+) -> KinematicCheck:
+    """Estimate sensor errors from the disagreement between channels that kinematics tie together.
+
+    Parameters
+    ----------
+    flown : FlightRecord or Maneuver
+        With ``p q r ax ay az`` and any of airspeed, flow angles, ``u v w``, attitude, altitude and velocity
+        over ground.
+    settings : KinematicSettings
+
+    Returns
+    -------
+    KinematicCheck
+
+    Raises
+    ------
+    DataError
+        Channels are missing, the record is too short, the estimates do not settle, or a delay runs to its
+        limit.
+    UsageError
+        A parameter is asked for that the record's channels do not have, or a setting is impossible.
+
+    Notes
+    -----
+    Output error: rates and specific forces less their biases are integrated, and the other channels compared
+    with the result (docs/theory/kinematics.md). The clock of the inertial sensors is the reference of delays.
+
+    References
+    ----------
+    Klein & Morelli, Aircraft System Identification, 2nd ed., ch. 10; Jategaonkar, Flight Vehicle System
+    Identification, 2nd ed., ch. 10.
+    """
+    if not (settings.longest_skew_s > 0 and settings.wind_walk >= 0):
+        raise UsageError(
+            f"longest_skew_s is {settings.longest_skew_s:g} and wind_walk {settings.wind_walk:g}, expected a "
+            "positive time and an intensity of zero or more"
+        )
+    record = flown.record if isinstance(flown, Maneuver) else flown
+    problem = CompatibilityProblem(sensors_of(record, _centre_of_gravity(flown)), settings.longest_skew_s)
+    possible = problem.names[INITIAL:]
+    wanted = possible if settings.parameters is None else settings.parameters
+    for name in (*wanted, *settings.plausible):
+        if name not in possible:
+            raise UsageError(
+                f"parameter '{name}' is none of this record's sensor errors", remedy=nearest(name, possible)
+            )
+    plausible = np.array([settings.plausible.get(n, _plausible(n)) for n in problem.names])
+    found = fit_compatibility(problem, wanted, plausible, settings.wind_walk)
+
+    errors = [i for i, n in enumerate(found.names) if n in possible]
+    names = tuple(found.names[i] for i in errors)
+    estimate, covariance = found.estimate[errors], found.covariance[np.ix_(errors, errors)]
+    std_error = np.sqrt(np.diag(covariance))
+    half = stdtrit(found.degrees_of_freedom[errors], 0.5 + settings.confidence / 2) * std_error
+    channels, time = problem.sensors.names, record.time[problem.window]
+    measured = found.after.modelled + found.after.residual
+    return KinematicCheck(
+        names=names,
+        units=tuple(_unit(n) for n in names),
+        estimate=estimate,
+        std_error=std_error,
+        covariance=covariance,
+        lower=estimate - half,
+        upper=estimate + half,
+        undetermined=found.undetermined,
+        rms_before=_rms(channels, found.before.residual),
+        rms_after=_rms(channels, found.after.residual),
+        fit={n: Fit(time, *both) for n, *both in zip(channels, measured, found.after.modelled, strict=True)},
+        noise_std=dict(
+            zip(
+                (*INERTIAL, *channels),
+                (*found.noise.rates, *found.noise.force, *found.noise.outputs),
+                strict=True,
+            )
+        ),
+    )
+
+
+def _centre_of_gravity(flown: FlightRecord | Maneuver) -> tuple[float, float, float] | None:
+    if isinstance(flown, Maneuver):
+        return flown.vehicle.mass_properties.cg_m
+    if flown.mass_properties is not None:
+        return flown.mass_properties.cg_m
+    return flown.vehicle.mass_properties.cg_m if flown.vehicle else None
+
+
+def _plausible(name: str) -> float:
+    """Return the size that an unknown may well have."""
+    first, _, kind = name.partition(" ")
+    if kind.endswith("start") or name == "alt start":
+        return PLAUSIBLE["turn" if first == "turn" else "height" if first == "alt" else "start"]
+    if first == "wind" or kind == "skew":
+        return PLAUSIBLE["wind" if first == "wind" else "skew"]
+    return next(v for k, v in PLAUSIBLE.items() if k.endswith(f" {kind}") and first in k.split())
+
+
+def _unit(name: str) -> str:
+    """Return the SI unit of a sensor error."""
+    first, _, kind = name.partition(" ")
+    if first == "wind":
+        return "m/s"
+    if kind != "bias":
+        return {"scale": "1", "skew": "s"}[kind]
+    return (STATE | AIR)[first][0]
+
+
+def _rms(channels: tuple[str, ...], residual: Array) -> dict[str, float]:
+    return dict(zip(channels, np.sqrt((residual**2).mean(axis=1)).tolist(), strict=True))

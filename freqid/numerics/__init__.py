@@ -1,1 +1,0 @@
-"""Numerical pieces that several folders need: quadrature, finite differences, small statistics."""

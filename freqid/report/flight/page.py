@@ -1,0 +1,209 @@
+"""One self-contained page about a simulated flight: what was flown, what it took, and what it looked like."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from freqid import __version__
+from freqid.report.design.figures import GROUP_COLOURS, signal_rows
+from freqid.report.flight import figures, tables
+from freqid.report.flight.film import FRAMES, filmstrip, largest_thrust
+from freqid.report.flight.tables import SimulatedFlight
+from freqid.report.flight.three_view import three_view
+from freqid.report.flight.trims import trim_curves
+from freqid.report.kit.effectors import engineering, groups_of
+from freqid.report.kit.notation import number, pretty_unit, short
+from freqid.report.kit.pictures import Picture, picture
+from freqid.report.kit.rendering import render
+
+Array = NDArray[np.float64]
+
+_ROWS = 10  # signals in one figure at most, where one is enough
+_STATES = ("u v w p q r", "phi theta psi alt")
+
+
+def build_simulation_page(flight: SimulatedFlight) -> str:
+    """Return the page of a simulated flight: one text that fetches nothing, the same for the same flight."""
+    return render(
+        "simulation.html",
+        title=flight.scenario.vehicle.name,
+        what=_what(flight),
+        version=__version__,
+        findings=tables.findings(flight),
+        facts=tables.facts(flight),
+        film=_film(flight) if flight.to else None,
+        excursions=tables.excursion_rows(flight),
+        states=_states(flight),
+        effectors=tables.effector_rows(flight),
+        movements=[*_effectors(flight), _bars(flight)],
+        excitation=_excitation(flight),
+        aircraft=[_view(flight), *_trims(flight)],
+        provenance={
+            "record": flight.record,
+            "scenario SHA-256": flight.scenario_sha256,
+            **flight.truth.provenance,
+        },
+    )
+
+
+def _what(flight: SimulatedFlight) -> str:
+    where = f"from {flight.truth.reference} to {flight.to}" if flight.to else f"at {flight.truth.reference}"
+    return f"Simulated flight {where}."
+
+
+def _film(flight: SimulatedFlight) -> Picture:
+    most = largest_thrust(flight.scenario.aircraft(), flight.thrust)
+    return picture(
+        filmstrip(flight.scenario, flight.truth, flight.thrust),
+        "film",
+        f"The aircraft from the side at {FRAMES} instants, and speed, altitude, tilt, pitch and rotor speeds",
+        f"From the side at {FRAMES} instants, which dashed lines mark below. Green: thrust of each wing's "
+        f"rotors, {number(most, 2)} N at the most. As the wings come down, lift takes over from thrust; "
+        "altitude and pitch angle should stay where they are. All is truth.",
+    )
+
+
+def _states(flight: SimulatedFlight) -> list[Picture]:
+    truth, pictures = flight.truth, []
+    limits = {}
+    for name, row in flight.excursions.items():
+        if "limit" in row:
+            start = float(truth[f"state/{name}"][0])
+            limits[f"state/{name}"] = (start - row["limit"], start + row["limit"])
+    power = [f"power/{name}" for name in ("voltage", "current") if f"power/{name}" in truth]
+    for part, names in enumerate(_STATES):
+        channels = [f"state/{name}" for name in names.split()] + (power if part else [])
+        words = ("Velocity relative to the air and angular rates", "Attitude, altitude and battery")[part]
+        pictures.append(
+            picture(
+                figures.history_strips(truth, channels, limits),
+                f"states{part}",
+                f"{words} over time: {', '.join(channels)}",
+                f"{words}, truth. Dashed orange: abort limit, where a state comes half way to it.",
+            )
+        )
+    return pictures
+
+
+def _bars(flight: SimulatedFlight) -> Picture:
+    effectors = flight.scenario.effector
+    values = flight.truth.matrix([f"effector/{e.name}" for e in effectors])
+    flown = np.percentile(values, [0, 5, 95, 100], axis=1).T
+    return picture(
+        figures.range_bars(effectors, flown, values[:, 0]),
+        "bars",
+        "Share of the range between its limits that each effector used",
+        "Where effectors were between their limits: grey all of the time, blue 90 % of it, black at the "
+        "start. What touches a dashed line had no more to give.",
+    )
+
+
+def _effectors(flight: SimulatedFlight) -> list[Picture]:
+    truth, effectors = flight.truth, flight.scenario.effector
+    names = [e.name for e in effectors]
+    values, commands = (truth.matrix([f"{group}/{n}" for n in names]) for group in ("effector", "command"))
+    moved, commands = values - values[:, :1], commands - commands[:, :1]
+    rows = _Rows.of(names, [e.unit for e in effectors], moved, flight)
+    return [
+        picture(
+            figures.effector_rows(
+                [effectors[i] for i in part], truth.time, moved[part], commands[part], *rows.looks(part)
+            ),
+            f"effectors{part[0]}",
+            f"Effector positions over time: {', '.join(names[i] for i in part)}",
+            "Positions less those at the start, truth; grey behind: commands less those at the start. "
+            "Effectors of one colour have one scale; beside each, how far it went.",
+        )
+        for part in rows.parts
+    ]
+
+
+def _excitation(flight: SimulatedFlight) -> list[Picture]:
+    truth = flight.truth
+    names = list(truth.group("excitation"))
+    if not names:
+        return []
+    channels = [f"excitation/{name}" for name in names]
+    values = truth.matrix(channels)
+    rows = _Rows.of(names, [truth.channel(name).unit for name in channels], values, flight)
+    return [
+        picture(
+            signal_rows([names[i] for i in part], truth.time, values[part], *rows.looks(part)),
+            f"excitation{part[0]}",
+            f"Excitation over time: {', '.join(names[i] for i in part)}",
+            "What was added to the control law's commands. Effectors of one colour have one scale; "
+            "beside each, its largest value.",
+        )
+        for part in rows.parts
+    ]
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """How signals are drawn one below the other: in which figures, and each one's scale, note and colour."""
+
+    parts: list[list[int]]
+    scale: dict[int, float]
+    notes: dict[int, str]
+    colours: dict[int, str]
+
+    @classmethod
+    def of(cls, names: Sequence[str], units: Sequence[str], values: Array, flight: SimulatedFlight) -> Self:
+        """Return it for signals, shape (row, sample), SI: groups keep together and share scale and colour."""
+        peak, order = np.abs(values).max(axis=1), []
+        scale, notes, colours = {}, {}, {}
+        groups = list(groups_of(names, flight.scenario.aircraft()).values())
+        for colour, places in zip(GROUP_COLOURS, groups, strict=False):
+            order += places
+            for i in places:
+                unit, factor = engineering(units[i])
+                moves = factor * peak[i] > 1e-6
+                scale[i], colours[i] = max(float(peak[places].max()), 1e-9), colour
+                notes[i] = f"{number(factor * peak[i]) if moves else 0} {pretty_unit(unit)}"
+        cut = len(order)
+        if cut > _ROWS:  # between two groups, as near to the middle as they allow
+            ends = np.cumsum([len(places) for places in groups])
+            cut = int(ends[np.abs(2 * ends - cut).argmin()])
+        return cls([part for part in (order[:cut], order[cut:]) if part], scale, notes, colours)
+
+    def looks(self, part: Sequence[int]) -> tuple[list[float], list[str], list[str]]:
+        """Return scales, notes and colours of one figure."""
+        return tuple([table[i] for i in part] for table in (self.scale, self.notes, self.colours))  # type: ignore[return-value]
+
+
+def _view(flight: SimulatedFlight) -> Picture:
+    tilts = ", ".join(f"{name} {np.degrees(angle):.1f}°" for name, angle in flight.tilt.items())
+    return picture(
+        three_view(flight.scenario, flight.tilt),
+        "view",
+        "Three-view of the aircraft with the names of its effectors",
+        Markup(
+            "The described aircraft with its wings as at the start{}. Orange: rotors, named and with their "
+            "sense of rotation in the view that shows the discs; blue: surfaces. Dot: tilt axis; crossed "
+            "circle: centre of gravity. The description has no shape of the fuselage: it is drawn as a "
+            "spheroid of its volume."
+        ).format(f" ({tilts})" if tilts else ""),
+    )
+
+
+def _trims(flight: SimulatedFlight) -> list[Picture]:
+    if not flight.trims:
+        return []
+    densities = [f"ρ {short(curve.rho)} kg/m³" for curve in flight.trims]
+    lines = ("solid", "dashed", "dotted")
+    keyed = ", ".join(f"{line}: {rho}" for line, rho in zip(lines, densities, strict=False))
+    return [
+        picture(
+            trim_curves(flight.scenario.aircraft(), flight.trims),
+            "trims",
+            "Trim curves over forward speed: tilt, rotor speeds, surfaces, pitch angle, power, margins",
+            f"Level flight along the corridor, a dot for each reference condition; {keyed}. Dash-dotted "
+            "orange: limits. The lowest panel says how far the nearest effector of a kind is from a limit.",
+        )
+    ]

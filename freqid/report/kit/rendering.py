@@ -1,0 +1,44 @@
+"""Templates in, texts out: pages for the browser with every value escaped, plain text as it is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from freqid.core.store import replacing
+
+_TEMPLATES = jinja2.Environment(
+    loader=jinja2.FileSystemLoader(Path(__file__).parents[1] / "templates"),
+    autoescape=lambda name: not (name or "").endswith(".txt"),
+    trim_blocks=True,
+    lstrip_blocks=True,
+    keep_trailing_newline=True,
+    undefined=jinja2.StrictUndefined,
+)
+
+
+def render(template: str, **values: Any) -> str:
+    """Return a template of the folder beside this file with its values filled in.
+
+    Parameters
+    ----------
+    template : str
+        File name; one that ends in ``.txt`` gives plain text, any other HTML.
+    **values
+        What the template names. One that is missing is a bug, not an empty place.
+    """
+    return _TEMPLATES.get_template(template).render(**values)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text as UTF-8, whole or not at all.
+
+    Raises
+    ------
+    DataError
+        Where the folder cannot be written.
+    """
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")

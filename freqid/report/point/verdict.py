@@ -1,0 +1,163 @@
+"""What a reviewer should know first about a point model, in sentences."""
+
+from __future__ import annotations
+
+import numpy as np
+from markupsafe import Markup
+
+from freqid.core.results.point import PointModel, ResponseModel, missed_gates
+from freqid.core.scenario import Gates
+from freqid.report.kit.findings import Finding, code, finding, listed
+from freqid.report.kit.notation import number, share, symbol
+from freqid.report.point.noise_verdict import noise_findings
+from freqid.report.point.sensor_tables import sensor_findings
+
+HIGH_INFLATION = 10.0
+"""A variance inflation factor from which regressors are commonly called collinear."""
+
+
+def verdict(model: PointModel, gates: Gates | None = None) -> tuple[Finding, ...]:
+    """Return the findings, the headline first.
+
+    Parameters
+    ----------
+    model : PointModel
+    gates : Gates, optional
+        What the scenario asks for.
+    """
+    findings = [finding("note", "{}", remark[:1].upper() + remark[1:]) for remark in model.remarks]
+    findings += [*sensor_findings(model), *noise_findings(model), _crossing(model)]
+    findings += _collinear(model) or [_separable(model)]
+    if model.prediction:
+        findings.append(_prediction(model))
+    findings.sort(key=lambda f: ("bad", "note", "good").index(f.kind))
+    return (_headline(model, gates), *findings)
+
+
+def missed_by_response(model: PointModel, gates: Gates) -> dict[str, tuple[Markup, ...]]:
+    """Return by response what it should have reached; responses that reach everything are absent."""
+    said: dict[str, tuple[Markup, ...]] = {}
+    for miss in missed_gates(model, gates):
+        if miss.figure == "R2":
+            text = Markup("R² {} where {:g} is asked").format(share(miss.found), miss.gate)
+            allowed = model[miss.response].r2_ceiling
+            if allowed is not None and allowed < miss.gate:
+                text += Markup(" and noise allows {}").format(share(allowed))
+        else:
+            text = Markup("{} {} where {:g} is allowed").format(miss.figure, number(miss.found), miss.gate)
+        said[miss.response] = (*said.get(miss.response, ()), text)
+    return said
+
+
+def crosses_zero(response: ResponseModel) -> np.ndarray:
+    """Return which parameters' 2-sigma bars include zero, shape (p,)."""
+    return ~(np.abs(response.estimate) > 2 * response.std_error)
+
+
+def _headline(model: PointModel, gates: Gates | None) -> Finding:
+    scores = {name: response.r2 for name, response in model.responses.items()}
+    spread = _spread(model, scores)
+    if gates is None or (gates.r2 is None and gates.condition_number is None):
+        return finding("note", "R² is {}. No gate was given to hold it against.", spread)
+    missed = missed_by_response(model, gates)
+    if not missed:
+        return finding("good", "Every response reaches its gate: R² is {}.", spread)
+    said = [
+        Markup("{} ({})").format(symbol(name, model.form), Markup(", ").join(what))
+        for name, what in missed.items()
+    ]
+    return finding(
+        "bad",
+        "{} of {} responses {} a gate: {}. R² is {}.",
+        len(missed),
+        len(scores),
+        "misses" if len(missed) == 1 else "miss",
+        listed(said),
+        spread,
+    )
+
+
+def _prediction(model: PointModel) -> Finding:
+    scores = {name: fit.r2 for name, fit in model.prediction.items()}
+    worse = [symbol(name, model.form) for name, score in scores.items() if not score > 0]
+    if worse:
+        return finding(
+            "bad",
+            "A manoeuvre that was not used is predicted worse than by a constant in {}; R² is {}.",
+            listed(worse),
+            _spread(model, scores),
+        )
+    return finding("note", "A manoeuvre that was not used is predicted with R² {}.", _spread(model, scores))
+
+
+def _separable(model: PointModel) -> Finding:
+    responses = model.responses.values()
+    return finding(
+        "good",
+        "The data separate every parameter: variance inflation is at most {}, the condition number {}.",
+        number(max(float(response.variance_inflation.max(initial=1)) for response in responses)),
+        number(max(response.condition_number for response in responses)),
+    )
+
+
+def _collinear(model: PointModel) -> list[Finding]:
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name, response in model.responses.items():
+        for group in response.inseparable:
+            groups.setdefault(group, []).append(name)
+    findings = [
+        finding(
+            "bad",
+            "The data cannot separate {} in {}: only a combination of their parameters is known.",
+            listed(map(code, group)),
+            _responses(model, names),
+        )
+        for group, names in groups.items()
+    ]
+    largest: dict[str, float] = {}
+    for response in model.responses.values():
+        for name, value in zip(response.regressors, response.variance_inflation.tolist(), strict=True):
+            if value > HIGH_INFLATION:
+                largest[name] = max(value, largest.get(name, 0.0))
+    if largest:
+        names = sorted(largest, key=lambda name: -largest[name])
+        said = listed(Markup("{} ({})").format(code(name), number(largest[name])) for name in names)
+        findings.append(finding("note", "Variance inflation is above {:g} for {}.", HIGH_INFLATION, said))
+    return findings
+
+
+def _crossing(model: PointModel) -> Finding:
+    total, weak = 0, []
+    for name, response in model.responses.items():
+        total += len(response.regressors)
+        names = [code(n) for n, c in zip(response.regressors, crosses_zero(response), strict=True) if c]
+        if names:
+            weak.append((len(names), Markup("{}: {}").format(symbol(name, model.form), listed(names))))
+    if not weak:
+        return finding("good", "All {} parameters differ from zero by more than 2σ.", total)
+    count = sum(n for n, _ in weak)
+    return finding(
+        "note",
+        "{} of {} parameters cannot be told from zero: the 2σ bar includes it ({}).",
+        count,
+        total,
+        Markup("; ").join(text for _, text in weak),
+    )
+
+
+def _spread(model: PointModel, scores: dict[str, float]) -> Markup:
+    """Say the lowest and the highest of some scores, and whose they are."""
+    if len(scores) == 1:
+        ((name, score),) = scores.items()
+        return Markup("{} ({})").format(share(score), symbol(name, model.form))
+    worst = min(scores, key=lambda name: (scores[name] == scores[name], scores[name]))
+    best = max(scores, key=lambda name: (scores[name] == scores[name], scores[name]))
+    return Markup("from {} ({}) to {} ({})").format(
+        share(scores[worst]), symbol(worst, model.form), share(scores[best]), symbol(best, model.form)
+    )
+
+
+def _responses(model: PointModel, names: list[str]) -> Markup:
+    if len(names) == len(model.responses) > 2:
+        return Markup("every response")
+    return listed(symbol(name, model.form) for name in names)

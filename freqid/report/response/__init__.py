@@ -1,0 +1,4 @@
+"""The page of frequency responses.
+
+Read page, then bode.
+"""

@@ -1,0 +1,243 @@
+"""What a reader should know first about a study, in sentences that its numbers make."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from markupsafe import Markup
+
+from freqid.report.kit.findings import Finding, code, finding, listed
+from freqid.report.kit.notation import number, percent, share, short, symbol
+from freqid.report.point.noise_verdict import reaches_ceiling
+from freqid.report.study.results import HeldOut, StudyResults, same_density, settled_share
+
+GOOD_R2 = 0.95
+MOST_VALIDATION = 1.15
+"""Error of prediction over error of fit that is still called alike."""
+MOST_HELD_OUT = 1.25
+"""Error of the global model over that of a point model, where neither was made from the manoeuvre."""
+MOST_NEW_DENSITY = 1.5
+"""The same at an air density that the global model was not made at."""
+SETTLED = 0.95
+"""Share of parameters that makes a manoeuvre long enough."""
+SETTLED_BY = 40.0
+"""s into the second period: when they should have settled."""
+
+
+def study_verdict(results: StudyResults) -> tuple[Finding, ...]:
+    """Return the findings, the headline first.
+
+    Parameters
+    ----------
+    results : StudyResults
+    """
+    findings = [*_held_out(results), *_settled(results), *_separable(results)]
+    findings += [*_low(results), *_noise(results), *_linear(results)]
+    findings.sort(key=lambda f: ("bad", "note", "good").index(f.kind))
+    return (_headline(results), *findings)
+
+
+def settled_by(results: StudyResults) -> float | None:
+    """Return when parameters should have settled, s; None where no manoeuvre is as long as that."""
+    by = results.design.period_s + SETTLED_BY
+    return by if by < results.design.duration_s else None
+
+
+def most_allowed(results: StudyResults, held_out: HeldOut) -> float:
+    """Return what a held-out ratio may be: more where no point of the global model has that density."""
+    model, rho = results.model, held_out.reference.rho
+    known = model is None or any(same_density(rho, at) for at in model.corridor.rho.tolist())
+    return MOST_HELD_OUT if known else MOST_NEW_DENSITY
+
+
+def settled_time(time: np.ndarray, settled: np.ndarray) -> float:
+    """Return from when on enough parameters have settled, s."""
+    return float(time[np.argmax(settled >= SETTLED)])  # at the end all have
+
+
+def _headline(results: StudyResults) -> Finding:
+    scores = {(r, p.id): p.model[r].r2 for p in results.points for r in results.responses}
+    lowest = min(scores, key=lambda at: (scores[at] == scores[at], scores[at]))
+    good = sum(score >= GOOD_R2 for score in scores.values())
+    count = len(results.points)
+    text = Markup("{} condition{}: {} of {} responses are modelled with R² of {:g} or more (lowest: {}, {}).")
+    said = text.format(
+        count,
+        "s" * (count > 1),
+        good,
+        len(scores),
+        GOOD_R2,
+        share(scores[lowest]),
+        _at(results, *lowest),
+    )
+    ratios = {(r, p.id): p.validation_ratio(r) for p in results.points for r in results.responses}
+    ratios = {at: ratio for at, ratio in ratios.items() if math.isfinite(ratio)}
+    if not ratios:
+        return finding("note", "{} No manoeuvre was predicted.", said)
+    worst = max(ratios, key=lambda at: ratios[at])
+    beyond = sum(not ratio <= MOST_VALIDATION for ratio in ratios.values())
+    over = f"; {beyond} of {len(ratios)} above {MOST_VALIDATION:g}" if beyond else ""
+    return finding(
+        "bad" if beyond else "good" if good == len(scores) else "note",
+        "{} Manoeuvres that were not used are predicted with {} to {} times the error of the fit "
+        "(largest: {}{}).",
+        said,
+        number(min(ratios.values())),
+        number(ratios[worst]),
+        _at(results, *worst),
+        over,
+    )
+
+
+def _held_out(results: StudyResults) -> list[Finding]:
+    ratios = {
+        (r, h.reference.id): (h.ratio(r), most_allowed(results, h))
+        for h in results.held_out
+        for r in results.responses
+        if math.isfinite(h.ratio(r))
+    }
+    if not ratios:
+        return []
+    worst = max(ratios, key=lambda at: ratios[at][0] / ratios[at][1])
+    beyond = sum(ratio > most for ratio, most in ratios.values())
+    values = [ratio for ratio, _ in ratios.values()]
+    count = len({identifier for _, identifier in ratios})
+    said = finding(
+        "bad" if beyond else "good",
+        "At {} that it was not made from, the global model errs {} to {} times as much as a point model "
+        "identified there (farthest from what is asked: {}, {}).",
+        "a condition" if count == 1 else f"{count} conditions",
+        number(min(values)),
+        number(max(values)),
+        _at(results, *worst),
+        number(ratios[worst][0]),
+    )
+    if beyond:
+        text = Markup("{} {} of {} are beyond {:g}, or {:g} at a density it was not made at.")
+        said = Finding(
+            said.kind, text.format(said.text, beyond, len(ratios), MOST_HELD_OUT, MOST_NEW_DENSITY)
+        )
+    return [said]
+
+
+def _settled(results: StudyResults) -> list[Finding]:
+    times = {p.id: settled_time(*settled_share(p.history)) for p in results.points if p.history}
+    if not times:
+        return []
+    last, by = max(times, key=lambda i: times[i]), settled_by(results)
+    text = Markup("{:.0f} % of the parameters stay within 2σ of their final value from {} s on, {}").format(
+        100 * SETTLED, short(times[last]), code(last)
+    )
+    text = Markup("{} being the last.").format(text) if len(times) > 1 else Markup("{}.").format(text)
+    if by is not None and times[last] > by:
+        return [finding("bad", "{} That is later than {} s, which is asked for.", text, short(by))]
+    return [Finding("good", text)]
+
+
+def _separable(results: StudyResults) -> list[Finding]:
+    confused = {
+        group: p.id for p in results.points for r in p.model.responses.values() for group in r.inseparable
+    }
+    if confused:
+        said = listed(
+            Markup("{} at {}").format(Markup(", ").join(map(code, group)), code(at))
+            for group, at in confused.items()
+        )
+        return [finding("bad", "The data cannot separate {}.", said)]
+    numbers = {p.id: max(r.condition_number for r in p.model.responses.values()) for p in results.points}
+    worst = max(numbers, key=lambda i: numbers[i])
+    return [
+        finding(
+            "good",
+            "The data separate every parameter: the condition number is at most {} ({}).",
+            number(numbers[worst]),
+            code(worst),
+        )
+    ]
+
+
+def _low(results: StudyResults) -> list[Finding]:
+    low = {
+        r: sum(not p.model[r].r2 >= GOOD_R2 for p in results.points)
+        for r in results.responses
+        if any(not p.model[r].r2 >= GOOD_R2 for p in results.points)
+    }
+    if not low:
+        return []
+    said = listed(Markup("{} ({})").format(symbol(r, results.form), n) for r, n in low.items())
+    at = [(p, r) for p in results.points for r in low if not p.model[r].r2 >= GOOD_R2]
+    if all(p.model[r].r2_ceiling is not None for p, r in at):
+        short = [_at(results, r, p.id) for p, r in at if not reaches_ceiling(p.model[r])]
+        return [
+            finding(
+                "note",
+                "R² is below {:g} for {}, the number of conditions in brackets; noise allows no more{}.",
+                GOOD_R2,
+                said,
+                Markup(", except in {}").format(listed(short)) if short else "",
+            )
+        ]
+    return [
+        finding(
+            "note",
+            "R² is below {:g} for {}, the number of conditions in brackets: a response that hardly moves "
+            "has little but noise to explain.",
+            GOOD_R2,
+            said,
+        )
+    ]
+
+
+def _noise(results: StudyResults) -> list[Finding]:
+    counts = {
+        (r, p.id): len(p.model[r].differing)
+        for p in results.points
+        for r in results.responses
+        if p.model[r].errors_in_variables is not None
+    }
+    if not counts:
+        return [
+            finding(
+                "note",
+                "Estimates are by least squares, which noise in the regressors biases; nothing is beside.",
+            )
+        ]
+    total = sum(len(p.model[r].regressors) for p in results.points for r in results.responses)
+    found, most = sum(counts.values()), max(counts, key=lambda at: counts[at])
+    if not found:
+        return [
+            finding("good", "Least squares and instruments agree within noise in all {} parameters.", total)
+        ]
+    return [
+        finding(
+            "note",
+            "Noise in the regressors biases least squares: {} of {} parameters differ beyond noise from the "
+            "estimate by instruments, which is shown (most: {}, {}).",
+            found,
+            total,
+            _at(results, *most),
+            counts[most],
+        )
+    ]
+
+
+def _linear(results: StudyResults) -> list[Finding]:
+    apart = np.concatenate([p.from_linear(r) for p in results.points for r in results.responses])
+    apart = apart[np.isfinite(apart)]
+    if not apart.size:
+        return []
+    return [
+        finding(
+            "note",
+            "{} of {} parameters lie within 2σ of the linearised simulation, 95 % would if nothing but "
+            "noise came between; the distance is {}σ in root mean square.",
+            percent(float(np.mean(np.abs(apart) <= 2))),
+            apart.size,
+            number(float(np.sqrt(np.mean(apart**2))), 2),
+        )
+    ]
+
+
+def _at(results: StudyResults, response: str, identifier: str) -> Markup:
+    return Markup("{} at {}").format(symbol(response, results.form), code(identifier))

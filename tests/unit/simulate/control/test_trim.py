@@ -13,7 +13,7 @@ from freqid.core.scenario import Reference, read_scenario
 from freqid.simulate.control.trim import EQUATIONS, HEIGHT, _balance, trim
 from freqid.simulate.motion import whole_vehicle as motion
 
-SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]
+SCENARIO = read_scenario(Path(__file__).parents[4] / "scenarios" / "la8.toml")[0]
 WEIGHT = 28.6 * 9.80665
 MIRRORED = ([1, 0, 3, 2, 5, 4, 7, 6, 9, 8], [3, 2, 1, 0, 7, 6, 5, 4])  # surfaces, rotors
 

@@ -24,7 +24,7 @@ from freqid.identify.point import identify_point
 from freqid.identify.spectra.fourier import FourierPlan, harmonics
 from freqid.identify.spectra.trend import remove_trend
 
-SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
+SCENARIOS = Path(__file__).resolve().parents[4] / "scenarios"
 LINES = harmonics(20.0, (0.05, 1.8))
 DT = 0.02
 

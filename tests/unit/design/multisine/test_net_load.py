@@ -53,7 +53,7 @@ def peaks(played, loads):
     return np.abs(net_loads(played, loads)).max(axis=1)
 
 
-LA8 = Path(__file__).parents[3] / "scenarios" / "la8.toml"
+LA8 = Path(__file__).parents[4] / "scenarios" / "la8.toml"
 COMBS = [np.arange(3 + j, 40, 6) for j in range(6)]
 LOADS = np.random.default_rng(0).standard_normal((3, 6))
 

@@ -17,7 +17,7 @@ from freqid.identify.sensors.delays import AlignmentSettings, align
 from freqid.identify.sensors.delays_point import identify_aligned
 from freqid.identify.sensors.delays_record import Misaligned
 
-SCENARIOS = Path(__file__).resolve().parents[3] / "scenarios"
+SCENARIOS = Path(__file__).resolve().parents[4] / "scenarios"
 SEEDS = range(8)
 
 

@@ -15,7 +15,7 @@ from freqid.simulate.control.lq import close_loop, corridor, design_law
 from freqid.simulate.control.trim import trim
 from freqid.simulate.motion import whole_vehicle as motion
 
-SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]
+SCENARIO = read_scenario(Path(__file__).parents[4] / "scenarios" / "la8.toml")[0]
 KINDS = [effector.kind for effector in SCENARIO.effector]
 MOVED = np.array([k for kind in ("surface", "rotor") for k, found in enumerate(KINDS) if found == kind])
 AXES = [0, 2, 3, 4, 5]

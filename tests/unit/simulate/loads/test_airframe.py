@@ -18,7 +18,7 @@ from freqid.simulate.loads.quantities import Aero, Flow, Positions, Wake, Wrench
 from freqid.simulate.loads.wake import convection_time
 from freqid.simulate.motion import multibody
 
-SCENARIO = read_scenario(Path(__file__).resolve().parents[3] / "scenarios" / "la8.toml")[0]
+SCENARIO = read_scenario(Path(__file__).resolve().parents[4] / "scenarios" / "la8.toml")[0]
 VEHICLE = SCENARIO.aircraft()
 WEIGHT = VEHICLE.mass_properties.mass_kg * STANDARD_GRAVITY
 EFFECTORS = [e.name for e in VEHICLE.effectors if e.kind == "surface"]

@@ -14,7 +14,7 @@ from freqid.simulate import effects
 from freqid.simulate.effects import library
 from freqid.simulate.loads.description import parameters
 
-SCENARIO = read_scenario(Path(__file__).resolve().parents[3] / "scenarios" / "la8.toml")[0]
+SCENARIO = read_scenario(Path(__file__).resolve().parents[4] / "scenarios" / "la8.toml")[0]
 
 
 def changed(edit) -> Scenario:

@@ -13,7 +13,7 @@ from freqid.simulate.control.lq import close_loop
 from freqid.simulate.motion import attitude
 from freqid.simulate.motion.rigid_body import BodyState
 
-SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]
+SCENARIO = read_scenario(Path(__file__).parents[4] / "scenarios" / "la8.toml")[0]
 
 
 @pytest.fixture(scope="module")

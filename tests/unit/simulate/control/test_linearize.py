@@ -14,7 +14,7 @@ from freqid.simulate.motion import whole_vehicle as motion
 from freqid.simulate.motion.actuators import by_kind
 from freqid.simulate.motion.derivatives import small_motion
 
-SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]
+SCENARIO = read_scenario(Path(__file__).parents[4] / "scenarios" / "la8.toml")[0]
 EFFECTORS = [effector.name for effector in SCENARIO.effector]
 EFFECTS = {  # as the scenario has them, one switched off, two scaled, one switched on
     "u00": {},

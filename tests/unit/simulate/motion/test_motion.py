@@ -22,7 +22,7 @@ from freqid.simulate.motion.actuators import Commands
 from freqid.simulate.motion.integrate import integrate
 from freqid.simulate.motion.rigid_body import BodyState
 
-SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]
+SCENARIO = read_scenario(Path(__file__).parents[4] / "scenarios" / "la8.toml")[0]
 DT, STEPS = 0.005, 160
 AIR = calm(1.2, ground=40.0)
 

@@ -8,7 +8,7 @@ from freqid.core.errors import UsageError
 from freqid.core.scenario import read_scenario
 from freqid.simulate.air.dryden import gusts, low_altitude, steady_wind
 
-SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]
+SCENARIO = read_scenario(Path(__file__).parents[4] / "scenarios" / "la8.toml")[0]
 
 
 def test_scales_and_intensities_are_those_of_the_specification():

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from freqid.blend.line import BlendedResponse
 from freqid.blend.locate import Located
-
-Array = NDArray[np.float64]
+from freqid.core.arrays import Array
 
 
 class Mixed:

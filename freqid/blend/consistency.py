@@ -12,9 +12,8 @@ from freqid.blend.global_model import GlobalModel
 from freqid.blend.line import BlendedResponse, EquivalentKnots, Line
 from freqid.blend.line_up import density_levels
 from freqid.blend.similarity import equivalent
+from freqid.core.arrays import Array
 from freqid.core.results.corridor import Corridor
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,11 @@ from freqid.blend.line import Line
 from freqid.blend.locate import TILTS, Located, Outside, Tolerance, between, locate
 from freqid.blend.similarity import equivalent, goes_with_velocity
 from freqid.blend.state_space import StateSpace, to_statespace
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError
 from freqid.core.results.corridor import Corridor
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

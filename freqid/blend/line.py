@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from freqid.blend.pchip import Pchip
 from freqid.blend.similarity import equivalent, goes_with_velocity
+from freqid.core.arrays import Array
 from freqid.core.results.corridor import Corridor, KnotResponse
-
-Array = NDArray[np.float64]
 
 # Where wings tilt by more than this per unit of speed, their tilt says where along the corridor the
 # aircraft is, and speed is a perturbation; where they tilt by less, speed says it. rad per m/s.

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.blend.similarity import ALIKE, equivalent, not_similar
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError
 from freqid.core.identification import factors_of
 from freqid.core.results.corridor import Corridor, KnotResponse
 from freqid.core.results.point import PointModel
 
-Array = NDArray[np.float64]
 Densities = Literal["apart", "together"]
 
 SAME_SPEED = 0.05  # m/s: two points closer than this are one condition

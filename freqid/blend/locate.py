@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from freqid.blend.line import Line, Position
 from freqid.blend.similarity import ALIKE, equivalent, goes_with_velocity, not_similar
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError
 from freqid.core.results.corridor import Corridor
 
-Array = NDArray[np.float64]
 Outside = Literal["refuse", "hold"]
 
 TILTS: tuple[str, str] = ("dw1", "dw2")

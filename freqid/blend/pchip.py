@@ -5,11 +5,10 @@ from __future__ import annotations
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
-Array = NDArray[np.float64]
-
+from freqid.core.arrays import Array
 
 # Places around the knot values, in standard errors, over which weights are averaged: fixed once for all.
 _AROUND = np.random.default_rng(0).standard_normal((8, 64))

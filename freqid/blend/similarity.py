@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from freqid.core.arrays import Array
 
 RHO0 = 1.225  # kg/m3, sea level of the standard atmosphere: where equivalent quantities equal true ones
 ALIKE = 0.02  # relative: densities within it are one, for models that cannot be carried to another

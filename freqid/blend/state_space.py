@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from freqid.blend.locate import TILTS
+from freqid.core.arrays import Array
 from freqid.core.channels import WRENCH
 from freqid.core.errors import DataError, UsageError
 from freqid.core.frames import cross, shaft_axis
@@ -19,7 +19,6 @@ from freqid.core.vehicle import Vehicle
 if TYPE_CHECKING:
     from freqid.blend.global_model import GlobalModel
 
-Array = NDArray[np.float64]
 
 STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta")
 

@@ -7,11 +7,10 @@ that one row is one channel; further axes, samples as a rule, broadcast.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
-
-Array = NDArray[np.float64]
 
 
 def cross(a: Array, b: Array) -> Array:

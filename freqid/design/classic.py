@@ -6,12 +6,10 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.design.multisine.bounds import at_least
-
-Array = NDArray[np.float64]
 
 
 def multistep(widths_s: Sequence[float], dt_s: float, *, rise_s: float = 0.0) -> Array:

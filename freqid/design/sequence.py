@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.core.excitation import MOST_SAMPLES, Excitation
 from freqid.core.results.design import ClassicDesign, SampledInputs
@@ -18,7 +18,6 @@ from freqid.design.forecast.limits import room
 from freqid.design.multisine.bounds import at_least, at_most
 from freqid.design.multisine.orthogonal_set import amplitude_of, excited
 
-Array = NDArray[np.float64]
 Waveform = Literal["doublet", "3-2-1-1", "sweep"]
 
 ROUNDING = 1e-9

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.frames import cross, shaft_axis
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.core.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta")
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
 from freqid.core.excitation import Excitation
 from freqid.core.identification import Identification
@@ -24,7 +24,6 @@ from freqid.identify.model.selection import Flights, choose_terms
 from freqid.identify.spectra.fourier import frequency_grid, harmonics
 from freqid.identify.spectra.trend import up_to
 
-Array = NDArray[np.float64]
 Estimator = Literal["least-squares", "instruments"]
 ESTIMATORS = ("least-squares", "instruments")
 

@@ -13,8 +13,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
 from freqid.core.results.design import SampledInputs
 from freqid.core.scenario import Reference, Scenario
@@ -31,8 +32,6 @@ from freqid.simulate.motion.derivatives import HEIGHT
 from freqid.simulate.motion.integrate import Divergence, divergence
 from freqid.simulate.motion.rigid_body import BodyState
 from freqid.simulate.motion.whole_vehicle import Details, Moving, State
-
-Array = NDArray[np.float64]
 
 DT = 0.005  # s, of a step
 EVERY = 2  # steps for each sample that is kept

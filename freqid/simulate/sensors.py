@@ -6,9 +6,9 @@ from typing import Literal
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from freqid.core.arrays import Array
 from freqid.core.channels import si_unit, split
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.frames import cross, flow_angles, level_from_body, specific_force_at
@@ -16,8 +16,6 @@ from freqid.core.record import Channel, FlightRecord
 from freqid.core.scenario import Scenario
 from freqid.core.toml import convert
 from freqid.core.vehicle import Strict, Vector, Vehicle
-
-Array = NDArray[np.float64]
 
 _VELOCITY = ("state/u", "state/v", "state/w")
 _GROUND = ("state/vn", "state/ve", "state/vd")

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from freqid.core.arrays import Array
 from freqid.core.channels import WRENCH, si_unit
 from freqid.core.frames import flow_angles
 from freqid.core.record import Channel, FlightRecord
@@ -14,8 +15,6 @@ from freqid.core.record_file import read_record, write_record
 from freqid.core.scenario import Scenario
 from freqid.simulate.fly import DT, EVERY, Flight
 from freqid.simulate.motion.actuators import Commands, by_kind
-
-Array = NDArray[np.float64]
 
 FORMAT = "freqid-truth"
 

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.identification import Identification
 from freqid.core.record import Maneuver
 from freqid.identify.in_flight.parameter_history import ParameterHistory
 from freqid.identify.loads.explanatory import history
 from freqid.identify.model.problem import measured_responses
 from freqid.identify.spectra.trend import up_to
-
-Array = NDArray[np.float64]
 
 
 def validation_rmse(

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.results.diagnosis import Place
-
-Array = NDArray[np.float64]
 
 LISTED = 0.1  # share of the energy from which a cell is listed
 _THIRDS = ("first third", "middle third", "last third")

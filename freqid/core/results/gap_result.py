@@ -5,14 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from freqid.core.arrays import Array, Complex
 from freqid.core.results.diagnosis import GapDiagnosis
 from freqid.core.results.gap_map import GapMap
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)

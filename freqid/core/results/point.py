@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
 from freqid.core.scenario import Gates, Reference
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

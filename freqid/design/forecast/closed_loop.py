@@ -10,13 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import eig
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.channels import AIR, RESPONSE, STATE, WRENCH
 from freqid.core.errors import UsageError, nearest
 from freqid.core.vehicle import Vehicle
 from freqid.dynamics.small_motion import STATES
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 SPECIFIC_FORCES = ("ax", "ay", "az")
 

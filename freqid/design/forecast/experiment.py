@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError
 from freqid.core.frames import cross
@@ -16,9 +17,6 @@ from freqid.core.results.design import MultisineDesign
 from freqid.core.vehicle import Vector
 from freqid.design.forecast.closed_loop import SPECIFIC_FORCES, STATES, ClosedLoop
 from freqid.design.multisine.lines import band_lines, tones
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 # Least eigenvalue of the correlation of columns that is more than rounding.
 SEPARABLE = 1e-12

@@ -7,14 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.core.results.design import MultisineDesign
 from freqid.core.vehicle import Vehicle
 from freqid.design.forecast.closed_loop import ClosedLoop
 from freqid.design.multisine.lines import band_lines, tones
 from freqid.design.multisine.signals import PEAK_POINTS, sample, samples_per_period
-
-Array = NDArray[np.float64]
 
 
 def room(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.core.identification import Identification
 from freqid.core.results.design import MultisineDesign
@@ -18,8 +19,6 @@ from freqid.design.forecast.closed_loop import ClosedLoop
 from freqid.design.forecast.experiment import Experiment, refuse_unidentified
 from freqid.design.forecast.limits import PeakLimits
 from freqid.design.multisine.lines import band_lines
-
-Array = NDArray[np.float64]
 
 # An effector that little is to be learnt from is not turned down below this share of what it may do.
 LEAST_SHARE = 0.01

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from freqid.core.arrays import Array
 from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError
 from freqid.core.results.point import PointModel
@@ -14,8 +15,6 @@ from freqid.core.units import STANDARD_GRAVITY
 from freqid.core.vehicle import Vehicle
 from freqid.design.forecast.closed_loop import STATES, ClosedLoop, position
 from freqid.dynamics.small_motion import equations_of_motion, rotor_spin
-
-Array = NDArray[np.float64]
 
 # A mode that decays slower than this, 1/s, does not decay: an integrator that nothing closes.
 NEUTRAL = 1e-9

@@ -6,16 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.channels import WRENCH
 from freqid.core.identification import Identification
 from freqid.core.results.design import MultisineDesign
 from freqid.core.vehicle import Vector
 from freqid.design.forecast.closed_loop import ClosedLoop
 from freqid.design.forecast.experiment import Equation, Experiment
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

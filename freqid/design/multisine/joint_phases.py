@@ -19,11 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import linprog
 from scipy.sparse import csr_array
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.results.design import Multisine
 from freqid.design.multisine.signals import PEAK_POINTS, relative_peak_factor, sample, samples_per_period
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _PENALTY = (
     3.0  # t that one unit of relative excess of a range costs; budgets were seen to be worth 0.5 to 1.5

@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.results.design import MultisineDesign
 from freqid.design.multisine.signals import PEAK_POINTS, relative_peak_factor, sample, samples_per_period
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from freqid.core.arrays import Array
+
 Lines = NDArray[np.int64]
 Pair = tuple[int, int]
 

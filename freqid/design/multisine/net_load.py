@@ -15,12 +15,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.results.design import Multisine
 from freqid.design.multisine.joint_phases import JointPhases
 from freqid.design.multisine.signals import PEAK_POINTS, sample, samples_per_period, zero_crossings
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _CHANCE = 200  # random ways of playing whose median peak is what a net would see by chance
 _CHANCE_POINTS = 16

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError, nearest
 from freqid.core.excitation import MOST_HARMONICS, Excitation
@@ -23,7 +24,6 @@ from freqid.design.multisine.net_load import load_gains, lowest_nets, net_peaks
 from freqid.design.multisine.phases import lowest_peaks
 from freqid.design.multisine.power import fractions, limits_from_db
 
-Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 

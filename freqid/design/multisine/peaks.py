@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import rfft
 
+from freqid.core.arrays import Array
 from freqid.design.multisine.signals import sample, samples_per_period
 
-Array = NDArray[np.float64]
 Measure = Literal["range", "peak"]
 
 _BARRIER = 0.1  # times 1 / sharpness: the limits then cost as little as the smoothing itself

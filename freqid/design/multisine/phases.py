@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from freqid.core.arrays import Array
 from freqid.design.multisine.peaks import Measure, SmoothPeak, descend
 from freqid.design.multisine.signals import crest_factor, relative_peak_factor, start_at_zero
-
-Array = NDArray[np.float64]
 
 # Samples per shortest period, sharpness reached, share of the starts kept. Early values already rank the
 # starts (rank correlation with the final crest 0.3-0.7 at 6, 0.8-0.98 at 40), so few are finished.

@@ -7,10 +7,10 @@ Everywhere here a signal is ``u(theta) = sum_k amplitude_k sin(index_k theta + p
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.fft import irfft, next_fast_len
 
-Array = NDArray[np.float64]
+from freqid.core.arrays import Array
 
 PEAK_POINTS = 64
 """Samples per shortest period at which peaks are judged: what lies between is then below 0.12 %."""

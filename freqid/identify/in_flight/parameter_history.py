@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError
 from freqid.core.excitation import Excitation
 from freqid.core.identification import FrequencyGrid, Identification
@@ -15,8 +15,6 @@ from freqid.identify.in_flight.recursive import RecursiveRegression, RunningEsti
 from freqid.identify.loads.explanatory import explanatory_variables
 from freqid.identify.model.problem import measured_responses
 from freqid.identify.spectra.fourier import frequency_grid, harmonics
-
-Array = NDArray[np.float64]
 
 _HISTORIES = ("time", "estimate", "std_error", "lower", "upper", "bias", "bias_std_error", "r2")
 # Samples that are transformed by one product, since the whole manoeuvre is at hand.

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError
 from freqid.core.identification import Identification
 from freqid.identify.in_flight.recursive_transform import RecursiveTransform
 from freqid.identify.regress.regression import LeastSquares, least_squares
 from freqid.identify.regress.uncertainty import correct_coloured_lines, correct_line_spacing
 from freqid.identify.spectra.trend import trend_columns
-
-Array = NDArray[np.float64]
 
 # The bias is a mean over the record; its error is judged by the residual on the lines nearest to zero.
 BIAS_LINES = 10

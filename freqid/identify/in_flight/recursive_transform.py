@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError
 from freqid.identify.spectra.fourier import ORDER
 from freqid.identify.spectra.quadrature import fourier_end_weights
 from freqid.identify.spectra.trend import TrendKind
-
-Array = NDArray[np.float64]
 
 
 class RecursiveTransform:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from freqid.core.arrays import Array
 from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError, nearest
 from freqid.core.identification import Identification, factors_of
@@ -14,8 +15,6 @@ from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.vehicle import Vector, Vehicle
 from freqid.identify.in_flight.recursive import RecursiveRegression, RunningEstimate
 from freqid.identify.loads.wrench import applied_wrench
-
-Array = NDArray[np.float64]
 
 MOTION = ("p", "q", "r", "ax", "ay", "az")
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError
 from freqid.core.identification import Identification
@@ -26,9 +27,6 @@ from freqid.identify.model.line_equations import LineEquations, on_lines
 from freqid.identify.regress.estimators import LEAST_STRENGTH
 from freqid.identify.regress.regression import LeastSquares, least_squares
 from freqid.identify.regress.two_stage import two_stage_least_squares
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 MOTION = ("u", "v", "w", "p", "q", "r")
 # A velocity or rate that moves by less than this share of the others rests but for rounding.

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError
 from freqid.core.record import Maneuver
 from freqid.core.vehicle import Vehicle
@@ -17,7 +18,6 @@ from freqid.identify.loads.explanatory import history
 from freqid.identify.model.line_equations import LineEquations
 from freqid.identify.regress.equations import real_equations
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complexfloating[Any, Any]]
 
 # Fewer equations than this for each coefficient of the law, and it repeats the noise it is fitted to.

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.channels import AIR, STATE
 from freqid.core.errors import DataError, nearest
 from freqid.core.frames import body_velocity, cross, flow_angles, turn_about_y
 from freqid.core.identification import factors_of
 from freqid.core.record import Maneuver
-
-Array = NDArray[np.float64]
 
 _VELOCITY = ("state/u", "state/v", "state/w")
 _FLOW = ("air/V", "air/alpha", "air/beta")

@@ -6,14 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.core.frames import cross, turn_about_y
 from freqid.core.record import Maneuver
 from freqid.core.vehicle import Vehicle, Wing
 
-Array = NDArray[np.float64]
 Differentiate = Callable[[Array, float], Array]
 
 ALONG_Y = np.array([[0.0], [1.0], [0.0]])

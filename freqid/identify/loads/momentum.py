@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.frames import cross, shaft_axis, turn_about_y
 from freqid.core.record import Maneuver
 from freqid.identify.loads.mass import ALONG_Y, MovingMass
-
-Array = NDArray[np.float64]
 
 
 def airframe_momentum(mass: MovingMass, rates: Array) -> Array:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.channels import WRENCH
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.frames import cross, stability_from_body
@@ -18,7 +18,6 @@ from freqid.identify.loads.explanatory import history
 from freqid.identify.loads.mass import Differentiate, MovingMass, moving_mass
 from freqid.identify.loads.momentum import airframe_momentum, rotor_momentum
 
-Array = NDArray[np.float64]
 Form = Literal["force", "specific", "coefficient"]
 Axes = Literal["body", "stability"]
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.core.results.point import Fit, ResponseModel
 from freqid.identify.model.line_equations import LineEquations, on_lines
@@ -22,8 +22,6 @@ from freqid.identify.regress.uncertainty import (
     independent_share,
 )
 from freqid.identify.spectra.trend import up_to
-
-Array = NDArray[np.float64]
 
 # The bias is a mean over the record; its error is judged by the residual on the lines nearest to zero.
 BIAS_LINES = 10

@@ -5,16 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from freqid.core.arrays import Array
 from freqid.core.results.point import Fit, ResponseModel
 from freqid.identify.model.problem import Problem, numbered
 from freqid.identify.regress.estimators import estimate
 from freqid.identify.regress.regression import LeastSquares
 from freqid.identify.regress.uncertainty import correct_coloured_samples
-
-Array = NDArray[np.float64]
 
 
 def fit_samples(problem: Problem, driven: Sequence[Array] | None = None) -> dict[str, ResponseModel]:

@@ -10,13 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from freqid.core.arrays import Array, Complex
 from freqid.identify.loads.wrench import AppliedWrench
 from freqid.identify.regress.uncertainty import independent_share
 from freqid.identify.spectra.fourier import FourierPlan
 from freqid.identify.spectra.trend import TrendKind, remove_trend, trend_columns
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)

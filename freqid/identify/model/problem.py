@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.channels import RESPONSE
 from freqid.core.errors import DataError, UsageError
 from freqid.core.identification import Identification, factors_of
@@ -17,8 +17,6 @@ from freqid.identify.loads.explanatory import explanatory_variables, history
 from freqid.identify.loads.wrench import AppliedWrench, applied_wrench, response_name
 from freqid.identify.regress.estimators import Estimate
 from freqid.identify.spectra.trend import remove_trend
-
-Array = NDArray[np.float64]
 
 # A regressor that moves by less than this share of its mean is constant but for rounding.
 STILL = 1e-9

@@ -12,9 +12,9 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.identification import factors_of
 from freqid.core.record import Maneuver
 from freqid.core.results.point import ResponseModel
@@ -28,9 +28,6 @@ from freqid.identify.regress.products import candidate_products
 from freqid.identify.regress.structure import Structure, partial_f_of_all, prepare_candidates, stepwise
 from freqid.identify.regress.two_stage import two_stage_least_squares
 from freqid.identify.regress.uncertainty import independent_share
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 F_KEPT = 10.0
 """F that a term must keep to stay: one of 24 that do nothing has it by chance in 4 % of responses."""

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from freqid.core.arrays import Array
 from freqid.core.results.point import ErrorsInVariables
 from freqid.identify.regress.regression import LeastSquares, least_squares
 from freqid.identify.regress.two_stage import WeakInstruments, two_stage_least_squares
 
-Array = NDArray[np.float64]
 Correct = Callable[[LeastSquares], LeastSquares]
 
 # Below this first-stage F an estimate by instruments is neither unbiased nor normal (Staiger & Stock, 1997).

@@ -17,12 +17,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError
 from freqid.identify.regress.regression import LeastSquares
-
-Array = NDArray[np.float64]
 
 HALF_WIDTH = 8
 """Noise lines on either side of a harmonic that tell its noise; fewer follow a steeper spectrum, more

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from freqid.core.arrays import Array
 from freqid.identify.regress.structure import Step, prepare_candidates
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

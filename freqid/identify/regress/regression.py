@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.lapack import dtrtri
 from scipy.special import stdtrit
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError
 from freqid.identify.regress.collinearity import Collinearity, examine_columns
 from freqid.identify.regress.equations import checked_channels, real_equations, refuse_zero
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError
 from freqid.identify.regress.equations import checked_channels, real_equations, refuse_zero
 from freqid.identify.regress.regression import LeastSquares, least_squares
-
-Array = NDArray[np.float64]
 
 DEPENDENT = 1e-12
 """Share of a candidate's square below which what the model leaves of it is rounding, not information."""

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError
 from freqid.identify.regress.equations import checked_channels, real_equations
 from freqid.identify.regress.regression import LeastSquares, least_squares
-
-Array = NDArray[np.float64]
 
 
 class WeakInstruments(DataError):

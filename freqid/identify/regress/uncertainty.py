@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.fft import next_fast_len, rfft
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError
 from freqid.identify.regress.regression import LeastSquares
-
-Array = NDArray[np.float64]
 
 FREE_SHARE = 0.25
 """Least share of the equations in a smoothing window that the fit must leave free. Where parameters

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.channels import WRENCH
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord, Maneuver
@@ -16,8 +17,6 @@ from freqid.identify.model.line_equations import plan_of
 from freqid.identify.response.local_response import Lines
 from freqid.identify.spectra.fourier import FourierPlan
 from freqid.identify.spectra.trend import remove_trend
-
-Array = NDArray[np.float64]
 
 EXCITED = 0.03  # of an injected signal's largest harmonic: below, a line is not its own
 # Noise lines beyond the outermost harmonics, which keep the ends' windows from being one-sided.

@@ -18,10 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.errors import DataError
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 LEAST_FREEDOM = 4
 """Complex degrees of freedom that a window leaves for its noise at least."""

@@ -18,11 +18,10 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.identify.spectra.fourier import FourierPlan
-
-Array = NDArray[np.float64]
 
 OVERLAP = 0.8
 WINDOWS = (0.5, 0.33, 0.2, 0.12)

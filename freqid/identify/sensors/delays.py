@@ -12,16 +12,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.identification import Identification, factors_of
 from freqid.core.record import Maneuver
 from freqid.identify.sensors.delays_loads import Changes, fit_loads, loads_unknowns
 from freqid.identify.sensors.delays_motion import fit_motion, motion_unknowns
 from freqid.identify.sensors.delays_record import Misaligned, kind_of
-
-Array = NDArray[np.float64]
 
 # One sigma of each kind of unknown before anything was measured, SI units.
 PLAUSIBLE = {"delay": 0.1, "bias": 0.03, "scale": 0.01, "wind": 5.0}

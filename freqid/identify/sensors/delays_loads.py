@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.identification import Identification
 from freqid.core.record import Maneuver
 from freqid.identify.instruments.driven import driven_maneuvers
@@ -16,8 +17,6 @@ from freqid.identify.model.line_equations import LineEquations, on_lines
 from freqid.identify.model.problem import Problem
 from freqid.identify.regress.equations import real_equations
 from freqid.identify.sensors.delays_record import WINDS, Misaligned, kind_of
-
-Array = NDArray[np.float64]
 
 STEPS = {"delay": 1e-4, "bias": 1e-4, "scale": 1e-3, "wind": 1.0}  # s, rad, 1, m/s; for derivatives
 ROUNDS = 8

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from freqid.core.arrays import Array
 from freqid.core.frames import cross, level_from_body
 from freqid.core.record import Maneuver
 from freqid.core.units import STANDARD_GRAVITY
@@ -15,8 +15,6 @@ from freqid.identify.loads.wrench import AppliedWrench
 from freqid.identify.model.line_equations import on_lines
 from freqid.identify.regress.equations import real_equations
 from freqid.identify.sensors.delays_record import ATTITUDE, BIASES, GROUND, SCALES, VELOCITY, Misaligned
-
-Array = NDArray[np.float64]
 
 _INERTIAL = tuple(f"state/{n}" for n in ("p", "q", "r", "ax", "ay", "az"))
 STEP = 1e-4  # s, rad or 1, for derivatives

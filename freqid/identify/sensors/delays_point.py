@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.core.excitation import Excitation
 from freqid.core.identification import Identification
@@ -20,8 +20,6 @@ from freqid.identify.point import Estimator, identify_point, lines_of
 from freqid.identify.regress.uncertainty import independent_share
 from freqid.identify.sensors.delays import Alignment, align
 from freqid.identify.sensors.delays_loads import Changes
-
-Array = NDArray[np.float64]
 
 # A parameter is named where an unknown of the alignment adds more than this many of its standard errors.
 TOLD = 2.0

@@ -7,13 +7,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from freqid.core.arrays import Array
 from freqid.core.frames import level_from_body
 from freqid.core.record import Channel, Maneuver
-
-Array = NDArray[np.float64]
 
 VELOCITY = ("state/u", "state/v", "state/w")
 GROUND = ("state/vn", "state/ve", "state/vd")

@@ -9,11 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from freqid.core.arrays import Array
 from freqid.core.frames import cross, level_from_body
-
-Array = NDArray[np.float64]
 
 GRAVITY = 9.80665  # standard, m/s2
 # Rows of an error state, and what makes them grow from the origin on.

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError
 from freqid.identify.sensors.kinematic_noise import Noise, coloured_covariance, whiten
 from freqid.identify.sensors.kinematic_problem import INITIAL, CompatibilityProblem, Guess, Prediction
 from freqid.identify.spectra.smoothing import smooth
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 # A parameter is held at zero where its standard error is beyond this share of the size that it may well have:

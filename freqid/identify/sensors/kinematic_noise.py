@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
 from scipy.linalg.lapack import dpotrf, dtrtrs
 from scipy.ndimage import uniform_filter1d
 
+from freqid.core.arrays import Array
 from freqid.identify.sensors.flight_path import FlightPath, skew
-
-Array = NDArray[np.float64]
 
 # Half width of the window that smooths a residual's power, in units of 1/T: twice that of `uncertainty`,
 # since what the filter has whitened varies less with frequency.

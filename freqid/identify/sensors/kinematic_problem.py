@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError
 from freqid.core.frames import body_velocity, cross
 from freqid.identify.sensors.flight_path import (
@@ -26,8 +27,6 @@ from freqid.identify.sensors.kinematic_sensors import (
     Sensors,
     predicted,
 )
-
-Array = NDArray[np.float64]
 
 INITIAL = 7  # values that an integration starts from, the first of all unknowns
 LARGEST_MOVE = 0.1  # of a delay in one step, s

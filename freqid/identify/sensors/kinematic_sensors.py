@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError
 from freqid.core.frames import cross, specific_force_at
 from freqid.core.record import FlightRecord
 from freqid.identify.sensors.flight_path import FlightPath, euler_angles, skew
 from freqid.identify.spectra.smoothing import local_derivative
-
-Array = NDArray[np.float64]
 
 FLOW = ("air/V", "air/alpha", "air/beta")
 VELOCITY = ("state/u", "state/v", "state/w")

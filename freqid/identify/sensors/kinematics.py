@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
+from freqid.core.arrays import Array
 from freqid.core.channels import AIR, STATE
 from freqid.core.errors import UsageError, nearest
 from freqid.core.record import FlightRecord, Maneuver
@@ -16,8 +16,6 @@ from freqid.core.results.point import Fit
 from freqid.identify.sensors.kinematic_fit import fit_compatibility
 from freqid.identify.sensors.kinematic_problem import INITIAL, CompatibilityProblem
 from freqid.identify.sensors.kinematic_sensors import INERTIAL, sensors_of
-
-Array = NDArray[np.float64]
 
 # Size that each error may well have, SI units: for weighing what the data tell against what is known anyway.
 PLAUSIBLE = {

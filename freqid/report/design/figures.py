@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.results.design import MultisineDesign
 from freqid.report.kit.drawing import (
     BLUE,
@@ -31,8 +31,6 @@ from freqid.report.kit.drawing import (
     stacked_panels,
     styled,
 )
-
-Array = NDArray[np.float64]
 
 # Okabe & Ito again, as many as there are groups at most.
 GROUP_COLOURS = (BLUE, ORANGE, "#009E73", "#CC79A7", "#B8860B", "#56B4E9", GREY)

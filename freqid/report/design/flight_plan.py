@@ -6,14 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from freqid.core.results.design import ClassicDesign, MultisineDesign
 from freqid.core.vehicle import Vehicle
 from freqid.design.forecast.excursions import Excursions
 from freqid.report.kit.effectors import reach
-
-Array = NDArray[np.float64]
 
 EMPTY = 1e-3  # share of a classic input's power below which a band counts as empty
 

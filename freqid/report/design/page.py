@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from freqid import __version__
+from freqid.core.arrays import Array
 from freqid.core.results.design import MultisineDesign
 from freqid.design.forecast.standard_errors import Forecast
 from freqid.design.multisine.merit import Merit, Truncation
@@ -22,7 +22,6 @@ from freqid.report.kit.notation import short
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.kit.rendering import render, write_text
 
-Array = NDArray[np.float64]
 NetLoads = tuple[Sequence[str], Array, Array]
 Study = Sequence[tuple[Merit, Truncation]]
 

@@ -5,16 +5,14 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.results.design import ClassicDesign, MultisineDesign
 from freqid.core.vehicle import Vehicle
 from freqid.report.design import figures
 from freqid.report.kit.effectors import engineering, groups_of
 from freqid.report.kit.notation import number, pretty_unit
 from freqid.report.kit.pictures import Picture, picture
-
-Array = NDArray[np.float64]
 
 _ROWS = 18  # signals in one figure at most: then it is as tall as the spectra beside it
 

@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.results.design import ClassicDesign, MultisineDesign
 from freqid.design.forecast.standard_errors import Forecast
 from freqid.design.multisine.merit import Merit, Truncation
@@ -27,8 +27,6 @@ from freqid.report.kit.notation import (
     short,
     shown_unit,
 )
-
-Array = NDArray[np.float64]
 
 ORTHOGONAL = 1e-10
 LOW_CORRELATION = 0.3

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.vehicle import Effector
 from freqid.report.kit.drawing import (
@@ -31,8 +31,6 @@ from freqid.report.kit.drawing import (
     styled,
 )
 from freqid.report.kit.notation import shown_unit
-
-Array = NDArray[np.float64]
 
 # A panel shows at least this much, in the unit that it is drawn in, or rounding errors look like motion.
 _LEAST = {"m/s": 0.2, "deg/s": 1.0, "deg": 0.5, "m": 1.0, "rpm": 50.0, "V": 0.5, "A": 1.0}

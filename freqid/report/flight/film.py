@@ -7,8 +7,8 @@ from math import degrees
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.frames import turn_about_y
 from freqid.core.record import FlightRecord
 from freqid.core.scenario import Scenario
@@ -27,8 +27,6 @@ from freqid.report.kit.drawing import (
     stacked_panels,
     styled,
 )
-
-Array = NDArray[np.float64]
 
 FRAMES = 8
 _WIDTH = 10.6  # inches: the strip is as wide as the page

@@ -8,14 +8,12 @@ from math import cos, pi, sin
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from freqid.core.arrays import Array
 from freqid.core.frames import shaft_axis, turn_about_y
 from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Rotor, Vector, Vehicle
-
-Array = NDArray[np.float64]
 
 _THICKNESS = 0.12  # of the chord, as drawn
 _POINTS = 48  # of a circle

@@ -8,9 +8,9 @@ from typing import Self
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from freqid import __version__
+from freqid.core.arrays import Array
 from freqid.report.design.figures import GROUP_COLOURS, signal_rows
 from freqid.report.flight import figures, tables
 from freqid.report.flight.film import FRAMES, filmstrip, largest_thrust
@@ -21,8 +21,6 @@ from freqid.report.kit.effectors import engineering, groups_of
 from freqid.report.kit.notation import number, pretty_unit, short
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.kit.rendering import render
-
-Array = NDArray[np.float64]
 
 _ROWS = 10  # signals in one figure at most, where one is enough
 _STATES = ("u v w p q r", "phi theta psi alt")

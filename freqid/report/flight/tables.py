@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.record import FlightRecord
 from freqid.core.scenario import Scenario
 from freqid.report.flight.trims import TrimCurve
 from freqid.report.kit.effectors import engineering
 from freqid.report.kit.findings import Finding, code, finding, listed
 from freqid.report.kit.notation import NONE, exact, number, percent, pretty_unit, short, shown_unit
-
-Array = NDArray[np.float64]
 
 _ROUNDING = 1e-9  # SI
 _AT_LIMIT = 1e-4  # of the range: nearer to a limit is at it

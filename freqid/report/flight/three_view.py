@@ -13,14 +13,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MultipleLocator
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Rotor, Vehicle
 from freqid.report.flight.outline import Part, centre_of_gravity, outline, shaft, silhouette
 from freqid.report.kit.drawing import BLUE, INK, ORANGE, WIDTH, literal, plain, styled
-
-Array = NDArray[np.float64]
 
 # Right and up on paper, vehicle axes.
 TOP = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])

@@ -9,14 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.vehicle import Vehicle
 from freqid.report.design.figures import GROUP_COLOURS
 from freqid.report.kit.drawing import ORANGE, few_ticks, literal, name_panel, plain, stacked_panels, styled
 from freqid.report.kit.effectors import engineering
-
-Array = NDArray[np.float64]
 
 _KINDS = (("tilt", "Wing tilt"), ("rotor", "Rotor speed"), ("surface", "Surfaces"))
 _ALIKE = 0.005  # of the range between limits: effectors that differ less are one line

@@ -11,8 +11,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.results.gap_result import BeforeAfter, Increment, ResidualSpectra
 from freqid.report.kit.drawing import (
     BLUE,
@@ -31,8 +31,6 @@ from freqid.report.kit.drawing import (
     stacked_panels,
     styled,
 )
-
-Array = NDArray[np.float64]
 
 _HEAT = LinearSegmentedColormap.from_list("white-orange", ["#ffffff", "#f7c9a8", ORANGE, "#7a3300"])
 _CELL = 0.24  # inches, of a row

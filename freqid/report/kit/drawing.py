@@ -13,13 +13,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.record import Channel
 from freqid.core.results.point import Fit
 from freqid.report.kit.notation import shown_unit, with_unit
 
-Array = NDArray[np.float64]
 Drawing = TypeVar("Drawing", bound=Any)
 
 # Okabe & Ito, told apart by readers of any colour vision and in grey print.

@@ -15,8 +15,8 @@ from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.record import FlightRecord
 from freqid.core.results.point import Fit
 from freqid.core.spectrum import Spectrum
@@ -41,8 +41,6 @@ from freqid.report.kit.drawing import (
     styled,
 )
 from freqid.report.kit.notation import shown_unit
-
-Array = NDArray[np.float64]
 
 
 @styled

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.report.kit.drawing import (
     BLUE,
     GREY,
@@ -26,8 +27,6 @@ from freqid.report.kit.drawing import (
     stacked_panels,
     styled,
 )
-
-Array = NDArray[np.float64]
 
 LOOKS = ((BLUE, "o"), (ORANGE, "s"), ("#009E73", "D"), ("#CC79A7", "^"))
 """Colour and marker by density, the densest air first."""

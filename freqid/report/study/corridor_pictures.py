@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.similarity import equivalent
@@ -17,8 +16,6 @@ from freqid.report.study import corridor_figures as figures
 from freqid.report.study.corridor_figures import Band, Panel, Points
 from freqid.report.study.pictures import derivative, parts
 from freqid.report.study.results import StudiedPoint, StudyResults, densities, same_density
-
-Array = NDArray[np.float64]
 
 _SYMMETRIC, _LATERAL = ("u", "w", "q"), ("v", "p", "r")
 _STATES = dict.fromkeys("XZM", _SYMMETRIC) | dict.fromkeys("YLN", _LATERAL)

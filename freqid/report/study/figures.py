@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.results.point import Fit
 from freqid.report.kit.drawing import (
     BLUE,
@@ -32,8 +32,6 @@ from freqid.report.kit.drawing import (
     stacked_panels,
     styled,
 )
-
-Array = NDArray[np.float64]
 
 CONDITION_COLOURS = (BLUE, ORANGE, "#009E73")
 """Of the conditions that are followed, slowest first."""

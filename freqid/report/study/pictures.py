@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from markupsafe import Markup
-from numpy.typing import NDArray
 
 from freqid.core.results.point import Fit
 from freqid.core.results.point_file import per
@@ -19,8 +18,6 @@ from freqid.report.kit.pictures import Picture, picture
 from freqid.report.study import figures
 from freqid.report.study.results import StudiedPoint, StudyResults, settled, settled_share
 from freqid.report.study.verdict import settled_by, settled_time
-
-Array = NDArray[np.float64]
 
 _STRONGEST = 6  # parameters of a response whose convergence is drawn
 _SHORT = 8.0  # s, where conditions stand beside each other

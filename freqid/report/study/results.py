@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.blend.global_model import GlobalModel
+from freqid.core.arrays import Array
 from freqid.core.results.design import MultisineDesign
 from freqid.core.results.point import Fit, PointModel
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Vehicle
 from freqid.identify.in_flight.parameter_history import ParameterHistory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

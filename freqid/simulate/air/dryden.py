@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh, expm, solve_continuous_lyapunov
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
 from freqid.core.scenario import Scenario
 from freqid.core.toml import convert
@@ -26,8 +27,6 @@ from freqid.core.vehicle import Strict
 
 HEIGHT_RANGE = (10 * FOOT, 1000 * FOOT)  # where the low-altitude model is stated, m
 SLOWEST = 1.0  # m/s; a frozen field does not pass a vehicle that stands in it
-
-Array = NDArray[np.float64]
 
 
 class WindSection(Strict, frozen=True):

@@ -11,16 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.scenario import Scenario
 from freqid.simulate.control.trim import Trim
 from freqid.simulate.motion import whole_vehicle as motion
 from freqid.simulate.motion.actuators import by_kind
 from freqid.simulate.motion.derivatives import STATES as STATES
 from freqid.simulate.motion.derivatives import derivatives
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

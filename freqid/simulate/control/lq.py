@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_are
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.core.scenario import Reference, Scenario
 from freqid.core.toml import convert
@@ -31,8 +31,6 @@ from freqid.simulate.control.linearize import linearize
 from freqid.simulate.control.trim import Trim, trim
 from freqid.simulate.motion import whole_vehicle as motion
 from freqid.simulate.motion.actuators import Commands, Servos, by_kind
-
-Array = NDArray[np.float64]
 
 _ROWS = [0, 2, 3, 4, 5]  # of the wrench: the axes
 _SPEED_SHARE = 0.15  # of the highest speed: a rotor's move that counts like a surface's to its stop

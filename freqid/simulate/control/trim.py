@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares, minimize
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.core.scenario import Reference, Scenario
 from freqid.core.units import STANDARD_GRAVITY
@@ -24,8 +24,6 @@ from freqid.simulate.motion import whole_vehicle as motion
 from freqid.simulate.motion.actuators import Commands
 from freqid.simulate.motion.derivatives import HEIGHT, Derivatives, derivatives, split
 from freqid.simulate.motion.rigid_body import BodyState
-
-Array = NDArray[np.float64]
 
 LARGEST_ANGLE = 0.6  # rad, of roll and pitch in a level flight that is worth the name
 EQUATIONS = ("forward force", "side force", "vertical force", "roll moment", "pitch moment", "yaw moment")

@@ -10,13 +10,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from freqid.core.arrays import Array
 from freqid.core.frames import cross, shaft_axis, turn_about_y
 from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Rotor, Vehicle, Wing
-
-Array = NDArray[np.float64]
 
 
 def velocity(record: FlightRecord) -> Array:

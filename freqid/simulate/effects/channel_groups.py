@@ -6,11 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.record import FlightRecord
-
-Array = NDArray[np.float64]
 
 # One sigma of a bias that would matter, by channel or by kind of effector.
 BIAS = {

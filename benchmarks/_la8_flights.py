@@ -18,7 +18,7 @@ from _la8 import PATH, SCENARIO, SHA256
 
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord
-from freqid.core.results.design_file import read_inputs
+from freqid.core.results.design import read_inputs
 from freqid.core.scenario import Reference
 from freqid.simulate import runner, sensors
 from freqid.simulate.air.dryden import steady_wind

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from freqid.identify.spectra.quadrature import fourier_end_weights
+from freqid.identify.spectra.fourier import fourier_end_weights
 
 DURATION = 60.0
 

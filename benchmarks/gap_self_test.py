@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples"))
 from linear_record import DERIVATIVES, fly
 
 from freqid.cli.main import run
-from freqid.core.record_file import read_record
+from freqid.core.record import read_record
 from freqid.core.results.gap_self_test import Rate
 from freqid.core.scenario import read_scenario
 from freqid.gap import flights

@@ -30,12 +30,11 @@ from freqid.core.channels import WRENCH
 from freqid.core.results.design import Multisine, MultisineDesign
 from freqid.core.scenario import Scenario, read_scenario
 from freqid.design.forecast.closed_loop import STATES, ClosedLoop
-from freqid.design.forecast.perturbation_model import close_loop
+from freqid.design.forecast.modelled import close_loop
 from freqid.design.forecast.standard_errors import Forecast, forecast
-from freqid.design.multisine.allocation import search
+from freqid.design.multisine.allocation import limits_from_db, search
 from freqid.design.multisine.orthogonal_set import with_low_net_loads
 from freqid.design.multisine.phases import lowest_peaks
-from freqid.design.multisine.power import limits_from_db
 from freqid.design.multisine.signals import relative_peak_factor
 from freqid.simulate.control.linearize import linearize
 from freqid.simulate.control.trim import trim

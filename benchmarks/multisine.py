@@ -28,9 +28,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from scipy.optimize import minimize
 
-from freqid.design.multisine.allocation import interleave, lines_in_band, search
+from freqid.design.multisine.allocation import interleave, limits_from_db, lines_in_band, search
 from freqid.design.multisine.phases import lowest_peak, lowest_peaks
-from freqid.design.multisine.power import limits_from_db
 from freqid.design.multisine.signals import crest_factor, relative_peak_factor, start_at_zero
 
 LINES = lines_in_band(60.0, (0.05, 1.8))

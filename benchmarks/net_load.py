@@ -22,12 +22,10 @@ from information import SCENARIO, regulated
 from freqid.core.channels import WRENCH
 from freqid.core.results.design import Multisine
 from freqid.core.scenario import read_scenario
-from freqid.design.multisine.allocation import interleave, lines_in_band, search
-from freqid.design.multisine.mirrored import mirrored
+from freqid.design.multisine.allocation import interleave, limits_from_db, lines_in_band, mirrored, search
 from freqid.design.multisine.net_load import load_gains, lowest_nets, net_peaks, peaks_by_chance
 from freqid.design.multisine.orthogonal_set import effectiveness, excited
 from freqid.design.multisine.phases import lowest_peak, lowest_peaks
-from freqid.design.multisine.power import limits_from_db
 from freqid.design.multisine.signals import relative_peak_factor
 
 CEILING = 72  # 1.2 Hz, of propulsors

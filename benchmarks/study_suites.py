@@ -20,9 +20,8 @@ from freqid.core.channels import WRENCH
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import PointModel
 from freqid.identify.point import identify_point
-from freqid.identify.sensors.delays import Alignment
-from freqid.identify.sensors.delays_point import identify_aligned
-from freqid.identify.sensors.delays_record import Misaligned
+from freqid.identify.sensors.alignment import Alignment, identify_aligned
+from freqid.identify.sensors.misaligned import Misaligned
 from freqid.simulate import sensors
 from freqid.simulate.air.dryden import steady_wind
 

@@ -85,8 +85,7 @@ def flight(time, injected, parameters, late=0.0):
 def write_flights(folder, effect=EFFECT, seed=0):
     """Write three flights of one airplane as records: two to diagnose, one to hold out."""
     from freqid.core.channels import si_unit
-    from freqid.core.record import Channel, FlightRecord
-    from freqid.core.record_file import write_record
+    from freqid.core.record import Channel, FlightRecord, write_record
     from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 
     rng, time = np.random.default_rng(seed), 0.02 * np.arange(3001)

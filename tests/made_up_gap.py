@@ -16,8 +16,7 @@ from freqid.core.results.diagnosis import (
     ToleranceUsed,
     Which,
 )
-from freqid.core.results.gap_map import GapMap
-from freqid.core.results.gap_result import BeforeAfter, GapResult, Increment, ResidualSpectra
+from freqid.core.results.gap import BeforeAfter, GapMap, GapResult, Increment, ResidualSpectra
 
 
 def made_up(exists=True):

@@ -43,7 +43,7 @@ from scipy.stats import f as f_distribution
 from stack import stack
 from table import rate
 
-from freqid.core.record_file import read_record
+from freqid.core.record import read_record
 
 HERE = Path(__file__).resolve().parent
 Array = NDArray[np.float64]

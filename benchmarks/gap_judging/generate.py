@@ -24,8 +24,7 @@ from settings import Settings
 from stack import stack
 
 from freqid.core.channels import si_unit
-from freqid.core.record import Channel, FlightRecord
-from freqid.core.record_file import write_record
+from freqid.core.record import Channel, FlightRecord, write_record
 from freqid.core.scenario import read_scenario
 
 HERE = Path(__file__).resolve().parent

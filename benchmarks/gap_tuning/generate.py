@@ -18,8 +18,7 @@ import la8
 import numpy as np
 from scatter import Settings
 
-from freqid.core.record import Maneuver
-from freqid.core.record_file import write_record
+from freqid.core.record import Maneuver, write_record
 from freqid.gap.diagnose import Findings, Question, diagnose
 from freqid.gap.infer.where import gap_map
 from freqid.gap.model.tolerance import stated

@@ -29,7 +29,7 @@ def command(
     there is one.
     """
     from freqid.core.errors import GateFailed
-    from freqid.core.record_file import read_record
+    from freqid.core.record import read_record
     from freqid.core.scenario import read_scenario
     from freqid.gap.bookkeeping.check import check
     from freqid.gap.connect import connect

@@ -77,7 +77,7 @@ def run(
 ) -> None:
     """Compare two simulations on records, write the result and its page, and print it."""
     from freqid.compare.two_simulations import compare_two
-    from freqid.core.results.rivals_file import write_rivals
+    from freqid.core.results.rivals import write_rivals
     from freqid.gap import flights
     from freqid.gap.bookkeeping.check import check
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from freqid.core.results.point import PointModel
     from freqid.core.scenario import Reference
     from freqid.identify.point import Estimator
-    from freqid.identify.sensors.delays import Alignment
+    from freqid.identify.sensors.alignment import Alignment
     from freqid.identify.sensors.kinematics import KinematicCheck
 
 SURE = 3.0  # standard errors from which a sensor error is worth a line
@@ -31,8 +31,7 @@ def checked(
         Where a record lacks the channels that kinematics tie together.
     """
     from freqid.core.errors import DataError
-    from freqid.identify.sensors.kinematic_correction import corrected
-    from freqid.identify.sensors.kinematics import check_kinematics
+    from freqid.identify.sensors.kinematics import check_kinematics, corrected
 
     kept, account = [], {}
     for maneuver, record in zip(maneuvers, records, strict=True):
@@ -82,8 +81,7 @@ def identified(
     With ``"report"`` what alignment would find is told, and the records are used as they are.
     """
     from freqid.identify.point import identify_point, lines_of
-    from freqid.identify.sensors.delays import align
-    from freqid.identify.sensors.delays_point import identify_aligned
+    from freqid.identify.sensors.alignment import align, identify_aligned
 
     named = {"excitation": excitation, "reference": reference}
     if align_by == "fit":

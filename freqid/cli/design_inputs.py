@@ -14,8 +14,8 @@ from freqid.cli.options import as_json, emit, keep_inputs, output
 if TYPE_CHECKING:
     from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledInputs
     from freqid.core.scenario import Scenario
+    from freqid.design.classic import Waveform
     from freqid.design.forecast.modelled import Criterion, ModelledAircraft
-    from freqid.design.sequence import Waveform
 
 STUDIED_PERIODS = (40.0, 60.0, 80.0, 100.0, 120.0)  # s, the range of the LA-8 study
 
@@ -167,7 +167,7 @@ def _multisines(
     from freqid.design.finish import finish, swapped
     from freqid.design.multisine.merit import merit
     from freqid.design.multisine.orthogonal_set import sampled
-    from freqid.report.design.documents import flight_plan, write_documents
+    from freqid.report.design.page import flight_plan, write_documents
     from freqid.report.design.summary import multisine_summary, multisine_table
 
     excitation, aircraft = job.scenario.excitation, job.aircraft
@@ -204,10 +204,10 @@ def _multisines(
 
 def _classic(job: Job, waveform: Waveform) -> tuple[dict[str, Any], str]:
     """Design doublets, 3-2-1-1 or sweeps."""
+    from freqid.design.classic import design_classic, extent
     from freqid.design.forecast.modelled import about
-    from freqid.design.sequence import design_classic, extent
     from freqid.report.design.classic_page import write_classic_documents
-    from freqid.report.design.documents import flight_plan
+    from freqid.report.design.page import flight_plan
     from freqid.report.design.summary import classic_summary, classic_table
 
     excitation, vehicle = job.scenario.excitation, job.scenario.aircraft()
@@ -274,8 +274,7 @@ def _write(
     job: Job, path: Path, design: MultisineDesign | ClassicDesign, inputs: SampledInputs
 ) -> list[Path]:
     """Write a design and its other formats; return their paths."""
-    from freqid.core.results.design import MultisineDesign
-    from freqid.core.results.design_file import write_design
+    from freqid.core.results.design import MultisineDesign, write_design
     from freqid.design import export
 
     write_design(path, design, inputs, job.sha256)

@@ -111,8 +111,8 @@ def command(
     from freqid.cli.compare_simulations import Asked
     from freqid.cli.gap_texts import bookkeeping_text, diagnosis_text
     from freqid.core.errors import GateFailed, UsageError, nearest
-    from freqid.core.record_file import read_record
-    from freqid.core.results.gap_file import write_gap
+    from freqid.core.record import read_record
+    from freqid.core.results.gap import write_gap
     from freqid.core.scenario import read_scenario
     from freqid.gap import flights
     from freqid.gap.bookkeeping.check import check

@@ -15,7 +15,7 @@ from freqid.cli.options import as_json, emit, keep_inputs, output
 @as_json
 def command(record: Path, destination: Path | None, json_: bool) -> None:
     """Write RECORD as a MATLAB file in the 90-column SIDPAC layout, in SIDPAC's units."""
-    from freqid.core.record_file import read_record
+    from freqid.core.record import read_record
     from freqid.flightlog.sidpac import write_sidpac
 
     destination = destination or record.with_suffix(".mat")

@@ -78,9 +78,8 @@ def command(
     from dataclasses import replace
 
     from freqid.core.errors import DataError, UsageError
-    from freqid.core.record import Maneuver
-    from freqid.core.record_file import read_record
-    from freqid.core.results.frequency_response_file import write_frequency_response
+    from freqid.core.record import Maneuver, read_record
+    from freqid.core.results.frequency_response import write_frequency_response
     from freqid.core.scenario import read_scenario
     from freqid.identify.response.frequency_response import frequency_response
 

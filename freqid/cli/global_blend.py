@@ -58,9 +58,8 @@ def command(
     from freqid.blend.line_up import line_up
     from freqid.blend.predict import replay
     from freqid.core.errors import DataError
-    from freqid.core.record import Maneuver
-    from freqid.core.record_file import read_record
-    from freqid.core.results.global_file import write_global
+    from freqid.core.record import Maneuver, read_record
+    from freqid.core.results.corridor import write_global
     from freqid.core.results.point_file import read_point
 
     keep_inputs(destination, *points, held_out)

@@ -96,14 +96,13 @@ def command(
     from dataclasses import replace
 
     from freqid.core.errors import DataError, GateFailed, UsageError
-    from freqid.core.record import Maneuver, parse_span
-    from freqid.core.record_file import read_record
+    from freqid.core.record import Maneuver, parse_span, read_record
     from freqid.core.results.point import missed_gates
     from freqid.core.results.point_file import write_point
     from freqid.core.scenario import read_scenario
     from freqid.core.toml import overridden
     from freqid.identify.point import lines_of, predict
-    from freqid.identify.sensors.delays import align
+    from freqid.identify.sensors.alignment import align
 
     described, sha256 = read_scenario(scenario)
     if described.identification is None:

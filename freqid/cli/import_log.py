@@ -37,8 +37,7 @@ def command(
     from dataclasses import replace
 
     from freqid.core.errors import DataError
-    from freqid.core.record import parse_span
-    from freqid.core.record_file import write_record
+    from freqid.core.record import parse_span, write_record
     from freqid.core.scenario import read_scenario
     from freqid.flightlog.cut import find_maneuvers
     from freqid.flightlog.read import read_log

@@ -23,23 +23,23 @@ def command(
     A point model, the diagnosis of a gap, or a comparison of two simulations.
     """
     from freqid.core import store
-    from freqid.core.results import gap_file, rivals_file
+    from freqid.core.results import gap, rivals
     from freqid.report.kit.rendering import write_text
 
     destination = destination or model.with_suffix(".html")
     kind = store.kind_of(model)
-    if kind == rivals_file.FORMAT:
+    if kind == rivals.FORMAT:
         from freqid.report.gap.rivals_page import build_rivals_page
 
         keep_inputs(destination, model)
-        text = build_rivals_page(rivals_file.read_rivals(model))
-    elif kind == gap_file.FORMAT:
+        text = build_rivals_page(rivals.read_rivals(model))
+    elif kind == gap.FORMAT:
         from freqid.report.gap.page import build_gap_page
 
         keep_inputs(destination, model)
-        text = build_gap_page(gap_file.read_gap(model))
+        text = build_gap_page(gap.read_gap(model))
     else:
-        from freqid.core.record_file import read_record
+        from freqid.core.record import read_record
         from freqid.core.results.point_file import read_point
         from freqid.core.scenario import read_scenario
         from freqid.report.point.page import build_page

@@ -78,8 +78,8 @@ def command(
     """
     from freqid.cli.flight_page import write_page
     from freqid.core.errors import DataError, UsageError
-    from freqid.core.record_file import write_record
-    from freqid.core.results.design_file import read_inputs
+    from freqid.core.record import write_record
+    from freqid.core.results.design import read_inputs
     from freqid.core.scenario import read_scenario
     from freqid.simulate.control.lq import close_loop
     from freqid.simulate.maneuver import Conditions, fly_maneuver, with_effects

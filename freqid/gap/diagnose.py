@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from freqid.core.errors import UsageError, nearest
 from freqid.core.record import Maneuver
 from freqid.core.results.diagnosis import Closure, Existence, GapDiagnosis, Interval, SensorFault, Which
-from freqid.core.results.gap_map import GapMap
+from freqid.core.results.gap import GapMap
 from freqid.gap.close.closing import Closing, closing_of
 from freqid.gap.close.closure import Closed, close
 from freqid.gap.infer.build import build, flown_departures, rebuilt

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.stats import norm
 
-from freqid.core.results.gap_result import BeforeAfter, GapResult, Increment, ResidualSpectra
+from freqid.core.results.gap import BeforeAfter, GapResult, Increment, ResidualSpectra
 from freqid.gap.close.fit import Fit
 from freqid.gap.close.score import Scored
 from freqid.gap.diagnose import Findings

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from freqid.core.results.diagnosis import Closure, Existence, Place, SensorFault, ToleranceUsed, Which
-from freqid.core.results.gap_map import GapMap
+from freqid.core.results.gap import GapMap
 from freqid.gap.infer.evidence import NONE
 from freqid.gap.model.candidates import OTHER
 from freqid.gap.model.tolerance import DEFAULT, EACH_FLIGHT, UNDECLARED

@@ -8,21 +8,163 @@ from typing import Any, Literal
 import numpy as np
 
 from freqid.core.arrays import Array
-from freqid.core.errors import UsageError, nearest
+from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.excitation import Excitation
-from freqid.core.identification import Identification
-from freqid.core.record import Maneuver
+from freqid.core.identification import Identification, factors_of
+from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import Fit, PointModel
 from freqid.core.scenario import Reference
 from freqid.identify.instruments.driven import driven_maneuvers
-from freqid.identify.loads.air_relative import refuse_without_air
-from freqid.identify.loads.explanatory import explanatory_variables
-from freqid.identify.loads.flown import departures, flown_reference
-from freqid.identify.model.fit_samples import fit_samples
+from freqid.identify.loads.explanatory import explanatory_variables, history
+from freqid.identify.model.fit import fit_samples
 from freqid.identify.model.problem import Problem, measured_responses
 from freqid.identify.model.selection import Flights, choose_terms
 from freqid.identify.spectra.fourier import frequency_grid, harmonics
 from freqid.identify.spectra.trend import up_to
+
+VELOCITY, FLOW, GROUND = ("u", "v", "w"), ("V", "alpha", "beta"), ("vn", "ve", "vd")
+# What each needs of the velocity through the air where it was not logged itself.
+_FROM_SPEED = ("qbar", "phat", "qhat", "rhat")
+
+
+def refuse_without_air(maneuvers: Sequence[Maneuver], settings: Identification, estimator: str) -> None:
+    """Refuse, by name, parameters that need a velocity through the air which the records do not hold.
+
+    Parameters
+    ----------
+    maneuvers : sequence of Maneuver
+    settings : Identification
+    estimator : str
+        Instruments need the whole motion, whatever the regressors are.
+
+    Raises
+    ------
+    DataError
+        Naming the regressors, the responses they belong to, and why.
+    """
+    for maneuver in maneuvers:
+        record = maneuver.record
+        wanted: dict[str, list[str]] = {}
+        for response in settings.responses:
+            for name in dict.fromkeys(f for n in settings.regressors_of(response) for f in factors_of(n)):
+                if not _can_be_had(maneuver, name):
+                    wanted.setdefault(name, []).append(response)
+        if wanted:
+            by_responses: dict[tuple[str, ...], list[str]] = {}
+            for name, responses in wanted.items():
+                by_responses.setdefault(tuple(responses), []).append(name)
+            said = " and ".join(f"{' '.join(n)} of {' '.join(r)}" for r, n in by_responses.items())
+            raise DataError(f"parameters by {said} cannot be had: {_why(maneuver)}", remedy=_remedy(record))
+        if settings.response_source == "reconstruct":
+            for needed, name in (("coefficients", "qbar"), ("stability axes", "alpha")):
+                asked = settings.form == "coefficient" if name == "qbar" else settings.axes == "stability"
+                if asked and not _can_be_had(maneuver, name):
+                    remedy = "ask for form 'force' and body axes, or fly with air data"
+                    raise DataError(f"{needed} cannot be had: {_why(maneuver)}", remedy=remedy)
+        if estimator == "instruments" and not _whole(record):
+            raise DataError(
+                f"instruments cannot be had: they are driven through the whole motion, and {_why(maneuver)}",
+                remedy=f"use --estimator least-squares, or {_remedy(record)}",
+            )
+
+
+def _can_be_had(maneuver: Maneuver, name: str) -> bool:
+    """Tell whether a regressor was logged or can be computed; what is no air quantity is not judged here.
+
+    Airspeed and flow angles of a sensor off the centre of gravity need the whole velocity to get there.
+    """
+    record = maneuver.record
+    if f"state/{name}" in record or (f"air/{name}" in record and not _elsewhere(maneuver, name)):
+        return True
+    if name in (*VELOCITY, *FLOW):
+        return _whole(record)
+    return name not in _FROM_SPEED or _can_be_had(maneuver, "V")
+
+
+def _elsewhere(maneuver: Maneuver, name: str) -> bool:
+    """Tell whether a flow sensor is not at the centre of gravity."""
+    if name not in FLOW:
+        return False
+    place = maneuver.record.channel(f"air/{name}").position_m
+    return place is not None and tuple(place) != tuple(maneuver.vehicle.mass_properties.cg_m)
+
+
+def _whole(record: FlightRecord) -> bool:
+    return all(f"state/{n}" in record for n in VELOCITY) or all(f"air/{n}" in record for n in FLOW)
+
+
+def _why(maneuver: Maneuver) -> str:
+    """Say what is known of the velocity in place of all of it."""
+    record = maneuver.record
+    logged = [n for g, names in (("state", VELOCITY), ("air", FLOW)) for n in names if f"{g}/{n}" in record]
+    part = (
+        f"of the air the record holds {' '.join(logged)} alone, not u v w or V alpha beta" if logged else ""
+    )
+    if all(f"state/{n}" in record for n in GROUND):
+        ground = "velocity is known over the ground only (vn ve vd), and the wind is unknown"
+        return f"{ground}; {part}" if part else ground
+    return part or "the record holds no velocity through the air, neither u v w nor V alpha beta"
+
+
+def _remedy(record: FlightRecord) -> str:
+    ways = ["leave them out of the regressors", "fly with air data"]
+    if all(f"state/{n}" in record for n in GROUND):
+        ways.insert(0, "find the wind from the flight itself with --align fit")
+    return ", or ".join(ways)
+
+
+# A stated condition that is further off than this changes forces by some per cent, more than a model's
+# standard errors. Dynamic pressure goes with the square of speed: 5 % of it are 10 %; a slow flight is
+# allowed what air data are usually wrong by.
+SPEED_SHARE, LEAST_SPEED = 0.05, 0.5
+DENSITY_SHARE = 0.02
+TILT = np.radians(2.0)  # turns 3.5 % of a wing's thrust and lift into the other axis
+
+
+def flown_reference(maneuvers: Sequence[Maneuver]) -> Reference:
+    """Return the condition that was flown, from the means of what the records hold; nan where they do not."""
+    vehicle = maneuvers[0].vehicle
+    tilts = [_mean(maneuvers, wing.tilt) for wing in vehicle.wings] + [0.0, 0.0]
+    return Reference(
+        id=maneuvers[0].record.reference or "flown",
+        u=_mean(maneuvers, "u"),
+        rho=_mean(maneuvers, "rho"),
+        dw1=tilts[0],
+        dw2=tilts[1],
+    )
+
+
+def departures(stated: Reference, flown: Reference) -> tuple[str, ...]:
+    """Say where a stated condition is not the one that was flown, one sentence for each quantity.
+
+    Parameters
+    ----------
+    stated, flown : Reference
+        What the flown one does not know, nan, is not compared.
+    """
+    degree = np.degrees(1.0)
+    rows = [
+        ("forward speed u", "m/s", 1.0, stated.u, flown.u, max(LEAST_SPEED, SPEED_SHARE * abs(stated.u))),
+        ("air density rho", "kg/m3", 1.0, stated.rho, flown.rho, DENSITY_SHARE * stated.rho),
+        ("front wing tilt dw1", "deg", degree, stated.dw1, flown.dw1, TILT),
+        ("rear wing tilt dw2", "deg", degree, stated.dw2, flown.dw2, TILT),
+    ]
+    return tuple(
+        f"reference '{stated.id}' states {what} = {factor * said:.4g} {unit}, but the mean flown is "
+        f"{factor * was:.4g}, off by {factor * abs(was - said):.3g} where {factor * bound:.2g} is allowed; "
+        "the model holds where it was flown."
+        for what, unit, factor, said, was, bound in rows
+        if abs(was - said) > bound
+    )
+
+
+def _mean(maneuvers: Sequence[Maneuver], name: str) -> float:
+    try:
+        values = [np.mean(history(m, name)) for m in maneuvers]
+    except DataError:
+        return float("nan")
+    return float(np.average(values, weights=[m.record.duration for m in maneuvers]))
+
 
 Estimator = Literal["least-squares", "instruments"]
 ESTIMATORS = ("least-squares", "instruments")

@@ -15,10 +15,9 @@ from freqid.blend.global_model import GlobalModel
 from freqid.blend.line_up import line_up
 from freqid.blend.predict import replay
 from freqid.core.errors import UsageError
-from freqid.core.record import Maneuver
-from freqid.core.record_file import read_record
-from freqid.core.results.design_file import read_design
-from freqid.core.results.global_file import write_global
+from freqid.core.record import Maneuver, read_record
+from freqid.core.results.corridor import write_global
+from freqid.core.results.design import read_design
 from freqid.core.results.point import PointModel
 from freqid.core.results.point_file import read_point
 from freqid.core.scenario import Scenario, read_scenario

@@ -11,9 +11,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from freqid.core.errors import DataError, UsageError
-from freqid.core.record import Maneuver
-from freqid.core.record_file import read_record, write_record
-from freqid.core.results.design_file import read_inputs, write_design
+from freqid.core.record import Maneuver, read_record, write_record
+from freqid.core.results.design import read_inputs, write_design
 from freqid.core.results.point_file import write_point
 from freqid.core.scenario import read_scenario
 from freqid.design.finish import finish

@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 from late_sensors import TRUTH, late
 
-from freqid.core.record import Maneuver
-from freqid.core.record_file import write_record
+from freqid.core.record import Maneuver, write_record
 from freqid.core.results.point_file import read_point
 from freqid.core.scenario import read_scenario
 from freqid.flightlog.read import read_log

@@ -7,8 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from freqid.core.record import Channel, FlightRecord
-from freqid.core.record_file import write_record
+from freqid.core.record import Channel, FlightRecord, write_record
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
 
 VEHICLE = Vehicle(name="made", mass_properties=MassProperties(mass_kg=2.0, inertia=Inertia(xx=1, yy=1, zz=1)))

@@ -7,9 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from freqid.core.record import Channel
-from freqid.core.record_file import read_record, write_record
-from freqid.core.results.rivals_file import read_rivals
+from freqid.core.record import Channel, read_record, write_record
+from freqid.core.results.rivals import read_rivals
 
 LOSS = 0.8
 MODELS = f"""

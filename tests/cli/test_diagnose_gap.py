@@ -13,9 +13,8 @@ import pytest
 
 from freqid.cli import diagnose_gap
 from freqid.cli.main import run
-from freqid.core.record import Channel
-from freqid.core.record_file import read_record, write_record
-from freqid.core.results.gap_file import read_gap
+from freqid.core.record import Channel, read_record, write_record
+from freqid.core.results.gap import read_gap
 from freqid.simulate import effects
 from freqid.simulate.effects import library
 

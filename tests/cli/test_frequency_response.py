@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from freqid.core.record_file import write_record
-from freqid.core.results.frequency_response_file import read_frequency_response
+from freqid.core.record import write_record
+from freqid.core.results.frequency_response import read_frequency_response
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "oracle"))
 import closed_loop_plant as plant

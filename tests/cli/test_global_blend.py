@@ -12,8 +12,8 @@ import pytest
 import tilt_wing
 
 from freqid.blend.global_model import GlobalModel
-from freqid.core.record_file import write_record
-from freqid.core.results.global_file import read_global
+from freqid.core.record import write_record
+from freqid.core.results.corridor import read_global
 from freqid.core.results.point_file import read_point, write_point
 
 SEA, HIGH = 1.225, 1.06

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from freqid.cli.main import run
-from freqid.core.record_file import read_record
+from freqid.core.record import read_record
 
 HERE = Path(__file__).resolve().parent
 SCENARIOS = HERE.parents[1] / "scenarios"

@@ -13,8 +13,7 @@ from slow_airframe import SlowAirframe
 from freqid.core.scenario import read_scenario
 from freqid.simulate.loads import airframe, description
 from freqid.simulate.loads.quantities import Flow, Positions, Wake
-from freqid.simulate.loads.wing import strips
-from freqid.simulate.loads.wing_theory import induction, strip_centres, strip_edges
+from freqid.simulate.loads.wing import induction, strip_centres, strip_edges, strips
 
 SCENARIO = Path(__file__).resolve().parents[2] / "scenarios" / "la8.toml"
 SPAN, CHORD, SLOPE = 1.83, 0.33, 5.9

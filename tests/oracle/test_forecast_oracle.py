@@ -16,7 +16,7 @@ import pytest
 from freqid.core.record import Maneuver
 from freqid.core.results.design import Multisine, MultisineDesign
 from freqid.core.scenario import read_scenario
-from freqid.design.forecast.perturbation_model import close_loop
+from freqid.design.forecast.modelled import close_loop
 from freqid.design.forecast.standard_errors import forecast
 from freqid.flightlog.read import read_log
 from freqid.identify.point import identify_point

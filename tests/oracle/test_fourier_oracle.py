@@ -9,8 +9,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from freqid.identify.spectra.fourier import FourierPlan, frequency_grid, harmonics
-from freqid.identify.spectra.quadrature import fourier_end_weights
+from freqid.identify.spectra.fourier import FourierPlan, fourier_end_weights, frequency_grid, harmonics
 
 DT, SAMPLES = 0.02, 3001
 TIME = DT * np.arange(SAMPLES)

@@ -9,9 +9,8 @@ import pytest
 
 from freqid.flightlog.read import read_log
 from freqid.identify.sensors.flight_path import FlightPath, integrate, skew
-from freqid.identify.sensors.kinematic_correction import corrected
-from freqid.identify.sensors.kinematic_noise import Noise, whiten
-from freqid.identify.sensors.kinematics import KinematicSettings, check_kinematics
+from freqid.identify.sensors.kinematic_fit import Noise, whiten
+from freqid.identify.sensors.kinematics import KinematicSettings, check_kinematics, corrected
 
 MAPS = Path(__file__).resolve().parents[2] / "scenarios" / "maps"
 DT = 0.1

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
+from freqid.design.multisine.allocation import limits_from_db
 from freqid.design.multisine.phases import lowest_peak
-from freqid.design.multisine.power import limits_from_db
 
 FINE = 2 * np.pi * np.arange(4096) / 4096
 

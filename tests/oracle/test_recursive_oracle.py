@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from freqid.core.identification import Identification
-from freqid.identify.in_flight.recursive import RecursiveRegression
-from freqid.identify.in_flight.recursive_transform import RecursiveTransform
+from freqid.identify.in_flight.recursive import RecursiveRegression, RecursiveTransform
 
 DT = 0.02
 LINES = np.arange(3, 109, 5) / 60.0

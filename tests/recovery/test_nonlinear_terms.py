@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from freqid.cli.main import run
-from freqid.core.record import Maneuver
-from freqid.core.record_file import write_record
+from freqid.core.record import Maneuver, write_record
 from freqid.core.scenario import read_scenario
 from freqid.core.toml import overridden
 from freqid.flightlog.read import read_log

@@ -13,8 +13,7 @@ from models import LOADS
 from records import Flight, scenario_text
 from splice import Splice
 
-from freqid.core.record import FlightRecord
-from freqid.core.record_file import write_record
+from freqid.core.record import FlightRecord, write_record
 
 HERE = Path(__file__).parent
 Span = tuple[str, float, float]

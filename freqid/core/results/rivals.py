@@ -1,12 +1,18 @@
-"""What a comparison of two simulations on the same flights says; the shape of its ``--json``."""
+"""What a comparison of two simulations says, the shape of its ``--json``; its file is ``freqid-rivals``."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
+import h5py
 import msgspec
+import numpy as np
+
+from freqid.core import store
 
 
 @dataclass(frozen=True)
@@ -126,3 +132,43 @@ class Rivals:
             return msgspec.convert(dict(table), cls)
         except msgspec.ValidationError as error:
             raise ValueError(str(error)) from None
+
+
+FORMAT = "freqid-rivals"
+
+
+def write_rivals(path: Path, found: Rivals, scenario_sha256: str = "") -> None:
+    """Write a comparison, whole or not at all.
+
+    Raises
+    ------
+    DataError
+        Where the folder cannot be written.
+    """
+
+    def fill(file: h5py.File) -> None:
+        text = file.create_dataset("comparison", data=json.dumps(found.to_json(), allow_nan=False))
+        text.attrs["units"] = "JSON"
+        group = file.create_group("contest")
+        every = (found.overall, *found.contests)
+        store.put_json(group, "response", [c.response for c in every])
+        store.put_json(group, "regime", [c.regime for c in every])
+        store.put(group, "bands", np.array([c.band_hz for c in every]), "Hz")
+        for name in ("misfit_a", "misfit_b", "difference"):
+            spans = [getattr(c, name) for c in every]
+            store.put(group, name, np.array([(s.value, s.lo, s.hi) for s in spans]), "1")
+        store.put(group, "p_adjusted", np.array([c.p_adjusted for c in every]), "1")
+
+    store.write(path, FORMAT, fill, scenario_sha256)
+
+
+def read_rivals(path: Path) -> Rivals:
+    """Read a comparison.
+
+    Raises
+    ------
+    DataError
+        Where the file is no intact comparison.
+    """
+    with store.reading(path, FORMAT) as file:
+        return Rivals.from_json(json.loads(store.dataset(file, "comparison")[()]))

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from freqid.core.arrays import Array
 from freqid.core.results.design import ClassicDesign, MultisineDesign
 from freqid.design.forecast.closed_loop import ClosedLoop
-from freqid.design.multisine.lines import band_lines, tones
-from freqid.design.multisine.signals import PEAK_POINTS, sample, samples_per_period
+from freqid.design.multisine.signals import PEAK_POINTS, band_lines, sample, samples_per_period, tones
 
 NEGLIGIBLE = 1e-4  # lines of a classic input below this share of its largest are left out, to save time
 

@@ -16,7 +16,7 @@ from freqid.core.identification import Identification
 from freqid.core.results.design import MultisineDesign
 from freqid.core.vehicle import Vector
 from freqid.design.forecast.closed_loop import SPECIFIC_FORCES, STATES, ClosedLoop
-from freqid.design.multisine.lines import band_lines, tones
+from freqid.design.multisine.signals import band_lines, tones
 
 # Least eigenvalue of the correlation of columns that is more than rounding.
 SEPARABLE = 1e-12

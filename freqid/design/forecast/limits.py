@@ -12,8 +12,7 @@ from freqid.core.errors import UsageError
 from freqid.core.results.design import MultisineDesign
 from freqid.core.vehicle import Vehicle
 from freqid.design.forecast.closed_loop import ClosedLoop
-from freqid.design.multisine.lines import band_lines, tones
-from freqid.design.multisine.signals import PEAK_POINTS, sample, samples_per_period
+from freqid.design.multisine.signals import PEAK_POINTS, band_lines, sample, samples_per_period, tones
 
 
 def room(

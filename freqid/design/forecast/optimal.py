@@ -18,7 +18,7 @@ from freqid.core.vehicle import Vector
 from freqid.design.forecast.closed_loop import ClosedLoop
 from freqid.design.forecast.experiment import Experiment, refuse_unidentified
 from freqid.design.forecast.limits import PeakLimits
-from freqid.design.multisine.lines import band_lines
+from freqid.design.multisine.signals import band_lines
 
 # An effector that little is to be learnt from is not turned down below this share of what it may do.
 LEAST_SHARE = 0.01

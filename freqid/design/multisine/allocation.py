@@ -1,4 +1,8 @@
-"""Who gets which harmonic: combs, combs that keep propulsors low, sets given by the user, and the search.
+"""Who gets which harmonics, and how the power of each signal is spread over them.
+
+Where two effectors alone act on an axis, as two ruddervators do on side force, the net peak there can only
+be low if the two signals together are one smooth signal. Whether they can be is decided by who has which
+harmonics: see docs/theory/net-loads.md.
 
 Sets that share no harmonic are orthogonal over the period. Sets in arithmetic progression have the lowest
 peaks, so every allocation here is made of progressions; the search chooses among those that fit together.
@@ -13,10 +17,147 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.design.multisine.phases import lowest_peak
 
+
+def limits_from_db(band_db: float) -> tuple[float, float] | None:
+    """Return the lowest and highest ratio of a power to its reference for a band of +-`band_db`.
+
+    Parameters
+    ----------
+    band_db : float
+        dB of power, >= 0; zero means that powers are fixed.
+
+    Returns
+    -------
+    limits : tuple of 2 floats, or None
+        For `freqid.design.multisine.phases.lowest_peak`; None where powers are fixed.
+
+    Raises
+    ------
+    UsageError
+        If the band is negative or not finite.
+    """
+    if not 0.0 <= band_db < np.inf:
+        raise UsageError(f"power free within {band_db} dB has no meaning", remedy="give 0 dB or more")
+    if band_db == 0.0:
+        return None
+    return 10.0 ** (-band_db / 10.0), 10.0 ** (band_db / 10.0)
+
+
+def fractions(
+    index: ArrayLike, period_s: float, frequency_hz: ArrayLike, density: ArrayLike
+) -> NDArray[np.float64]:
+    """Return power fractions that follow a user's spectrum.
+
+    Parameters
+    ----------
+    index : array_like of int, shape (tone,)
+        Harmonics of 1/T.
+    period_s : float
+        T, s.
+    frequency_hz : array_like, shape (point,)
+        Rising, Hz; the spectrum is interpolated linearly and held beyond its ends.
+    density : array_like, shape (point,)
+        Relative power at those frequencies, > 0, in any scale.
+
+    Returns
+    -------
+    power : ndarray, shape (tone,)
+        Their sum is 1.
+
+    Raises
+    ------
+    UsageError
+        If frequencies do not rise or a density is not positive.
+    """
+    frequency_hz, density = np.asarray(frequency_hz, dtype=float), np.asarray(density, dtype=float)
+    if frequency_hz.shape != density.shape or frequency_hz.ndim != 1 or frequency_hz.size == 0:
+        raise UsageError(
+            f"a spectrum has {frequency_hz.size} frequencies and {density.size} powers",
+            remedy="give one power for each frequency",
+        )
+    if np.any(np.diff(frequency_hz) <= 0.0):
+        raise UsageError("the frequencies of a spectrum do not rise", remedy="sort them")
+    if not np.all(density > 0.0):
+        raise UsageError(
+            f"a spectrum has the power {density.min():g}, which leaves a harmonic without a signal",
+            remedy="give powers above zero, or take those harmonics out of the set",
+        )
+    power = np.interp(np.asarray(index) / period_s, frequency_hz, density)
+    return power / power.sum()
+
+
 Lines = NDArray[np.int64]
+Pair = tuple[int, int]
+
+_ALIKE = 0.9  # cosine of the angle between what two effectors do, signs aside
+
+
+def mirrored(sets: Sequence[Lines], loads: Array) -> tuple[Lines, ...]:
+    """Hand the same combs to other effectors.
+
+    Parameters
+    ----------
+    sets : sequence of ndarray of int, length effector
+        Harmonics of each effector.
+    loads : ndarray, shape (axis, effector)
+        Load of each effector at the rms of its signal, times the importance of the axis.
+
+    Returns
+    -------
+    sets : tuple of ndarray of int, length effector
+
+    Notes
+    -----
+    Combs of one stride s mirror each other where the first lines add up to a multiple of s: their
+    harmonics are ``s m + r`` and ``s m - r``. The pair with the largest share of an axis chooses first.
+    It takes the combs with the largest common divisor of s and r, whose peaks are the lowest. Sets and
+    effectors without a partner keep their order.
+    """
+    pairs = list(zip(_alike(loads), _mirror_images(sets), strict=False))
+    effectors = [i for pair, _ in pairs for i in pair]
+    combs = [j for _, images in pairs for j in images]
+    effectors += [i for i in range(len(sets)) if i not in effectors]
+    combs += [j for j in range(len(sets)) if j not in combs]
+    given = dict(zip(effectors, combs, strict=True))
+    return tuple(sets[given[i]] for i in range(len(sets)))
+
+
+def _alike(loads: Array) -> list[Pair]:
+    """Return disjoint pairs of effectors that do the same but for signs, the weightiest pair first."""
+    total = np.sqrt(np.sum(loads**2, axis=1, keepdims=True))
+    share = np.abs(loads) / np.where(total > 0.0, total, 1.0)
+    size = np.linalg.norm(share, axis=0)
+    found = [
+        (float(np.max(share[:, i] ** 2 + share[:, j] ** 2)), (i, j))
+        for i, j in combinations(range(size.size), 2)
+        if share[:, i] @ share[:, j] > _ALIKE * size[i] * size[j] > 0.0
+    ]
+    return _disjoint(found)
+
+
+def _mirror_images(sets: Sequence[Lines]) -> list[Pair]:
+    """Return disjoint pairs of combs that mirror each other, those with the lowest peaks first."""
+    strides = [int(np.gcd.reduce(np.diff(s))) if s.size > 1 else 0 for s in sets]
+    found = [
+        (float(np.gcd(strides[i], sets[i][0])), (i, j))
+        for i, j in combinations(range(len(sets)), 2)
+        if strides[i] == strides[j] > 0 and (sets[i][0] + sets[j][0]) % strides[i] == 0
+    ]
+    return _disjoint(found)
+
+
+def _disjoint(ranked: Sequence[tuple[float, Pair]]) -> list[Pair]:
+    """Return pairs that share no member, the highest rank first."""
+    chosen: list[Pair] = []
+    for _, pair in sorted(ranked, key=lambda entry: -entry[0]):
+        if not any(set(pair) & set(other) for other in chosen):
+            chosen.append(pair)
+    return chosen
+
 
 _SPARSEST = 2.0  # strides up to this multiple of the number of effectors are tried
 _FEWEST_TONES = 4  # with fewer, peaks rise (1.16 for 4 tones, 1.37 for 2, power within 3 dB) and so does risk

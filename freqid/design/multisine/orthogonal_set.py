@@ -16,13 +16,19 @@ from freqid.core.excitation import MOST_HARMONICS, Excitation
 from freqid.core.results.design import Multisine, MultisineDesign, SampledInputs
 from freqid.core.vehicle import Effector
 from freqid.design.forecast.closed_loop import STATES, ClosedLoop
-from freqid.design.multisine.allocation import check_sets, interleave, lines_in_band, search
-from freqid.design.multisine.bounds import at_least, at_most
+from freqid.design.multisine.allocation import (
+    check_sets,
+    fractions,
+    interleave,
+    limits_from_db,
+    lines_in_band,
+    mirrored,
+    search,
+)
 from freqid.design.multisine.merit import merit
-from freqid.design.multisine.mirrored import mirrored
 from freqid.design.multisine.net_load import load_gains, lowest_nets, net_peaks
 from freqid.design.multisine.phases import lowest_peaks
-from freqid.design.multisine.power import fractions, limits_from_db
+from freqid.design.multisine.signals import at_least, at_most
 
 Progress = Callable[[int, int], None]
 

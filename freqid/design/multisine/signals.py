@@ -1,4 +1,4 @@
-"""What a multisine is: its samples, its peaks and the moments at which it may start.
+"""What a multisine is: its lines, its samples, its peaks and the moments at which it may start.
 
 Everywhere here a signal is ``u(theta) = sum_k amplitude_k sin(index_k theta + phase_k)`` with the angle
 ``theta = 2 pi t / T`` running once around the fundamental period T; a factor is free of units and of T.
@@ -6,11 +6,76 @@ Everywhere here a signal is ``u(theta) = sum_k amplitude_k sin(index_k theta + p
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from math import ceil, floor, isclose, log10
+
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.fft import irfft, next_fast_len
 
 from freqid.core.arrays import Array
+from freqid.core.errors import UsageError
+from freqid.core.results.design import MultisineDesign
+
+
+def at_most(value: float) -> str:
+    """Write a bound with four digits, none of them rounded up: as written it is kept."""
+    return f"{_rounded(value, floor):.4g}"
+
+
+def at_least(value: float) -> str:
+    """Write a bound with four digits, none of them rounded down."""
+    return f"{_rounded(value, ceil):.4g}"
+
+
+def _rounded(value: float, towards: Callable[[float], int]) -> float:
+    digits = 3 - floor(log10(value))
+    # A bound that has four digits already is kept, though it is a little off in binary.
+    nearest = round(value, digits)
+    return nearest if isclose(nearest, value, rel_tol=1e-9) else towards(value * 10.0**digits) / 10.0**digits
+
+
+def band_lines(design: MultisineDesign) -> NDArray[np.int64]:
+    """Return the harmonics of 1/T in the design's band, excited or not: the lines of an identification.
+
+    Returns
+    -------
+    ndarray of int, shape (line,)
+        Ascending.
+
+    Raises
+    ------
+    UsageError
+        Where a signal has a harmonic outside the band.
+    """
+    low, high = (limit * design.period_s for limit in design.band_hz)
+    lines = np.arange(max(int(np.ceil(low - 1e-9)), 1), int(np.floor(high + 1e-9)) + 1)
+    for signal in design.signals:
+        stray = np.setdiff1d(signal.index, lines)
+        if stray.size:
+            raise UsageError(
+                f"harmonic {stray[0]} of '{signal.name}', {stray[0] / design.period_s:g} Hz, is outside the "
+                f"band of {design.band_hz[0]:g} to {design.band_hz[1]:g} Hz",
+                remedy="widen band_hz or drop the harmonic",
+            )
+    return lines
+
+
+def tones(design: MultisineDesign, lines: NDArray[np.int64]) -> NDArray[np.complex128]:
+    """Return complex amplitudes c, ``u(t) = sum_k Im(c_k exp(j 2 pi k t / T))``, shape (effector, line).
+
+    Parameters
+    ----------
+    design : MultisineDesign
+    lines : ndarray of int, shape (line,)
+        Ascending harmonics, among them all of the design's.
+    """
+    c = np.zeros((len(design.signals), lines.size), dtype=complex)
+    for row, signal in zip(c, design.signals, strict=True):
+        # Added, not set: tones that a user lists twice on a harmonic add up in flight too.
+        np.add.at(row, np.searchsorted(lines, signal.index), signal.amplitude * np.exp(1j * signal.phase))
+    return c
+
 
 PEAK_POINTS = 64
 """Samples per shortest period at which peaks are judged: what lies between is then below 0.12 %."""

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from freqid.core.channels import RESPONSE
 from freqid.core.errors import DataError, UsageError, nearest
-from freqid.core.record import FlightRecord
-from freqid.core.record_file import read_record
+from freqid.core.record import FlightRecord, read_record
 from freqid.core.vehicle import Vehicle
 from freqid.gap.simulation import Departures, Settings, Tolerance, checked_departures
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.results.gap_map import GapMap
+from freqid.core.results.gap import GapMap
 from freqid.gap.stack.block import Block
 
 Array = NDArray[np.float64]

@@ -113,7 +113,7 @@ def _written(flight: NextFlight | None, design_file: Path | None, scenario_sha25
     """Write a flight's design and return where it is; empty where nothing is written."""
     if flight is None or design_file is None:
         return ""
-    from freqid.core.results.design_file import write_design
+    from freqid.core.results.design import write_design
     from freqid.design.multisine.orthogonal_set import sampled
 
     write_design(design_file, flight.plan.design, sampled(flight.plan.design), scenario_sha256)

@@ -6,8 +6,9 @@ are made into such columns (docs/theory/regression.md, "Structure of a point mod
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from typing import Any
 
 import msgspec
@@ -19,15 +20,63 @@ from freqid.core.identification import factors_of
 from freqid.core.record import Maneuver
 from freqid.core.results.point import ResponseModel
 from freqid.identify.loads.explanatory import explanatory_variables
-from freqid.identify.model.fit_lines import fit_lines
+from freqid.identify.model.fit import fit_lines
 from freqid.identify.model.line_equations import LineEquations, on_lines
 from freqid.identify.model.problem import Problem, numbered
-from freqid.identify.regress.families import enter_families
 from freqid.identify.regress.noise_lines import HALF_WIDTH, noise_lines
-from freqid.identify.regress.products import candidate_products
-from freqid.identify.regress.structure import Structure, partial_f_of_all, prepare_candidates, stepwise
+from freqid.identify.regress.structure import (
+    Structure,
+    enter_families,
+    partial_f_of_all,
+    prepare_candidates,
+    stepwise,
+)
 from freqid.identify.regress.two_stage import two_stage_least_squares
 from freqid.identify.regress.uncertainty import independent_share
+
+FLOW = frozenset(("u", "v", "w", "V", "alpha", "beta"))
+RATES = frozenset(("p", "q", "r", "phat", "qhat", "rhat"))
+
+
+def candidate_products(units: Mapping[str, str]) -> tuple[str, ...]:
+    """Return the products of second degree that the loads may depend on.
+
+    Parameters
+    ----------
+    units : mapping of str to str
+        Unit of each regressor by name; of effectors it tells surfaces and tilts (rad) from propulsors.
+
+    Returns
+    -------
+    tuple of str
+        As ``w*de1``, factors in the order of `units`; a square is ``w*w``.
+
+    Notes
+    -----
+    To second degree a load is dynamic pressure times angles, plus thrusts. So velocities and flow angles go
+    with everything, a propulsor with the surfaces in its slipstream and, as blades meet the air that a rate
+    brings, with rates; and each effector with itself, as drag and thrust do. Two surfaces, two propulsors,
+    two rates, or a surface and a rate meet only through wakes, and are left out.
+    """
+    return tuple(f"{a}*{b}" for a, b in combinations_with_replacement(units, 2) if _act_together(a, b, units))
+
+
+def _act_together(a: str, b: str, units: Mapping[str, str]) -> bool:
+    kinds = {_kind(a, units[a]), _kind(b, units[b])}
+    if "flow" in kinds:
+        return True
+    if a == b:
+        return kinds != {"rate"}
+    return kinds in ({"propulsor", "surface"}, {"propulsor", "rate"})
+
+
+def _kind(name: str, unit: str) -> str:
+    if name in FLOW:
+        return "flow"
+    if name in RATES:
+        return "rate"
+    return "surface" if unit == "rad" else "propulsor"
+
 
 F_KEPT = 10.0
 """F that a term must keep to stay: one of 24 that do nothing has it by chance in 4 % of responses."""

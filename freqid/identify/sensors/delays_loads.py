@@ -16,7 +16,7 @@ from freqid.identify.loads.explanatory import explanatory_variables
 from freqid.identify.model.line_equations import LineEquations, on_lines
 from freqid.identify.model.problem import Problem
 from freqid.identify.regress.equations import real_equations
-from freqid.identify.sensors.delays_record import WINDS, Misaligned, kind_of
+from freqid.identify.sensors.misaligned import WINDS, Misaligned, kind_of
 
 STEPS = {"delay": 1e-4, "bias": 1e-4, "scale": 1e-3, "wind": 1.0}  # s, rad, 1, m/s; for derivatives
 ROUNDS = 8

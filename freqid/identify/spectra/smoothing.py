@@ -9,7 +9,7 @@ import scipy.fft
 from numpy.typing import ArrayLike, NDArray
 
 from freqid.core.errors import UsageError
-from freqid.identify.spectra.channels import as_channels
+from freqid.identify.spectra.fourier import as_channels
 from freqid.identify.spectra.trend import remove_trend
 
 # Sine coefficients of a smooth signal fall like k^-3 (below), so signal over noise power falls like k^-6.

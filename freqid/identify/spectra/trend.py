@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.fft import dst, idst
 
 from freqid.core.errors import UsageError
-from freqid.identify.spectra.channels import as_channels
+from freqid.identify.spectra.fourier import as_channels
 
 TrendKind = Literal["none", "mean", "endpoints", "line"]
 

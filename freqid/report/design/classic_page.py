@@ -8,10 +8,10 @@ import numpy as np
 
 from freqid import __version__
 from freqid.core.results.design import ClassicDesign
-from freqid.design.sequence import Extent
+from freqid.design.classic import Extent
 from freqid.report.design import figures, tables
-from freqid.report.design.documents import write_cards
 from freqid.report.design.flight_plan import EMPTY, FlightPlan, power_in_band
+from freqid.report.design.page import write_cards
 from freqid.report.design.signal_pictures import signal_pictures
 from freqid.report.design.test_card import build_card
 from freqid.report.kit.effectors import groups_of

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from freqid.core.results.design import ClassicDesign
+from freqid.design.classic import Extent
 from freqid.design.finish import FinishedSet
 from freqid.design.forecast.standard_errors import Forecast
 from freqid.design.multisine.merit import Merit
-from freqid.design.sequence import Extent
 from freqid.report.design.flight_plan import FlightPlan
 
 

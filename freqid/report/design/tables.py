@@ -11,9 +11,9 @@ from markupsafe import Markup
 
 from freqid.core.arrays import Array
 from freqid.core.results.design import ClassicDesign, MultisineDesign
+from freqid.design.classic import Extent
 from freqid.design.forecast.standard_errors import Forecast
 from freqid.design.multisine.merit import Merit, Truncation
-from freqid.design.sequence import Extent
 from freqid.report.design.flight_plan import FlightPlan, intrusions
 from freqid.report.kit.effectors import engineering, groups_of, reach, runs
 from freqid.report.kit.findings import Finding, code, finding, listed

@@ -13,8 +13,8 @@ import numpy as np
 from freqid import __version__
 from freqid.core.channels import AIR, RESPONSE, STATE
 from freqid.core.results.design import ClassicDesign, MultisineDesign
+from freqid.design.classic import Extent
 from freqid.design.multisine.merit import Merit
-from freqid.design.sequence import Extent
 from freqid.report.design.flight_plan import EMPTY, FlightPlan, intrusions, power_in_band
 from freqid.report.kit.effectors import engineering, groups_of, reach
 from freqid.report.kit.notation import measured_values, number, percent, pretty_unit, short, shown_unit

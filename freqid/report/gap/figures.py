@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
 from freqid.core.arrays import Array
-from freqid.core.results.gap_result import BeforeAfter, Increment, ResidualSpectra
+from freqid.core.results.gap import BeforeAfter, Increment, ResidualSpectra
 from freqid.report.kit.drawing import (
     BLUE,
     GREY,

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import io
+import re
+import warnings
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+import matplotlib.style
 import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
@@ -18,8 +22,63 @@ from freqid.core.spectrum import Spectrum
 from freqid.identify.spectra.fourier import FourierPlan
 from freqid.identify.spectra.trend import remove_trend
 from freqid.report.kit import figures
+from freqid.report.kit.drawing import STYLE
 from freqid.report.kit.notation import number, plain_symbol, symbol
-from freqid.report.kit.svg import inline_svg
+
+_LARGEST = 1.1  # times the size that it was drawn in; its text would outgrow the page's
+# All that matplotlib would say about itself and the time of day.
+_SILENT = {"Date": None, "Creator": None, "Format": None, "Type": None}
+
+
+def inline_svg(figure: Figure, key: str, label: str) -> Markup:
+    """Return a figure as an ``<svg>`` element.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    key : str
+        Unique in the page; every id of the figure begins with it.
+    label : str
+        What a reader who cannot see the figure is told.
+
+    Returns
+    -------
+    Markup
+        Scales with its container; the same bytes for the same figure.
+    """
+    buffer = io.StringIO()
+    with matplotlib.style.context(["default", STYLE | {"svg.hashsalt": key}]), warnings.catch_warnings():
+        # Text stays text: a glyph that matplotlib's font lacks is drawn by the reader's.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
+        figure.savefig(buffer, format="svg", metadata=_SILENT)
+    width, height = 72 * figure.get_size_inches()
+    content = buffer.getvalue()
+    content = content[content.index(">", content.index("<svg")) + 1 :]
+    # Its one rule would hold for the whole page, which states it once itself.
+    content = re.sub(r"<defs>\s*<style.*?</style>\s*</defs>", "", content, count=1, flags=re.DOTALL)
+    content = re.sub(r"<!--.*?-->\s*", "", content, flags=re.DOTALL)
+    content = re.sub(r"font-family: [^;\"]*;?|font: (?=[\d.]+px [^;\"]*)", "", content)
+    content = _with_unique_ids(content, key)
+    content = re.sub(r'(?<= d=")[^"]*', _rounded, content)
+    opening = Markup(
+        '<svg viewBox="0 0 {:.6g} {:.6g}" style="max-width: {:.0f}pt" role="img" aria-label="{}">'
+    )
+    return opening.format(width, height, _LARGEST * width, label) + Markup(content)
+
+
+def _with_unique_ids(content: str, key: str) -> str:
+    """Keep only the ids that are referred to, and begin them with the key."""
+    used = set(re.findall(r'(?:url\(#|href="#)([^)"]+)', content))
+    content = re.sub(
+        r' id="([^"]*)"', lambda match: f' id="{key}-{match[1]}"' if match[1] in used else "", content
+    )
+    return re.sub(r'(url\(#|href="#)', rf"\g<1>{key}-", content)
+
+
+def _rounded(path: re.Match[str]) -> str:
+    """Return path data to a hundredth of a point, finer than any screen."""
+    return re.sub(r"-?\d+\.\d+", lambda match: f"{float(match[0]):.2f}".rstrip("0").rstrip("."), path[0])
+
 
 _STRIPS = 8  # in one figure at most: about the height of a screen
 _GROUP = {

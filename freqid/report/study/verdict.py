@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from freqid.report.kit.findings import Finding, code, finding, listed
 from freqid.report.kit.notation import number, percent, share, short, symbol
-from freqid.report.point.noise_verdict import reaches_ceiling
+from freqid.report.point.verdict import reaches_ceiling
 from freqid.report.study.results import HeldOut, StudyResults, same_density, settled_share
 
 GOOD_R2 = 0.95

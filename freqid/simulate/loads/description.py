@@ -27,8 +27,7 @@ from freqid.simulate.loads.sections import PANELS, AerofoilSection, AirframeSect
 from freqid.simulate.loads.slipstream import Slipstreams
 from freqid.simulate.loads.tail import Tail
 from freqid.simulate.loads.wake import Wakes
-from freqid.simulate.loads.wing import Section, Wings
-from freqid.simulate.loads.wing_theory import flap_effect, induction, strip_centres, strip_edges
+from freqid.simulate.loads.wing import Section, Wings, flap_effect, induction, strip_centres, strip_edges
 
 T = TypeVar("T")
 Floats = NDArray[np.float64]

@@ -8,8 +8,7 @@ import pytest
 
 from freqid.core import store
 from freqid.core.errors import DataError
-from freqid.core.record import Channel, Configuration, FlightRecord
-from freqid.core.record_file import read_record, write_record
+from freqid.core.record import Channel, Configuration, FlightRecord, read_record, write_record
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Rotor, Vehicle, Wing
 
 MASS = MassProperties(mass_kg=28.6, inertia=Inertia(xx=2, yy=3, zz=4, xz=0.1), cg_sigma_m=(0.01, 0, 0.02))

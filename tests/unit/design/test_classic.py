@@ -6,10 +6,9 @@ import pytest
 from linear_design import VEHICLE, design
 
 from freqid.core.errors import UsageError
-from freqid.design.classic import doublet, frequency_sweep, multistep, three_two_one_one
+from freqid.design.classic import doublet, frequency_sweep, in_turn, multistep, three_two_one_one
+from freqid.design.finish import swap_combs
 from freqid.design.multisine.signals import relative_peak_factor
-from freqid.design.multisine.swapped import swap_combs
-from freqid.design.sequence import in_turn
 
 DT = 0.02
 

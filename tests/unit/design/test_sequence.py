@@ -8,10 +8,10 @@ from scipy.signal import lsim
 
 from freqid.core.errors import UsageError
 from freqid.core.excitation import Classic, Excitation
+from freqid.design.classic import design_classic, extent
 from freqid.design.forecast.excursions import excursions
-from freqid.design.forecast.perturbation_model import close_loop
-from freqid.design.multisine.bounds import at_least, at_most
-from freqid.design.sequence import design_classic, extent
+from freqid.design.forecast.modelled import close_loop
+from freqid.design.multisine.signals import at_least, at_most
 
 TRIM = {"de": 0.0, "da": 0.0, "dr": 0.0, "n1": 420.0}
 EXCITATION = Excitation(band_hz=(0.1, 1.6), period_s=20.0, periods=1, amplitude=AMPLITUDE)

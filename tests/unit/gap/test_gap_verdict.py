@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from freqid.core.results.diagnosis import Closure, Existence, Interval, SensorFault, Share, Which
-from freqid.core.results.gap_map import GapMap
+from freqid.core.results.gap import GapMap
 from freqid.gap.simulation import Tolerance
 from freqid.gap.verdict import remarks_of, tolerances_used, verdict
 from freqid.simulate.effects import library

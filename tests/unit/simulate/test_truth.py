@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import DataError
-from freqid.core.record_file import read_record, write_record
+from freqid.core.record import read_record, write_record
 from freqid.core.scenario import read_scenario
 from freqid.simulate.control.lq import close_loop
 from freqid.simulate.fly import fly, sortie

@@ -11,7 +11,7 @@ from made_up_gap import made_up
 
 from freqid.core.errors import DataError
 from freqid.core.results.diagnosis import Change, GapDiagnosis
-from freqid.core.results.gap_file import read_gap, write_gap
+from freqid.core.results.gap import read_gap, write_gap
 
 
 def test_what_is_written_is_read(tmp_path):

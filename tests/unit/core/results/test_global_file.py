@@ -8,7 +8,7 @@ import tilt_wing
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.line_up import line_up
 from freqid.core.errors import DataError
-from freqid.core.results.global_file import read_global, write_global
+from freqid.core.results.corridor import read_global, write_global
 
 
 @pytest.fixture

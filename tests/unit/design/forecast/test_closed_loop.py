@@ -10,7 +10,7 @@ from freqid.core.errors import UsageError
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Rotor, Vehicle, Wing
 from freqid.design.forecast.closed_loop import STATES
 from freqid.design.forecast.excursions import excursions
-from freqid.design.forecast.perturbation_model import close_loop, derivatives_of
+from freqid.design.forecast.modelled import close_loop, derivatives_of
 
 EFFECTORS = tuple(AMPLITUDE)
 FREQUENCIES = np.array([0.05, 0.2, 0.7, 1.8])

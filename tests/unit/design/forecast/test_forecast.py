@@ -8,9 +8,8 @@ from linear_design import AMPLITUDE, GAINS, NOISE, SCENARIO, VEHICLE, design
 
 from freqid.core.errors import UsageError
 from freqid.core.toml import overridden
-from freqid.design.forecast.perturbation_model import close_loop
-from freqid.design.forecast.shortest import shortest
-from freqid.design.forecast.standard_errors import forecast
+from freqid.design.forecast.modelled import close_loop
+from freqid.design.forecast.standard_errors import forecast, shortest
 
 SETTINGS = SCENARIO.identification
 SENSED = {n: s if n in ("p", "q", "r", "ax", "ay", "az") else 0.0 for n, s in NOISE.items()}

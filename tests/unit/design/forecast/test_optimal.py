@@ -10,8 +10,8 @@ from freqid.core.errors import UsageError
 from freqid.core.toml import overridden
 from freqid.design.forecast.excursions import excursions
 from freqid.design.forecast.limits import room
+from freqid.design.forecast.modelled import close_loop
 from freqid.design.forecast.optimal import optimal_amplitudes
-from freqid.design.forecast.perturbation_model import close_loop
 from freqid.design.forecast.standard_errors import forecast
 
 # Without noise in the regressors the criterion and the forecast agree to the nuisance columns, which

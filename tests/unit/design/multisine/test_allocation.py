@@ -4,9 +4,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from freqid.core.errors import UsageError
-from freqid.design.multisine.allocation import check_sets, interleave, lines_in_band, search
+from freqid.design.multisine.allocation import check_sets, interleave, limits_from_db, lines_in_band, search
 from freqid.design.multisine.phases import lowest_peaks
-from freqid.design.multisine.power import limits_from_db
 
 LINES = np.arange(3, 109)
 

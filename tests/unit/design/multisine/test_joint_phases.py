@@ -3,10 +3,10 @@ import pytest
 
 from freqid.core.results.design import Multisine
 from freqid.design.multisine import joint_phases
+from freqid.design.multisine.allocation import limits_from_db
 from freqid.design.multisine.joint_phases import JointPhases
 from freqid.design.multisine.net_load import load_gains, net_loads
 from freqid.design.multisine.phases import lowest_peaks
-from freqid.design.multisine.power import limits_from_db
 from freqid.design.multisine.signals import relative_peak_factor
 
 COMBS = [np.arange(3 + j, 40, 6) for j in range(6)]

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 
 from freqid.core.results.design import Multisine
-from freqid.design.multisine.allocation import interleave
-from freqid.design.multisine.mirrored import mirrored
+from freqid.design.multisine.allocation import interleave, mirrored
 from freqid.design.multisine.net_load import load_gains, lowest_nets, net_loads
 from freqid.design.multisine.phases import lowest_peaks
 

@@ -11,7 +11,8 @@ from freqid.core.excitation import Excitation
 from freqid.core.results.design import Multisine
 from freqid.core.scenario import read_scenario
 from freqid.design.forecast.excursions import excursions
-from freqid.design.forecast.perturbation_model import close_loop
+from freqid.design.forecast.modelled import close_loop
+from freqid.design.multisine.allocation import limits_from_db
 from freqid.design.multisine.net_load import load_gains, lowest_nets, net_loads, nets, peaks_by_chance, ways
 from freqid.design.multisine.orthogonal_set import (
     design_multisines,
@@ -20,7 +21,6 @@ from freqid.design.multisine.orthogonal_set import (
     with_low_net_loads,
 )
 from freqid.design.multisine.phases import lowest_peaks
-from freqid.design.multisine.power import limits_from_db
 from freqid.design.multisine.signals import relative_peak_factor, sample
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from freqid.design.multisine.peaks import SmoothPeak, descend
+from freqid.design.multisine.phases import SmoothPeak, descend
 from freqid.design.multisine.signals import sample
 
 RNG = np.random.default_rng(11)

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
 
-from freqid.design.multisine.allocation import interleave
+from freqid.design.multisine.allocation import interleave, limits_from_db
 from freqid.design.multisine.phases import lowest_peak, lowest_peaks
-from freqid.design.multisine.power import limits_from_db
 from freqid.design.multisine.signals import crest_factor, relative_peak_factor, sample
 
 COMBS = interleave(np.arange(3, 109), 18)

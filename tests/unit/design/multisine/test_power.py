@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import UsageError
-from freqid.design.multisine.power import fractions, limits_from_db
+from freqid.design.multisine.allocation import fractions, limits_from_db
 
 
 def test_three_db_is_a_factor_of_two():

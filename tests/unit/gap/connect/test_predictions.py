@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import DataError
-from freqid.core.record import Channel, FlightRecord
-from freqid.core.record_file import write_record
+from freqid.core.record import Channel, FlightRecord, write_record
 from freqid.gap.connect import connect
 
 SLOPES = {"state/w": -40.0, "state/q": -6.0, "effector/de": 25.0}

@@ -9,7 +9,7 @@ import pytest
 from pitching import BANDS, SIZES, VEHICLE, Pitching, effect, flight
 from scipy.stats import norm
 
-from freqid.core.results.design_file import read_design, read_inputs
+from freqid.core.results.design import read_design, read_inputs
 from freqid.core.scenario import Reference
 from freqid.gap.diagnose import Question, diagnose
 from freqid.gap.infer.system import BlockMatrices, Form, System

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from freqid.cli.main import run
-from freqid.core.record_file import read_record
+from freqid.core.record import read_record
 from freqid.core.scenario import read_scenario
 from freqid.gap import flights
 from freqid.gap.connect import connect

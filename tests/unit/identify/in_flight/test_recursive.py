@@ -16,8 +16,7 @@ from freqid.core.scenario import read_scenario
 from freqid.core.toml import overridden
 from freqid.flightlog.read import read_log
 from freqid.identify.in_flight.parameter_history import parameter_history
-from freqid.identify.in_flight.recursive import RecursiveRegression
-from freqid.identify.in_flight.recursive_transform import RecursiveTransform
+from freqid.identify.in_flight.recursive import RecursiveRegression, RecursiveTransform
 from freqid.identify.in_flight.running import InFlight
 from freqid.identify.loads.explanatory import history
 from freqid.identify.point import identify_point

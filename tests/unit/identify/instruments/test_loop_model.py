@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Rotor, Vehicle
-from freqid.design.forecast.perturbation_model import close_loop
+from freqid.design.forecast.modelled import close_loop
 from freqid.dynamics.small_motion import rotor_spin
 from freqid.identify.instruments.loop_model import LoopModel
 

@@ -8,7 +8,7 @@ import pytest
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle, Wing
-from freqid.identify.loads.flown import departures, flown_reference
+from freqid.identify.point import departures, flown_reference
 
 
 def maneuver(seconds, **levels):

@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freqid.identify.regress.families import CHANCE, enter_families
-from freqid.identify.regress.structure import partial_f_of_all, prepare_candidates, stepwise
+from freqid.identify.regress.structure import (
+    CHANCE,
+    enter_families,
+    partial_f_of_all,
+    prepare_candidates,
+    stepwise,
+)
 
 SIZE, LINES = 12, 100
 FAMILIES = [list(range(SIZE)), list(range(SIZE, 2 * SIZE))]

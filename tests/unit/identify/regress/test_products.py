@@ -13,8 +13,8 @@ from freqid.core.results.point_file import read_point, write_point
 from freqid.core.toml import convert
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
 from freqid.identify.loads.explanatory import explanatory_variables
+from freqid.identify.model.selection import candidate_products
 from freqid.identify.point import identify_point, predict
-from freqid.identify.regress.products import candidate_products
 
 UNITS = {"w": "m/s", "p": "rad/s", "de1": "rad", "de2": "rad", "n1": "rad/s", "n2": "rad/s"}
 

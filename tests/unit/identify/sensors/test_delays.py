@@ -13,9 +13,8 @@ from freqid.core.record import Channel, Maneuver
 from freqid.core.scenario import read_scenario
 from freqid.flightlog.read import read_log
 from freqid.identify.point import identify_point, lines_of
-from freqid.identify.sensors.delays import AlignmentSettings, align
-from freqid.identify.sensors.delays_point import identify_aligned
-from freqid.identify.sensors.delays_record import Misaligned
+from freqid.identify.sensors.alignment import AlignmentSettings, align, identify_aligned
+from freqid.identify.sensors.misaligned import Misaligned
 
 SCENARIOS = Path(__file__).resolve().parents[4] / "scenarios"
 SEEDS = range(8)

@@ -19,10 +19,9 @@ from freqid.identify.sensors.flight_path import (
     running_integral,
     skew,
 )
-from freqid.identify.sensors.kinematic_correction import corrected
-from freqid.identify.sensors.kinematic_noise import coloured_covariance
-from freqid.identify.sensors.kinematic_sensors import GROUND, VELOCITY, predicted, sensors_of
-from freqid.identify.sensors.kinematics import KinematicSettings, check_kinematics
+from freqid.identify.sensors.kinematic_fit import coloured_covariance
+from freqid.identify.sensors.kinematic_model import GROUND, VELOCITY, predicted, sensors_of
+from freqid.identify.sensors.kinematics import KinematicSettings, check_kinematics, corrected
 
 ARM = (0.7, 0.1, -0.3)
 

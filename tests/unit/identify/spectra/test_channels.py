@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import DataError, UsageError
-from freqid.identify.spectra.channels import as_channels
+from freqid.identify.spectra.fourier import as_channels
 
 
 def test_a_good_array_is_passed_on_without_a_copy():

@@ -17,7 +17,7 @@ from freqid.core.identification import Identification
 from freqid.core.results.design import Multisine, MultisineDesign
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 from freqid.design.forecast.excursions import excursions
-from freqid.design.forecast.perturbation_model import close_loop
+from freqid.design.forecast.modelled import close_loop
 from freqid.design.forecast.standard_errors import forecast
 from freqid.design.multisine.merit import merit, truncated
 from freqid.design.multisine.net_load import net_loads

@@ -16,9 +16,17 @@ from matplotlib.transforms import Bbox
 from simulated_flights import film_record, scenario_of
 
 from freqid.core.scenario import Scenario
-from freqid.report.flight.film import FRAMES, filmstrip, largest_thrust
-from freqid.report.flight.outline import centre_of_gravity, outline, shaft, silhouette
-from freqid.report.flight.three_view import REAR, SIDE, TOP, three_view
+from freqid.report.flight.aircraft import (
+    REAR,
+    SIDE,
+    TOP,
+    centre_of_gravity,
+    outline,
+    shaft,
+    silhouette,
+    three_view,
+)
+from freqid.report.flight.page import FRAMES, filmstrip, largest_thrust
 from freqid.report.flight.trims import TrimCurve, moving_alike, trim_curves
 
 LEVEL, UPRIGHT = {"dw1": 0.0, "dw2": 0.0}, {"dw1": pi / 2, "dw2": pi / 2}

@@ -19,8 +19,7 @@ from freqid.core.results.gap_self_test import (
     SmallestSize,
     Stratum,
 )
-from freqid.report.gap.page import build_gap_page
-from freqid.report.gap.self_test import confusions, summary
+from freqid.report.gap.page import build_gap_page, confusions, summary
 
 
 def rate(count, of):

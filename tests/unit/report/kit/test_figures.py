@@ -13,7 +13,7 @@ from freqid.core.results.point import Fit
 from freqid.core.spectrum import Spectrum
 from freqid.report.kit import figures
 from freqid.report.kit.drawing import envelope
-from freqid.report.kit.svg import inline_svg
+from freqid.report.kit.pictures import inline_svg
 
 F = np.arange(1, 31) / 20
 Z = np.exp(3j * F) / F

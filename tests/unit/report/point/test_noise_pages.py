@@ -11,11 +11,10 @@ from test_page import Page
 
 from freqid.core.results.point import ErrorsInVariables, PointModel
 from freqid.report.kit import figures
-from freqid.report.point.estimator_tables import difference_table
-from freqid.report.point.noise_verdict import noise_findings, reaches_ceiling
-from freqid.report.point.page import build_page
+from freqid.report.point.page import build_page, difference_table
 from freqid.report.point.sensor_tables import longest_cut, sensor_accounts, sensor_findings
 from freqid.report.point.tables import summary
+from freqid.report.point.verdict import noise_findings, reaches_ceiling
 
 
 def by_instruments(model: PointModel, off: dict[str, float]) -> PointModel:

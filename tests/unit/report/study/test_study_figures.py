@@ -12,9 +12,8 @@ from matplotlib.transforms import Bbox
 from test_study_page import DENSITIES, HELD, SPEEDS, results, truth
 
 from freqid.blend.similarity import equivalent
-from freqid.report.study import corridor_figures as corridor
-from freqid.report.study import figures
-from freqid.report.study.corridor_pictures import _draw
+from freqid.report.study import corridor, figures
+from freqid.report.study.corridor import _draw
 
 
 def boxes(figure: Figure) -> list[tuple[str, Bbox]]:

@@ -24,8 +24,14 @@ from freqid.design.multisine.signals import sample
 from freqid.identify.in_flight.parameter_history import parameter_history
 from freqid.identify.point import identify_point, predict
 from freqid.report.kit.rendering import write_text
-from freqid.report.study.page import HeldOut, StudiedPoint, StudyResults, build_study_page
-from freqid.report.study.tables import condition_rows, held_out_rows
+from freqid.report.study.page import (
+    HeldOut,
+    StudiedPoint,
+    StudyResults,
+    build_study_page,
+    condition_rows,
+    held_out_rows,
+)
 
 EFFECTORS = ("de1", "de2", "dr1", "n1")
 REGRESSORS = {"Z": ("u", "w", "q", "de1", "de2", "n1"), "N": ("v", "r", "dr1")}

@@ -7,8 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from freqid.simulate.loads.wing import Section, attachment, section_loads
-from freqid.simulate.loads.wing_theory import flap_effect
+from freqid.simulate.loads.wing import Section, attachment, flap_effect, section_loads
 
 STALL = 0.32
 SECTION = Section(*(jnp.float64(x) for x in (5.9, 1 - np.cos(STALL), 0.016, 0.1, 1.8, -0.03)))

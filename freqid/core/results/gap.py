@@ -1,8 +1,10 @@
-"""Diagnoses of gaps on disk (``format="freqid-gap"``)."""
+"""A diagnosis with what its page is drawn from: map, spectra, increments; the file ``freqid-gap``."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +12,195 @@ import h5py
 import numpy as np
 
 from freqid.core import store
-from freqid.core.results.diagnosis import GapDiagnosis
-from freqid.core.results.gap_map import GapMap
-from freqid.core.results.gap_result import BeforeAfter, GapResult, Increment, ResidualSpectra
+from freqid.core.arrays import Array, Complex
+from freqid.core.results.diagnosis import GapDiagnosis, Place
+
+LISTED = 0.1  # share of the energy from which a cell is listed
+_THIRDS = ("first third", "middle third", "last third")
+_ONE_THIRD = 0.6  # of the energy in one third of a manoeuvre is a phase; less is all of it
+
+
+@dataclass(frozen=True, eq=False)
+class GapMap:
+    """Energy of a gap over noise, by cell.
+
+    Attributes
+    ----------
+    rows, regimes, inputs : tuple of str
+        The last input is ``""``: lines that no injected signal drives.
+    bands_hz : tuple of tuple of 2 floats
+    energy : ndarray, shape (row, band, regime, input)
+        Of white noise of variance one a line.
+    phase : ndarray, shape (row, 3)
+        Share of a row's energy in each third of the manoeuvres.
+    """
+
+    rows: tuple[str, ...]
+    regimes: tuple[str, ...]
+    inputs: tuple[str, ...]
+    bands_hz: tuple[tuple[float, float], ...]
+    energy: Array
+    phase: Array
+
+    def share(self, axis: str) -> dict[str, float]:
+        """Return the share of each ``row``, ``band``, ``regime`` or ``input``, largest first."""
+        names = {
+            "row": self.rows,
+            "band": [f"{a:g}-{b:g} Hz" for a, b in self.bands_hz],
+            "regime": self.regimes,
+            "input": self.inputs,
+        }
+        at = list(names).index(axis)
+        each = self.energy.sum(axis=tuple(i for i in range(4) if i != at))
+        total = max(float(each.sum()), 1e-300)
+        shares = {name: float(e / total) for name, e in zip(names[axis], each, strict=True)}
+        return dict(sorted(shares.items(), key=lambda item: -item[1]))
+
+    def places(self) -> list[Place]:
+        """Return the cells of row and band that hold `LISTED` of the energy or more, largest first."""
+        total = float(self.energy.sum())
+        if not total > 0:
+            return []
+        found = []
+        for i, row in enumerate(self.rows):
+            third = int(np.argmax(self.phase[i]))
+            phase = _THIRDS[third] if self.phase[i, third] > _ONE_THIRD else "all"
+            for j, band in enumerate(self.bands_hz):
+                cell = self.energy[i, j]
+                share = float(cell.sum() / total)
+                if share >= LISTED:
+                    regime = _holding(cell.sum(axis=1), self.regimes)
+                    inputs = _holding(cell.sum(axis=0)[:-1], self.inputs[:-1])
+                    found.append(Place(row, band, regime, inputs, phase, share))
+        return sorted(found, key=lambda place: -place.share)
+
+
+def _holding(energy: Array, names: Sequence[str]) -> str:
+    """Return the names that hold a tenth of the energy or more, in their order."""
+    total = energy.sum()
+    return " ".join(n for n, e in zip(names, energy, strict=True) if total > 0 and e / total >= LISTED)
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualSpectra:
+    """One manoeuvre's residual on its lines.
+
+    Attributes
+    ----------
+    maneuver : str
+    rows, units : tuple of str
+        ``M``, ``actuator/de1``, ``kinematic/w``.
+    hz : ndarray, shape (line,)
+    inputs : tuple of str
+        Injected signals.
+    owner : ndarray, shape (line,)
+        Index of the signal that drives the line; -1 where none does.
+    residual, explained : ndarray of complex, shape (row, line)
+        Measured less simulated, and what the likeliest explanation makes of it; unit of the row times
+        sqrt(s).
+    noise : ndarray, shape (row, line)
+        One standard deviation of noise, same unit.
+    """
+
+    maneuver: str
+    rows: tuple[str, ...]
+    units: tuple[str, ...]
+    hz: Array
+    inputs: tuple[str, ...]
+    owner: Array
+    residual: Complex
+    explained: Complex
+    noise: Array
+
+
+@dataclass(frozen=True, eq=False)
+class BeforeAfter:
+    """One manoeuvre as measured, as simulated, and as simulated with the effects that were found.
+
+    Attributes
+    ----------
+    maneuver : str
+    held_out : bool
+        Whether nothing was fitted to it.
+    responses, units : tuple of str
+    time : ndarray, shape (sample,)
+        s.
+    measured, before, after : ndarray, shape (response, sample)
+        Without what lies above the band.
+    hz : ndarray, shape (line,)
+    measured_hz, before_hz, after_hz : ndarray of complex, shape (response, line)
+        Unit of the response times sqrt(s).
+    noise : ndarray, shape (response, line)
+        One standard deviation, same unit.
+    """
+
+    maneuver: str
+    held_out: bool
+    responses: tuple[str, ...]
+    units: tuple[str, ...]
+    time: Array
+    measured: Array
+    before: Array
+    after: Array
+    hz: Array
+    measured_hz: Complex
+    before_hz: Complex
+    after_hz: Complex
+    noise: Array
+
+
+@dataclass(frozen=True)
+class Increment:
+    """By how much a derivative in flight differs from the simulation's.
+
+    Attributes
+    ----------
+    response, input : str
+    percent, lo, hi : float
+        Of the simulation's derivative, with a 95 % interval.
+    """
+
+    response: str
+    input: str
+    percent: float
+    lo: float
+    hi: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether the interval excludes no difference."""
+        return self.lo > 0 or self.hi < 0
+
+
+@dataclass(frozen=True, eq=False)
+class GapResult:
+    """A diagnosis and its pictures' numbers.
+
+    Attributes
+    ----------
+    diagnosis : GapDiagnosis
+    cells : GapMap
+    spectra : tuple of ResidualSpectra
+        One a manoeuvre.
+    coherence : dict of dict of float
+        By row and injected signal: share of the residual there that noise does not account for.
+    increments : tuple of Increment
+        Clear ones first, largest first.
+    before_after : tuple of BeforeAfter
+    expected : dict of float
+        By effect id: the size that is expected before any data, unit of the smallest detectable one.
+    provenance : dict
+    """
+
+    diagnosis: GapDiagnosis
+    cells: GapMap
+    spectra: tuple[ResidualSpectra, ...] = ()
+    coherence: dict[str, dict[str, float]] = field(default_factory=dict)
+    increments: tuple[Increment, ...] = ()
+    before_after: tuple[BeforeAfter, ...] = ()
+    expected: dict[str, float] = field(default_factory=dict)
+    provenance: dict[str, Any] = field(default_factory=dict)
+
 
 FORMAT = "freqid-gap"
 _LEVEL = 0.95  # of the increments' intervals

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.compare.linear_loop import LinearLoop, Margins
-from freqid.compare.modes import MOTION, Mode, named_modes
+from freqid.dynamics.linear_loop import LinearLoop, Margins
+from freqid.dynamics.modes import MOTION, Mode, named_modes
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]

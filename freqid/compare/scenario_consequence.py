@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from freqid.compare.consequence import Condition, Consequence, compare_conditions
-from freqid.compare.linear_loop import Actuation, LinearLoop
 from freqid.core.errors import UsageError
 from freqid.core.scenario import Reference, Scenario
+from freqid.dynamics.linear_loop import Actuation, LinearLoop
 from freqid.simulate import effects as library
 from freqid.simulate.control.law import AXES, Setting
 from freqid.simulate.control.linearize import STATES, linearize

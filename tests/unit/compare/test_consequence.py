@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from freqid.compare.consequence import Condition, assess, compare_conditions, trim_authority
-from freqid.compare.linear_loop import Actuation, LinearLoop
+from freqid.dynamics.linear_loop import Actuation, LinearLoop
 
 SPEED, HEAVE, STIFFNESS = 20.0, -2.0, -0.6
 

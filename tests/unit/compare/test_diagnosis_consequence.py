@@ -11,9 +11,9 @@ import pytest
 from freqid.compare import scenario_consequence
 from freqid.compare.consequence import Condition, compare_conditions
 from freqid.compare.diagnosis_consequence import with_consequence
-from freqid.compare.linear_loop import Actuation, LinearLoop
 from freqid.core.results.diagnosis import Closure, Existence, GapDiagnosis, Place, Share, Which
 from freqid.core.scenario import read_scenario
+from freqid.dynamics.linear_loop import Actuation, LinearLoop
 from freqid.simulate import effects
 
 DELAY = 0.05

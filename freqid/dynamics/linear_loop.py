@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
-from freqid.compare.modes import Mode, named_modes
 from freqid.core.errors import UsageError, nearest
+from freqid.dynamics.modes import Mode, named_modes
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freqid.compare.linear_loop import Actuation, LinearLoop, stability_margins
 from freqid.core.errors import UsageError
+from freqid.dynamics.linear_loop import Actuation, LinearLoop, stability_margins
 
 
 def test_an_integrator_with_a_delay():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freqid.compare.modes import MOTION, named_modes
+from freqid.dynamics.modes import MOTION, named_modes
 
 
 def test_modes_of_a_transport_have_the_names_that_the_books_give():

@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from freqid.blend.line import BlendedResponse, Line
 from freqid.blend.locate import TILTS, Located, Outside, Tolerance, between, locate
 from freqid.blend.similarity import equivalent, goes_with_velocity
-from freqid.blend.state_space import StateSpace, to_statespace
+from freqid.blend.state_space import StateSpace
 from freqid.core.arrays import Array
-from freqid.core.errors import DataError
+from freqid.core.channels import WRENCH
+from freqid.core.errors import DataError, UsageError
 from freqid.core.results.corridor import Corridor
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Vehicle
@@ -300,8 +301,45 @@ class GlobalModel:
         return BlendedParameters(("bias", *knots.regressors), estimate * scale, np.sqrt(variance) * scale)
 
     def to_statespace(self, reference: Reference, vehicle: Vehicle) -> StateSpace:
-        """Return the aircraft's small motions about a condition: `state_space.to_statespace`."""
-        return to_statespace(self, reference, vehicle)
+        """Linearise the aircraft's motion about a condition, identified or not.
+
+        Parameters
+        ----------
+        reference : Reference
+            Its speed and density; the trim there, tilts included, is the model's own.
+        vehicle : Vehicle
+            Mass properties, as they are at its trimmed tilts, and rotors.
+
+        Returns
+        -------
+        StateSpace
+
+        Raises
+        ------
+        UsageError
+            Where the model lacks a response or is not one of forces and moments.
+        DataError
+            Where the speed is outside the corridor.
+
+        Notes
+        -----
+        The pitch angle is that at which the blended trim wrench carries the weight, ``tan(theta) = X / -Z``.
+        """
+        missing = [r for r in WRENCH if r not in self.names]
+        if missing or self.corridor.form != "force":
+            raise UsageError(
+                f"a state-space model needs X Y Z L M N in N and N m, found {' '.join(self.names)} in form "
+                f"'{self.corridor.form}'",
+                remedy="blend points of all six responses, identified with form 'force'",
+            )
+        inputs = self.reference(reference.u, reference.rho)
+        rows = [self.names.index(r) for r in WRENCH]
+        gradient = dict(zip(self.inputs, self.gradient(inputs)[rows, :, 0].T, strict=True))
+        bias = self.wrench(inputs).values[rows, 0]
+        theta = float(np.arctan2(bias[0], -bias[2]))
+        at = {name: float(value[0]) for name, value in inputs.items()} | {"theta": theta}
+        at = {"v": 0.0, "w": at["u"] * np.tan(theta)} | at
+        return StateSpace.of({n: gradient[n] for n in self.corridor.units}, at, vehicle)
 
     def _mixed(self, at: Located) -> tuple[Mixed, ...]:
         return tuple(Mixed([line.local[r] for line in self.lines], at) for r in range(len(self.names)))

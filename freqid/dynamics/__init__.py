@@ -1,4 +1,5 @@
-"""The physics that several storeys share, written once in numpy; no flight data, no simulation.
+"""The physics that several storeys share, written once in numpy; it reads no flight data and makes no design.
 
-Read small_motion.
+Read mass (tilting wings), small_motion (linear equations of motion), loop (a law with integral action, line by
+line), then linear_loop (margins of a vehicle with its actuators) and modes.
 """

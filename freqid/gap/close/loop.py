@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
+from freqid.dynamics.loop import LAW_POWERS, law_on_lines, powers_of, steady_motion
 from freqid.dynamics.small_motion import STATES, equations_of_motion, rotor_spin
 from freqid.gap.stack.lines import Lines
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_POWERS = (-1, 0, 1)  # of s: integral, proportional and derivative action
 _ROUNDING = 1e-9  # m/s, rad/s or rad
 _SMALL = 1e-8  # of the largest singular value: what the flights do not tell of the law
 
@@ -86,16 +86,9 @@ class Loop:
         displaced : ndarray of complex, shape (n, line)
             Added to positions, behind the law and the actuators.
         """
-        on, s = self.moving, (2j * np.pi * self.hz)[:, None, None]
-        control = (self.rates[:, 8:] - s * self.mass[:, 8:])[:, on]
-        system = (s * self.mass[:, :8] - self.rates[:, :8])[:, on][:, :, on]
-        system = system - control @ self.feedback[:, :, on]
-        added = np.zeros((8, self.hz.size), dtype=complex)
-        added[: len(wrench)] = wrench
-        pushed = control @ displaced.T[:, :, None] + added[on].T[:, :, None]
-        motion = np.zeros((8, self.hz.size), dtype=complex)
-        motion[on] = np.linalg.solve(system, pushed)[:, :, 0].T
-        return motion
+        return steady_motion(
+            self.mass, self.rates, self.feedback, displaced, self.hz, added=wrench, moving=self.moving
+        )
 
     def unsteady(self) -> Complex:
         """Return what ends and slow drifts make of the states, shape (column, 8, line).
@@ -153,8 +146,8 @@ def law_of(
     on = np.flatnonzero(lines.hz > 0)
     s = 2j * np.pi * lines.hz[on]
     x = np.concatenate([steady_spectra(r, names, lines)[:, on] for r in records], axis=1)
-    powers = np.array([np.tile(s**k, len(records)) for k in _POWERS])
-    columns = (powers[:, None] * x).reshape(len(_POWERS) * len(names), -1)
+    powers = np.tile(powers_of(s), len(records))
+    columns = (powers[:, None] * x).reshape(len(LAW_POWERS) * len(names), -1)
     law = np.concatenate(
         [(steady_spectra(r, sent, lines) - steady_spectra(r, excited, lines))[:, on] for r in records], axis=1
     )
@@ -162,7 +155,7 @@ def law_of(
     real = np.concatenate([columns.real, columns.imag], axis=1) / length[:, None]
     wanted = np.concatenate([law.real, law.imag], axis=1)
     gains = np.linalg.lstsq(real.T, wanted.T, rcond=_SMALL)[0] / length[:, None]
-    return gains.T.reshape(len(sent), len(_POWERS), len(names)).transpose(1, 0, 2)
+    return gains.T.reshape(len(sent), len(LAW_POWERS), len(names)).transpose(1, 0, 2)
 
 
 def feedback_on(gains: Array, actuators: Complex, hz: Array) -> Complex:
@@ -175,6 +168,4 @@ def feedback_on(gains: Array, actuators: Complex, hz: Array) -> Complex:
         Position by command.
     hz : ndarray, shape (line,)
     """
-    s = 2j * np.pi * hz
-    law = np.einsum("knx,kf->fnx", gains, np.array([s**k for k in _POWERS]))
-    return np.asarray(law * actuators.T[:, :, None], dtype=np.complex128)
+    return np.asarray(law_on_lines(gains, hz) * actuators.T[:, :, None], dtype=np.complex128)

@@ -13,6 +13,7 @@ from freqid.core.arrays import Array
 from freqid.core.errors import DataError
 from freqid.core.record import Maneuver
 from freqid.core.vehicle import Vehicle
+from freqid.dynamics.loop import law_on_lines, powers_of, steady_motion
 from freqid.dynamics.small_motion import equations_of_motion, rotor_spin
 from freqid.identify.loads.explanatory import history
 from freqid.identify.model.line_equations import LineEquations
@@ -22,6 +23,7 @@ Complex = NDArray[np.complexfloating[Any, Any]]
 
 # Fewer equations than this for each coefficient of the law, and it repeats the noise it is fitted to.
 EQUATIONS_EACH = 3
+SIGNAL_POWERS = (0, 1, 2)  # of s: the injected signal and its derivatives, for the actuator's lag
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,26 +75,14 @@ class LoopModel:
         -------
         ndarray of complex, shape (6 + n, frequency)
             Of u v w p q r and the effectors.
-
-        Notes
-        -----
-        With ``E_x x' + E_d d' = A_x x + A_d d`` and ``d = K x + F e``,
-        ``(s E_x - A_x - (A_d - s E_d) K) x = (A_d - s E_d) F e`` at s = j 2 pi f.
         """
-        n = self.forward.shape[1]
         wrench = np.concatenate([self.wrench[:, :6], np.zeros((6, 2)), self.wrench[:, 6:]], axis=1)
         E, A = equations_of_motion(wrench, self.vehicle, self.velocity, self.theta, self.spin, self.momentum)
-        keep = np.ix_(self.moving, self.moving)
         s = 2j * np.pi * frequencies_hz
-        forward = np.einsum("kn,kf->nf", self.forward, _powers(s, (0, 1, 2))) * injected
-        feedback = np.einsum("knx,kf->fnx", self.feedback, _powers(s, (-1, 0, 1)))[:, :, self.moving]
-        s = s[:, None, None]
-        control = (A[:, 8:] - s * E[:, 8:])[:, self.moving]
-        system = s * E[:, :8][keep] - A[:, :8][keep] - control @ feedback
-        x = np.linalg.solve(system, control @ forward.T[:, :, None])
-        motion = np.zeros((8, frequencies_hz.size), dtype=complex)
-        motion[self.moving] = x[:, :, 0].T
-        return np.concatenate([motion[:6], forward + (feedback @ x)[:, :, 0].T]).reshape(6 + n, -1)
+        forward = np.einsum("kn,kf->nf", self.forward, powers_of(s, SIGNAL_POWERS)) * injected
+        feedback = law_on_lines(self.feedback, frequencies_hz)
+        x = steady_motion(E, A, feedback, forward, frequencies_hz, moving=self.moving)
+        return np.concatenate([x[:6], forward + np.einsum("fnx,xf->nf", feedback, x)])
 
 
 def fit_loop(
@@ -142,7 +132,7 @@ def fit_loop(
     n = len(effectors)
     feedback, forward = np.zeros((3, n, 8)), np.zeros((3, n))
     for i in range(n):
-        own = injected[i] * _powers(s, (0, 1, 2)) if injected[i].any() else np.empty((0, s.size))
+        own = injected[i] * powers_of(s, SIGNAL_POWERS) if injected[i].any() else np.empty((0, s.size))
         columns, position = real_equations(np.concatenate([own, *shared]), measured.x[6 + i : 7 + i])
         if columns.shape[1] < EQUATIONS_EACH * len(columns):
             raise DataError(
@@ -174,7 +164,3 @@ def fit_loop(
         forward=forward,
         moving=np.concatenate([moving[:6], moving[[3, 4]]]),
     )
-
-
-def _powers(s: Complex, exponents: tuple[int, ...]) -> Complex:
-    return np.array([s**k for k in exponents])

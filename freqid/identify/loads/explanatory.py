@@ -9,9 +9,10 @@ import numpy as np
 from freqid.core.arrays import Array
 from freqid.core.channels import AIR, STATE
 from freqid.core.errors import DataError, nearest
-from freqid.core.frames import body_velocity, cross, flow_angles, turn_about_y
+from freqid.core.frames import body_velocity, cross, flow_angles
 from freqid.core.identification import factors_of
 from freqid.core.record import Maneuver
+from freqid.dynamics.mass import centre_of_gravity
 
 _VELOCITY = ("state/u", "state/v", "state/w")
 _FLOW = ("air/V", "air/alpha", "air/beta")
@@ -130,7 +131,8 @@ def _lever(maneuver: Maneuver, name: str) -> Array:
     position = record.channel(name).position_m
     if position is None:
         return np.zeros((3, 1))
-    arm = np.asarray(position)[:, None] - _centre_of_gravity(maneuver)
+    tilts = {w.tilt: record[f"effector/{w.tilt}"] for w in maneuver.vehicle.wings if w.mass_kg > 0}
+    arm = np.asarray(position)[:, None] - centre_of_gravity(maneuver.vehicle, tilts).reshape(3, -1)
     if not arm.any():
         return np.zeros((3, 1))
     missing = [rate for rate in _RATES if rate not in record]
@@ -141,19 +143,6 @@ def _lever(maneuver: Maneuver, name: str) -> Array:
             remedy="log the angular rates, or state that the channel holds for the centre of gravity",
         )
     return cross(record.matrix(_RATES), arm)
-
-
-def _centre_of_gravity(maneuver: Maneuver) -> Array:
-    """Return the centre of gravity as the wings tilt, vehicle axes, m, shape (3, sample) or (3, 1)."""
-    vehicle = maneuver.vehicle
-    place = np.array(vehicle.mass_properties.cg_m)[:, None]
-    for wing in vehicle.wings:
-        if wing.mass_kg > 0 and wing.cg_m is not None:
-            arm = np.subtract(wing.cg_m, wing.pivot_m)
-            home = turn_about_y(arm, vehicle.tilt_rad.get(wing.name, 0.0))[:, None]
-            moved = turn_about_y(arm, maneuver.record[f"effector/{wing.tilt}"]) - home
-            place = place + wing.mass_kg / vehicle.mass_properties.mass_kg * moved
-    return place
 
 
 def _per_span(rate: str, length: str) -> Callable[[Maneuver], Array]:

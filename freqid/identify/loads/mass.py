@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from freqid.core.arrays import Array
-from freqid.core.errors import UsageError
 from freqid.core.frames import cross, turn_about_y
 from freqid.core.record import Maneuver
-from freqid.core.vehicle import Vehicle, Wing
+from freqid.dynamics.mass import stated_arm, wing_arm, without_wings
 
 Differentiate = Callable[[Array, float], Array]
 
@@ -91,11 +90,6 @@ def moving_mass(maneuver: Maneuver, differentiate: Differentiate, *, wings: bool
         Where a tilt angle is missing from the record.
     UsageError
         Where a wing with mass has no centre of gravity, or the wings together outweigh the vehicle.
-
-    Notes
-    -----
-    The stated properties hold with the wings at ``vehicle.tilt_rad`` and contain them. The wings are
-    taken out there, by parallel axes, and put back where they are (docs/theory/wrench.md).
     """
     record, vehicle = maneuver.record, maneuver.vehicle
     stated = vehicle.mass_properties
@@ -104,51 +98,11 @@ def moving_mass(maneuver: Maneuver, differentiate: Differentiate, *, wings: bool
     tilts = record.matrix(f"effector/{w.tilt}" for w in heavy)
     tilt_rates = differentiate(tilts, record.dt) if heavy else tilts
     for wing, tilt, rate in zip(heavy, tilts, tilt_rates, strict=True):
-        arm = turn_about_y(_arm(wing), tilt)
+        arm = turn_about_y(wing_arm(wing), tilt)
         pivot = np.subtract(wing.pivot_m, stated.cg_m)[:, None]
         position, velocity = pivot + arm, rate * cross(ALONG_Y, arm)
         moving.append(WingMass(wing.mass_kg, wing.inertia.matrix, tilt, rate, position, velocity))
-        home = turn_about_y(_arm(wing), vehicle.tilt_rad.get(wing.name, 0.0))[:, None]
-        cg = cg + wing.mass_kg / stated.mass_kg * (arm - home)
+        cg = cg + wing.mass_kg / stated.mass_kg * (arm - stated_arm(vehicle, wing)[:, None])
         cg_rate = cg_rate + wing.mass_kg / stated.mass_kg * velocity
-    return MovingMass(stated.mass_kg, _still_inertia(vehicle, heavy), tuple(moving), cg, cg_rate)
-
-
-def _arm(wing: Wing) -> Array:
-    """Return the wing's centre of gravity from its pivot at zero tilt, shape (3,)."""
-    if wing.mass_kg == 0:
-        return np.zeros(3)
-    if wing.cg_m is None:
-        raise UsageError(
-            f"wing '{wing.name}' has a mass of {wing.mass_kg:g} kg but no centre of gravity",
-            remedy="add cg_m to its [[wing]] of the scenario, or set its mass_kg to 0",
-        )
-    return np.subtract(wing.cg_m, wing.pivot_m)
-
-
-def _still_inertia(vehicle: Vehicle, heavy: list[Wing]) -> Array:
-    """Return the inertia of all that does not tilt about the stated centre of gravity, shape (3, 3)."""
-    stated = vehicle.mass_properties
-    mass, moment, inertia = stated.mass_kg, np.zeros(3), stated.inertia.matrix
-    for wing in heavy:
-        tilt = vehicle.tilt_rad.get(wing.name, 0.0)
-        place = np.subtract(wing.pivot_m, stated.cg_m) + turn_about_y(_arm(wing), tilt)
-        turn = turn_about_y(np.eye(3), tilt)
-        mass -= wing.mass_kg
-        moment -= wing.mass_kg * place
-        inertia = inertia - turn @ wing.inertia.matrix @ turn.T - _parallel(wing.mass_kg, place)
-    # What is left must be a body: a mass, and an inertia about its own centre that is not negative.
-    own = inertia - _parallel(mass, moment / mass) if mass > 0 else -np.eye(3)
-    lowest = np.linalg.eigvalsh(own)[0]
-    if heavy and lowest < -1e-9 * np.trace(stated.inertia.matrix):
-        raise UsageError(
-            f"vehicle '{vehicle.name}' without its wings has a mass of {mass:.4g} kg and a lowest moment of "
-            f"inertia of {lowest:.4g} kg m2, expected both positive",
-            remedy="correct the mass properties of [vehicle] or [[wing]]; the vehicle's include its wings",
-        )
-    return inertia
-
-
-def _parallel(mass: float, place: Array) -> Array:
-    """Return the inertia of a point mass at a place, shape (3, 3)."""
-    return mass * (place @ place * np.eye(3) - np.outer(place, place))
+    _, still_inertia = without_wings(vehicle, heavy, stated.cg_m)
+    return MovingMass(stated.mass_kg, still_inertia, tuple(moving), cg, cg_rate)

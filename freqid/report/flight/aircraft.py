@@ -21,6 +21,7 @@ from freqid.core.arrays import Array
 from freqid.core.frames import shaft_axis, turn_about_y
 from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Rotor, Vector, Vehicle
+from freqid.dynamics.mass import centre_of_gravity
 from freqid.report.kit.drawing import BLUE, INK, ORANGE, WIDTH, literal, plain, styled
 
 _THICKNESS = 0.12  # of the chord, as drawn
@@ -131,18 +132,6 @@ def silhouette(part: Part, axes: Array) -> Array:
         return flat[:, ConvexHull(flat.T).vertices]
     along = directions[:, 0] @ flat
     return flat[:, [int(along.argmin()), int(along.argmax())]]
-
-
-def centre_of_gravity(vehicle: Vehicle, tilt: Mapping[str, float]) -> Array:
-    """Return the centre of gravity with wings tilted, vehicle axes, m, shape (3,)."""
-    centre = np.array(vehicle.mass_properties.cg_m)
-    for wing in vehicle.wings:
-        if wing.cg_m is not None:
-            arm = np.subtract(wing.cg_m, wing.pivot_m)
-            known, now = vehicle.tilt_rad.get(wing.name, 0.0), tilt.get(wing.tilt, 0.0)
-            share = wing.mass_kg / vehicle.mass_properties.mass_kg
-            centre = centre + share * (turn_about_y(arm, now) - turn_about_y(arm, known))
-    return centre
 
 
 def shaft(vehicle: Vehicle, rotor: Rotor, tilt: Mapping[str, float]) -> tuple[Array, Array]:
@@ -284,6 +273,7 @@ def three_view(scenario: Scenario, tilt: Mapping[str, float]) -> Figure:
         panels.append(panel)
         y -= _BETWEEN
     top, rear, side = panels
+    centre = centre_of_gravity(vehicle, {w.tilt: tilt.get(w.tilt, 0.0) for w in vehicle.wings})
     # Paper's upwards is -z, so the axis is turned: labels say z.
     for panel in (rear, side):
         panel.yaxis.set_major_locator(MultipleLocator(0.25))
@@ -294,7 +284,7 @@ def three_view(scenario: Scenario, tilt: Mapping[str, float]) -> Figure:
         (side, SIDE, "From the right", ("x (m), forward", "z (m), down")),
     ):
         draw_parts(panel, parts, axes)
-        _mark_centre(panel, axes @ centre_of_gravity(vehicle, tilt))
+        _mark_centre(panel, axes @ centre)
         panel.set_title(words)
         panel.set_xlabel(names[0], labelpad=1.5)
         panel.set_ylabel(names[1])

@@ -17,9 +17,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from freqid.core.errors import UsageError
-from freqid.core.frames import shaft_axis, turn_about_y
-from freqid.core.vehicle import Vehicle, Wing
+from freqid.core.frames import shaft_axis
+from freqid.core.vehicle import Vehicle
+from freqid.dynamics.mass import wing_arm, without_wings
 from freqid.simulate import precision as precision
 from freqid.simulate.motion.attitude import cross
 
@@ -97,17 +97,8 @@ def mass_model(vehicle: Vehicle) -> MassModel:
     UsageError
         Where a wing has a mass but no place, or the wings leave no possible body.
     """
-    whole, wings, rotors = vehicle.mass_properties, vehicle.wings, vehicle.rotors
-    body_mass, centre = whole.mass_kg, np.array(whole.cg_m)
-    moment, inertia = body_mass * centre, whole.inertia.matrix + _point_inertia(body_mass, centre)
-    for wing in wings:
-        tilt = vehicle.tilt_rad.get(wing.name, 0.0)
-        place = np.array(wing.pivot_m) + turn_about_y(_arm(wing), tilt)
-        turn = turn_about_y(np.eye(3), tilt)
-        body_mass -= wing.mass_kg
-        moment = moment - wing.mass_kg * place
-        inertia = inertia - turn @ wing.inertia.matrix @ turn.T - _point_inertia(wing.mass_kg, place)
-    _check_body(vehicle.name, body_mass, moment, inertia)
+    wings, rotors = vehicle.wings, vehicle.rotors
+    moment, inertia = without_wings(vehicle, wings, about=(0.0, 0.0, 0.0))
 
     def spin_on(name: str | None) -> np.ndarray:
         """Return the momentum per speed of the rotors that a wing, or the body, carries."""
@@ -116,12 +107,12 @@ def mass_model(vehicle: Vehicle) -> MassModel:
 
     count = len(wings)
     parts = (
-        whole.mass_kg,
+        vehicle.mass_properties.mass_kg,
         moment,
         inertia,
         [w.mass_kg for w in wings],
         np.reshape([w.pivot_m for w in wings], (count, 3)),
-        np.reshape([_arm(w) for w in wings], (count, 3)),
+        np.reshape([wing_arm(w) for w in wings], (count, 3)),
         np.reshape([w.inertia.matrix for w in wings], (count, 3, 3)),
         np.reshape([spin_on(w.name) for w in wings], (count, 3, len(rotors))),
         spin_on(None),
@@ -189,32 +180,3 @@ def _turn(vector: jax.Array, tilt: jax.Array) -> jax.Array:
     cosine, sine = jnp.cos(tilt), jnp.sin(tilt)
     x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
     return jnp.stack([x * cosine + z * sine, y, z * cosine - x * sine], axis=-1)
-
-
-def _arm(wing: Wing) -> np.ndarray:
-    """Return a wing's centre of gravity from its pivot at zero tilt, m, shape (3,)."""
-    if wing.cg_m is None:
-        if wing.mass_kg > 0:
-            raise UsageError(
-                f"wing '{wing.name}' has a mass of {wing.mass_kg:g} kg but no centre of gravity",
-                remedy="add cg_m to its [[wing]] of the scenario, or set its mass_kg to 0",
-            )
-        return np.zeros(3)
-    return np.subtract(wing.cg_m, wing.pivot_m)
-
-
-def _point_inertia(mass: float, place: np.ndarray) -> np.ndarray:
-    """Return the inertia of a point mass about the origin, kg m2, shape (3, 3)."""
-    return mass * (place @ place * np.eye(3) - np.outer(place, place))
-
-
-def _check_body(name: str, mass: float, moment: np.ndarray, inertia: np.ndarray) -> None:
-    """Refuse wings that outweigh the vehicle or have more inertia than it has."""
-    own = inertia - _point_inertia(mass, moment / mass) if mass > 0 else -np.eye(3)
-    lowest = np.linalg.eigvalsh(own)[0]
-    if lowest < -1e-9 * np.trace(inertia):
-        raise UsageError(
-            f"vehicle '{name}' without its wings has a mass of {mass:.4g} kg and a lowest moment of "
-            f"inertia of {lowest:.4g} kg m2, expected both positive",
-            remedy="correct the mass properties of [vehicle] or [[wing]]; the vehicle's include its wings",
-        )

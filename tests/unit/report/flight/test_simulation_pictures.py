@@ -16,11 +16,11 @@ from matplotlib.transforms import Bbox
 from simulated_flights import film_record, scenario_of
 
 from freqid.core.scenario import Scenario
+from freqid.dynamics.mass import centre_of_gravity
 from freqid.report.flight.aircraft import (
     REAR,
     SIDE,
     TOP,
-    centre_of_gravity,
     outline,
     shaft,
     silhouette,

@@ -114,7 +114,7 @@ def command(
     Writes DESIGN.h5 and beside it a page with all plots, and a test card as text and HTML.
     """
     from freqid.core.errors import UsageError
-    from freqid.core.results.point_file import read_point
+    from freqid.core.results.point import read_point
     from freqid.core.scenario import read_scenario
     from freqid.design.forecast.modelled import ModelledAircraft
 

@@ -134,8 +134,8 @@ def _by_windows(
     import numpy as np
 
     from freqid.core.errors import DataError
+    from freqid.identify.response.frequency_response import window_response
     from freqid.identify.response.injected_lines import output_history
-    from freqid.identify.response.window_response import window_response
 
     path = input_ if "/" in input_ else f"effector/{input_}"
     injected_path = f"excitation/{path.rpartition('/')[2]}"

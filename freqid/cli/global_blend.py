@@ -60,7 +60,7 @@ def command(
     from freqid.core.errors import DataError
     from freqid.core.record import Maneuver, read_record
     from freqid.core.results.corridor import write_global
-    from freqid.core.results.point_file import read_point
+    from freqid.core.results.point import read_point
 
     keep_inputs(destination, *points, held_out)
     corridor = line_up([read_point(p) for p in points], [str(p) for p in points], densities)

@@ -97,8 +97,7 @@ def command(
 
     from freqid.core.errors import DataError, GateFailed, UsageError
     from freqid.core.record import Maneuver, parse_span, read_record
-    from freqid.core.results.point import missed_gates
-    from freqid.core.results.point_file import write_point
+    from freqid.core.results.point import missed_gates, write_point
     from freqid.core.scenario import read_scenario
     from freqid.core.toml import overridden
     from freqid.identify.point import lines_of, predict
@@ -263,7 +262,7 @@ def _for_machines(model: PointModel) -> dict[str, Any]:
 
 def _table(model: PointModel) -> str:
     """Return the model as text: one block a response."""
-    from freqid.core.results.point_file import per
+    from freqid.core.results.point import per
 
     lines = []
     for name, response in model.responses.items():

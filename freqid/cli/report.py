@@ -40,7 +40,7 @@ def command(
         text = build_gap_page(gap.read_gap(model))
     else:
         from freqid.core.record import read_record
-        from freqid.core.results.point_file import read_point
+        from freqid.core.results.point import read_point
         from freqid.core.scenario import read_scenario
         from freqid.report.point.page import build_page
 

@@ -18,8 +18,7 @@ from freqid.core.errors import UsageError
 from freqid.core.record import Maneuver, read_record
 from freqid.core.results.corridor import write_global
 from freqid.core.results.design import read_design
-from freqid.core.results.point import PointModel
-from freqid.core.results.point_file import read_point
+from freqid.core.results.point import PointModel, read_point
 from freqid.core.scenario import Scenario, read_scenario
 from freqid.core.store import replacing
 from freqid.identify.in_flight.parameter_history import parameter_history

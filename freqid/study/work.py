@@ -13,7 +13,7 @@ from pathlib import Path
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Maneuver, read_record, write_record
 from freqid.core.results.design import read_inputs, write_design
-from freqid.core.results.point_file import write_point
+from freqid.core.results.point import write_point
 from freqid.core.scenario import read_scenario
 from freqid.design.finish import finish
 from freqid.design.multisine.orthogonal_set import design_multisines, sampled

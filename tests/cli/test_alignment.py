@@ -7,7 +7,7 @@ import pytest
 from late_sensors import TRUTH, late
 
 from freqid.core.record import Maneuver, write_record
-from freqid.core.results.point_file import read_point
+from freqid.core.results.point import read_point
 from freqid.core.scenario import read_scenario
 from freqid.flightlog.read import read_log
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from freqid.core.results.point_file import read_point
+from freqid.core.results.point import read_point
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 SCENARIO, MAP = SCENARIOS / "linear.toml", SCENARIOS / "maps" / "linear.toml"

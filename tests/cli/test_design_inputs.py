@@ -11,7 +11,7 @@ import pytest
 from freqid.core.errors import DataError
 from freqid.core.record import Maneuver
 from freqid.core.results.design import read_design, read_inputs
-from freqid.core.results.point_file import write_point
+from freqid.core.results.point import write_point
 from freqid.core.scenario import read_scenario
 from freqid.design.forecast.excursions import excursions
 from freqid.design.forecast.modelled import ModelledAircraft

@@ -14,7 +14,7 @@ import tilt_wing
 from freqid.blend.global_model import GlobalModel
 from freqid.core.record import write_record
 from freqid.core.results.corridor import read_global
-from freqid.core.results.point_file import read_point, write_point
+from freqid.core.results.point import read_point, write_point
 
 SEA, HIGH = 1.225, 1.06
 

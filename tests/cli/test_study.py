@@ -7,7 +7,7 @@ import pytest
 
 from freqid.blend.global_model import GlobalModel
 from freqid.core.results.corridor import read_global
-from freqid.core.results.point_file import read_point
+from freqid.core.results.point import read_point
 
 LA8 = Path(__file__).resolve().parents[2] / "scenarios" / "la8.toml"
 

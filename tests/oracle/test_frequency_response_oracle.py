@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.identify.response.frequency_response import frequency_response
+from freqid.identify.response.frequency_response import frequency_response, window_response
 from freqid.identify.response.injected_lines import injected_lines
 from freqid.identify.response.local_response import Lines, local_response
-from freqid.identify.response.window_response import window_response
 
 sys.path.insert(0, str(Path(__file__).parent))
 import closed_loop_plant as plant

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from freqid.core import store
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
-from freqid.core.results.point_file import per
+from freqid.core.results.point import per
 
 
 @dataclass(frozen=True)

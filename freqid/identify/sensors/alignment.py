@@ -19,8 +19,7 @@ from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.excitation import Excitation
 from freqid.core.identification import Identification, factors_of
 from freqid.core.record import Maneuver
-from freqid.core.results.point import PointModel, ResponseModel
-from freqid.core.results.point_file import per
+from freqid.core.results.point import PointModel, ResponseModel, per
 from freqid.core.scenario import Reference
 from freqid.identify.point import Estimator, identify_point, lines_of
 from freqid.identify.regress.uncertainty import independent_share

@@ -7,6 +7,7 @@ other on a phone without a change of scale. What a panel shows stands above it, 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,11 @@ from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
 from freqid.core.record import FlightRecord
 from freqid.core.results.point import Fit
-from freqid.core.spectrum import Spectrum
 from freqid.report.kit.drawing import (
     BLUE,
     GREY,
@@ -41,6 +42,30 @@ from freqid.report.kit.drawing import (
     styled,
 )
 from freqid.report.kit.notation import shown_unit
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Finite Fourier transforms of several channels on the same lines.
+
+    Attributes
+    ----------
+    names : tuple of str
+        One for each row.
+    units : tuple of str
+        SI units of the time histories; the transform carries a further second.
+    frequencies_hz : ndarray, shape (frequency,)
+    values : ndarray of complex, shape (channel, frequency)
+        Integral of ``x(t) exp(-j 2 pi f t)`` over the record.
+    duration : float
+        Length T of the record, s.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    frequencies_hz: NDArray[np.float64]
+    values: NDArray[np.complex128]
+    duration: float
 
 
 @styled

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from freqid.core.channels import GROUPS
 from freqid.core.record import FlightRecord
 from freqid.core.results.point import PointModel, ResponseModel
-from freqid.core.spectrum import Spectrum
 from freqid.identify.spectra.fourier import FourierPlan
 from freqid.identify.spectra.trend import remove_trend
 from freqid.report.kit import figures
 from freqid.report.kit.drawing import STYLE
+from freqid.report.kit.figures import Spectrum
 from freqid.report.kit.notation import number, plain_symbol, symbol
 
 _LARGEST = 1.1  # times the size that it was drawn in; its text would outgrow the page's

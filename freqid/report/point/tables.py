@@ -11,8 +11,7 @@ from markupsafe import Markup
 
 from freqid.core.channels import KNOWN
 from freqid.core.record import FlightRecord
-from freqid.core.results.point import Fit, PointModel, ResponseModel
-from freqid.core.results.point_file import per
+from freqid.core.results.point import Fit, PointModel, ResponseModel, per
 from freqid.core.scenario import Gates
 from freqid.report.kit import notation
 from freqid.report.kit.notation import exact

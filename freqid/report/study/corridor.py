@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.similarity import equivalent
 from freqid.core.arrays import Array
-from freqid.core.results.point_file import per
+from freqid.core.results.point import per
 from freqid.report.kit.drawing import (
     BLUE,
     GREY,

@@ -8,8 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from markupsafe import Markup
 
-from freqid.core.results.point import Fit
-from freqid.core.results.point_file import per
+from freqid.core.results.point import Fit, per
 from freqid.core.vehicle import Vehicle
 from freqid.identify.in_flight.parameter_history import ParameterHistory
 from freqid.report.kit.effectors import groups_of

@@ -7,8 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from freqid.core.results.point import ErrorsInVariables, Fit, PointModel, ResponseModel
-from freqid.core.results.point_file import read_point, write_point
+from freqid.core.results.point import (
+    ErrorsInVariables,
+    Fit,
+    PointModel,
+    ResponseModel,
+    read_point,
+    write_point,
+)
 from freqid.core.scenario import Reference
 
 

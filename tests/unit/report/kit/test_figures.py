@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
 from freqid.core.results.point import Fit
-from freqid.core.spectrum import Spectrum
 from freqid.report.kit import figures
 from freqid.report.kit.drawing import envelope
+from freqid.report.kit.figures import Spectrum
 from freqid.report.kit.pictures import inline_svg
 
 F = np.arange(1, 31) / 20

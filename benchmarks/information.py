@@ -29,8 +29,8 @@ from scipy.linalg import solve_continuous_are
 from freqid.core.channels import WRENCH
 from freqid.core.results.design import Multisine, MultisineDesign
 from freqid.core.scenario import Scenario, read_scenario
-from freqid.design.forecast.closed_loop import STATES, ClosedLoop
-from freqid.design.forecast.modelled import close_loop
+from freqid.design.forecast.closed_loop import STATES, PerturbedAircraft
+from freqid.design.forecast.modelled import perturbed_aircraft
 from freqid.design.forecast.standard_errors import Forecast, forecast
 from freqid.design.multisine.allocation import limits_from_db, search
 from freqid.design.multisine.orthogonal_set import with_low_net_loads
@@ -49,7 +49,7 @@ NOISE |= dict.fromkeys(("ax", "ay", "az"), 0.01 * 9.80665)
 SURFACE_NOISE, ROTOR_NOISE = np.radians(0.05), 0.002  # rad; share of the speed
 
 
-def regulated(scenario: Scenario, reference: str = "u45") -> tuple[ClosedLoop, dict[str, float]]:
+def regulated(scenario: Scenario, reference: str = "u45") -> tuple[PerturbedAircraft, dict[str, float]]:
     """Return the aircraft in small motions under its regulator, and the trim of its effectors."""
     parameters = motion.parameters(scenario)
     at = trim(scenario, parameters, scenario.reference_of(reference))
@@ -66,7 +66,7 @@ def regulated(scenario: Scenario, reference: str = "u45") -> tuple[ClosedLoop, d
     places = np.concatenate([at.positions.surface, at.positions.speed, at.positions.tilt])
     by_kind = [n for kind in ("surface", "rotor", "tilt") for n in linear.effectors if kinds[n] == kind]
     positions = dict(zip(by_kind, places.tolist(), strict=True))
-    loop = close_loop(
+    loop = perturbed_aircraft(
         {
             w: dict(zip(names, row[columns], strict=True))
             for w, row in zip(WRENCH, linear.wrench, strict=True)

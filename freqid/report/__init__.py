@@ -1,1 +1,4 @@
-"""Figures and pages for people; no result is computed here."""
+"""Pages, figures and tables of results; computes no result and knows neither the simulation nor JAX.
+
+Read kit, then the folder of one page.
+"""

@@ -16,7 +16,7 @@ import pytest
 from freqid.core.record import Maneuver
 from freqid.core.results.design import Multisine, MultisineDesign
 from freqid.core.scenario import read_scenario
-from freqid.design.forecast.modelled import close_loop
+from freqid.design.forecast.modelled import perturbed_aircraft
 from freqid.design.forecast.standard_errors import forecast
 from freqid.flightlog.read import read_log
 from freqid.identify.point import identify_point
@@ -66,7 +66,7 @@ def predicted(linear_aircraft, design, sigma):
     scenario = read_scenario(SCENARIOS / "linear.toml")[0]
     vehicle = scenario.aircraft()
     rotor = msgspec.structs.replace(vehicle.rotors[0], inertia=ROTOR_INERTIA)
-    loop = close_loop(
+    loop = perturbed_aircraft(
         linear_aircraft.DERIVATIVES,
         msgspec.structs.replace(vehicle, rotors=(rotor,)),
         u=20.0,
@@ -203,7 +203,7 @@ def test_an_identified_flight_states_what_was_forecast(linear_aircraft, linear_l
     log = read_log(linear_logs["noisy"], SCENARIOS / "maps" / "linear.toml", vehicle=vehicle)
     model = identify_point(Maneuver.of(log), scenario.identification, excitation=scenario.excitation)
     gains = {"de": {"theta": 0.35, "q": 0.05}, "da": {"phi": -0.3, "p": -0.05}}
-    loop = close_loop(linear_aircraft.DERIVATIVES, vehicle, u=20.0, gains=gains)
+    loop = perturbed_aircraft(linear_aircraft.DERIVATIVES, vehicle, u=20.0, gains=gains)
     noise = dict(zip(CHANNELS, sigma, strict=True))
     design = design_of(linear_aircraft, seed=1, periods=1)
     sensor = tuple(linear_aircraft.SENSOR)

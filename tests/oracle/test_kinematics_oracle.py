@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from freqid.flightlog.read import read_log
-from freqid.identify.sensors.flight_path import FlightPath, integrate, skew
-from freqid.identify.sensors.kinematic_fit import Noise, whiten
+from freqid.identify.sensors.flight_path import FlightPath, integrate_path, skew
+from freqid.identify.sensors.kinematic_fit import PathNoise, whiten
 from freqid.identify.sensors.kinematics import KinematicSettings, check_kinematics, corrected
 
 MAPS = Path(__file__).resolve().parents[2] / "scenarios" / "maps"
@@ -21,13 +21,15 @@ def path() -> FlightPath:
     t = DT * np.arange(60)
     rates = 0.3 * np.array([np.sin(t), np.cos(0.7 * t), np.sin(1.3 * t + 1)])
     force = np.array([np.cos(t), 0.5 * np.sin(2 * t), -9.8 + np.sin(t)])
-    return integrate(rates, force, DT, 10, np.eye(3), [20.0, 0.0, 1.0], 50.0)
+    return integrate_path(rates, force, DT, 10, np.eye(3), [20.0, 0.0, 1.0], 50.0)
 
 
 def test_whitened_columns_are_generalised_least_squares_with_the_whole_covariance_written_out(path):
     rng = np.random.default_rng(0)
     window, n, k, m = slice(10, 45), 35, 3, 4
-    noise = Noise(np.array([0.02, 0.03, 0.01]), np.array([0.2, 0.1, 0.3]), 0.15, np.array([0.1, 0.05, 0.2]))
+    noise = PathNoise(
+        np.array([0.02, 0.03, 0.01]), np.array([0.2, 0.1, 0.3]), 0.15, np.array([0.1, 0.05, 0.2])
+    )
     seen, z = rng.standard_normal((k, 10, n)), rng.standard_normal((1 + m, k, n))
     seen[:, 6] *= 0.1
 
@@ -63,7 +65,7 @@ def test_integration_is_eulers_method_in_many_small_steps():
         return rates, np.array([np.cos(t), 0.5 * np.sin(2 * t), -9.8 + np.sin(t)])
 
     t = 0.05 * np.arange(41)
-    found = integrate(*motion(t), 0.05, 0, np.eye(3), [5.0, 0.0, 0.0], 10.0)
+    found = integrate_path(*motion(t), 0.05, 0, np.eye(3), [5.0, 0.0, 0.0], 10.0)
     for steps, atol in ((5_000, 2e-3), (10_000, 1e-3)):  # first order: half the step, half the error
         h, turn, velocity, height = 2 / steps, np.eye(3), np.array([5.0, 0.0, 0.0]), 10.0
         for i in range(steps):

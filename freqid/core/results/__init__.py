@@ -1,4 +1,4 @@
-"""What design, identification, blending and diagnosis give, and how it is stored; nothing is computed.
+"""What design, identification, blending and diagnosis give, each with its file; nothing is computed here.
 
-Read point, corridor, design, frequency_response, diagnosis and rivals; each has its file beside it.
+Read design, point, corridor, frequency_response; then diagnosis, gap, gap_self_test and rivals.
 """

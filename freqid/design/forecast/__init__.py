@@ -1,4 +1,4 @@
 """What a design will do to a modelled aircraft and what it will buy; the signals are made in multisine.
 
-Read modelled, perturbation_model, closed_loop, experiment, standard_errors, limits, optimal.
+Read modelled, closed_loop, experiment, standard_errors, limits, excursions, optimal.
 """

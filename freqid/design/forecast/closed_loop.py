@@ -23,7 +23,7 @@ INSTANT = 1e6
 
 
 @dataclass(frozen=True, eq=False)
-class ClosedLoop:
+class PerturbedAircraft:
     """Perturbations ``x = [states, effector positions]`` as ``E x' = A x + B e``, e injected at effectors.
 
     The positions are among the unknowns, so that a lag, a rotor's reaction torque and an effector

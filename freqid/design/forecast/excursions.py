@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
 from freqid.core.results.design import ClassicDesign, MultisineDesign
-from freqid.design.forecast.closed_loop import ClosedLoop
+from freqid.design.forecast.closed_loop import PerturbedAircraft
 from freqid.design.multisine.signals import PEAK_POINTS, band_lines, sample, samples_per_period, tones
 
 NEGLIGIBLE = 1e-4  # lines of a classic input below this share of its largest are left out, to save time
@@ -50,7 +50,7 @@ class Excursions:
 
 def excursions(
     design: MultisineDesign | ClassicDesign,
-    loop: ClosedLoop,
+    loop: PerturbedAircraft,
     channels: Sequence[str],
     *,
     rate: bool = False,
@@ -60,9 +60,9 @@ def excursions(
     Parameters
     ----------
     design : MultisineDesign or ClassicDesign
-    loop : ClosedLoop
+    loop : PerturbedAircraft
     channels : sequence of str
-        As in `ClosedLoop.rows`: states, effectors, ``X`` to ``N`` for net loads.
+        As in `PerturbedAircraft.rows`: states, effectors, ``X`` to ``N`` for net loads.
     rate : bool
         Whether to return the channels' rates of change instead.
 

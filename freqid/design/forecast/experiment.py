@@ -15,7 +15,7 @@ from freqid.core.frames import cross
 from freqid.core.identification import Identification
 from freqid.core.results.design import MultisineDesign
 from freqid.core.vehicle import Vector
-from freqid.design.forecast.closed_loop import SPECIFIC_FORCES, STATES, ClosedLoop
+from freqid.design.forecast.closed_loop import SPECIFIC_FORCES, STATES, PerturbedAircraft
 from freqid.design.multisine.signals import band_lines, tones
 
 # Least eigenvalue of the correlation of columns that is more than rounding.
@@ -61,7 +61,7 @@ class Experiment:
 
     Attributes
     ----------
-    loop : ClosedLoop
+    loop : PerturbedAircraft
     settings : Identification
     frequencies_hz : ndarray, shape (line,)
         The harmonics of the design's band.
@@ -74,7 +74,7 @@ class Experiment:
         Accelerometers from the centre of gravity, m.
     """
 
-    loop: ClosedLoop
+    loop: PerturbedAircraft
     settings: Identification
     frequencies_hz: Array
     transforms: Complex
@@ -86,7 +86,7 @@ class Experiment:
     def of(
         cls,
         design: MultisineDesign,
-        loop: ClosedLoop,
+        loop: PerturbedAircraft,
         settings: Identification,
         noise: Mapping[str, float],
         accelerometer_m: Vector | None,

@@ -11,7 +11,7 @@ from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.core.results.design import MultisineDesign
 from freqid.core.vehicle import Vehicle
-from freqid.design.forecast.closed_loop import ClosedLoop
+from freqid.design.forecast.closed_loop import PerturbedAircraft
 from freqid.design.multisine.signals import PEAK_POINTS, band_lines, sample, samples_per_period, tones
 
 
@@ -60,7 +60,7 @@ class PeakLimits:
     ----------
     design : MultisineDesign
         Of scale one.
-    loop : ClosedLoop
+    loop : PerturbedAircraft
     owner : ndarray of int, shape (line,)
         Effector that excites each line of the band, -1 where none does.
     allowed, allowed_rate : mapping of str to float
@@ -82,7 +82,7 @@ class PeakLimits:
     def __init__(
         self,
         design: MultisineDesign,
-        loop: ClosedLoop,
+        loop: PerturbedAircraft,
         owner: NDArray[np.int64],
         allowed: Mapping[str, float],
         allowed_rate: Mapping[str, float],

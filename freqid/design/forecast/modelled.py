@@ -19,7 +19,7 @@ from freqid.core.results.point import PointModel
 from freqid.core.scenario import Scenario
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.core.vehicle import Vehicle
-from freqid.design.forecast.closed_loop import STATES, ClosedLoop, position
+from freqid.design.forecast.closed_loop import STATES, PerturbedAircraft, position
 from freqid.design.forecast.limits import room
 from freqid.design.forecast.optimal import Optimum, optimal_amplitudes
 from freqid.design.forecast.standard_errors import Forecast, forecast, shortest
@@ -29,7 +29,7 @@ from freqid.dynamics.small_motion import equations_of_motion, rotor_spin
 NEUTRAL = 1e-9
 
 
-def close_loop(
+def perturbed_aircraft(
     derivatives: Mapping[str, Mapping[str, float]],
     vehicle: Vehicle,
     *,
@@ -40,7 +40,7 @@ def close_loop(
     lag_s: Mapping[str, float] | None = None,
     trim: Mapping[str, float] | None = None,
     gravity: float = STANDARD_GRAVITY,
-) -> ClosedLoop:
+) -> PerturbedAircraft:
     """Return the small-perturbation model of an aircraft about straight flight, wings level.
 
     Parameters
@@ -67,7 +67,7 @@ def close_loop(
 
     Returns
     -------
-    ClosedLoop
+    PerturbedAircraft
 
     Raises
     ------
@@ -108,13 +108,13 @@ def close_loop(
         E[8 + i, 8 + i] = lag
     A[8:, :8], A[8:, 8:] = _feedback(gains, names), -np.eye(len(names))
     B[8:] = np.eye(len(names))
-    loop = ClosedLoop(vehicle, E, A, B, wrench, velocity, spin, momentum)
+    loop = PerturbedAircraft(vehicle, E, A, B, wrench, velocity, spin, momentum)
     _refuse_unstable(loop)
     return loop
 
 
 def derivatives_of(model: PointModel) -> dict[str, dict[str, float]]:
-    """Return an identified model's derivatives as `close_loop` wants them.
+    """Return an identified model's derivatives as `perturbed_aircraft` wants them.
 
     Raises
     ------
@@ -172,7 +172,7 @@ def _feedback(gains: Mapping[str, Mapping[str, float]] | ArrayLike | None, names
     return table
 
 
-def _refuse_unstable(loop: ClosedLoop) -> None:
+def _refuse_unstable(loop: PerturbedAircraft) -> None:
     """Raise where a mode does not decay: then there is no steady state to forecast from."""
     values, participants = loop.modes()
     if not values.size or values[0].real < -NEUTRAL:
@@ -201,8 +201,8 @@ class ModelledAircraft:
     Attributes
     ----------
     point : PointModel
-    loop : ClosedLoop
-    varied : tuple of ClosedLoop
+    loop : PerturbedAircraft
+    varied : tuple of PerturbedAircraft
         Those of models as far off as the model's covariance lets them be.
     trim : mapping of str to float
         Positions of the effectors that the model states, SI.
@@ -212,8 +212,8 @@ class ModelledAircraft:
     """
 
     point: PointModel
-    loop: ClosedLoop
-    varied: tuple[ClosedLoop, ...]
+    loop: PerturbedAircraft
+    varied: tuple[PerturbedAircraft, ...]
     trim: Mapping[str, float]
     settings: Identification | None
     noise: Mapping[str, float]
@@ -235,9 +235,9 @@ class ModelledAircraft:
             if name in vehicle.effector_kinds
         }
 
-        def closed(derivatives: Wanted) -> ClosedLoop:
+        def closed(derivatives: Wanted) -> PerturbedAircraft:
             gains = scenario.control.get("gains")
-            return close_loop(derivatives, vehicle, u=point.reference.u, gains=gains, trim=trim)
+            return perturbed_aircraft(derivatives, vehicle, u=point.reference.u, gains=gains, trim=trim)
 
         varied = []
         for derivatives in drawn_derivatives(point, VARIED_MODELS, seed):

@@ -15,7 +15,7 @@ from freqid.core.errors import UsageError
 from freqid.core.identification import Identification
 from freqid.core.results.design import MultisineDesign
 from freqid.core.vehicle import Vector
-from freqid.design.forecast.closed_loop import ClosedLoop
+from freqid.design.forecast.closed_loop import PerturbedAircraft
 from freqid.design.forecast.experiment import Experiment, refuse_unidentified
 from freqid.design.forecast.limits import PeakLimits
 from freqid.design.multisine.signals import band_lines
@@ -53,7 +53,7 @@ class Optimum:
 
 def optimal_amplitudes(
     design: MultisineDesign,
-    loop: ClosedLoop,
+    loop: PerturbedAircraft,
     settings: Identification,
     noise: Mapping[str, float],
     allowed: Mapping[str, float],
@@ -70,7 +70,7 @@ def optimal_amplitudes(
     design, loop, settings, noise, accelerometer_m
         As for `freqid.design.forecast.standard_errors.forecast`.
     allowed : mapping of str to float
-        Largest deviation from the trim by channel as `ClosedLoop.rows` has them, SI, feedback included:
+        Largest deviation from the trim by channel of `PerturbedAircraft.rows`, SI, feedback included:
         effectors (`freqid.design.forecast.limits.room`), states, ``X`` to ``N`` for net loads.
     allowed_rate : mapping of str to float, optional
         Largest rate of change by channel, SI per s.

@@ -15,7 +15,7 @@ from freqid.core.errors import UsageError
 from freqid.core.identification import Identification
 from freqid.core.results.design import MultisineDesign
 from freqid.core.vehicle import Vector
-from freqid.design.forecast.closed_loop import ClosedLoop
+from freqid.design.forecast.closed_loop import PerturbedAircraft
 from freqid.design.forecast.experiment import Equation, Experiment, refuse_unidentified
 
 
@@ -91,7 +91,7 @@ class Forecast:
 
 def forecast(
     design: MultisineDesign,
-    loop: ClosedLoop,
+    loop: PerturbedAircraft,
     settings: Identification,
     noise: Mapping[str, float],
     *,
@@ -102,7 +102,7 @@ def forecast(
     Parameters
     ----------
     design : MultisineDesign
-    loop : ClosedLoop
+    loop : PerturbedAircraft
         The aircraft as it is thought to be.
     settings : Identification
         Responses and regressors; forces and moments in body axes.
@@ -184,7 +184,7 @@ def _least_squares(equation: Equation) -> ResponseForecast:
 
 def shortest(
     design: MultisineDesign,
-    loop: ClosedLoop,
+    loop: PerturbedAircraft,
     settings: Identification,
     noise: Mapping[str, float],
     wanted: Mapping[str, Mapping[str, float]],

@@ -1,4 +1,4 @@
 """Orthogonal multisines: harmonics, phases, powers and what the set adds up to; no model of the aircraft.
 
-Read orthogonal_set, signals, allocation, phases, net_load, merit.
+Read signals, orthogonal_set, allocation, phases, net_load, joint_phases, merit.
 """

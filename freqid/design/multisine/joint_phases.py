@@ -32,7 +32,7 @@ _NEGLIGIBLE = 2e-4  # relative gain foreseen that is not worth a step
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class PhaseState:
     """Amplitudes and phases of all signals, and how good they are.
 
     Attributes
@@ -99,23 +99,23 @@ class JointPhases:
         """How many harmonics there are."""
         return self._index.size
 
-    def state(self, signals: Sequence[Multisine]) -> State:
+    def state(self, signals: Sequence[Multisine]) -> PhaseState:
         """Judge signals with the harmonics of those of the problem."""
         return self._judge(*_joined(signals))
 
-    def signals(self, state: State) -> list[Multisine]:
+    def signals(self, state: PhaseState) -> list[Multisine]:
         """Return the signals of a state."""
         cuts = np.flatnonzero(np.diff(self._owner)) + 1
         phases = np.mod(state.phase + np.pi, 2.0 * np.pi) - np.pi
         parts = zip(self._signals, np.split(state.amplitude, cuts), np.split(phases, cuts), strict=True)
         return [replace(s, amplitude=a, phase=p) for s, a, p in parts]
 
-    def polish(self, state: State, steps: int, trust: float) -> list[State]:
+    def polish(self, state: PhaseState, steps: int, trust: float) -> list[PhaseState]:
         """Improve a state.
 
         Parameters
         ----------
-        state : State
+        state : PhaseState
             Its signals start at zero, and its powers are inside the limits.
         steps : int
             Linear programmes, at most.
@@ -124,7 +124,7 @@ class JointPhases:
 
         Returns
         -------
-        states : list of State
+        states : list of PhaseState
             The given one and those that followed, each of lower merit than the one before.
         """
         path = [state]
@@ -154,10 +154,10 @@ class JointPhases:
     def _peak_factors(self, amplitude: Array, phase: Array) -> Array:
         return np.array([relative_peak_factor(self._index[k], amplitude[k], phase[k]) for k in self._mine])
 
-    def _judge(self, amplitude: Array, phase: Array) -> State:
+    def _judge(self, amplitude: Array, phase: Array) -> PhaseState:
         peak = float(np.abs(self._nets(amplitude, phase)).max())
         excess = float(np.max(self._peak_factors(amplitude, phase) / self._allowed)) - 1.0
-        return State(amplitude, phase, peak, max(excess, 0.0))
+        return PhaseState(amplitude, phase, peak, max(excess, 0.0))
 
     def _start_at_zero(self, amplitude: Array, phase: Array) -> Array:
         """Undo what a linear step leaves of u(0) = 0, by the smallest change of phases (Newton)."""
@@ -167,7 +167,7 @@ class JointPhases:
             phase = phase - start[self._owner] * slope
         return phase
 
-    def _step(self, state: State, trust: float) -> tuple[tuple[Array, Array], float] | None:
+    def _step(self, state: PhaseState, trust: float) -> tuple[tuple[Array, Array], float] | None:
         """Return the best changes of phases (rad) and powers (relative), and the merit foreseen.
 
         Unknowns are the phases, the powers where free, t and the largest relative excess of a range.
@@ -193,7 +193,7 @@ class JointPhases:
         turn, change = found.x[: a.size], found.x[a.size : -2]
         return (turn, change if change.size else np.zeros_like(turn)), float(found.fun)
 
-    def _peaks(self, state: State, near: float) -> tuple[csr_array, Array]:
+    def _peaks(self, state: PhaseState, near: float) -> tuple[csr_array, Array]:
         """Return one inequality, ``rows @ unknowns <= bound``, for each high peak of nets and signals."""
         waves = self._waves(state.amplitude, state.phase)
         nets = self._nets(state.amplitude, state.phase)

@@ -15,7 +15,7 @@ from freqid.core.errors import UsageError, nearest
 from freqid.core.excitation import MOST_HARMONICS, Excitation
 from freqid.core.results.design import Multisine, MultisineDesign, SampledInputs
 from freqid.core.vehicle import Effector
-from freqid.design.forecast.closed_loop import STATES, ClosedLoop
+from freqid.design.forecast.closed_loop import STATES, PerturbedAircraft
 from freqid.design.multisine.allocation import (
     check_sets,
     fractions,
@@ -220,7 +220,7 @@ def with_low_net_loads(
     design: MultisineDesign,
     excitation: Excitation,
     effectors: Sequence[Effector],
-    loop: ClosedLoop | None = None,
+    loop: PerturbedAircraft | None = None,
 ) -> MultisineDesign:
     """Play the signals of a design so that their sum loads and moves the aircraft little.
 
@@ -232,7 +232,7 @@ def with_low_net_loads(
         Says which axes count, how far powers may move, and at which states a run is broken off.
     effectors : sequence of Effector
         Of the vehicle, with their effectiveness.
-    loop : ClosedLoop, optional
+    loop : PerturbedAircraft, optional
         Predicts the motion; with it the states in ``excitation.abort`` count too.
 
     Raises

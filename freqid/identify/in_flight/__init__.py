@@ -1,4 +1,4 @@
-"""Estimates while the manoeuvre is still flown, sample by sample; the batch estimates are in point.
+"""Estimates while the manoeuvre is still flown, sample by sample; those of a whole record are in point.
 
-Read recursive_transform, recursive, running, parameter_history.
+Read recursive, running, parameter_history.
 """

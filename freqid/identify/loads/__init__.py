@@ -1,4 +1,4 @@
 """From measured motion to the applied wrench and the variables that explain it; nothing is fitted here.
 
-Read wrench, then mass and momentum below it, explanatory, and last flown and air_relative.
+Read wrench, then mass and momentum below it, and explanatory.
 """

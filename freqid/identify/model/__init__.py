@@ -1,4 +1,6 @@
 """The regressions of a point model: which responses on which regressors, on lines or samples.
 
-Read problem, line_equations, fit_lines, fit_samples, selection.
+How a regression is solved is in regress, the whole job in point.
+
+Read problem, line_equations, fit, selection.
 """

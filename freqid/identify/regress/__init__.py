@@ -1,4 +1,4 @@
-"""Linear regression on named columns: estimates, covariances, and which columns to keep; no aircraft.
+"""Linear regression on named columns: estimates, covariances, which columns to keep; it knows no aircraft.
 
-Read regression, two_stage, estimators, uncertainty, noise_lines, then structure and what it serves.
+Read equations, regression, two_stage, estimators, uncertainty, noise_lines, structure, orthogonal.
 """

@@ -1,4 +1,4 @@
-"""Frequency responses of what was flown; parametric models are in model.
+"""Frequency responses of what was flown, without a model of the aircraft; parametric models are in model.
 
-Read frequency_response, injected_lines, local_response; window_response is for sweeps.
+Read frequency_response, injected_lines, local_response.
 """

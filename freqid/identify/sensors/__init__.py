@@ -1,4 +1,7 @@
-"""Sensor errors and delays: found, and taken out of a record; a point model's own uncertainty is in regress.
+"""Sensor errors and delays: found, and taken out of a record before anything is made of it.
 
-Read kinematics and its parts (biases and scale factors), then delays and its parts.
+The loads are modelled here only as far as a delay has to be told apart from them.
+
+Read flight_path, kinematic_model, kinematic_fit and kinematics (biases, scale factors, wind, in time); then
+misaligned, delays_loads and alignment (delays by group, on lines).
 """

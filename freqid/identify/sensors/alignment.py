@@ -24,7 +24,7 @@ from freqid.core.scenario import Reference
 from freqid.identify.point import Estimator, identify_point, lines_of
 from freqid.identify.regress.uncertainty import independent_share
 from freqid.identify.sensors.delays_loads import Changes, fit_loads, loads_unknowns
-from freqid.identify.sensors.misaligned import Misaligned, fit_motion, kind_of, motion_unknowns
+from freqid.identify.sensors.misaligned import Misaligned, fit_motion, motion_unknowns, sensor_kind
 
 # One sigma of each kind of unknown before anything was measured, SI units.
 PLAUSIBLE = {"delay": 0.1, "bias": 0.03, "scale": 0.01, "wind": 5.0}
@@ -165,14 +165,14 @@ def align(
     for name in known.plausible:
         if name not in names:
             raise UsageError(f"the alignment has no '{name}'", remedy=nearest(name, names))
-    sizes = {n: known.plausible.get(n, PLAUSIBLE[kind_of(n)]) for n in names}
+    sizes = {n: known.plausible.get(n, PLAUSIBLE[sensor_kind(n)]) for n in names}
     moved, spread = fit_motion(flown, lines_hz, sizes) if by_kinematics else (np.empty(0), np.empty((0, 0)))
     motion = dict(zip(by_kinematics, moved.tolist(), strict=True))
     loads = fit_loads(flown, motion, settings, lines_hz, sizes)
     passed_on = loads.by_motion @ spread
     alignment = Alignment(
         names=names,
-        units=tuple(UNITS[kind_of(n)] for n in names),
+        units=tuple(UNITS[sensor_kind(n)] for n in names),
         estimate=np.concatenate([moved, loads.estimate]),
         covariance=np.block(
             [[spread, passed_on.T], [passed_on, loads.covariance + passed_on @ loads.by_motion.T]]

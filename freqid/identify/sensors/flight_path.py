@@ -48,7 +48,7 @@ class FlightPath:
     force: Array
 
 
-def integrate(
+def integrate_path(
     rates: Array,
     force: Array,
     dt: float,

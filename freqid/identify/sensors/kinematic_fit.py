@@ -25,7 +25,7 @@ FREE_SHARE = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
+class PathNoise:
     """Standard deviations of white noise, by sample.
 
     Attributes
@@ -46,7 +46,7 @@ class Noise:
     outputs: Array
 
 
-def whiten(path: FlightPath, window: slice, seen: Array, noise: Noise, z: Array) -> Array:
+def whiten(path: FlightPath, window: slice, seen: Array, noise: PathNoise, z: Array) -> Array:
     """Return columns as a filter sees them that knows how sensor noise makes the path drift.
 
     Integrated noise makes residuals of path and measurement wander, and least squares on them would believe
@@ -60,7 +60,7 @@ def whiten(path: FlightPath, window: slice, seen: Array, noise: Noise, z: Array)
         Samples of the path that are compared.
     seen : ndarray, shape (k, 10, n)
         Derivatives of the outputs by errors of the path and by wind, over the window.
-    noise : Noise
+    noise : PathNoise
     z : ndarray, shape (c, k, n)
         Residual and derivatives by parameters, a column each.
 
@@ -189,7 +189,7 @@ class CompatibilityFit:
         take up an actual error of this kind.
     before, after : Prediction
         By initial values alone, and with the sensor errors.
-    noise : Noise
+    noise : PathNoise
         Levels that the weights rest on.
     """
 
@@ -200,7 +200,7 @@ class CompatibilityFit:
     undetermined: dict[str, tuple[str, ...]]
     before: Prediction
     after: Prediction
-    noise: Noise
+    noise: PathNoise
 
 
 def fit_compatibility(
@@ -392,11 +392,11 @@ def _columns(jacobian: Array, size: Array) -> Array:
     return jacobian.reshape(len(jacobian), jacobian[0].size).T * size
 
 
-def _first_noise(problem: CompatibilityProblem, now: Prediction, wind_walk: float) -> Noise:
+def _first_noise(problem: CompatibilityProblem, now: Prediction, wind_walk: float) -> PathNoise:
     sensors = problem.sensors
     inputs = smooth(np.concatenate((sensors.rates, sensors.force)), sensors.dt).noise_std
     outputs = np.maximum(smooth(sensors.values, sensors.dt).noise_std, _floor(now))
-    return Noise(inputs[:3], inputs[3:], wind_walk, outputs)
+    return PathNoise(inputs[:3], inputs[3:], wind_walk, outputs)
 
 
 def _floor(now: Prediction) -> Array:

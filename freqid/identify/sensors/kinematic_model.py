@@ -17,7 +17,7 @@ from freqid.identify.sensors.flight_path import (
     attitude_matrix,
     error_growth,
     euler_angles,
-    integrate,
+    integrate_path,
     skew,
     turned_by,
 )
@@ -321,7 +321,9 @@ class CompatibilityProblem:
         sensors, value = self.sensors, guess.values
         bias = value[INITIAL : len(CAUSES), None]
         rates, force = sensors.rates - bias[:3], sensors.force - bias[3:]
-        path = integrate(rates, force, sensors.dt, self.window.start, guess.attitude, value[3:6], value[6])
+        path = integrate_path(
+            rates, force, sensors.dt, self.window.start, guess.attitude, value[3:6], value[6]
+        )
         wind = np.zeros(3)
         wind[self._winds] = [value[self._index[WINDS[axis]]] for axis in self._winds]
         ideal, by_state, by_wind = predicted(path, sensors, rates, wind)

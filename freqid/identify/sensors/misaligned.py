@@ -108,7 +108,7 @@ class Misaligned:
         return lru_cache(maxsize=2 * len(clocks))(late)
 
 
-def kind_of(unknown: str) -> str:
+def sensor_kind(unknown: str) -> str:
     """Return ``"delay"``, ``"bias"``, ``"scale"`` or ``"wind"``."""
     first, _, last = unknown.partition(" ")
     return first if first == "wind" else last

@@ -1,4 +1,4 @@
 """Sampled channels as transforms, trends and smooth derivatives; what the channels mean is not known here.
 
-Read fourier, trend, smoothing; quadrature and channels are what fourier stands on.
+Read fourier, trend, smoothing.
 """

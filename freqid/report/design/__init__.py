@@ -1,4 +1,4 @@
-"""Pages and test cards of designed inputs.
+"""Pages, figures on the terminal and test cards of designed inputs; the design is made in design.
 
-Read documents, page, tables, figures, test_card; classic_page is for classic inputs.
+Read page, tables, figures, signal_pictures, flight_plan, test_card, summary; classic_page for classic inputs.
 """

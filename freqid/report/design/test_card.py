@@ -29,7 +29,7 @@ _WIDTH = 92  # columns of the plain text: A4 upright at 10 points
 
 
 @dataclass(frozen=True)
-class Row:
+class CardRow:
     """One line of a table of the card.
 
     Attributes
@@ -57,11 +57,11 @@ class Card:
     ----------
     title : str
     facts : tuple of (label, text)
-    inputs : tuple of Row
+    inputs : tuple of CardRow
         Excitation by group of effectors.
     input_head : str
         What a cell of a group holds.
-    motion : tuple of Row
+    motion : tuple of CardRow
         States, and last the time that effectors spend beyond their limits.
     motion_head : str
         What a cell of a state holds.
@@ -73,9 +73,9 @@ class Card:
 
     title: str
     facts: tuple[tuple[str, str], ...]
-    inputs: tuple[Row, ...]
+    inputs: tuple[CardRow, ...]
     input_head: str
-    motion: tuple[Row, ...]
+    motion: tuple[CardRow, ...]
     motion_head: str
     motion_note: str
     bands: tuple[tuple[bool, str], ...]
@@ -180,7 +180,7 @@ def _classic_run(design: ClassicDesign, plan: FlightPlan) -> tuple[tuple[str, st
 
 def _inputs(
     design: MultisineDesign | ClassicDesign, merit: Merit | Extent, plan: FlightPlan
-) -> tuple[Row, ...]:
+) -> tuple[CardRow, ...]:
     rows = []
     for label, places in groups_of(design.names, plan.vehicle).items():
         unit, factor = engineering(design.units[places[0]])
@@ -189,7 +189,7 @@ def _inputs(
         known = [factor * min(-room[0], room[1]) for room in rooms if room is not None]
         limit = min(known) if len(known) == len(rooms) else math.inf
         rows.append(
-            Row(
+            CardRow(
                 label,
                 pretty_unit(unit),
                 tuple(
@@ -205,7 +205,7 @@ def _inputs(
     return tuple(rows)
 
 
-def _state(name: str, plan: FlightPlan) -> Row:
+def _state(name: str, plan: FlightPlan) -> CardRow:
     si = {**STATE, **AIR, **RESPONSE}.get(name, ("1",))[0]
     if plan.motion is not None and name in plan.motion.names:
         si = plan.motion.units[plan.motion.names.index(name)]
@@ -215,7 +215,7 @@ def _state(name: str, plan: FlightPlan) -> Row:
     found = plan.expected(name)
     if found is None:
         why = NOT_PREDICTED if plan.motion is None else "not predicted: the model does not have it"
-        return Row(name, pretty_unit(unit), (why,), limit, (False,))
+        return CardRow(name, pretty_unit(unit), (why,), limit, (False,))
     rms, peak, spread = (factor * value for value in found)
     if math.isnan(spread):
         cells = tuple(f"{number(level * rms, 2)} / {number(level * peak, 2)}" for level in LEVELS)
@@ -223,19 +223,19 @@ def _state(name: str, plan: FlightPlan) -> Row:
     else:
         cells = tuple(" ± ".join(measured_values(level * spread, level * peak)[::-1]) for level in LEVELS)
     missed = tuple(level * (peak + spread) > abort for level in LEVELS)
-    return Row(name, pretty_unit(unit), cells, limit, missed)
+    return CardRow(name, pretty_unit(unit), cells, limit, missed)
 
 
-def _saturation(plan: FlightPlan) -> Row:
+def _saturation(plan: FlightPlan) -> CardRow:
     """Return at each level the share of time that the worst effector is at a limit, and its name."""
     shares = [plan.saturated(level) for level in LEVELS]
     label, unit, limit = "beyond limits", "time", "0 %"
     if not shares[0]:
         why = NOT_PREDICTED if plan.motion is None else "not predicted: no effector with a known trim"
-        return Row(label, unit, (why,), limit, (False,))
+        return CardRow(label, unit, (why,), limit, (False,))
     worst = [max((share, name) for name, share in level.items()) for level in shares]
     cells = tuple(f"{percent(share)} {name}" if share else "0 %" for share, name in worst)
-    return Row(label, unit, cells, limit, tuple(share > 0 for share, _ in worst))
+    return CardRow(label, unit, cells, limit, tuple(share > 0 for share, _ in worst))
 
 
 def _band(design: MultisineDesign | ClassicDesign, band: tuple[float, float]) -> tuple[bool, str]:
@@ -260,7 +260,7 @@ def _wrapped(text: str, indent: int) -> str:
     return f"\n{' ' * indent}".join(textwrap.wrap(text, _WIDTH - indent))
 
 
-def _cells(row: Row) -> tuple[str, ...]:
+def _cells(row: CardRow) -> tuple[str, ...]:
     marked = (cell + ("!" if bad else "") for cell, bad in zip(row.cells, row.missed, strict=True))
     return (row.label, row.unit, *marked, row.limit)
 

@@ -1,4 +1,4 @@
-"""The page of a simulated flight, with the aircraft drawn.
+"""The page of a simulated flight, with the aircraft drawn; the flight is made in simulate.
 
-Read page, tables, figures, trims, film, three_view, outline.
+Read page, tables, figures, trims, aircraft.
 """

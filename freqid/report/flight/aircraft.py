@@ -64,7 +64,7 @@ class _Shape(msgspec.Struct):
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class Solid:
     """One convex piece of the aircraft.
 
     Attributes
@@ -84,7 +84,7 @@ class Part:
     group: str = ""
 
 
-def outline(scenario: Scenario, tilt: Mapping[str, float]) -> list[Part]:
+def outline(scenario: Scenario, tilt: Mapping[str, float]) -> list[Solid]:
     """Return the parts of an aircraft at given wing tilts.
 
     Parameters
@@ -96,7 +96,7 @@ def outline(scenario: Scenario, tilt: Mapping[str, float]) -> list[Part]:
 
     Returns
     -------
-    list of Part
+    list of Solid
         The fuselage is a spheroid of its volume that reaches from the rotors in front to the last part: the
         description has no shape of it.
     """
@@ -111,12 +111,12 @@ def outline(scenario: Scenario, tilt: Mapping[str, float]) -> list[Part]:
     return [_tilted(part, vehicle, tilt) for part in parts]
 
 
-def silhouette(part: Part, axes: Array) -> Array:
+def silhouette(part: Solid, axes: Array) -> Array:
     """Return the outline of a part in a view.
 
     Parameters
     ----------
-    part : Part
+    part : Solid
     axes : ndarray, shape (2, 3)
         Directions to the right and upwards on paper, vehicle axes.
 
@@ -144,16 +144,16 @@ def shaft(vehicle: Vehicle, rotor: Rotor, tilt: Mapping[str, float]) -> tuple[Ar
     return pivot + turn_about_y(hub - pivot, angle), shaft_axis(rotor.axis, angle)
 
 
-def _tilted(part: Part, vehicle: Vehicle, tilt: Mapping[str, float]) -> Part:
+def _tilted(part: Solid, vehicle: Vehicle, tilt: Mapping[str, float]) -> Solid:
     for wing in vehicle.wings:
         if wing.name == part.group:
             pivot = np.array(wing.pivot_m)[:, None]
             points = pivot + turn_about_y(part.points - pivot, tilt.get(wing.tilt, 0.0))
-            return Part(part.kind, part.name, points, part.group)
+            return Solid(part.kind, part.name, points, part.group)
     return part
 
 
-def _wing(wing: _Wing, surfaces: tuple[_Surface, ...]) -> list[Part]:
+def _wing(wing: _Wing, surfaces: tuple[_Surface, ...]) -> list[Solid]:
     x, z = wing.quarter_chord_m
     half = wing.span_m / 2
 
@@ -166,15 +166,15 @@ def _wing(wing: _Wing, surfaces: tuple[_Surface, ...]) -> list[Part]:
         c = chord(y)
         return np.stack([x + c * (0.25 - behind), np.full(behind.size, y), z + c * height])
 
-    parts = [Part("wing", wing.name, np.hstack([at(-half), at(0.0), at(half)]), wing.name)]
+    parts = [Solid("wing", wing.name, np.hstack([at(-half), at(0.0), at(half)]), wing.name)]
     for surface in surfaces:
         if surface.on == wing.name:
             ends = [at(y, 1 - surface.chord_fraction) for y in surface.span_m]
-            parts.append(Part("surface", surface.name, np.hstack(ends), wing.name))
+            parts.append(Solid("surface", surface.name, np.hstack(ends), wing.name))
     return parts
 
 
-def _tail(tail: _Tail, surfaces: tuple[_Surface, ...]) -> list[Part]:
+def _tail(tail: _Tail, surfaces: tuple[_Surface, ...]) -> list[Solid]:
     parts = []
     for side, panel in ((-1.0, "tail-left"), (1.0, "tail-right")):
         middle = np.array(tail.centre_m) * [1.0, side, 1.0]
@@ -188,11 +188,11 @@ def _tail(tail: _Tail, surfaces: tuple[_Surface, ...]) -> list[Part]:
                 np.outer([1.0, 0.0, 0.0], 0.25 - behind) - np.outer(up, height)
             )
 
-        parts.append(Part("tail", panel, np.hstack([at(-0.5, 0.0), at(0.5, 0.0)])))
+        parts.append(Solid("tail", panel, np.hstack([at(-0.5, 0.0), at(0.5, 0.0)])))
         for surface in surfaces:
             if surface.on == panel:
                 first = 1 - surface.chord_fraction
-                parts.append(Part("surface", surface.name, np.hstack([at(-0.5, first), at(0.5, first)])))
+                parts.append(Solid("surface", surface.name, np.hstack([at(-0.5, first), at(0.5, first)])))
     return parts
 
 
@@ -203,7 +203,7 @@ def _section(first: float) -> tuple[Array, Array]:
     return np.concatenate([behind, behind]), np.concatenate([height, -height])
 
 
-def _rotor(rotor: Rotor, lifting: list[Part]) -> list[Part]:
+def _rotor(rotor: Rotor, lifting: list[Solid]) -> list[Solid]:
     """Return the disc, at zero tilt, and the shaft back to the wing that carries it."""
     hub, ahead = np.array(rotor.position_m), shaft_axis(rotor.axis, 0.0)
     group = rotor.wing or ""
@@ -212,15 +212,15 @@ def _rotor(rotor: Rotor, lifting: list[Part]) -> list[Part]:
         across = np.linalg.svd(ahead[None])[2][1:]
         angle = np.linspace(0, 2 * pi, _POINTS, endpoint=False)
         rim = rotor.diameter_m / 2 * across.T @ np.stack([np.cos(angle), np.sin(angle)])
-        parts.append(Part("rotor", rotor.name, hub[:, None] + rim, group))
+        parts.append(Solid("rotor", rotor.name, hub[:, None] + rim, group))
     carrier = next((p for p in lifting if p.kind == "wing" and p.group == group), None)
     if carrier is not None:
         back = max(float(ahead @ hub) - float((ahead @ carrier.points).max()), 0.0) + 0.02
-        parts.append(Part("shaft", "", np.stack([hub, hub - back * ahead], axis=1), group))
+        parts.append(Solid("shaft", "", np.stack([hub, hub - back * ahead], axis=1), group))
     return parts
 
 
-def _fuselage(fuselage: _Fuselage, parts: list[Part]) -> Part:
+def _fuselage(fuselage: _Fuselage, parts: list[Solid]) -> Solid:
     low = min(float(part.points[0].min()) for part in parts)
     high = max(float(part.points[0].max()) for part in parts)
     radius = np.sqrt(6 * fuselage.volume_m3 / (pi * (high - low))) / 2
@@ -229,7 +229,7 @@ def _fuselage(fuselage: _Fuselage, parts: list[Part]) -> Part:
     _, y, z = fuselage.centre_m
     x = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(along)
     points = np.stack([x, y + ring * np.cos(around), z + ring * np.sin(around)]).reshape(3, -1)
-    return Part("fuselage", "", points)
+    return Solid("fuselage", "", points)
 
 
 # Right and up on paper, vehicle axes.
@@ -297,7 +297,7 @@ def three_view(scenario: Scenario, tilt: Mapping[str, float]) -> Figure:
     return figure
 
 
-def draw_parts(panel: Axes, parts: Sequence[Part], axes: Array, linewidth: float = 0.6) -> None:
+def draw_parts(panel: Axes, parts: Sequence[Solid], axes: Array, linewidth: float = 0.6) -> None:
     """Draw the parts of an aircraft in a view, the body first."""
     for part in sorted(parts, key=lambda part: _ORDER.index(part.kind)):
         shape, disc = silhouette(part, axes), part.kind == "rotor"
@@ -309,7 +309,7 @@ def draw_parts(panel: Axes, parts: Sequence[Part], axes: Array, linewidth: float
         panel.add_patch(Polygon(shape.T, facecolor=fill, edgecolor=colour, linewidth=linewidth))
 
 
-def _extent(parts: Sequence[Part], axes: Array) -> tuple[float, float, float, float]:
+def _extent(parts: Sequence[Solid], axes: Array) -> tuple[float, float, float, float]:
     flat = np.hstack([axes @ part.points for part in parts])
     (left, low), (right, high) = flat.min(axis=1) - _ROOM, flat.max(axis=1) + _ROOM
     return float(left), float(right), float(low), float(high)
@@ -326,7 +326,7 @@ def _mark_centre(panel: Axes, at: Array) -> None:
     panel.plot(*at, "+", color=INK, markersize=6.5, markeredgewidth=0.8, zorder=4)
 
 
-def _name_from_above(panel: Axes, parts: Sequence[Part]) -> None:
+def _name_from_above(panel: Axes, parts: Sequence[Solid]) -> None:
     """Name rotors in front of everything on their wing, surfaces behind it, those of the tail beside it."""
     flat = {id(part): TOP @ part.points for part in parts}
     for part in parts:
@@ -373,7 +373,7 @@ def _show_spin(panel: Axes, axes: Array, vehicle: Vehicle, rotor: Rotor, tilt: M
         _write(panel, at[0], at[1], rotor.name, color=ORANGE)
 
 
-def _name_tilts(panel: Axes, vehicle: Vehicle, tilt: Mapping[str, float], parts: Sequence[Part]) -> None:
+def _name_tilts(panel: Axes, vehicle: Vehicle, tilt: Mapping[str, float], parts: Sequence[Solid]) -> None:
     """Mark the tilt axes and say how far each wing is tilted."""
     for wing in vehicle.wings:
         x, _, z = wing.pivot_m

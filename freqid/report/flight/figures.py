@@ -79,7 +79,7 @@ def draw_wide_enough(axes: Axes, channel: Channel, colour: str, *, time: Array, 
 
 
 @styled
-def effector_rows(
+def draw_effector_rows(
     effectors: Sequence[Effector],
     time: Array,
     moved: Array,

@@ -20,7 +20,7 @@ from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Vehicle
 from freqid.report.design.figures import GROUP_COLOURS, signal_rows
 from freqid.report.flight import figures, tables
-from freqid.report.flight.aircraft import SIDE, Part, draw_parts, outline, shaft, three_view
+from freqid.report.flight.aircraft import SIDE, Solid, draw_parts, outline, shaft, three_view
 from freqid.report.flight.figures import draw_wide_enough
 from freqid.report.flight.tables import SimulatedFlight
 from freqid.report.flight.trims import name_lines, trim_curves
@@ -119,7 +119,7 @@ def largest_thrust(vehicle: Vehicle, thrust: Array) -> float:
 
 def _scene(
     scenario: Scenario, truth: FlightRecord, thrust: Array, sample: int
-) -> tuple[list[Part], list[Part]]:
+) -> tuple[list[Solid], list[Solid]]:
     """Return the aircraft at its pitch angle, and its arrows of thrust."""
     vehicle = scenario.aircraft()
     tilt = {wing.tilt: float(truth[f"effector/{wing.tilt}"][sample]) for wing in vehicle.wings}
@@ -130,9 +130,9 @@ def _scene(
         hubs, ahead = zip(*(shaft(vehicle, vehicle.rotors[i], tilt) for i in rows), strict=True)
         hub = np.mean(hubs, axis=0)
         tip = hub + longest * thrust[rows, sample].sum() * ahead[0]
-        arrows.append(Part("arrow", name, np.stack([hub, tip], axis=1)))
+        arrows.append(Solid("arrow", name, np.stack([hub, tip], axis=1)))
     scene = outline(scenario, tilt), arrows
-    return tuple([Part(p.kind, p.name, turn_about_y(p.points, pitch), p.group) for p in s] for s in scene)  # type: ignore[return-value]
+    return tuple([Solid(p.kind, p.name, turn_about_y(p.points, pitch), p.group) for p in s] for s in scene)  # type: ignore[return-value]
 
 
 def _by_wing(vehicle: Vehicle) -> dict[str, list[int]]:
@@ -270,7 +270,7 @@ def _effectors(flight: SimulatedFlight) -> list[Picture]:
     rows = _Rows.of(names, [e.unit for e in effectors], moved, flight)
     return [
         picture(
-            figures.effector_rows(
+            figures.draw_effector_rows(
                 [effectors[i] for i in part], truth.time, moved[part], commands[part], *rows.looks(part)
             ),
             f"effectors{part[0]}",

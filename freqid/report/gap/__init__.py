@@ -1,4 +1,4 @@
-"""Pages of a gap diagnosis and of two simulations compared.
+"""Pages of a gap diagnosis and of two simulations compared; both are judged in gap and compare.
 
-Read page, tables, figures, self_test; rivals_page stands alone.
+Read page, tables, figures; rivals_page stands alone.
 """

@@ -1,4 +1,4 @@
-"""The page of a point model.
+"""The page of a point model, and the sentences on its quality; the model is made in identify.
 
-Read page, tables, verdict, response_pictures.
+Read page, tables, verdict, sensor_tables.
 """

@@ -1,4 +1,4 @@
-"""The page of frequency responses.
+"""The page of frequency responses; they are estimated in identify/response.
 
-Read page, then bode.
+Read page.
 """

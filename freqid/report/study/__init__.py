@@ -1,4 +1,4 @@
-"""The page of a study: one scenario at several conditions.
+"""The page of a study: one scenario at several conditions; single models have theirs in point.
 
-Read page, results, verdict, tables, pictures, figures.
+Read page (its title and tables), results, verdict, pictures, figures, corridor.
 """

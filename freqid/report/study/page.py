@@ -21,7 +21,7 @@ from freqid.report.point.verdict import reaches_ceiling
 from freqid.report.study.corridor import error_pictures, parameter_pictures, remaining_pictures
 from freqid.report.study.pictures import (
     convergence_pictures,
-    fit_pictures,
+    fitted_conditions,
     history_pictures,
     several_pictures,
 )
@@ -211,8 +211,8 @@ def build_study_page(results: StudyResults) -> str:
         most_held_out=MOST_HELD_OUT,
         most_new_density=MOST_NEW_DENSITY,
         shown=middle.id,
-        fits=[*fit_pictures(results, middle), *several_pictures(results)],
-        other_fits=[{"id": p.id, "pictures": fit_pictures(results, p)} for p in others],
+        fits=[*fitted_conditions(results, middle), *several_pictures(results)],
+        other_fits=[{"id": p.id, "pictures": fitted_conditions(results, p)} for p in others],
         convergence=convergence_pictures(results),
         histories=history_pictures(results, middle),
         other_histories=[{"id": p.id, "pictures": history_pictures(results, p)} for p in others if p.history],

@@ -97,7 +97,7 @@ def history_pictures(results: StudyResults, point: StudiedPoint) -> list[Picture
     return pictures
 
 
-def fit_pictures(results: StudyResults, point: StudiedPoint) -> list[Picture]:
+def fitted_conditions(results: StudyResults, point: StudiedPoint) -> list[Picture]:
     """Draw all responses of one condition in frequency, and fit and prediction over a stretch of time."""
     place, model = results.points.index(point), point.model
     spectra = _fits(results, point, {r: f.fit.get("frequency") for r, f in model.responses.items()})

@@ -10,7 +10,7 @@ from freqid.core.errors import UsageError
 from freqid.core.excitation import Classic, Excitation
 from freqid.design.classic import design_classic, extent
 from freqid.design.forecast.excursions import excursions
-from freqid.design.forecast.modelled import close_loop
+from freqid.design.forecast.modelled import perturbed_aircraft
 from freqid.design.multisine.signals import at_least, at_most
 
 TRIM = {"de": 0.0, "da": 0.0, "dr": 0.0, "n1": 420.0}
@@ -49,7 +49,7 @@ def test_extent_is_of_the_samples():
 
 @pytest.mark.parametrize("waveform", ["doublet", "3-2-1-1", "sweep"])
 def test_expected_motion_is_that_of_a_simulation(linear_aircraft, waveform):
-    loop = close_loop(linear_aircraft.DERIVATIVES, VEHICLE, u=20.0, gains=GAINS)
+    loop = perturbed_aircraft(linear_aircraft.DERIVATIVES, VEHICLE, u=20.0, gains=GAINS)
     asked = Classic(rise_s=0.2, rest_s=25.0)
     design = design_classic(waveform, msgspec.structs.replace(EXCITATION, classic=asked), VEHICLE, TRIM)
     # Positions follow commands at once, x2 = G x1 + e: the states alone are an ordinary system.

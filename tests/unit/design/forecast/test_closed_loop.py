@@ -10,7 +10,7 @@ from freqid.core.errors import UsageError
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Rotor, Vehicle, Wing
 from freqid.design.forecast.closed_loop import STATES
 from freqid.design.forecast.excursions import excursions
-from freqid.design.forecast.modelled import close_loop, derivatives_of
+from freqid.design.forecast.modelled import derivatives_of, perturbed_aircraft
 
 EFFECTORS = tuple(AMPLITUDE)
 FREQUENCIES = np.array([0.05, 0.2, 0.7, 1.8])
@@ -18,7 +18,7 @@ FREQUENCIES = np.array([0.05, 0.2, 0.7, 1.8])
 
 @pytest.fixture(scope="module")
 def loop(linear_aircraft):
-    return close_loop(linear_aircraft.DERIVATIVES, VEHICLE, u=20.0, gains=GAINS)
+    return perturbed_aircraft(linear_aircraft.DERIVATIVES, VEHICLE, u=20.0, gains=GAINS)
 
 
 def differences(function, at, h=1e-5):
@@ -71,7 +71,7 @@ def test_pitched_reference_with_rotors_and_lags_follows_the_nonlinear_equations(
     table["M"]["n1"], table["L"]["dw1"] = -40.0, 40.0  # what the feedback below holds the attitude with
     gains = {"n1": {"theta": 0.5, "r": 0.2}, "dw1": {"phi": -0.4}}
     lag, trim, theta, u = {"n1": 0.1}, {"n1": 400.0, "dw1": 0.6}, 0.3, 15.0
-    loop = close_loop(table, vehicle, u=u, theta=theta, gains=gains, lag_s=lag, trim=trim)
+    loop = perturbed_aircraft(table, vehicle, u=u, theta=theta, gains=gains, lag_s=lag, trim=trim)
 
     derivatives = np.array([[table[c][n] for n in names] for c in "XYZLMN"])
     matrix = np.array([[2.4, -0.05, -0.15], [-0.05, 3.1, 0.1], [-0.15, 0.1, 4.9]])
@@ -163,20 +163,20 @@ def test_gains_as_an_array_are_gains_by_name(linear_aircraft, loop):
     for name, row in GAINS.items():
         for state, gain in row.items():
             table[EFFECTORS.index(name), STATES.index(state)] = gain
-    same = close_loop(linear_aircraft.DERIVATIVES, VEHICLE, u=20.0, gains=table)
+    same = perturbed_aircraft(linear_aircraft.DERIVATIVES, VEHICLE, u=20.0, gains=table)
     np.testing.assert_array_equal(same.A, loop.A)
     with pytest.raises(UsageError, match="shape"):
-        close_loop(linear_aircraft.DERIVATIVES, VEHICLE, u=20.0, gains=table[:2])
+        perturbed_aircraft(linear_aircraft.DERIVATIVES, VEHICLE, u=20.0, gains=table[:2])
 
 
 def test_an_unstable_loop_is_refused_and_says_which_mode(linear_aircraft):
     with pytest.raises(UsageError, match=r"oscillation of period 1\.\d+ s in (v|r) and (v|r) doubles in \d"):
-        close_loop(linear_aircraft.DERIVATIVES, VEHICLE, u=20.0, gains=GAINS | {"dr": {"r": -1.0}})
+        perturbed_aircraft(linear_aircraft.DERIVATIVES, VEHICLE, u=20.0, gains=GAINS | {"dr": {"r": -1.0}})
     pitching = linear_aircraft.DERIVATIVES | {"M": {"w": 6.0, "q": -18.0}}
     with pytest.raises(UsageError, match=r"a motion in (w|q) and (w|q) doubles"):
-        close_loop(pitching, VEHICLE, u=20.0, gains={"da": GAINS["da"]})
+        perturbed_aircraft(pitching, VEHICLE, u=20.0, gains={"da": GAINS["da"]})
     with pytest.raises(UsageError, match="does not decay"):
-        close_loop({}, VEHICLE, u=0.0)
+        perturbed_aircraft({}, VEHICLE, u=0.0)
 
 
 @pytest.mark.parametrize(
@@ -199,7 +199,7 @@ def test_slips_are_named(linear_aircraft, change, message):
         "gains": GAINS,
     } | change
     with pytest.raises(UsageError, match=message):
-        close_loop(**request)
+        perturbed_aircraft(**request)
 
 
 def test_unknown_channels_are_named_and_hover_has_no_flow_angles(loop):
@@ -211,10 +211,10 @@ def test_unknown_channels_are_named_and_hover_has_no_flow_angles(loop):
     bare = msgspec.structs.replace(VEHICLE, span_m=None)
     keep = {"de": {"theta": -1.0}, "da": {"phi": -1.0}}
     lifted = drag | {"M": {"q": -5.0, "de": 9.0}, "L": {"p": -5.0, "da": 9.0}}
-    hover = close_loop(lifted, bare, u=0.0, gains=keep)
+    hover = perturbed_aircraft(lifted, bare, u=0.0, gains=keep)
     with pytest.raises(UsageError, match="'alpha' is undefined in hover"):
         hover.rows(("alpha",))
-    cruise = close_loop(lifted, bare, u=1.0, gains=keep)
+    cruise = perturbed_aircraft(lifted, bare, u=1.0, gains=keep)
     with pytest.raises(UsageError, match="channel 'phat'"):
         cruise.rows(("phat",))
 

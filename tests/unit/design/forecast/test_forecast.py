@@ -8,7 +8,7 @@ from linear_design import AMPLITUDE, GAINS, NOISE, SCENARIO, VEHICLE, design
 
 from freqid.core.errors import UsageError
 from freqid.core.toml import overridden
-from freqid.design.forecast.modelled import close_loop
+from freqid.design.forecast.modelled import perturbed_aircraft
 from freqid.design.forecast.standard_errors import forecast, shortest
 
 SETTINGS = SCENARIO.identification
@@ -18,7 +18,7 @@ CLEAN_REGRESSORS = overridden(SETTINGS, responses=("X", "Y", "Z"))
 
 @pytest.fixture(scope="module")
 def loop(linear_aircraft):
-    return close_loop(linear_aircraft.DERIVATIVES, VEHICLE, u=20.0, gains=GAINS)
+    return perturbed_aircraft(linear_aircraft.DERIVATIVES, VEHICLE, u=20.0, gains=GAINS)
 
 
 @pytest.fixture(scope="module")

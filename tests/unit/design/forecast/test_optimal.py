@@ -10,7 +10,7 @@ from freqid.core.errors import UsageError
 from freqid.core.toml import overridden
 from freqid.design.forecast.excursions import excursions
 from freqid.design.forecast.limits import room
-from freqid.design.forecast.modelled import close_loop
+from freqid.design.forecast.modelled import perturbed_aircraft
 from freqid.design.forecast.optimal import optimal_amplitudes
 from freqid.design.forecast.standard_errors import forecast
 
@@ -23,7 +23,7 @@ TRIM = {"de": 0.02, "n1": 420.0}
 
 @pytest.fixture(scope="module")
 def loop(linear_aircraft):
-    return close_loop(linear_aircraft.DERIVATIVES, VEHICLE, u=20.0, gains=GAINS)
+    return perturbed_aircraft(linear_aircraft.DERIVATIVES, VEHICLE, u=20.0, gains=GAINS)
 
 
 def limits():
@@ -84,7 +84,7 @@ def test_the_two_criteria_differ_and_say_what_binds(loop):
 def test_with_effector_limits_alone_each_effector_uses_all_of_its_room():
     table = {c: {s: -30.0} for c, s in zip("XYZLMN", "uvwpqr", strict=True)}
     table["L"]["da"], table["M"]["de"] = 30.0, -30.0
-    loop = close_loop(table, VEHICLE, u=20.0, gains=GAINS)
+    loop = perturbed_aircraft(table, VEHICLE, u=20.0, gains=GAINS)
     allowed = {"de": 0.1, "da": 0.2, "dr": 0.3, "n1": 50.0}
     each = overridden(SETTINGS, regressors={"X": ("n1", "de"), "Y": ("dr",), "Z": ("da",)})
     found = optimal_amplitudes(design(), loop, each, QUIET, allowed)

@@ -11,7 +11,7 @@ from freqid.core.excitation import Excitation
 from freqid.core.results.design import Multisine
 from freqid.core.scenario import read_scenario
 from freqid.design.forecast.excursions import excursions
-from freqid.design.forecast.modelled import close_loop
+from freqid.design.forecast.modelled import perturbed_aircraft
 from freqid.design.multisine.allocation import limits_from_db
 from freqid.design.multisine.net_load import load_gains, lowest_nets, net_loads, nets, peaks_by_chance, ways
 from freqid.design.multisine.orthogonal_set import (
@@ -231,7 +231,7 @@ def test_states_near_their_abort_limits_come_down_with_the_axes(linear_aircraft)
         replace(e, effectiveness={w: row[e.name] for w, row in rows if e.name in row})
         for e in VEHICLE.effectors
     ]
-    loop = close_loop(linear_aircraft.DERIVATIVES, VEHICLE, u=20.0, gains=GAINS)
+    loop = perturbed_aircraft(linear_aircraft.DERIVATIVES, VEHICLE, u=20.0, gains=GAINS)
     design = design_multisines(excitation, effectors)
     blind = with_low_net_loads(design, excitation, effectors)
     seeing = with_low_net_loads(design, excitation, effectors, loop)

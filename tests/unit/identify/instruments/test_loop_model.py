@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Rotor, Vehicle
-from freqid.design.forecast.modelled import close_loop
+from freqid.design.forecast.modelled import perturbed_aircraft
 from freqid.dynamics.small_motion import rotor_spin
 from freqid.identify.instruments.loop_model import LoopModel
 
@@ -34,7 +34,7 @@ def test_it_answers_as_the_loop_of_the_design_does(linear_aircraft, vehicle):
     trim, velocity, theta = {"n1": 420.0}, np.array([20.0, 0.0, 1.0]), 0.05
     effectors = ("de", "da", "dr", "n1")
     lags = {"de": 0.0, "da": 0.0, "dr": 0.0, "n1": 0.0}
-    loop = close_loop(
+    loop = perturbed_aircraft(
         linear_aircraft.DERIVATIVES,
         vehicle,
         u=20.0,

@@ -15,7 +15,7 @@ from freqid.identify.sensors.flight_path import (
     attitude_matrix,
     error_growth,
     euler_angles,
-    integrate,
+    integrate_path,
     running_integral,
     skew,
 )
@@ -39,7 +39,7 @@ def motion(bench):
 @pytest.fixture(scope="module")
 def path(motion):
     t = 0.02 * np.arange(1500)
-    return integrate(*_inertial(motion, t), 0.02, 50, *_start(motion, t, 50))
+    return integrate_path(*_inertial(motion, t), 0.02, 50, *_start(motion, t, 50))
 
 
 def _inertial(motion, t, arm=ARM):
@@ -59,7 +59,7 @@ def test_integration_is_the_motion_to_fourth_order_both_ways_from_the_start(moti
     for dt in (0.04, 0.02):
         t = dt * np.arange(round(30 / dt) + 1)
         at = origin * (t.size // 2)
-        run = integrate(*_inertial(motion, t), dt, at, *_start(motion, t, at))
+        run = integrate_path(*_inertial(motion, t), dt, at, *_start(motion, t, at))
         swung = np.cross(motion.rates(t), np.array(ARM)[:, None], axis=0)
         over_ground = run.velocity - np.einsum("ijn,jn->in", run.turn, swung)
         height = motion.quantity("alt", t, np.zeros(3), np.zeros(3))
@@ -90,7 +90,7 @@ def test_growth_of_errors_is_the_difference_of_two_integrations(motion, path):
             height += step
         else:
             (w if j < 10 else a)[(j - 7) % 3] -= step
-        return integrate(w, a, 0.02, 50, turn, velocity, height)
+        return integrate_path(w, a, 0.02, 50, turn, velocity, height)
 
     for j in range(13):
         up, down = shifted(j, 1e-5), shifted(j, -1e-5)

@@ -17,7 +17,7 @@ from freqid.core.identification import Identification
 from freqid.core.results.design import Multisine, MultisineDesign
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 from freqid.design.forecast.excursions import excursions
-from freqid.design.forecast.modelled import close_loop
+from freqid.design.forecast.modelled import perturbed_aircraft
 from freqid.design.forecast.standard_errors import forecast
 from freqid.design.multisine.merit import merit, truncated
 from freqid.design.multisine.net_load import net_loads
@@ -70,7 +70,7 @@ def vehicle() -> Vehicle:
 
 @pytest.fixture(scope="module")
 def loop(vehicle):
-    return close_loop(DERIVATIVES, vehicle, u=18.0, gains=GAINS, trim=TRIM)
+    return perturbed_aircraft(DERIVATIVES, vehicle, u=18.0, gains=GAINS, trim=TRIM)
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def plan(vehicle, design, loop) -> FlightPlan:
     for factor in (0.8, 0.9, 1.1, 1.2):
         scaled = {r: {k: factor * v for k, v in row.items()} for r, row in DERIVATIVES.items()}
         varied.append(
-            excursions(design, close_loop(scaled, vehicle, u=18.0, gains=GAINS, trim=TRIM), channels)
+            excursions(design, perturbed_aircraft(scaled, vehicle, u=18.0, gains=GAINS, trim=TRIM), channels)
         )
     return FlightPlan(
         vehicle,

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from freqid.gap.infer.evidence import Weighing
 from freqid.gap.infer.system import Form, System
+from freqid.gap.infer.weighing import Weighing
 from freqid.gap.settings import FORM_ERRORS, FORM_LIKENESS, SEPARATE
 
 Array = NDArray[np.float64]
@@ -131,11 +131,12 @@ class _Search:
         ]
 
     def _weighed(self, form: Form) -> tuple[float, float]:
-        reduced, weighing = self.system.reduced_once(form), self.weighing
-        none = reduced.log_evidence
+        weighing = self.weighing
+        own = weighing.at(form)
+        none = own.log_evidence
         if not self.system.candidates:
             return none, none
-        effects = weighing.by_effect(weighing.by_place(reduced, reduced.g[:, None])[:, 0])
+        effects = weighing.by_effect(weighing.by_place(own, own.g[:, None])[:, 0])
         return none, none + float(np.logaddexp(0.0, logsumexp(effects) - np.log(len(effects))))
 
 

@@ -266,7 +266,9 @@ def _scalar(effect: Effect, place: Place, of: Parameter, blocks: Sequence[Block]
         settings = {n: force[n] + size for n in place.parameters} | dict(place.fixed)
         try:
             return side_by_side(
-                blocks[0].trial.simulation, lambda b: b.transform(change(effect, b.trial, settings)), blocks
+                blocks[0].trial.simulation,
+                lambda b: b.transform(change(effect, b.trial, settings, first_order=True)),
+                blocks,
             )
         except ImpossibleSettings:
             return None

@@ -27,7 +27,9 @@ _POSITIONS: WeakKeyDictionary[Trial, dict[tuple[str, float], Signals]] = WeakKey
 """Of actuators with an effect in their loops, by effect and size: many places ask for the same."""
 
 
-def change(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histories:
+def change(
+    effect: Effect, trial: Trial, settings: Mapping[str, float], *, first_order: bool = False
+) -> Histories:
     """Return the change that an effect makes of a residual, other parameters at their values in force.
 
     Motion that was fitted to a record carries what its sensors do: there an effect of sensors is what is
@@ -41,6 +43,8 @@ def change(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histo
         On motion without noise.
     settings : dict of float
         By parameter.
+    first_order : bool
+        Effects of sensors move the simulation by its derivatives where that is quicker.
 
     Raises
     ------
@@ -57,9 +61,9 @@ def change(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histo
     record, maneuver = trial.maneuver.record, trial.maneuver
     if route == "distort" and effect.distort is not None:
         if not trial.carries:
-            return trial.on(effect.distort(values, record)) - trial.residual
+            return trial.on(effect.distort(values, record), first_order=first_order) - trial.residual
         back = {n: effect.inverse(x) if x else x for n, x in values.items()}
-        return trial.residual - trial.on(effect.distort(back, record))
+        return trial.residual - trial.on(effect.distort(back, record), first_order=first_order)
     if route == "load" and effect.load is not None:
         return _loaded(trial, _carried(effect, values, trial))
     if route == "replay" and effect.replay is not None:

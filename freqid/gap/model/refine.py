@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from freqid.core.errors import ImpossibleSettings
-from freqid.gap.model.candidates import Candidate, Curve
+from freqid.gap.model.candidates import Candidate, Curve, recomputed
 from freqid.gap.model.changes import change
 from freqid.gap.model.testable import in_force_of
 from freqid.gap.stack.block import Block
@@ -23,6 +23,8 @@ def refined(
 ) -> Candidate:
     """Return a scalar candidate with columns at sizes about one; itself where it is proportional.
 
+    What was weighed by derivatives is replayed in full.
+
     Parameters
     ----------
     candidate : Candidate
@@ -32,7 +34,11 @@ def refined(
     blocks : sequence of Block
     """
     c = candidate
-    if c.kind != "scalar" or c.sizes.size == 1 or c.effect not in library or size == 0:
+    if c.kind != "scalar" or c.effect not in library or size == 0:
+        return c
+    if blocks[0].trial.approximates:  # weighed by derivatives so far
+        c = replace(c, columns=recomputed(c, library, blocks))
+    if c.sizes.size == 1:
         return c
     effect = library[c.effect].of(blocks[0].trial.maneuver.vehicle)
     force = in_force_of(effect, blocks[0].trial.simulation)

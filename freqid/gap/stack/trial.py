@@ -134,16 +134,40 @@ class Trial:
         """Return the measured part of another manoeuvre in the same rows."""
         return measured_part(maneuver, self.simulation.responses, self.actuators)
 
-    def on(self, record: FlightRecord) -> Histories:
+    @property
+    def approximates(self) -> bool:
+        """Whether `on` is quicker by derivatives, though the simulation can be asked again."""
+        return self.simulation.kind in _QUICK and self.simulation.kind in _BY_DERIVATIVES
+
+    def on(self, record: FlightRecord, *, first_order: bool = False) -> Histories:
         """Return the residual that another log of the same flight would leave.
 
         Replayed in full, or by derivatives where the simulation is too slow or cannot be asked again.
+
+        Parameters
+        ----------
+        record : FlightRecord
+        first_order : bool
+            By derivatives too where that is quicker: enough to weigh hundreds of candidates.
         """
-        measured = self.measured_on(Maneuver(record, self.maneuver.vehicle))
         before = self.maneuver.record
+        measured = self._logged(record)
         moved = {n: record[n] - before[n] for n in self.inputs if not np.array_equal(record[n], before[n])}
-        change = self.moved(moved, in_full=self.simulation.kind in _QUICK) if moved else None
+        in_full = self.simulation.kind in _QUICK and not (first_order and self.approximates)
+        change = self.moved(moved, in_full=in_full) if moved else None
         return measured - self.simulated - self.rows(change)
+
+    def _logged(self, record: FlightRecord) -> Histories:
+        """Return the measured part of another log; positions of surfaces enter rows of their own alone."""
+        before, kinds = self.maneuver.record, self.maneuver.vehicle.effector_kinds
+        changed = [n for n, c in record.channels.items() if c is not before.channels.get(n)]
+        if any(kinds.get(n.removeprefix("effector/")) != "surface" for n in changed):
+            return self.measured_on(Maneuver(record, self.maneuver.vehicle))
+        direct = self.measured.direct.copy()
+        for i, row in enumerate(self.measured.rows):
+            if row.kind == "actuator":
+                direct[i] = record[f"effector/{row.name.partition('/')[2]}"]
+        return replace(self.measured, direct=direct)
 
     def with_noise(self, noise: Mapping[str, Array], sign: float) -> Histories:
         """Return the residual with noise added to channels, shape (sample,) each."""

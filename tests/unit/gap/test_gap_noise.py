@@ -92,8 +92,7 @@ def test_power_ratios_become_smooth_functions_of_frequency():
     rng = np.random.default_rng(5)
     truth = np.exp(1.0 - 0.8 * np.log(np.maximum(HZ, HZ[1]) / np.sqrt(HZ[1] * HZ[-1])))
     ratio = truth * rng.exponential(1.0, (200, LINES))
-    used = np.arange(LINES) > 0
-    found = smooth_ratio(HZ, ratio, used, 2.0)
+    found = smooth_ratio(HZ, ratio, (np.arange(LINES) > 0).astype(float))
     assert np.mean(found, axis=0)[1:] == pytest.approx(truth[1:], rel=0.15)
     assert np.std(np.log(found[:, 10:])) < 0.6 * np.std(np.log(ratio[:, 10:]))
 

@@ -37,6 +37,9 @@ def command(
     flown = [read_record(path) for path in records]
     simulation = connect(sim, scenario=scenario, predictions=predictions, record=flown[0])
     vehicle = read_scenario(scenario)[0].aircraft() if scenario is not None else None
+    if simulation.kind == "callable":  # what else it has is asked once, so that it is known to work
+        simulation.positions(flown[0])
+        simulation.fly(flown[0])
     findings = check(simulation, flown, vehicle, own=own)
     result = {
         "simulation": simulation.name,

@@ -230,7 +230,7 @@ def _block(
             own = Trial.of(simulation, m) if len(maneuvers) > 1 or m is not motion.maneuver else trial
             residuals.append(lines.transform(own.residual))
     except DataError as error:
-        raise DataError(str(error), where=error.where or names[0]) from None
+        raise error.at(names[0]) from None
     sigma = _noise_of(maneuvers)
     draws = antithetic(trial, lines, sigma, seed)  # at the record's own rate: noise is not smooth
     unbiased = np.array(residuals) - draws.bias

@@ -168,7 +168,7 @@ def _refuse_stuck(record: FlightRecord, name: str) -> None:
             raise DataError(
                 f"effector/{e} stands still while the signal injected into it moves",
                 where=name,
-                remedy="see that the log's columns were read as what they are, or import it without the position",
+                remedy="see that the log's columns were read as what they are, or leave out the position",
             )
 
 
@@ -208,7 +208,7 @@ def refuse_without_noise(records: Sequence[FlightRecord], names: Sequence[str]) 
         raise DataError(
             "its samples show no noise, so what counts as a gap cannot be told",
             where=name,
-            remedy="give the log as the sensors took it, not smoothed; to a simulated one add its sensors' noise",
+            remedy="give the log as the sensors took it, not smoothed; a simulated one with sensors' noise",
         )
 
 

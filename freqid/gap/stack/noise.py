@@ -249,7 +249,7 @@ def beyond_motion(
 
 
 def _left(lines: Lines, row: Complex, columns: Complex) -> tuple[Array, Array]:
-    """Return the power of a row beyond columns with real coefficients, and the share of each line that is left.
+    """Return the power of a row beyond columns with real coefficients, and what share of each line is left.
 
     At most half of the equations go to columns: the strongest directions among them.
     """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from threading import Lock
 from typing import Any, Literal
@@ -158,8 +158,8 @@ class ScenarioSimulation:
         """Return positions by effector: servos, tilt drives and motors at the record's commands.
 
         The injected signal is straight between samples, the control law's part a cubic spline. The voltage
-        is that of the scenario's battery under the rotors' load. Effectors without a command
-        are left out.
+        is that of the scenario's battery under the rotors' load, at commanded speeds where none were
+        measured. Effectors without a command are left out.
         """
         if not any(f"command/{e.name}" in record for e in self.vehicle.effectors):
             return {}
@@ -169,7 +169,11 @@ class ScenarioSimulation:
         ratio = np.ones(record.time.size)
         if "rotor" in self.vehicle.effector_kinds.values():
             ratio = actuation.voltage_ratio(
-                self._airframe(None, own), act, settings["battery_sag"], self._along(record), record.dt
+                self._airframe(None, own),
+                act,
+                settings["battery_sag"],
+                self._along(_as_commanded(record, self.vehicle)),
+                record.dt,
             )
         return actuation.positions(record, self.vehicle, act, settings, ratio, gains(self.vehicle, own))
 
@@ -321,6 +325,16 @@ def _paths(stem: str, table: Mapping[str, Any]) -> list[str]:
             found.append(f"{stem}.{name}")
             found += _paths(found[-1], value) if isinstance(value, dict) else []
     return found
+
+
+def _as_commanded(record: FlightRecord, vehicle: Vehicle) -> FlightRecord:
+    """Return a record in which effectors that were not measured are where they were sent."""
+    lacking = [
+        n for n in vehicle.effector_kinds if f"effector/{n}" not in record and f"command/{n}" in record
+    ]
+    return record.with_channels(
+        *(replace(record.channel(f"command/{n}"), name=f"effector/{n}") for n in lacking)
+    )
 
 
 def _as_measured(scenario: Scenario, flight: Flight, record: FlightRecord) -> dict[str, Array]:

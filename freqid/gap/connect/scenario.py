@@ -166,16 +166,18 @@ class ScenarioSimulation:
         settings, own = self._settings(effects), self._departures(departures)
         act = (motion.parameters(self._scenario(effects)) if effects else self._parameters).actuators
         act = actuators_with(act, self.vehicle, own)
-        ratio = np.ones(record.time.size)
-        if "rotor" in self.vehicle.effector_kinds.values():
-            ratio = actuation.voltage_ratio(
-                self._airframe(None, own),
-                act,
-                settings["battery_sag"],
-                self._along(_as_commanded(record, self.vehicle)),
-                record.dt,
-            )
-        return actuation.positions(record, self.vehicle, act, settings, ratio, gains(self.vehicle, own))
+        gain, kinds = gains(self.vehicle, own), self.vehicle.effector_kinds
+        unmeasured = [n for n in kinds if f"effector/{n}" not in record and f"command/{n}" in record]
+        found = {n: record[f"command/{n}"] for n in unmeasured}
+        for _ in range(2 if unmeasured else 1):  # the load of commanded speeds, then that of attained ones
+            ratio = np.ones(record.time.size)
+            if "rotor" in kinds.values():
+                stand = [replace(record.channel(f"command/{n}"), values=found[n]) for n in unmeasured]
+                moved = record.with_channels(*(replace(c, name=f"effector/{c.name[8:]}") for c in stand))
+                airframe, sag = self._airframe(None, own), settings["battery_sag"]
+                ratio = actuation.voltage_ratio(airframe, act, sag, self._along(moved), record.dt)
+            found = actuation.positions(record, self.vehicle, act, settings, ratio, gain)
+        return found
 
     def fly(
         self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
@@ -325,16 +327,6 @@ def _paths(stem: str, table: Mapping[str, Any]) -> list[str]:
             found.append(f"{stem}.{name}")
             found += _paths(found[-1], value) if isinstance(value, dict) else []
     return found
-
-
-def _as_commanded(record: FlightRecord, vehicle: Vehicle) -> FlightRecord:
-    """Return a record in which effectors that were not measured are where they were sent."""
-    lacking = [
-        n for n in vehicle.effector_kinds if f"effector/{n}" not in record and f"command/{n}" in record
-    ]
-    return record.with_channels(
-        *(replace(record.channel(f"command/{n}"), name=f"effector/{n}") for n in lacking)
-    )
 
 
 def _as_measured(scenario: Scenario, flight: Flight, record: FlightRecord) -> dict[str, Array]:

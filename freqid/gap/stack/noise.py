@@ -232,7 +232,7 @@ def beyond_motion(
     ends = np.stack(
         [np.ones_like(omega), np.divide(1, omega, out=np.zeros_like(omega), where=omega != 0), mean]
     )
-    left, freedom = np.empty((2, *residual.shape))
+    left, freedom = np.empty(residual.shape), np.empty(residual.shape)
     for i, row in enumerate(like.rows):
         if row.kind == "actuator":
             name = row.name.partition("/")[2]

@@ -17,14 +17,15 @@ from freqid.gap.close.closure import Closed, close
 from freqid.gap.infer.build import build, flown_departures, rebuilt
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import NONE, Evidence, estimate, weigh
-from freqid.gap.infer.explain import Explanation, explain
+from freqid.gap.infer.explain import Explanation, again, explain
 from freqid.gap.infer.null_draws import null_statistics, threshold_of
 from freqid.gap.infer.system import System
+from freqid.gap.infer.together import together
 from freqid.gap.infer.where import gap_map
 from freqid.gap.infer.which import Ranking, detectable_sizes, groups_of, probability_of_none, rank
 from freqid.gap.model.candidates import OTHER
 from freqid.gap.model.refine import refined
-from freqid.gap.settings import FORM_ERRORS, INTERVAL, LEVEL, NAMED, NULL_DRAWS, TEMPERATURE
+from freqid.gap.settings import FORM_ERRORS, INTERVAL, LEVEL, NAMED, NULL_DRAWS, ROUNDS, TEMPERATURE
 from freqid.gap.simulation import Simulation
 from freqid.gap.stack.block import Block, flown_again, stack_of
 from freqid.gap.verdict import remarks_of, tolerances_used, verdict
@@ -172,8 +173,14 @@ def diagnose(
     p_none = probability_of_none(evidence)
     ranking = rank(evidence, exists, INTERVAL, TEMPERATURE, p_none if exists else max(p_none, 0.5))
     leading = _leading(q.named, ranking, evidence)
-    explanation = explain(evidence, leading) if leading and exists else None
-    explained = _explained(explanation, evidence, used)
+    explanation: Explanation | None = None
+    if leading and exists:
+        tell("looking for a second effect")
+        explanation, joint, columns = _explanation(
+            evidence, leading, bool(q.named), columns, used, library, q.tolerances
+        )
+        system = joint.system
+    explained = _explained(explanation, used)
     cells = gap_map(used, explained if explanation else [b.residual for b in used])
     closing: Closing | None = None
     closed: list[Closed] = []
@@ -184,7 +191,7 @@ def diagnose(
             if held_out
             else []
         )
-        closing = closing_of(system, used, columns, others, explanation, q.candidates, q.tolerances)
+        closing = closing_of(system, used, columns, others, explanation, library, q.tolerances)
         closed = close(closing, explanation, q.seed, library, q.tolerances)
     sizes = evidence.form_sizes()
     sizes = np.where(sizes < FORM_ERRORS[1], 0.0, sizes)
@@ -245,6 +252,27 @@ def _at_their_size(
     return rebuilt(system, new, columns, blocks)
 
 
+def _explanation(
+    evidence: Evidence,
+    leading: str,
+    asked: bool,
+    columns: list[Columns],
+    blocks: Sequence[Block],
+    library: Mapping[str, Effect],
+    tolerances: Mapping[str, float],
+) -> tuple[Explanation, Evidence, list[Columns]]:
+    """Return the explanation that a leading effect begins, its effects and what they change made together."""
+    explanation, evidence = explain(evidence, leading, columns[0].form_names, asked=asked)
+    for _ in range(ROUNDS):
+        form_error = evidence.form_error(explanation.places[-1])
+        system, columns = together(
+            evidence.system, columns, blocks, explanation, library, tolerances, form_error
+        )
+        evidence = weigh(system)
+        explanation = again(evidence, explanation)
+    return explanation, evidence, columns
+
+
 def _leading(named: Sequence[str], ranking: Ranking, evidence: Evidence) -> str:
     if named:
         return max(named, key=lambda e: evidence.effect[e])
@@ -262,13 +290,13 @@ def _figures(closed: Closed, system: System) -> Closure:
     return replace(closed.closure, theil=theil, strained=strained)
 
 
-def _explained(explanation: Explanation | None, evidence: Evidence, blocks: Sequence[Block]) -> list[Complex]:
+def _explained(explanation: Explanation | None, blocks: Sequence[Block]) -> list[Complex]:
     """Return what an explanation makes of every block, shape (row, line) each."""
     found = []
     for b, block in enumerate(blocks):
         z = np.zeros((len(block.rows), block.lines.hz.size), dtype=complex)
-        for i, e in zip(explanation.places, explanation.estimates, strict=True) if explanation else ():
-            z += np.tensordot(e.weights, evidence.system.candidates[i].columns[b], 1)
+        for e in explanation.estimates if explanation else ():
+            z += np.tensordot(e.weights, e.candidate.columns[b], 1)
         found.append(z)
     return found
 

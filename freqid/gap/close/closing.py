@@ -12,6 +12,7 @@ from freqid.gap.infer.build import columns_of
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.system import System
+from freqid.gap.infer.together import acted_on, settings_of
 from freqid.gap.model.candidates import Candidate, recomputed
 from freqid.gap.settings import FOLDS
 from freqid.gap.stack.block import Block
@@ -86,6 +87,7 @@ def closing_of(
     held_out : sequence of Block
     explanation : Explanation
     library : dict of Effect
+        Of the vehicle.
     tolerances : dict of float
     """
     few = [system.candidates[i] for i in explanation.places]
@@ -96,12 +98,14 @@ def closing_of(
         few = [replace(c, columns=[*c.columns, *more]) for c, more in zip(few, added, strict=True)]
         at = range(len(used), len(used) + len(held_out))
         rows, forms = columns[0].form_names, system.form_errors
+        acting = settings_of(explanation, library, held_out[0].trial.simulation)
+        flown = acted_on(held_out, acting, library)
         made = [
             columns_of(b, i, few, system.tolerances, library, tolerances, rows, forms)
-            for b, i in zip(held_out, at, strict=True)
+            for b, i in zip(flown, at, strict=True)
         ]
         parts += [c for c, _ in made]
-        held_out = [b for _, b in made]
+        held_out = [replace(b, trial=own.trial) for (_, b), own in zip(made, held_out, strict=True)]
     blocks = [*used, *held_out]
     source = list(range(len(blocks)))
     names = tuple(n for b in held_out or used for n in b.names)

@@ -29,7 +29,7 @@ _STEPS = (8, 4, 2, 1, -1, -2, -4, -8)  # by which a row is moved: in between the
 _HOPELESS = 30.0  # nats below the best, from which larger ones are no better
 
 
-def likely_forms(system: System, rows: Sequence[str]) -> tuple[Form, ...]:
+def likely_forms(system: System, rows: Sequence[str], free: Array | None = None) -> tuple[Form, ...]:
     """Return the errors of form that the data leave possible, with an effect or without.
 
     From one size for all rows, the best one, row after row up and down as long as the evidence rises.
@@ -40,8 +40,10 @@ def likely_forms(system: System, rows: Sequence[str]) -> tuple[Form, ...]:
         Its own errors of form do not matter.
     rows : sequence of str
         That have a form.
+    free : ndarray, shape (freed, column), optional
+        Weights of columns that are there in any case, in an unknown size: effects that were found already.
     """
-    search = _search(system, rows)
+    search = _search(system, rows, free)
     for with_effect in (True, False):
         search.climb(with_effect)
     return tuple(dict.fromkeys([*search.likely(), *search.behind_an_effect()]))
@@ -53,9 +55,9 @@ def common_form(system: System, rows: Sequence[str]) -> Form:
     return search.form(search.best(True))
 
 
-def _search(system: System, rows: Sequence[str]) -> _Search:
+def _search(system: System, rows: Sequence[str], free: Array | None = None) -> _Search:
     kinds = np.array([_kind(name) for name in rows], dtype=int)
-    search = _Search(system, Weighing(system), kinds)
+    search = _Search(system, Weighing(system), kinds, free)
     for kind in range(len(_KINDS)):
         search.raise_together(kind)
     return search
@@ -68,6 +70,7 @@ class _Search:
     system: System
     weighing: Weighing
     kinds: NDArray[np.intp]
+    free: Array | None = None
     known: dict[Index, tuple[float, float]] = field(default_factory=dict)
 
     def best(self, with_effect: bool) -> Index:
@@ -132,6 +135,8 @@ class _Search:
 
     def _weighed(self, form: Form) -> tuple[float, float]:
         reduced, weighing = self.system.reduced_once(form), self.weighing
+        if self.free is not None:
+            reduced = reduced.freed(self.free)
         none = reduced.log_evidence
         if not self.system.candidates:
             return none, none

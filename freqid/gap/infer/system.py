@@ -21,6 +21,7 @@ from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS
 Array = NDArray[np.float64]
 
 SEEN = 0.1  # standard deviations of the noise: directions of a form below it are left out
+_FREE = 1e-9  # of a free column's energy: what is left of it
 _EMPTY = 1e-10  # of the largest eigenvalue of the form's columns: directions below it are none
 
 
@@ -170,6 +171,21 @@ class Reduced:
     G: Array
     g: Array
     log_evidence: float
+
+    def freed(self, directions: Array) -> Reduced:
+        """Return what is left once weights of columns are free, shape (freed, column).
+
+        The log evidence is that at their likeliest size.
+        """
+        across, projected = directions @ self.G, directions @ self.g
+        own = across @ directions.T
+        own = own + _FREE * np.trace(own) / len(own) * np.eye(len(own))
+        solved = np.linalg.solve(own, np.concatenate([across, projected[:, None]], axis=1))
+        return Reduced(
+            self.G - across.T @ solved[:, :-1],
+            self.g - across.T @ solved[:, -1],
+            self.log_evidence + 0.5 * float(projected @ solved[:, -1]),
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,9 @@ from freqid.gap.close.closing import Closing, closing_of
 from freqid.gap.close.closure import Closed, close
 from freqid.gap.infer.build import build, flown_departures, rebuilt
 from freqid.gap.infer.columns import Columns
-from freqid.gap.infer.evidence import NONE, Evidence, estimate, weigh
-from freqid.gap.infer.explain import Explanation, again, explain
+from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate, weigh
+from freqid.gap.infer.explain import BEHIND, FINALISTS, Explanation, explain
+from freqid.gap.infer.jointly import form_beside
 from freqid.gap.infer.null_draws import null_statistics, threshold_of
 from freqid.gap.infer.system import System
 from freqid.gap.infer.together import together
@@ -25,7 +26,7 @@ from freqid.gap.infer.where import gap_map
 from freqid.gap.infer.which import Ranking, detectable_sizes, groups_of, probability_of_none, rank
 from freqid.gap.model.candidates import OTHER
 from freqid.gap.model.refine import refined
-from freqid.gap.settings import FORM_ERRORS, INTERVAL, LEVEL, NAMED, NULL_DRAWS, ROUNDS, TEMPERATURE
+from freqid.gap.settings import FORM_ERRORS, INTERVAL, LEVEL, NAMED, NULL_DRAWS, TEMPERATURE
 from freqid.gap.simulation import Simulation
 from freqid.gap.stack.block import Block, flown_again, stack_of
 from freqid.gap.verdict import remarks_of, tolerances_used, verdict
@@ -34,9 +35,7 @@ from freqid.simulate.effects.effect import Effect
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_FINALISTS = 6  # effects that are computed again near their estimated size
 _STRAINED = 3  # tolerances whose strain is said
-_BEHIND = 10.0  # nats behind the leading one, from which an effect is no finalist
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,10 +238,10 @@ def _at_their_size(
 ) -> tuple[System, list[Columns]]:
     """Return the system with the finalists' columns at sizes near their estimates."""
     best = max(evidence.effect.values())
-    ranked = sorted(evidence.effect, key=lambda e: -evidence.effect[e])[:_FINALISTS]
+    ranked = sorted(evidence.effect, key=lambda e: -evidence.effect[e])[:FINALISTS]
     new = list(system.candidates)
     for effect in ranked:
-        if effect == OTHER or best - evidence.effect[effect] > _BEHIND:
+        if effect == OTHER or best - evidence.effect[effect] > BEHIND:
             continue
         i = evidence.best_place(effect)
         if new[i].kind == "scalar":
@@ -262,15 +261,17 @@ def _explanation(
     tolerances: Mapping[str, float],
 ) -> tuple[Explanation, Evidence, list[Columns]]:
     """Return the explanation that a leading effect begins, its effects and what they change made together."""
-    explanation, evidence = explain(evidence, leading, columns[0].form_names, asked=asked)
-    for _ in range(ROUNDS):
-        form_error = evidence.form_error(explanation.places[-1])
-        system, columns = together(
-            evidence.system, columns, blocks, explanation, library, tolerances, form_error
+    kept = [columns]
+
+    def compute(evidence: Evidence, explanation: Explanation, others: list[tuple[int, Estimate]]) -> Evidence:
+        form_error = form_beside(evidence, explanation.places, explanation.estimates)
+        system, kept[0] = together(
+            evidence.system, kept[0], blocks, explanation, others, library, tolerances, form_error
         )
-        evidence = weigh(system)
-        explanation = again(evidence, explanation)
-    return explanation, evidence, columns
+        return evidence if system is evidence.system else weigh(system)
+
+    explanation, evidence = explain(evidence, leading, columns[0].form_names, asked=asked, compute=compute)
+    return explanation, evidence, kept[0]
 
 
 def _leading(named: Sequence[str], ranking: Ranking, evidence: Evidence) -> str:

@@ -179,7 +179,9 @@ class Reduced:
         """
         across, projected = directions @ self.G, directions @ self.g
         own = across @ directions.T
-        own = own + _FREE * np.trace(own) / len(own) * np.eye(len(own))
+        size = np.sqrt(np.maximum(np.diag(own), np.finfo(float).tiny))  # each counts alike, however small
+        across, projected = across / size[:, None], projected / size
+        own = own / size[:, None] / size + _FREE * np.eye(len(own))
         solved = np.linalg.solve(own, np.concatenate([across, projected[:, None]], axis=1))
         return Reduced(
             self.G - across.T @ solved[:, :-1],

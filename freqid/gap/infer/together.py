@@ -13,6 +13,7 @@ import numpy as np
 
 from freqid.gap.infer.build import rebuilt
 from freqid.gap.infer.columns import Columns
+from freqid.gap.infer.evidence import Estimate
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.linearise import relinearised
 from freqid.gap.infer.system import Form, System
@@ -63,6 +64,7 @@ def together(
     columns: Sequence[Columns],
     blocks: Sequence[Block],
     explanation: Explanation,
+    others: Sequence[tuple[int, Estimate]],
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
     form_error: Form,
@@ -76,6 +78,8 @@ def together(
         By block.
     blocks : sequence of Block
     explanation : Explanation
+    others : sequence of (int, Estimate)
+        Candidates that may act beside it, with their sizes there.
     library : dict of Effect
         Of the vehicle.
     sizes : dict of float
@@ -89,7 +93,13 @@ def together(
         before = acting[: next((k for k, (n, _) in enumerate(acting) if n == e.candidate.effect), 0)]
         if e.candidate.kind == "scalar":
             new[i] = refined(new[i], float(e.size[0]), library, blocks, before)
+    for i, e in others:
+        if e.candidate.kind == "scalar":
+            new[i] = refined(new[i], float(e.size[0]), library, blocks, acting)
     flown = acted_on(blocks, acting, library)
+    alone = len(explanation.places) == 1 and flown[0] is blocks[0]
+    if alone and all(a is b for a, b in zip(new, system.candidates, strict=True)):
+        return system, list(columns)  # tolerances are straight about it already
     anew = [tolerance_columns(b, library, sizes) for b in flown] if flown[0] is not blocks[0] else []
     system, columns = rebuilt(system, new, columns, blocks, anew)
     weights = np.zeros(system.columns)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from freqid.gap.infer.evidence import Estimate, Evidence, estimate, weigh
-from freqid.gap.infer.forms import likely_forms
+from freqid.gap.infer.forms import forms_beside
 from freqid.gap.infer.jointly import jointly
 from freqid.gap.model.candidates import OTHER
 from freqid.gap.settings import INTERVAL, SEPARATE
@@ -127,7 +127,7 @@ def _finalists(evidence: Evidence, places: list[int]) -> list[tuple[float, int]]
     """Return the nats and the places of the effects that gain most beside others, none of these again."""
     taken = {evidence.system.candidates[i].effect for i in places} | {OTHER}
     gains = sorted((gain for e, gain in _given(evidence, places).items() if e not in taken), reverse=True)
-    least = max(gains[0][0] - BEHIND, SEPARATE - BEHIND) if gains else 0.0
+    least = max(gains[0][0] - BEHIND, 0.0) if gains else 0.0
     return [one for one in gains[:FINALISTS] if one[0] >= least]
 
 
@@ -144,9 +144,10 @@ def _with_forms_beside(evidence: Evidence, places: list[int], rows: Sequence[str
     system = evidence.system
     if not rows:
         return evidence
-    forms = likely_forms(system, rows, directions(evidence, places))
-    every = tuple(dict.fromkeys([*system.form_errors, *forms]))
-    return weigh(replace(system, form_errors=every))  # small matrices that are made stay
+    forms = forms_beside(system, rows, directions(evidence, places))
+    if forms == system.form_errors:
+        return evidence
+    return weigh(replace(system, form_errors=forms))  # small matrices that are made stay
 
 
 def _exchanged(evidence: Evidence, places: list[int], first: int) -> list[int]:

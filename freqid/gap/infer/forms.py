@@ -29,7 +29,7 @@ _STEPS = (8, 4, 2, 1, -1, -2, -4, -8)  # by which a row is moved: in between the
 _HOPELESS = 30.0  # nats below the best, from which larger ones are no better
 
 
-def likely_forms(system: System, rows: Sequence[str], free: Array | None = None) -> tuple[Form, ...]:
+def likely_forms(system: System, rows: Sequence[str]) -> tuple[Form, ...]:
     """Return the errors of form that the data leave possible, with an effect or without.
 
     From one size for all rows, the best one, row after row up and down as long as the evidence rises.
@@ -40,13 +40,33 @@ def likely_forms(system: System, rows: Sequence[str], free: Array | None = None)
         Its own errors of form do not matter.
     rows : sequence of str
         That have a form.
-    free : ndarray, shape (freed, column), optional
-        Weights of columns that are there in any case, in an unknown size: effects that were found already.
     """
-    search = _search(system, rows, free)
+    search = _search(system, rows)
     for with_effect in (True, False):
         search.climb(with_effect)
     return tuple(dict.fromkeys([*search.likely(), *search.behind_an_effect()]))
+
+
+def forms_beside(system: System, rows: Sequence[str], free: Array) -> tuple[Form, ...]:
+    """Return the system's errors of form, with those that are possible once effects are allowed for.
+
+    What one effect leaves unexplained looks like an error of form in every row where the second one acts. So
+    with any second effect, row after row is made better as long as the evidence rises.
+
+    Parameters
+    ----------
+    system : System
+    rows : sequence of str
+        That have a form.
+    free : ndarray, shape (freed, column)
+        Weights of columns that are there in any case, in unknown sizes: effects that were found already.
+    """
+    kinds = np.array([_kind(name) for name in rows], dtype=int)
+    search = _Search(system, Weighing(system), kinds, free)
+    for form in system.form_errors:
+        search.ask(tuple(FORM_ERRORS.index(f) for f in np.atleast_1d(form.loads).tolist()))
+    search.climb(True, [step for step in _STEPS if step < 0])
+    return tuple(dict.fromkeys([*system.form_errors, *search.likely()]))
 
 
 def common_form(system: System, rows: Sequence[str]) -> Form:
@@ -55,9 +75,9 @@ def common_form(system: System, rows: Sequence[str]) -> Form:
     return search.form(search.best(True))
 
 
-def _search(system: System, rows: Sequence[str], free: Array | None = None) -> _Search:
+def _search(system: System, rows: Sequence[str]) -> _Search:
     kinds = np.array([_kind(name) for name in rows], dtype=int)
-    search = _Search(system, Weighing(system), kinds, free)
+    search = _Search(system, Weighing(system), kinds)
     for kind in range(len(_KINDS)):
         search.raise_together(kind)
     return search
@@ -100,13 +120,13 @@ class _Search:
             if all(b < a - _HOPELESS for a, b in zip(top, found, strict=True)):
                 break
 
-    def climb(self, with_effect: bool) -> None:
+    def climb(self, with_effect: bool, steps: Sequence[int] = _STEPS) -> None:
         """Move row after row, in longer steps too, as long as the evidence rises."""
         at = self.best(with_effect)
         value, moved = self.ask(at)[with_effect], True
         while moved:
             moved = False
-            for row, step in product(range(len(at)), _STEPS):
+            for row, step in product(range(len(at)), steps):
                 if 0 <= at[row] + step < len(FORM_ERRORS):
                     near = (*at[:row], at[row] + step, *at[row + 1 :])
                     found = self.ask(near)[with_effect]
@@ -134,7 +154,8 @@ class _Search:
         ]
 
     def _weighed(self, form: Form) -> tuple[float, float]:
-        reduced, weighing = self.system.reduced_once(form), self.weighing
+        system, weighing = self.system, self.weighing
+        reduced = system.reduced(form) if form in system.form_errors else system.reduced_once(form)
         if self.free is not None:
             reduced = reduced.freed(self.free)
         none = reduced.log_evidence

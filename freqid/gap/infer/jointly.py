@@ -103,7 +103,8 @@ class _Fit:
         value, G, g = self.at(sizes)
         for _ in range(_STEPS):
             w, slopes, precision, pull = self.slopes(sizes)
-            step = np.linalg.solve(slopes @ G @ slopes.T + np.diag(precision), slopes @ (g - G @ w) - pull)
+            curve = slopes @ G @ slopes.T + np.diag(precision)
+            step = np.asarray(np.linalg.solve(curve, slopes @ (g - G @ w) - pull), dtype=float)
             for _ in range(_HALVINGS):
                 moved = self.moved(sizes, step)
                 better, G_there, g_there = self.at(moved)

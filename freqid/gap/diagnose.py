@@ -173,6 +173,7 @@ def diagnose(
     ranking = rank(evidence, exists, INTERVAL, TEMPERATURE, p_none if exists else max(p_none, 0.5))
     leading = _leading(q.named, ranking, evidence)
     explanation: Explanation | None = None
+    joint: Evidence | None = None
     if leading and exists:
         tell("looking for a second effect")
         explanation, joint, columns = _explanation(
@@ -183,14 +184,15 @@ def diagnose(
     cells = gap_map(used, explained if explanation else [b.residual for b in used])
     closing: Closing | None = None
     closed: list[Closed] = []
-    if q.close and explanation:
+    if q.close and explanation and joint:
         tell("closing the gap on manoeuvres that were not used")
         others = (
             stack_of(simulation, held_out, names[count:], q.band_hz, seed=q.seed + 500, departures=departures)
             if held_out
             else []
         )
-        closing = closing_of(system, used, columns, others, explanation, library, q.tolerances)
+        form_error = form_beside(joint, explanation.places, explanation.estimates)
+        closing = closing_of(system, used, columns, others, explanation, library, q.tolerances, form_error)
         closed = close(closing, explanation, q.seed, library, q.tolerances)
     sizes = evidence.form_sizes()
     sizes = np.where(sizes < FORM_ERRORS[1], 0.0, sizes)

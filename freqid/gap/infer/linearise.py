@@ -45,15 +45,35 @@ def relinearised(
         Of what acts beside them; the likeliest effect where absent, if one is likely.
     """
     departures, fitted = likeliest_departures(system, blocks, sizes, form_error, weights)
-    at = [k for k, name in enumerate(system.tolerances) if name in departures]
     if not departures:
         return system, list(columns)
-    new = []
-    for block, c in zip(blocks, columns, strict=True):
-        whole = block.transform(block.trial.departed(departures))
-        straight = np.tensordot(fitted[at], c.sigmas[at], 1)
-        new.append(c.with_residual(block.white(block.residual - (whole - straight))))
+    new = [
+        straightened(c, block, system.tolerances, departures, fitted)
+        for block, c in zip(blocks, columns, strict=True)
+    ]
     return replace(system, blocks=[c.matrices for c in new], _reduced={}), new
+
+
+def straightened(
+    columns: Columns, block: Block, names: Sequence[str], departures: Mapping[str, float], fitted: Array
+) -> Columns:
+    """Return the columns of a block, its residual less what departures together make beyond their columns.
+
+    Parameters
+    ----------
+    columns : Columns
+    block : Block
+    names : sequence of str
+        Tolerances.
+    departures : dict of float
+        Of the simulation's own parameters.
+    fitted : ndarray, shape (tolerance,)
+        Of all tolerances, in sigmas.
+    """
+    at = [k for k, name in enumerate(names) if name in departures]
+    whole = block.transform(block.trial.departed(departures))
+    straight = np.tensordot(fitted[at], columns.sigmas[at], 1)
+    return columns.with_residual(block.white(block.residual - (whole - straight)))
 
 
 def likeliest_departures(

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from freqid.gap.infer.build import rebuilt
 from freqid.gap.infer.columns import Columns
@@ -25,6 +26,7 @@ from freqid.gap.simulation import Simulation
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
 
+Array = NDArray[np.float64]
 Settings = dict[str, float]
 
 
@@ -102,8 +104,13 @@ def together(
         return system, list(columns)  # tolerances are straight about it already
     anew = [tolerance_columns(b, library, sizes) for b in flown] if flown[0] is not blocks[0] else []
     system, columns = rebuilt(system, new, columns, blocks, anew)
+    return relinearised(system, columns, flown, sizes, form_error, weights_of(system, explanation))
+
+
+def weights_of(system: System, explanation: Explanation) -> Array:
+    """Return the weights of a system's columns in an explanation, shape (column,)."""
     weights = np.zeros(system.columns)
     for i, e in zip(explanation.places, explanation.estimates, strict=True):
-        c = new[i]
+        c = system.candidates[i]
         weights[system.columns_of(i)] = c.weights(float(e.size[0])) if c.kind == "scalar" else e.weights
-    return relinearised(system, columns, flown, sizes, form_error, weights)
+    return weights

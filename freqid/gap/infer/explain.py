@@ -107,10 +107,13 @@ def _settled(evidence: Evidence, explanation: Explanation, compute: Compute) -> 
     """Return the evidence about the sizes at which effects were computed, or nearly.
 
     Half way at a time from the second one on: what one leaves to the other would swing about the answer.
+    Those that do not change each other need only be near.
     """
     at = explanation
-    for _ in range(_SETTLING):
+    for done in range(_SETTLING):
         evidence = compute(evidence, at, [])
+        if done > 0 and not any(evidence.system.candidates[i].beside for i in explanation.places):
+            break
         now = jointly(evidence, explanation.places)
         each = list(zip(at.estimates, now, strict=True))
         if all(np.all(np.abs(a.size - e.size) <= _CLOSE * (e.hi - e.lo)) for a, e in each):

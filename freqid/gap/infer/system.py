@@ -21,6 +21,7 @@ from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS
 Array = NDArray[np.float64]
 
 SEEN = 0.1  # standard deviations of the noise: directions of a form below it are left out
+_FREE = 1e-9  # of a free column's energy: what is left of it
 _EMPTY = 1e-10  # of the largest eigenvalue of the form's columns: directions below it are none
 
 
@@ -188,6 +189,23 @@ class Reduced:
         """Return each candidate's inner products alone; `layout` as in `OwnProducts`."""
         return [self.G[c[:, :, None], c[:, None, :]] for c in layout]
 
+    def freed(self, directions: Array) -> Reduced:
+        """Return what is left once weights of columns are free, shape (freed, column).
+
+        The log evidence is that at their likeliest size.
+        """
+        across, projected = directions @ self.G, directions @ self.g
+        own = across @ directions.T
+        size = np.sqrt(np.maximum(np.diag(own), np.finfo(float).tiny))  # each counts alike, however small
+        across, projected = across / size[:, None], projected / size
+        own = own / size[:, None] / size + _FREE * np.eye(len(own))
+        solved = np.linalg.solve(own, np.concatenate([across, projected[:, None]], axis=1))
+        return Reduced(
+            self.G - across.T @ solved[:, :-1],
+            self.g - across.T @ solved[:, -1],
+            self.log_evidence + 0.5 * float(projected @ solved[:, -1]),
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class OwnProducts:
@@ -278,11 +296,15 @@ class System:
     def reduced(self, form_error: Form) -> Reduced:
         """Return the small matrices at one error of form, made once."""
         if form_error not in self._reduced:
-            gram, determinant = self.gram(form_error)
-            n = self.columns
-            across, g, log_evidence = _without_tolerances(gram[n:], determinant, n)
-            self._reduced[form_error] = Reduced(gram[:n, :n] - across.T @ across, g, log_evidence)
+            self._reduced[form_error] = self.reduced_once(form_error)
         return self._reduced[form_error]
+
+    def reduced_once(self, form_error: Form) -> Reduced:
+        """Return the small matrices at an error of form that is not asked for again: they fill megabytes."""
+        gram, determinant = self.gram(form_error)
+        n = self.columns
+        across, g, log_evidence = _without_tolerances(gram[n:], determinant, n)
+        return Reduced(gram[:n, :n] - across.T @ across, g, log_evidence)
 
     def own_products(self, form_error: Form, layout: Sequence[NDArray[np.intp]]) -> OwnProducts:
         """Return each candidate's own inner products at an error of form.

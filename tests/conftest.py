@@ -61,15 +61,15 @@ def linear_logs(linear_aircraft, tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def fly_worn(linear_aircraft):
-    """Put flights of the linear aircraft with a worn elevator, and its sound simulation, into a folder."""
+def fly_worn(linear_aircraft, script):
+    """Put flights of `examples/gap_flights.py` with some loss, and the sound simulation, into a folder."""
     project = linear_aircraft.__file__.rpartition("/examples/")[0]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(f"{project}/examples")
+        example = script("examples/gap_flights.py")
 
     def fly(folder, loss, seeds, period=30.0):
-        worn = {
-            r: {n: c * (1 - loss * (n == "de")) for n, c in row.items()}
-            for r, row in linear_aircraft.DERIVATIVES.items()
-        }
+        worn = example.derivatives(loss)
         shutil.copy(f"{project}/examples/linear_simulation.py", folder)
         for seed in seeds:
             log = folder / f"flight{seed}.csv"

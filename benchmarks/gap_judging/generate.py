@@ -211,7 +211,7 @@ def described(args, case, truth, m, conditions) -> dict:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("out", type=Path)
-    parser.add_argument("--vehicle", choices=("quadplane", "vtail"), required=True)
+    parser.add_argument("--vehicle", choices=("quadplane", "vtail", "tiltrotor"), required=True)
     parser.add_argument("--kind", choices=("null", "single", "pair", "outsider"), required=True)
     parser.add_argument("--count", type=int, default=10, help="of nulls or pairs")
     parser.add_argument("--strata", help="of singles and outsiders, such as 15,50,200,1000")

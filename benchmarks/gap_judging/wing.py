@@ -23,6 +23,8 @@ class Wing:
         The owner's polar, without a fourth power.
     aileron, moment, centre : float
         Lift of an outer strip per rad, moment coefficient, aerodynamic centre ahead of the origin, m.
+    flap : float
+        Lift of an inner strip per rad, where the wing has flaperons.
     """
 
     area: float
@@ -41,6 +43,7 @@ class Wing:
     aileron: float
     moment: float
     centre: float
+    flap: float = 0.0
 
     @property
     def y2(self) -> float:
@@ -53,7 +56,7 @@ class Wing:
         return 2 * (self.outer_share * self.y_outer + (0.5 - self.outer_share) * self.y_inner)
 
 
-def strip_loads(g, x, ailerons, half, s, memory, blown=None):
+def strip_loads(g, x, ailerons, half, s, memory, blown=None, flaps=None):
     """Return X Z L M N of the wing as strips, in the truth.
 
     Parameters
@@ -66,8 +69,10 @@ def strip_loads(g, x, ailerons, half, s, memory, blown=None):
     s : Settings
     memory : object
         Has the lagged angle of attack, `alpha`.
-    blown : ndarray, optional
-        Velocity that a propeller adds over the inner strips, m/s.
+    blown : ndarray, shape (2, 4, flight), optional
+        Velocity that propellers add over each strip, from left to right, along x and z, m/s.
+    flaps : tuple of 2 ndarray, optional
+        Left and right flaperon, of the inner strips.
     """
     u, v, w, p, _, r = x[:6]
     station = np.array([-g.y_outer, -g.y_inner, g.y_inner, g.y_outer])[:, None]
@@ -76,8 +81,7 @@ def strip_loads(g, x, ailerons, half, s, memory, blown=None):
     ui = u - r * station
     wi = w + p * station * (1 + s("wing.roll_damping")) + v * bent * np.sign(station)
     if blown is not None:
-        ui[1] += blown
-        ui[2] += blown
+        ui, wi = ui + blown[0], wi + blown[1]
     vi2 = ui * ui + wi * wi
     inv = 1 / np.sqrt(vi2)
     sa, ca = wi * inv, ui * inv
@@ -91,8 +95,11 @@ def strip_loads(g, x, ailerons, half, s, memory, blown=None):
     if s.has("unsteady_lift"):
         acts = np.asarray(s("unsteady_lift.time_constant")) > 0
         lift = lift + slope * (memory.alpha - np.arctan2(w, u)) * np.where(acts, 0.94, 0)
-    for i, name, angle in ((0, "ail_l", ailerons[0]), (3, "ail_r", ailerons[1])):
-        lift[i] += g.aileron * (1 + s(f"{name}.effectiveness")) * angle * (1 - 0.25 * angle**2)
+    moved = [(0, "ail_l", g.aileron, ailerons[0]), (3, "ail_r", g.aileron, ailerons[1])]
+    if flaps is not None:
+        moved += [(1, "flap_l", g.flap, flaps[0]), (2, "flap_r", g.flap, flaps[1])]
+    for i, name, effect, angle in moved:
+        lift[i] += effect * (1 + s(f"{name}.effectiveness")) * angle * (1 - 0.25 * angle**2)
     drag = g.drag * (1 + s("wing.drag_zero")) + g.induced * (1 + s("wing.drag_induced")) * lift**2
     drag = drag + g.quartic * lift**4
     qi = half * vi2 * (g.area * share)
@@ -102,8 +109,8 @@ def strip_loads(g, x, ailerons, half, s, memory, blown=None):
     return X, Z, (station * zi).sum(axis=0), M, -(station * xi).sum(axis=0)
 
 
-def coefficient_loads(m, g, flow, rates, ailerons, rho, get):
-    """Return X Z L M N of the wing and its lift coefficient without ailerons, as the owner has them.
+def coefficient_loads(m, g, flow, rates, ailerons, rho, get, flaps=None):
+    """Return X Z L M N of the wing, as the owner has them.
 
     Parameters
     ----------
@@ -119,6 +126,8 @@ def coefficient_loads(m, g, flow, rates, ailerons, rho, get):
     rho : float or ndarray
     get : callable
         Departures of the owner's parameters by name.
+    flaps : tuple, optional
+        Left and right flaperon, rad.
     """
     u, v, w, speed, sa, ca, alpha = flow
     p, r = rates
@@ -127,12 +136,15 @@ def coefficient_loads(m, g, flow, rates, ailerons, rho, get):
     slope = g.slope * (1 + get("wing.lift_slope", 0.0))
     cl = slope * at * (1 - 0.664 * at * at) - g.slope * g.zero * get("wing.lift_zero", 0.0)
     cla = slope * (1 - 1.98 * at * at)
-    dl = g.aileron * (1 + get("ail_l.effectiveness", 0.0)) * ailerons[0]
-    dd = g.aileron * (1 + get("ail_r.effectiveness", 0.0)) * ailerons[1]
+    pairs = [_pair("ail", g.outer_share, g.y_outer, g.aileron, ailerons, get)]
+    if flaps is not None:
+        pairs.append(_pair("flap", 0.5 - g.outer_share, g.y_inner, g.flap, flaps, get))
     kd = g.owner_induced * (1 + get("wing.drag_induced", 0.0))
     cd = g.owner_drag * (1 + get("wing.drag_zero", 0.0)) + kd * cl * cl
-    lift = cl + g.outer_share * (dl + dd)
-    drag = cd + kd * g.outer_share * (2 * cl * (dl + dd) + dl * dl + dd * dd)
+    lift, drag = cl, cd
+    for share, _, dl, dd in pairs:
+        lift = lift + share * (dl + dd)
+        drag = drag + kd * share * (2 * cl * (dl + dd) + dl * dl + dd * dd)
     cda = 2 * kd * cl * cla
     X = qs * (lift * sa - drag * ca)
     Z = -qs * (lift * ca + drag * sa)
@@ -142,12 +154,23 @@ def coefficient_loads(m, g, flow, rates, ailerons, rho, get):
     more = 2 * ((pd * sa - r * ca) * g.y2 + sa * v * bent * g.y1) / speed
     L = -qs * (((cla + cd) * ca + (cda - cl) * sa) * tilt + (cl * ca + cd * sa) * more)
     N = -qs * (((cla + cd) * sa + (cl - cda) * ca) * tilt + (cl * sa - cd * ca) * more)
-    steer = qs * g.outer_share * g.y_outer
-    turned = (g.y_outer * (pd * ca + r * sa) + g.dihedral * v * ca) / speed
-    quicker = 2 * g.y_outer * r * ca / speed
-    Z = Z - qs * g.outer_share * quicker * (dl - dd) + 0.5 * g.slope * g.area * g.y2 * rho * p * r
-    L = L + steer * (dl - dd + (dl + dd) * quicker) * (ca + 2 * kd * cl * sa)
-    N = N + steer * ((dl - dd) * (sa - 2 * kd * cl * ca) - kd * ca * (dl * dl - dd * dd))
-    N = N + steer * (dl + dd) * ca * turned * (2 * kd * cla - 1)
+    Z = Z + 0.5 * g.slope * g.area * g.y2 * rho * p * r
+    for share, y, dl, dd in pairs:
+        steer = qs * share * y
+        turned = (y * (pd * ca + r * sa) + g.dihedral * v * ca) / speed
+        quicker = 2 * y * r * ca / speed
+        Z = Z - qs * share * quicker * (dl - dd)
+        L = L + steer * (dl - dd + (dl + dd) * quicker) * (ca + 2 * kd * cl * sa)
+        N = N + steer * ((dl - dd) * (sa - 2 * kd * cl * ca) - kd * ca * (dl * dl - dd * dd))
+        N = N + steer * (dl + dd) * ca * turned * (2 * kd * cla - 1)
     M = g.centre * Z + 0.5 * rho * speed * speed * g.area * g.chord * g.moment * (1 + get("wing.moment", 0.0))
     return X, Z, L, M, N
+
+
+def _pair(name, share, y, effect, angles, get):
+    """Return share of the area, station, and lift that each of two surfaces adds to its strip."""
+    left, right = (
+        effect * (1 + get(f"{name}_{end}.effectiveness", 0.0)) * angle
+        for end, angle in zip("lr", angles, strict=True)
+    )
+    return share, y, left, right

@@ -31,12 +31,19 @@ def command(
     from freqid.core.errors import GateFailed
     from freqid.core.record import read_record
     from freqid.core.scenario import read_scenario
+    from freqid.gap import flights
     from freqid.gap.bookkeeping.check import check
     from freqid.gap.connect import connect
 
     flown = [read_record(path) for path in records]
     simulation = connect(sim, scenario=scenario, predictions=predictions, record=flown[0])
     vehicle = read_scenario(scenario)[0].aircraft() if scenario is not None else None
+    names = [str(path) for path in records]
+    used = flights.maneuvers(flown, names, simulation, flights.vehicle_of(flown, simulation, vehicle))
+    flights.refuse_unmeasured(used, names, simulation)
+    if simulation.kind == "callable":  # what else it has is asked once, so that it is known to work
+        simulation.positions(flown[0])
+        simulation.fly(flown[0])
     findings = check(simulation, flown, vehicle, own=own)
     result = {
         "simulation": simulation.name,

@@ -156,6 +156,8 @@ def command(
     simulation = connect(sim[0] if sim else None, scenario=scenario, predictions=predictions, record=read[0])
     vehicle = flights.vehicle_of(read, simulation, described.aircraft() if described else None)
     every = flights.maneuvers(read, names, simulation, vehicle)
+    flights.refuse_unmeasured(every, names, simulation)
+    flights.refuse_without_noise(read, names)
     tolerances = stated(sigmas, library, simulation, every[0].vehicle)
     here = {i: effect.of(every[0].vehicle) for i, effect in library.items()}
     _refuse_absurd(sigmas, tolerances_used(sigmas, simulation, here))

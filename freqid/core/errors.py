@@ -40,7 +40,7 @@ class FreqidError(Exception):
     def __str__(self) -> str:
         text = f"{self.where}: {self.message}" if self.where else self.message
         text = f"{text}; {self.remedy}" if self.remedy else text
-        return text if text.endswith("?") else f"{text}."
+        return text if text.endswith(("?", "...")) else f"{text}."
 
     def at(self, where: str) -> FreqidError:
         """Return the same error with its place filled in, unless it has one already."""

@@ -16,10 +16,12 @@ from freqid.gap.close.closing import Closing, closing_of
 from freqid.gap.close.closure import Closed, close
 from freqid.gap.infer.build import build, flown_departures, rebuilt
 from freqid.gap.infer.columns import Columns
-from freqid.gap.infer.evidence import NONE, Evidence, estimate, weigh
-from freqid.gap.infer.explain import Explanation, explain
+from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate, weigh
+from freqid.gap.infer.explain import BEHIND, FINALISTS, Explanation, explain
+from freqid.gap.infer.jointly import form_beside
 from freqid.gap.infer.null_draws import null_statistics, threshold_of
 from freqid.gap.infer.system import System
+from freqid.gap.infer.together import together
 from freqid.gap.infer.where import gap_map
 from freqid.gap.infer.which import Ranking, detectable_sizes, groups_of, probability_of_none, rank
 from freqid.gap.model.candidates import OTHER
@@ -33,9 +35,7 @@ from freqid.simulate.effects.effect import Effect
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-_FINALISTS = 6  # effects that are computed again near their estimated size
 _STRAINED = 3  # tolerances whose strain is said
-_BEHIND = 10.0  # nats behind the leading one, from which an effect is no finalist
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,19 +172,27 @@ def diagnose(
     p_none = probability_of_none(evidence)
     ranking = rank(evidence, exists, INTERVAL, TEMPERATURE, p_none if exists else max(p_none, 0.5))
     leading = _leading(q.named, ranking, evidence)
-    explanation = explain(evidence, leading) if leading and exists else None
-    explained = _explained(explanation, evidence, used)
+    explanation: Explanation | None = None
+    joint: Evidence | None = None
+    if leading and exists:
+        tell("looking for a second effect")
+        explanation, joint, columns = _explanation(
+            evidence, leading, bool(q.named), columns, used, library, q.tolerances
+        )
+        system = joint.system
+    explained = _explained(explanation, used)
     cells = gap_map(used, explained if explanation else [b.residual for b in used])
     closing: Closing | None = None
     closed: list[Closed] = []
-    if q.close and explanation:
+    if q.close and explanation and joint:
         tell("closing the gap on manoeuvres that were not used")
         others = (
             stack_of(simulation, held_out, names[count:], q.band_hz, seed=q.seed + 500, departures=departures)
             if held_out
             else []
         )
-        closing = closing_of(system, used, columns, others, explanation, q.candidates, q.tolerances)
+        form_error = form_beside(joint, explanation.places, explanation.estimates)
+        closing = closing_of(system, used, columns, others, explanation, library, q.tolerances, form_error)
         closed = close(closing, explanation, q.seed, library, q.tolerances)
     sizes = evidence.form_sizes()
     sizes = np.where(sizes < FORM_ERRORS[1], 0.0, sizes)
@@ -232,10 +240,10 @@ def _at_their_size(
 ) -> tuple[System, list[Columns]]:
     """Return the system with the finalists' columns at sizes near their estimates."""
     best = max(evidence.effect.values())
-    ranked = sorted(evidence.effect, key=lambda e: -evidence.effect[e])[:_FINALISTS]
+    ranked = sorted(evidence.effect, key=lambda e: -evidence.effect[e])[:FINALISTS]
     new = list(system.candidates)
     for effect in ranked:
-        if effect == OTHER or best - evidence.effect[effect] > _BEHIND:
+        if effect == OTHER or best - evidence.effect[effect] > BEHIND:
             continue
         i = evidence.best_place(effect)
         if new[i].kind == "scalar":
@@ -243,6 +251,29 @@ def _at_their_size(
     if all(a is b for a, b in zip(new, system.candidates, strict=True)):
         return system, columns
     return rebuilt(system, new, columns, blocks)
+
+
+def _explanation(
+    evidence: Evidence,
+    leading: str,
+    asked: bool,
+    columns: list[Columns],
+    blocks: Sequence[Block],
+    library: Mapping[str, Effect],
+    tolerances: Mapping[str, float],
+) -> tuple[Explanation, Evidence, list[Columns]]:
+    """Return the explanation that a leading effect begins, its effects and what they change made together."""
+    kept = [columns]
+
+    def compute(evidence: Evidence, explanation: Explanation, others: list[tuple[int, Estimate]]) -> Evidence:
+        form_error = form_beside(evidence, explanation.places, explanation.estimates)
+        system, kept[0] = together(
+            evidence.system, kept[0], blocks, explanation, others, library, tolerances, form_error
+        )
+        return evidence if system is evidence.system else weigh(system)
+
+    explanation, evidence = explain(evidence, leading, columns[0].form_names, asked=asked, compute=compute)
+    return explanation, evidence, kept[0]
 
 
 def _leading(named: Sequence[str], ranking: Ranking, evidence: Evidence) -> str:
@@ -262,13 +293,13 @@ def _figures(closed: Closed, system: System) -> Closure:
     return replace(closed.closure, theil=theil, strained=strained)
 
 
-def _explained(explanation: Explanation | None, evidence: Evidence, blocks: Sequence[Block]) -> list[Complex]:
+def _explained(explanation: Explanation | None, blocks: Sequence[Block]) -> list[Complex]:
     """Return what an explanation makes of every block, shape (row, line) each."""
     found = []
     for b, block in enumerate(blocks):
         z = np.zeros((len(block.rows), block.lines.hz.size), dtype=complex)
-        for i, e in zip(explanation.places, explanation.estimates, strict=True) if explanation else ():
-            z += np.tensordot(e.weights, evidence.system.candidates[i].columns[b], 1)
+        for e in explanation.estimates if explanation else ():
+            z += np.tensordot(e.weights, e.candidate.columns[b], 1)
         found.append(z)
     return found
 

@@ -12,11 +12,14 @@ from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.vehicle import Vehicle
 from freqid.gap.simulation import Simulation
 from freqid.gap.stack.lines import lines_of
+from freqid.gap.stack.rows import measured_part
+from freqid.gap.stack.sensor_noise import noisy_channels, sensor_noise
 from freqid.gap.undescribed import without_vehicle
 
 BAND_HZ = (0.05, 2.0)
 """Where nothing was injected and no band is stated."""
 
+_NO_NOISE = 1e-4  # of a channel's range: noise below it is what digits and smoothing leave
 _FEWEST = 50  # samples, of a manoeuvre of which anything can be told
 _MASS = 0.03  # of the mass, from which two that are stated differ
 
@@ -85,6 +88,7 @@ def maneuvers(
     ]
     for record, name in zip(records, names, strict=True):
         _refuse_without_motion(record, name)
+        _refuse_stuck(record, name)
     _told_apart(records, names)
     first = found[0].vehicle
     for m, name in zip(found[1:], names[1:], strict=True):
@@ -153,6 +157,58 @@ def _refuse_without_motion(record: FlightRecord, name: str) -> None:
             "none of its states moves, so neither motion nor noise can be told",
             where=name,
             remedy="see that the log's columns were read as what they are",
+        )
+
+
+def _refuse_stuck(record: FlightRecord, name: str) -> None:
+    """Refuse a record of an effector whose position is one number while a signal is injected into it."""
+    for e in record.group("effector"):
+        injected = f"excitation/{e}"
+        if injected in record and np.ptp(record[injected]) > 0 and not np.ptp(record[f"effector/{e}"]) > 0:
+            raise DataError(
+                f"effector/{e} stands still while the signal injected into it moves",
+                where=name,
+                remedy="see that the log's columns were read as what they are, or leave out the position",
+            )
+
+
+def refuse_unmeasured(found: Sequence[Maneuver], names: Sequence[str], simulation: Simulation) -> None:
+    """Refuse manoeuvres that lack what the responses are measured with.
+
+    Parameters
+    ----------
+    found : sequence of Maneuver
+    names : sequence of str
+        Their files.
+    simulation : Simulation
+
+    Raises
+    ------
+    DataError
+    """
+    for m, name in zip(found, names, strict=True):
+        try:
+            measured_part(m, simulation.responses, ())
+        except DataError as error:
+            raise error.at(name) from None
+
+
+def refuse_without_noise(records: Sequence[FlightRecord], names: Sequence[str]) -> None:
+    """Refuse a record none of whose measured channels has noise: nothing says what counts as a gap.
+
+    Raises
+    ------
+    DataError
+    """
+    for record, name in zip(records, names, strict=True):
+        moving = [n for n in noisy_channels(record) if np.ptp(record[n]) > 0]
+        sigma = sensor_noise(record, moving) if moving else {}
+        if any(s > _NO_NOISE * np.ptp(record[n]) for n, s in sigma.items()):
+            continue
+        raise DataError(
+            "its samples show no noise, so what counts as a gap cannot be told",
+            where=name,
+            remedy="give the log as the sensors took it, not smoothed; a simulated one with sensors' noise",
         )
 
 

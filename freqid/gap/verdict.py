@@ -50,6 +50,8 @@ def verdict(
     words.append(f"Your simulation: {_name(which, faults, library)}")
     if closures and np.isfinite(closures[0].wrench.G) and (which.named or which.pair):
         words.append(_closed(closures[0]))
+    if closures and which.withdrawn and (off := _strained(closures[0])):
+        words.append(f"; tolerances alone need {off}")
     words.append(".")
     words.append(_limited_by_form(gap))
     return "".join(words)
@@ -57,13 +59,18 @@ def verdict(
 
 def _closed(closure: Closure) -> str:
     """Return what goes with the effect, and what tolerances would have to do without it."""
-    strain = next(((n, x) for n, x in closure.strained.items() if abs(x) >= _STRAINED), None)
-    off = f", with {strain[0]} off by {abs(strain[1]):.0f} sigma" if strain else ""
+    off = f", with {strained}" if (strained := _strained(closure)) else ""
     alone = closure.tolerances_only.G
     return (
         f"; with it {100 * closure.wrench.G:.0f} % of the gap goes on {_held(closure)}"
         f" (tolerances alone: {100 * alone:.0f} %{off})"
     )
+
+
+def _strained(closure: Closure) -> str:
+    """Return the tolerance that is off most without the effect, where that is strained."""
+    strain = next(((n, x) for n, x in closure.strained.items() if abs(x) >= _STRAINED), None)
+    return f"{strain[0]} off by {abs(strain[1]):.0f} sigma" if strain else ""
 
 
 def _held(closure: Closure) -> str:

@@ -163,6 +163,7 @@ def test_a_worn_elevator_is_named_with_its_size_and_closed(diagnosed):
     assert d.which.named == ("surface_effectiveness",)
     assert d.which.places["surface_effectiveness"] == "de"
     assert not d.which.withdrawn
+    assert d.which.calibrated  # a function is asked as all simulations are
     assert "Your simulation: surface_effectiveness of de 0.5" in d.verdict
     assert sum(d.which.probabilities.values()) == pytest.approx(1.0)
     assert d.where[0].response == "M"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
@@ -11,6 +13,7 @@ from scipy.stats import multivariate_normal
 from freqid.gap.close.fit import fit
 from freqid.gap.infer.evidence import estimate, separation, weigh
 from freqid.gap.infer.explain import Explanation, explain
+from freqid.gap.infer.jointly import jointly
 from freqid.gap.infer.null_draws import drawn, effects_of
 from freqid.gap.infer.system import BlockMatrices, Form, System
 from freqid.gap.model.candidates import Candidate, Place
@@ -255,7 +258,7 @@ def test_separation_from_a_vector_is_what_no_combination_of_it_copies(dense):
 def test_a_second_effect_is_weighed_with_the_first_one_free():
     dense = Dense(effect=np.r_[2.0, np.zeros(6), 1.5, -1.0, 1.0])
     evidence = weigh(dense.system)
-    found = explain(evidence, "heavy")
+    found, _ = explain(evidence, "heavy")
     assert set(found.effects) == {"heavy", "off"}
     first = estimate(evidence, 0, 0.9).weights @ dense.at(0)
     free = 1e8 * np.outer(first, first)
@@ -270,3 +273,22 @@ def test_a_second_effect_is_weighed_with_the_first_one_free():
         with_it.append(logsumexp(each) - np.log(3) + same)
     expected = logsumexp(with_it) - logsumexp(without)
     assert found.gains[1] == pytest.approx(expected, rel=1e-4)
+
+
+def test_sizes_of_several_effects_at_once_are_as_the_whole_posterior_has_them():
+    """A scalar and a vector beside each other: mean and spread of each with the other one unknown too."""
+    dense = Dense(effect=np.r_[2.0, np.zeros(6), 1.5, -1.0, 1.0])
+    few = [*dense.candidates[:3], replace(dense.candidates[3], prior=np.array([3.0]))]
+    evidence = weigh(replace(dense.system, candidates=few, form_errors=(FORMS[1],), _reduced={}))
+    found = jointly(evidence, (0, 3))
+    columns = np.concatenate([dense.at(0) / dense.candidates[0].sizes[0], dense.at(3)])
+    inverse = np.linalg.inv(dense.covariance(FORMS[1]))
+    precision = columns @ inverse @ columns.T + np.diag([0.0, *[3.0**-2] * 3])
+    mean = np.linalg.solve(precision, columns @ inverse @ dense.residual)
+    spread = 1.6449 * np.sqrt(np.diag(np.linalg.inv(precision)))
+    assert found[0].size == pytest.approx(mean[:1], rel=0.02)
+    assert found[1].size == pytest.approx(mean[1:], rel=0.02)
+    assert (found[0].hi - found[0].lo) / 2 == pytest.approx(spread[:1], rel=0.03)
+    assert (found[1].hi - found[1].lo) / 2 == pytest.approx(spread[1:], rel=0.05)
+    alone = estimate(evidence, 0, 0.9, given=np.r_[np.zeros(7), found[1].weights])
+    assert np.all(found[0].hi - found[0].lo > alone.hi - alone.lo)

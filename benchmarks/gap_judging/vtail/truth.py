@@ -85,15 +85,14 @@ def loads(x, felt, rho, s, memory):
     power = 1 + s("prop.thrust") - s("weak_rotor.loss")
     fallen = (0.50 * advance + 1.30 * advance**2 + 0.04 * advance**3) * (1 + s("prop.advance"))
     thrust = 7.0e-5 * power * n**2 * (1.004 - fallen)
-    blown = tail_blown = 0.0
+    blown, tail_blown = None, 0.0
     if s.has("slipstream"):  # far wake of momentum theory, contracted, felt by a part of what lies behind
         disc = 2 * np.maximum(thrust, -20.0) / (rho * np.pi * g.HUB_R**2)
         added = np.sqrt(np.maximum(u * u + disc, 1.0)) - u
-        blown = s("slipstream.strength") * 0.30 * added
+        blown = np.zeros((2, 4, u.size))
+        blown[0, 1:3] = s("slipstream.strength") * 0.30 * added
         tail_blown = s("slipstream.strength") * 0.45 * added
-    X, Z, L, M, N = strip_loads(
-        g.WING, x, (ail_l, ail_r), half, s, memory, blown if s.has("slipstream") else None
-    )
+    X, Z, L, M, N = strip_loads(g.WING, x, (ail_l, ail_r), half, s, memory, blown)
     M = M + qbar * 0.62 * 0.27 * 0.07 * (1 + s("body.pitch_moment")) * np.sin(2 * alpha)
     # V-tail
     wash = g.WASH_ZERO + g.WASH * (1 + s("tail.downwash")) * (alpha - g.WING.zero)

@@ -151,7 +151,7 @@ def _next(comparisons: Sequence[Comparison]) -> tuple[Fault, float] | None:
                 likely.append((change, fault))
     for change, fault in sorted(likely, key=lambda found: -found[0].gain):
         noise = np.sum([comparison.noise(fault) for comparison in comparisons], axis=0)
-        explained = change.explained(noise)
+        explained = change.explained(noise, sum(c.degrees_of_freedom for c in comparisons))
         if explained > EXPLAINED:
             return fault, explained
     return _trim_level(comparisons)

@@ -13,6 +13,7 @@ from freqid.gap.bookkeeping.comparison import Comparison, difference, energy
 Array = NDArray[np.float64]
 
 SHARP = 0.15  # departure of the fitted size from the mistake's own
+_SCATTERS = 2.0  # standard deviations of the noise's energy within which there is nothing but noise
 _LEAST = 0.003  # residual over the response's own energy that is worth a word
 # Of a change, its share in motion or in level, and of a response's energy: what has to be right by itself.
 # Levels are judged less, because sensors' offsets are among them.
@@ -83,11 +84,21 @@ class Correction:
         """Energy that goes, of all responses."""
         return float((self.before - self.after).sum())
 
-    def explained(self, noise: Array | float) -> float:
-        """Return the share that goes of what is not noise; zero where there is hardly anything."""
+    def explained(self, noise: Array | float, freedom: int = 1) -> float:
+        """Return the share that goes of what is not noise; zero where there is hardly anything.
+
+        Parameters
+        ----------
+        noise : ndarray, shape (response,)
+            Its energy.
+        freedom : int
+            Independent numbers that each energy is the sum of: noise scatters by the root of 2 over these.
+        """
         noise = np.broadcast_to(noise, self.before.shape)
         before, after = (np.maximum(e - noise, 0.0)[self.touched].sum() for e in (self.before, self.after))
-        return float(1 - after / before) if before > _LEAST * max(1, self.touched.size) else 0.0
+        scatter = float(np.linalg.norm(noise[self.touched])) * np.sqrt(2 / freedom)
+        least = max(_LEAST * max(1, self.touched.size), _SCATTERS * scatter)
+        return float(1 - after / before) if before > least else 0.0
 
 
 def gain_of(comparisons: Sequence[Comparison], predicted: Sequence[Array]) -> float:

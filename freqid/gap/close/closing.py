@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from freqid.gap.infer.build import columns_of
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.explain import Explanation
-from freqid.gap.infer.system import System
+from freqid.gap.infer.linearise import likeliest_departures, straightened
+from freqid.gap.infer.system import Form, System
+from freqid.gap.infer.together import acted_on, settings_of, weights_of
 from freqid.gap.model.candidates import Candidate, recomputed
 from freqid.gap.settings import FOLDS
 from freqid.gap.stack.block import Block
@@ -73,6 +75,7 @@ def closing_of(
     explanation: Explanation,
     library: Mapping[str, Effect],
     tolerances: Mapping[str, float],
+    form_error: Form,
 ) -> Closing:
     """Divide a stack: held-out blocks against the others; else conditions in turns; one block by its lines.
 
@@ -86,7 +89,11 @@ def closing_of(
     held_out : sequence of Block
     explanation : Explanation
     library : dict of Effect
+        Of the vehicle.
     tolerances : dict of float
+    form_error : Form
+        Beside the explanation. What tolerances make beyond first order, at their departures there, is as
+        much on what is held out as on what was used.
     """
     few = [system.candidates[i] for i in explanation.places]
     chosen = np.concatenate([np.arange(system.start[i], system.start[i + 1]) for i in explanation.places])
@@ -96,12 +103,17 @@ def closing_of(
         few = [replace(c, columns=[*c.columns, *more]) for c, more in zip(few, added, strict=True)]
         at = range(len(used), len(used) + len(held_out))
         rows, forms = columns[0].form_names, system.form_errors
+        acting = settings_of(explanation, library, held_out[0].trial.simulation)
+        flown = acted_on(held_out, acting, library)
         made = [
             columns_of(b, i, few, system.tolerances, library, tolerances, rows, forms)
-            for b, i in zip(held_out, at, strict=True)
+            for b, i in zip(flown, at, strict=True)
         ]
-        parts += [c for c, _ in made]
-        held_out = [b for _, b in made]
+        departures, fitted = likeliest_departures(
+            system, used, tolerances, form_error, weights_of(system, explanation)
+        )
+        parts += [straightened(c, b, system.tolerances, departures, fitted) for c, b in made]
+        held_out = [replace(b, trial=own.trial) for (_, b), own in zip(made, held_out, strict=True)]
     blocks = [*used, *held_out]
     source = list(range(len(blocks)))
     names = tuple(n for b in held_out or used for n in b.names)

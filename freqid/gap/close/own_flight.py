@@ -234,11 +234,12 @@ def _noise(block: Block, states: Sequence[str], residual: Complex) -> Array:
     white = np.array([np.mean([s[f"state/{n}"] ** 2 for s in sigma]) for n in states]) / len(sigma)
     sensors = np.repeat((white * block.lines.dt)[:, None], block.lines.hz.size, axis=1)
     sensors = np.maximum(sensors, np.finfo(float).tiny)
-    used = ~block.lines.driven
-    used[0] = False
-    if not used.any():
+    undriven = (~block.lines.driven).astype(float)
+    undriven[0] = 0.0
+    if not undriven.any():
         return sensors
-    return sensors * np.maximum(smooth_ratio(block.lines.hz, np.abs(residual) ** 2 / sensors, used, 2.0), 1.0)
+    power = np.abs(residual) ** 2 / sensors
+    return sensors * np.maximum(smooth_ratio(block.lines.hz, power, undriven), 1.0)
 
 
 def _loads(block: Block) -> Array:

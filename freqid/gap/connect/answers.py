@@ -77,18 +77,27 @@ def stacked(
 def row(values: Any, name: str, time: Array, where: str) -> Array:
     """Return one predicted signal, shape (sample,); a single number is held. Errors as in `stacked`."""
     try:
-        found = np.asarray(values, dtype=float)
+        complex_valued = np.iscomplexobj(values)
+        found = np.asarray(values.real if complex_valued else values, dtype=float)
     except (TypeError, ValueError):
         raise DataError(
             f"what the simulation returned as '{name}' is no array of numbers but {type(values).__name__}",
             where=where,
+            remedy=f"return one number a sample, an array of shape {time.shape}",
         ) from None
+    if complex_valued:
+        raise DataError(
+            f"what the simulation returned as '{name}' is complex, expected real numbers",
+            where=where,
+            remedy="return the real part if that is what is meant",
+        )
     if found.ndim == 0:
         found = np.full(time.shape, float(found))
     if found.shape != time.shape:
         raise DataError(
             f"what the simulation returned as '{name}' has shape {found.shape}, expected {time.shape}",
             where=where,
+            remedy="return one number for each sample of `time`",
         )
     bad = np.flatnonzero(~np.isfinite(found))
     if bad.size:
@@ -121,7 +130,9 @@ def signals(returned: Any, time: Array, names: Mapping[str, str | None], where: 
     """
     if not isinstance(returned, Mapping):
         raise DataError(
-            f"it returned {type(returned).__name__}, expected a dictionary of arrays by name", where=where
+            f"it returned {type(returned).__name__}, expected a dictionary of arrays by name",
+            where=where,
+            remedy='return {"q": array, ...}, one number a sample',
         )
     out: dict[str, Array] = {}
     for name, values in returned.items():

@@ -57,7 +57,7 @@ class CallableSimulation:
     Raises
     ------
     DataError
-        Where the function's ``tolerances`` or ``gyroscopic`` are not of their form.
+        Where the function's ``tolerances``, ``gyroscopic``, ``positions`` or ``fly`` are not of their form.
     """
 
     function: Callable[..., Any]
@@ -76,6 +76,14 @@ class CallableSimulation:
             if getattr(self, name) is None:
                 object.__setattr__(self, name, value)
 
+        for hook in ("positions", "fly"):
+            given = getattr(self.function, hook, None)
+            if given is not None and not callable(given):
+                raise DataError(
+                    f"{hook} is {type(given).__name__}, expected a function",
+                    where=self.name,
+                    remedy=f"give a function, or leave out {hook}",
+                )
         fill("effects", {})
         fill("tolerances", _tolerances(self.function, self.effects, self.name))
         fill("gyroscopic", _gyroscopic(self.function, self.name))
@@ -155,7 +163,7 @@ class CallableSimulation:
                 return function(*given)
         except FreqidError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # a script of the user's may leave
             if during is not None:
                 start, stop = during.time[[0, -1]]
                 raise DataError(
@@ -204,6 +212,12 @@ def _tolerances(function: Callable[..., Any], effects: Settings, where: str) -> 
                 f"tolerance '{name}' has sigma 0",
                 where=where,
                 remedy="leave out what is known exactly, or give one standard deviation",
+            )
+        if tolerances[name].unit == "1" and tolerances[name].sigma > 1:
+            raise DataError(
+                f"tolerance '{name}' is {tolerances[name].sigma:g}, a share of more than all",
+                where=where,
+                remedy="give one standard deviation as a share, 0.05 for 5 %, or its unit",
             )
     return tolerances
 
@@ -265,7 +279,14 @@ def load(text: str) -> CallableSimulation:
     if not callable(function):
         known = [n for n, v in vars(module).items() if callable(v) and not n.startswith("_")]
         raise UsageError(f"it defines no function '{name}'", where=file, remedy=nearest(name, known))
-    responses = tuple(getattr(function, "responses", ()))
+    stated = getattr(function, "responses", ())
+    if not isinstance(stated, tuple | list):
+        raise DataError(
+            f"responses is {stated!r}, expected a tuple of names",
+            where=text,
+            remedy='write responses = ("X", "Z", "M")',
+        )
+    responses = tuple(stated)
     for response in responses:
         if response not in answers.KNOWN:
             raise DataError(
@@ -277,6 +298,12 @@ def load(text: str) -> CallableSimulation:
     if isinstance(vehicle, str | Path):
         vehicle = read_scenario(path.parent / vehicle)[0].aircraft()
     effects = getattr(function, "effects", {})
+    if not isinstance(effects, Mapping) or not all(isinstance(x, Mapping) for x in effects.values()):
+        raise DataError(
+            f"effects is {effects!r}, expected settings by effect",
+            where=text,
+            remedy='write effects = {"extra_drag": {"coefficient": 0.1}}',
+        )
     return CallableSimulation(function, text, responses, vehicle, effects, str(path))
 
 
@@ -289,14 +316,14 @@ def _imported(path: Path) -> Any:
     sys.path.insert(0, str(path.parent.resolve()))  # its neighbours
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise DataError(f"the file cannot be run: {_described(error, str(path))}", where=str(path)) from error
     finally:
         sys.path.pop(0)
     return module
 
 
-def _described(error: Exception, source: str) -> str:
+def _described(error: BaseException, source: str) -> str:
     """Return an exception's name and words, and the line of the user's file where it was raised."""
     words = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
     if isinstance(error, SyntaxError):

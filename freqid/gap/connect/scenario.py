@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from threading import Lock
 from typing import Any, Literal
@@ -160,20 +160,26 @@ class ScenarioSimulation:
         """Return positions by effector: servos, tilt drives and motors at the record's commands.
 
         The injected signal is straight between samples, the control law's part a cubic spline. The voltage
-        is that of the scenario's battery under the rotors' load. Effectors without a command
-        are left out.
+        is that of the scenario's battery under the rotors' load, at commanded speeds where none were
+        measured. Effectors without a command are left out.
         """
         if not any(f"command/{e.name}" in record for e in self.vehicle.effectors):
             return {}
         settings, own = self._settings(effects), self._departures(departures)
         act = (motion.parameters(self._scenario(effects)) if effects else self._parameters).actuators
         act = actuators_with(act, self.vehicle, own)
-        ratio = np.ones(record.time.size)
-        if "rotor" in self.vehicle.effector_kinds.values():
-            ratio = actuation.voltage_ratio(
-                self._airframe(None, own), act, settings["battery_sag"], self._along(record), record.dt
-            )
-        return actuation.positions(record, self.vehicle, act, settings, ratio, gains(self.vehicle, own))
+        gain, kinds = gains(self.vehicle, own), self.vehicle.effector_kinds
+        unmeasured = [n for n in kinds if f"effector/{n}" not in record and f"command/{n}" in record]
+        found = {n: record[f"command/{n}"] for n in unmeasured}
+        for _ in range(2 if unmeasured else 1):  # the load of commanded speeds, then that of attained ones
+            ratio = np.ones(record.time.size)
+            if "rotor" in kinds.values():
+                stand = [replace(record.channel(f"command/{n}"), values=found[n]) for n in unmeasured]
+                moved = record.with_channels(*(replace(c, name=f"effector/{c.name[8:]}") for c in stand))
+                airframe, sag = self._airframe(None, own), settings["battery_sag"]
+                ratio = actuation.voltage_ratio(airframe, act, sag, self._along(moved), record.dt)
+            found = actuation.positions(record, self.vehicle, act, settings, ratio, gain)
+        return found
 
     def fly(
         self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None

@@ -126,9 +126,25 @@ def _columns(parts: Parts, rows: Sequence[str], forms: Sequence[Form]) -> Column
 
 
 def rebuilt(
-    system: System, candidates: list[Candidate], columns: Sequence[Columns], blocks: Sequence[Block]
+    system: System,
+    candidates: list[Candidate],
+    columns: Sequence[Columns],
+    blocks: Sequence[Block],
+    tolerances: Sequence[Mapping[str, Complex]] = (),
 ) -> tuple[System, list[Columns]]:
-    """Return a system in which some candidates have other columns; all else is as it was."""
+    """Return a system in which some candidates have other columns; all else is as it was.
+
+    Parameters
+    ----------
+    system : System
+    candidates : list of Candidate
+        In the same order.
+    columns : sequence of Columns
+        By block.
+    blocks : sequence of Block
+    tolerances : sequence of dict of ndarray of complex, shape (row, line), optional
+        By block, what one sigma makes, by name: of those that are another.
+    """
     start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in candidates])]).astype(int)
     new = []
     for b, (old, block) in enumerate(zip(columns, blocks, strict=True)):
@@ -136,5 +152,12 @@ def rebuilt(
             old.effects[system.columns_of(i)] if c is system.candidates[i] else block.white(c.columns[b])
             for i, c in enumerate(candidates)
         ]
-        new.append(replace(old, effects=np.concatenate(parts)))
+        one = replace(old, effects=np.concatenate(parts))
+        if tolerances:
+            sigmas, white = old.sigmas.copy(), old.tolerances.copy()
+            at = [k for k, name in enumerate(system.tolerances) if name in tolerances[b]]
+            sigmas[at] = np.array([tolerances[b][system.tolerances[k]] for k in at])
+            white[at] = block.white(sigmas[at])
+            one = replace(one, sigmas=sigmas, tolerances=white)
+        new.append(one)
     return System(candidates, start, system.tolerances, [c.matrices for c in new], system.form_errors), new

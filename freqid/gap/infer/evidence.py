@@ -8,9 +8,10 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr, logsumexp
+from scipy.special import logsumexp
 
-from freqid.gap.infer.system import Form, Reduced, System
+from freqid.gap.infer.system import Form, System
+from freqid.gap.infer.weighing import Weighing, log_mean
 from freqid.gap.model.candidates import Candidate
 
 Array = NDArray[np.float64]
@@ -18,90 +19,6 @@ Array = NDArray[np.float64]
 _FINE = 1001  # sizes at which a posterior is drawn
 
 NONE = "none"
-
-_SHARP = 1.0  # squared width of a cell in standard deviations of the likelihood, above which it is integrated
-_NEGLIGIBLE = 15.0  # nats below the likeliest size
-
-
-@dataclass(frozen=True, eq=False)
-class Weighing:
-    """How candidates are weighed: what does not depend on the data.
-
-    Attributes
-    ----------
-    system : System
-    """
-
-    system: System
-
-    @cached_property
-    def scalars(self) -> list[int]:
-        """Candidates of one size."""
-        return [i for i, c in enumerate(self.system.candidates) if c.kind == "scalar"]
-
-    @cached_property
-    def vectors(self) -> list[int]:
-        """Candidates of several sizes at once."""
-        return [i for i, c in enumerate(self.system.candidates) if c.kind == "vector"]
-
-    @cached_property
-    def weights(self) -> list[Array]:
-        """Of each scalar's columns at each size of its prior, shape (size, column)."""
-        found = []
-        for i in self.scalars:
-            c = self.system.candidates[i]
-            found.append(np.array([c.weights(s) for s in c.prior]))
-        return found
-
-    @cached_property
-    def effects(self) -> tuple[str, ...]:
-        """Ids of the candidates' effects, each once."""
-        return tuple(dict.fromkeys(c.effect for c in self.system.candidates))
-
-    def places_of(self, effect: str) -> list[int]:
-        """Return the candidates of an effect."""
-        return [i for i, c in enumerate(self.system.candidates) if c.effect == effect]
-
-    def by_place(self, reduced: Reduced, g: Array) -> Array:
-        """Return log Bayes factors of every candidate against no effect, shape (candidate, draw).
-
-        Parameters
-        ----------
-        reduced : Reduced
-            Whose `G` is used.
-        g : ndarray, shape (column, draw)
-        """
-        found = np.empty((len(self.system.candidates), g.shape[1]))
-        for i, w in zip(self.scalars, self.weights, strict=True):
-            at = self.system.columns_of(i)
-            found[i] = _mean_over_sizes(self.system.candidates[i].prior, w, reduced.G[at, at], g[at])
-        for i in self.vectors:
-            at, c = self.system.columns_of(i), self.system.candidates[i]
-            values, vectors = np.linalg.eigh(reduced.G[at, at])
-            values = np.maximum(values, 0.0)
-            y2 = (vectors.T @ g[at]) ** 2
-            t2 = c.prior**2
-            shrink = t2[:, None] / (1 + t2[:, None] * values)  # (scale, direction)
-            each = 0.5 * (shrink @ y2) - 0.5 * np.log1p(t2[:, None] * values).sum(axis=1)[:, None]
-            found[i] = _log_mean(each)
-        return found
-
-    def of_place(self, index: int, reduced: Reduced, g: Array) -> float:
-        """Return the log Bayes factor of one candidate against no effect; `g` of shape (column,)."""
-        c, at = self.system.candidates[index], self.system.columns_of(index)
-        G = reduced.G[at, at]
-        if c.kind == "scalar":
-            w = self.weights[self.scalars.index(index)]
-            return float(_mean_over_sizes(c.prior, w, G, g[at][:, None])[0])
-        values, vectors = np.linalg.eigh(G)
-        values = np.maximum(values, 0.0)
-        t2 = c.prior[:, None] ** 2
-        y2 = (vectors.T @ g[at]) ** 2
-        return float(_log_mean(0.5 * (t2 / (1 + t2 * values) * y2 - np.log1p(t2 * values)).sum(axis=1)))
-
-    def by_effect(self, places: Array) -> Array:
-        """Return log Bayes factors of effects, their prior shared by their places, shape (effect, ...)."""
-        return np.array([_log_mean(places[self.places_of(e)]) for e in self.effects])
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +62,7 @@ class Evidence:
     @cached_property
     def statistic(self) -> float:
         """Log Bayes factor of a gap against none: all effects alike."""
-        return float(_log_mean(np.array(list(self.effect.values())))) if self.effect else -np.inf
+        return float(log_mean(np.array(list(self.effect.values())))) if self.effect else -np.inf
 
     def best_place(self, effect: str) -> int:
         """Return the likeliest candidate of an effect."""
@@ -157,7 +74,7 @@ class Evidence:
             log = self.none + self.places[:, candidate]
         else:
             effects = np.array([self.weighing.by_effect(row) for row in self.places])
-            gap = _log_mean(effects.T) if effects.size else np.full(self.none.size, -np.inf)
+            gap = log_mean(effects.T) if effects.size else np.full(self.none.size, -np.inf)
             log = self.none + np.logaddexp(0.0, gap)
         return np.exp(log - logsumexp(log))
 
@@ -176,9 +93,9 @@ def weigh(system: System) -> Evidence:
     weighing = Weighing(system)
     none, places = [], []
     for f in system.form_errors:
-        reduced = system.reduced(f)
-        none.append(reduced.log_evidence)
-        places.append(weighing.by_place(reduced, reduced.g[:, None])[:, 0])
+        own = weighing.at(f)
+        none.append(own.log_evidence)
+        places.append(weighing.by_place(own, own.g[:, None])[:, 0])
     return Evidence(weighing, np.array(none), np.array(places))
 
 
@@ -317,67 +234,6 @@ def _fine(c: Candidate) -> tuple[Array, Array]:
         fine = np.union1d(np.linspace(low, high, 2001), c.prior)
         _GRIDS[c] = fine, np.array([c.weights(s) for s in fine])
     return _GRIDS[c]
-
-
-def _mean_over_sizes(sizes: Array, w: Array, G: Array, g: Array) -> Array:
-    """Return the logarithm of the mean likelihood ratio over a scalar's prior, shape (draw,).
-
-    Sizes of the prior bound cells of equal probability. Where the likelihood is wider than a cell the
-    trapezoid rule is exact enough; where it is narrower, which strong effects make it, the Gaussian is
-    integrated.
-
-    Parameters
-    ----------
-    sizes : ndarray, shape (size,)
-        Ascending; cells are between neighbours of one sign.
-    w : ndarray, shape (size, column)
-        Weights of the columns at these sizes.
-    G : ndarray, shape (column, column)
-    g : ndarray, shape (column, draw)
-    """
-    moved = w @ G
-    ends = w @ g - 0.5 * np.einsum("sc,sc->s", moved, w)[:, None]
-    left = np.flatnonzero(np.sign(sizes[1:]) == np.sign(sizes[:-1]))
-    if not left.size:
-        return _log_mean(ends)
-    step = w[left + 1] - w[left]
-    curve = np.einsum("sc,cd,sd->s", step, G, step)
-    smooth, top = left[curve <= _SHARP], ends.max(axis=0)
-    share = 0.5 * (np.bincount(smooth, minlength=len(w)) + np.bincount(smooth + 1, minlength=len(w)))
-    rows = share > 0
-    # within a cell the exponent is above the higher end by an eighth of its curvature at most
-    reach = (ends - top).max(axis=1)
-    near = np.maximum(reach[left], reach[left + 1]) + curve / 8 > -_NEGLIGIBLE
-    sharp = left[near & (curve > _SHARP)]
-    if not sharp.size:
-        return top + np.log(share[rows] @ np.exp(ends[rows] - top) / left.size)
-    # the exponent in a cell, x from 0 to 1, is a + b x - c x^2 / 2
-    a, c = ends[sharp], curve[near & (curve > _SHARP)][:, None]
-    b = ends[sharp + 1] - a + 0.5 * c
-    peak = np.where((b > 0) & (b < c), a + 0.5 * b**2 / c, np.maximum(a, ends[sharp + 1]))
-    top = np.maximum(top, peak.max(axis=0))
-    cell, draw = np.nonzero(peak > top - _NEGLIGIBLE)
-    a, b, c = a[cell, draw], b[cell, draw], c[cell, 0]
-    root = np.sqrt(c)
-    low, high = -b / root, (c - b) / root
-    low, high = np.where(low > 0, -high, low), np.where(low > 0, -low, high)  # the tail that is computed well
-    outer, inner = log_ndtr(low), log_ndtr(high)
-    inside = inner + np.log1p(-np.exp(outer - inner))
-    value = a + 0.5 * b**2 / c + 0.5 * np.log(2 * np.pi / c) + inside
-    total = share[rows] @ np.exp(ends[rows] - top)
-    total += np.bincount(draw, np.exp(value - top[draw]), minlength=top.size)
-    return top + np.log(total / left.size)
-
-
-def _log_mean(values: Array) -> Array:
-    """Return the logarithm of the mean of exponentials over the first axis.
-
-    As scipy's `logsumexp`, whose checks cost many times the sum on the short arrays of single draws.
-    """
-    top = values.max(axis=0)
-    top = np.where(np.isfinite(top), top, 0.0)
-    with np.errstate(divide="ignore"):
-        return top + np.log(np.exp(values - top).mean(axis=0))
 
 
 def separation(evidence: Evidence, one: int, other: int) -> float:

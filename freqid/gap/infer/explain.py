@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from freqid.gap.infer.evidence import Estimate, Evidence, estimate
+from freqid.gap.infer.evidence import Estimate, Evidence, estimate, weigh
+from freqid.gap.infer.forms import forms_beside
+from freqid.gap.infer.jointly import jointly
 from freqid.gap.model.candidates import OTHER
 from freqid.gap.settings import INTERVAL, SEPARATE
 
 Array = NDArray[np.float64]
 
 _MOST = 3  # effects of one explanation
-_FREE = 1e-9  # of a column's energy: what is left of it once others are free
+_SETTLING = 6  # times at most that effects are computed again until their sizes stay
+_CLOSE = 0.1  # of an interval: a size that has moved less stays
+_NEAR = 0.2  # of a size, on either side: how a change that is not proportional changes there
+FINALISTS = 6  # effects that are computed again near their estimated size
+BEHIND = 10.0  # nats behind the leading one, from which an effect is no finalist
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,85 +49,159 @@ class Explanation:
         return tuple(e.candidate.effect for e in self.estimates)
 
 
-def explain(evidence: Evidence, first: str, *, most: int = _MOST) -> Explanation:
-    """Return an effect and those that the evidence supports beside it.
+Compute = Callable[[Evidence, Explanation, list[tuple[int, Estimate]]], Evidence]
 
-    The likeliest place's columns are freed (a scalar effect in its direction at its estimated size, a vector
-    effect whole), and all others are asked again, until none gains `SEPARATE` nats.
+
+def explain(
+    evidence: Evidence,
+    first: str,
+    rows: Sequence[str] = (),
+    *,
+    asked: bool = False,
+    compute: Compute | None = None,
+    most: int = _MOST,
+) -> tuple[Explanation, Evidence]:
+    """Return an effect and those that the evidence supports beside it, and the evidence with them.
+
+    The likeliest place's columns are freed, and all others are asked again, until none gains `SEPARATE` nats.
+    What one effect alone leaves looks like an error of form in every row where the second acts: so the errors
+    of form that are possible are looked for anew beside each effect that is found. The likeliest of the
+    others are computed at their size beside it before one is chosen. And the best single effect need not be
+    one of the best two: each of those found is asked for again beside the others.
 
     Parameters
     ----------
     evidence : Evidence
     first : str
         Effect id.
+    rows : sequence of str
+        That have an error of form.
+    asked : bool
+        Whether the first effect stays whatever the others are.
+    compute : callable, optional
+        Returns the evidence once an explanation's effects, and other estimates beside it, are computed again
+        at their sizes.
     most : int
     """
-    places = [evidence.best_place(first)]
-    gains = [evidence.effect[first]]
-    while len(places) < most:
-        gain = _given(evidence, places)
-        taken = {evidence.system.candidates[i].effect for i in places}
-        ranked = [e for e in sorted(gain, key=lambda e: -gain[e][0]) if e not in taken and e != OTHER]
-        if not ranked or gain[ranked[0]][0] < SEPARATE:
+    places, gains = [evidence.best_place(first)], [evidence.effect[first]]
+    computed: list[int] = []
+    while True:
+        if compute is not None and places != computed:
+            computed, evidence = places, _settled(evidence, _explanation(evidence, places, gains), compute)
+        if len(places) == most:
             break
-        places.append(gain[ranked[0]][1])
-        gains.append(gain[ranked[0]][0])
-    return Explanation(tuple(places), tuple(gains), _jointly(evidence, places))
+        evidence = _with_forms_beside(evidence, places, rows)
+        found = _finalists(evidence, places)
+        if compute is not None and found:
+            others = [_beside(evidence, places, i) for _, i in found]
+            evidence = compute(evidence, _explanation(evidence, places, gains), others)
+            found = _finalists(evidence, places)
+        if not found or found[0][0] < SEPARATE:
+            break
+        gains.append(found[0][0])
+        places = _exchanged(evidence, [*places, found[0][1]], first=1 if asked else 0)
+    return _explanation(evidence, places, gains), evidence
+
+
+def _settled(evidence: Evidence, explanation: Explanation, compute: Compute) -> Evidence:
+    """Return the evidence about the sizes at which effects were computed, or nearly.
+
+    Half way at a time from the second one on: what one leaves to the other would swing about the answer.
+    Those that do not change each other need only be near.
+    """
+    at = explanation
+    for done in range(_SETTLING):
+        evidence = compute(evidence, at, [])
+        if done > 0 and not any(evidence.system.candidates[i].beside for i in explanation.places):
+            break
+        now = jointly(evidence, explanation.places)
+        each = list(zip(at.estimates, now, strict=True))
+        if all(np.all(np.abs(a.size - e.size) <= _CLOSE * (e.hi - e.lo)) for a, e in each):
+            break
+        at = replace(at, estimates=tuple(replace(e, size=(a.size + e.size) / 2) for a, e in each))
+    return evidence
+
+
+def _explanation(evidence: Evidence, places: list[int], gains: list[float]) -> Explanation:
+    return Explanation(tuple(places), tuple(gains), jointly(evidence, places))
+
+
+def _finalists(evidence: Evidence, places: list[int]) -> list[tuple[float, int]]:
+    """Return the nats and the places of the effects that gain most beside others, none of these again."""
+    taken = {evidence.system.candidates[i].effect for i in places} | {OTHER}
+    gains = sorted((gain for e, gain in _given(evidence, places).items() if e not in taken), reverse=True)
+    least = max(gains[0][0] - BEHIND, 0.0) if gains else 0.0
+    return [one for one in gains[:FINALISTS] if one[0] >= least]
+
+
+def _beside(evidence: Evidence, places: list[int], index: int) -> tuple[int, Estimate]:
+    """Return a candidate and its size beside others as these are estimated."""
+    weights = np.zeros(evidence.system.columns)
+    for i, e in zip(places, jointly(evidence, places), strict=True):
+        weights[evidence.system.columns_of(i)] += e.weights
+    return index, estimate(evidence, index, INTERVAL, given=weights)
+
+
+def _with_forms_beside(evidence: Evidence, places: list[int], rows: Sequence[str]) -> Evidence:
+    """Return the evidence with the errors of form too that are possible once some candidates are free."""
+    system = evidence.system
+    if not rows:
+        return evidence
+    forms = forms_beside(system, rows, directions(evidence, places))
+    if forms == system.form_errors:
+        return evidence
+    return weigh(replace(system, form_errors=forms))  # small matrices that are made stay
+
+
+def _exchanged(evidence: Evidence, places: list[int], first: int) -> list[int]:
+    """Return places, each from a first one on the best beside the others."""
+    for _ in range(len(places)):
+        before = list(places)
+        for k in range(first, len(places)):
+            others = places[:k] + places[k + 1 :]
+            best = _finalists(evidence, others)
+            if best:
+                places = [*places[:k], best[0][1], *places[k + 1 :]]
+        if places == before:
+            break
+    return places
 
 
 def directions(evidence: Evidence, places: list[int]) -> Array:
-    """Return the freed columns' weights, shape (freed, column)."""
+    """Return the freed columns' weights, shape (freed, column).
+
+    A vector effect whole; a scalar one as it is at its size, and as it changes there: beside others it has
+    another size, which is not a share of the same change where that is not proportional.
+    """
     system = evidence.system
     found = []
     for i in places:
         c, at = system.candidates[i], system.columns_of(i)
         if c.kind == "vector":
-            block = np.zeros((c.sizes.size, system.columns))
-            block[:, at] = np.eye(c.sizes.size)
+            own = np.eye(c.sizes.size)
         else:
-            block = np.zeros((1, system.columns))
-            block[0, at] = estimate(evidence, i, INTERVAL).weights
+            size = float(estimate(evidence, i, INTERVAL).size[0])
+            own = np.array([c.weights(size)])
+            if c.sizes.size > 1:
+                own = np.array([own[0], c.weights(size * (1 + _NEAR)) - c.weights(size * (1 - _NEAR))])
+        block = np.zeros((len(own), system.columns))
+        block[:, at] = own
         found.append(block)
     return np.concatenate(found)
 
 
 def _given(evidence: Evidence, places: list[int]) -> dict[str, tuple[float, int]]:
     """Return by effect the nats that it gains once other candidates' columns are free, and its best place."""
-    from freqid.gap.infer.system import Reduced
-
     system, weighing = evidence.system, evidence.weighing
     free = directions(evidence, places)
     none, by_place = [], []
     for f in system.form_errors:
-        reduced = system.reduced(f)
-        own = free @ reduced.G @ free.T
-        own = own + _FREE * np.trace(own) / len(own) * np.eye(len(own))
-        across, projected = free @ reduced.G, free @ reduced.g
-        solved = np.linalg.solve(own, np.concatenate([across, projected[:, None]], axis=1))
-        G = reduced.G - across.T @ solved[:, :-1]
-        g = reduced.g - across.T @ solved[:, -1]
-        left = Reduced(G, g, reduced.log_evidence + 0.5 * float(projected @ solved[:, -1]))
+        left = system.reduced(f).freed(free)
         none.append(left.log_evidence)
-        by_place.append(weighing.by_place(left, g[:, None])[:, 0])
+        by_place.append(weighing.by_place(left, left.g[:, None])[:, 0])
     joint = logsumexp(np.array(none)[:, None] + np.array(by_place), axis=0) - logsumexp(none)
     gains = weighing.by_effect(joint)
     return {
         e: (float(gain), max(weighing.places_of(e), key=lambda i: joint[i]))
         for e, gain in zip(weighing.effects, gains, strict=True)
     }
-
-
-def _jointly(evidence: Evidence, places: list[int]) -> tuple[Estimate, ...]:
-    """Return estimates of several candidates at once: each given the others, until they agree."""
-    if len(places) == 1:
-        return (estimate(evidence, places[0], INTERVAL),)
-    system = evidence.system
-    found = [estimate(evidence, i, INTERVAL) for i in places]
-    for _ in range(4):
-        for k, i in enumerate(places):
-            weights = np.zeros(system.columns)
-            for other, e in zip(places, found, strict=True):
-                if other != i:
-                    weights[system.columns_of(other)] += e.weights
-            found[k] = estimate(evidence, i, INTERVAL, given=weights)
-    return tuple(found)

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from freqid.gap.infer.evidence import Weighing
-from freqid.gap.infer.system import Form, System
+from freqid.gap.infer.system import Form, Reduced, System
+from freqid.gap.infer.weighing import Weighing
 from freqid.gap.settings import FORM_ERRORS, FORM_LIKENESS, SEPARATE
 
 Array = NDArray[np.float64]
@@ -47,6 +47,28 @@ def likely_forms(system: System, rows: Sequence[str]) -> tuple[Form, ...]:
     return tuple(dict.fromkeys([*search.likely(), *search.behind_an_effect()]))
 
 
+def forms_beside(system: System, rows: Sequence[str], free: Array) -> tuple[Form, ...]:
+    """Return the system's errors of form, with those that are possible once effects are allowed for.
+
+    What one effect leaves unexplained looks like an error of form in every row where the second one acts. So
+    with any second effect, row after row is made better as long as the evidence rises.
+
+    Parameters
+    ----------
+    system : System
+    rows : sequence of str
+        That have a form.
+    free : ndarray, shape (freed, column)
+        Weights of columns that are there in any case, in unknown sizes: effects that were found already.
+    """
+    kinds = np.array([_kind(name) for name in rows], dtype=int)
+    search = _Search(system, Weighing(system), kinds, free)
+    for form in system.form_errors:
+        search.ask(tuple(FORM_ERRORS.index(f) for f in np.atleast_1d(form.loads).tolist()))
+    search.climb(True, [step for step in _STEPS if step < 0])
+    return tuple(dict.fromkeys([*system.form_errors, *search.likely()]))
+
+
 def common_form(system: System, rows: Sequence[str]) -> Form:
     """Return the likeliest error of form where all rows of a kind have the same size."""
     search = _search(system, rows)
@@ -68,6 +90,7 @@ class _Search:
     system: System
     weighing: Weighing
     kinds: NDArray[np.intp]
+    free: Array | None = None
     known: dict[Index, tuple[float, float]] = field(default_factory=dict)
 
     def best(self, with_effect: bool) -> Index:
@@ -97,13 +120,13 @@ class _Search:
             if all(b < a - _HOPELESS for a, b in zip(top, found, strict=True)):
                 break
 
-    def climb(self, with_effect: bool) -> None:
+    def climb(self, with_effect: bool, steps: Sequence[int] = _STEPS) -> None:
         """Move row after row, in longer steps too, as long as the evidence rises."""
         at = self.best(with_effect)
         value, moved = self.ask(at)[with_effect], True
         while moved:
             moved = False
-            for row, step in product(range(len(at)), _STEPS):
+            for row, step in product(range(len(at)), steps):
                 if 0 <= at[row] + step < len(FORM_ERRORS):
                     near = (*at[:row], at[row] + step, *at[row + 1 :])
                     found = self.ask(near)[with_effect]
@@ -130,12 +153,18 @@ class _Search:
             self.form((*at[:row], best[row], *at[row + 1 :])) for row in range(len(at)) if at[row] > best[row]
         ]
 
+    def _beside(self, form: Form, free: Array) -> Reduced:
+        system = self.system
+        known = form in system.form_errors
+        return (system.reduced(form) if known else system.reduced_once(form)).freed(free)
+
     def _weighed(self, form: Form) -> tuple[float, float]:
-        reduced, weighing = self.system.reduced_once(form), self.weighing
-        none = reduced.log_evidence
+        weighing = self.weighing
+        own = weighing.at(form) if self.free is None else self._beside(form, self.free)
+        none = own.log_evidence
         if not self.system.candidates:
             return none, none
-        effects = weighing.by_effect(weighing.by_place(reduced, reduced.g[:, None])[:, 0])
+        effects = weighing.by_effect(weighing.by_place(own, own.g[:, None])[:, 0])
         return none, none + float(np.logaddexp(0.0, logsumexp(effects) - np.log(len(effects))))
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from freqid.gap.infer.columns import Columns
-from freqid.gap.infer.evidence import Evidence, estimate, weigh
+from freqid.gap.infer.evidence import estimate, weigh
 from freqid.gap.infer.system import Form, System
 from freqid.gap.settings import INTERVAL
 from freqid.gap.stack.block import Block
@@ -24,6 +24,7 @@ def relinearised(
     blocks: Sequence[Block],
     sizes: Mapping[str, float],
     form_error: Form,
+    weights: Array | None = None,
 ) -> tuple[System, list[Columns]]:
     """Return a system whose tolerances are straight about their likeliest departures.
 
@@ -40,36 +41,68 @@ def relinearised(
         One sigma by name.
     form_error : Form
         At which departures are fitted.
+    weights : ndarray, shape (column,), optional
+        Of what acts beside them; the likeliest effect where absent, if one is likely.
     """
-    departures, fitted = likeliest_departures(system, blocks, sizes, form_error)
-    at = [k for k, name in enumerate(system.tolerances) if name in departures]
+    departures, fitted = likeliest_departures(system, blocks, sizes, form_error, weights)
     if not departures:
         return system, list(columns)
-    new = []
-    for block, c in zip(blocks, columns, strict=True):
-        whole = block.transform(block.trial.departed(departures))
-        straight = np.tensordot(fitted[at], c.sigmas[at], 1)
-        new.append(c.with_residual(block.white(block.residual - (whole - straight))))
+    new = [
+        straightened(c, block, system.tolerances, departures, fitted)
+        for block, c in zip(blocks, columns, strict=True)
+    ]
     return replace(system, blocks=[c.matrices for c in new], _reduced={}), new
 
 
+def straightened(
+    columns: Columns, block: Block, names: Sequence[str], departures: Mapping[str, float], fitted: Array
+) -> Columns:
+    """Return the columns of a block, its residual less what departures together make beyond their columns.
+
+    Parameters
+    ----------
+    columns : Columns
+    block : Block
+    names : sequence of str
+        Tolerances.
+    departures : dict of float
+        Of the simulation's own parameters.
+    fitted : ndarray, shape (tolerance,)
+        Of all tolerances, in sigmas.
+    """
+    at = [k for k, name in enumerate(names) if name in departures]
+    whole = block.transform(block.trial.departed(departures))
+    straight = np.tensordot(fitted[at], columns.sigmas[at], 1)
+    return columns.with_residual(block.white(block.residual - (whole - straight)))
+
+
 def likeliest_departures(
-    system: System, blocks: Sequence[Block], sizes: Mapping[str, float], form_error: Form
+    system: System,
+    blocks: Sequence[Block],
+    sizes: Mapping[str, float],
+    form_error: Form,
+    weights: Array | None = None,
 ) -> tuple[dict[str, float], Array]:
     """Return the likeliest departures of the simulation's own parameters, and of all tolerances in sigmas."""
     own = blocks[0].trial.simulation.tolerances
-    fitted = _likeliest(weigh(replace(system, form_errors=(form_error,), _reduced={})))
+    system = replace(system, form_errors=(form_error,), _reduced={})
+    fitted = _likeliest(system, _best_alone(system) if weights is None else weights)
     each = zip(system.tolerances, fitted.tolist(), strict=True)
     return {name: x * sizes.get(name, own[name].sigma) for name, x in each if name in own}, fitted
 
 
-def _likeliest(evidence: Evidence) -> Array:
-    """Return the tolerances' departures, in sigmas, beside the likeliest effect if one is likely."""
-    system = evidence.system
+def _best_alone(system: System) -> Array:
+    """Return the weights of the likeliest effect, shape (column,); zero where none is likely."""
+    evidence = weigh(system)
     best = int(np.argmax(evidence.candidate)) if len(evidence.candidate) else -1
     weights = np.zeros(system.columns)
     if best >= 0 and evidence.candidate[best] > 0:
         weights[system.columns_of(best)] = estimate(evidence, best, INTERVAL).weights
+    return weights
+
+
+def _likeliest(system: System, weights: Array) -> Array:
+    """Return the tolerances' departures, in sigmas, beside weights of the candidates' columns."""
     gram, _ = system.gram(system.form_errors[0])
     n = system.columns
     t = slice(n, len(gram) - 1)

@@ -83,13 +83,12 @@ def drawn(
         inside = z[n:] if f.actuators else z[n : n + few]
         if f.actuators:
             inside = np.concatenate([inside[:few], f.actuators * inside[few:]])
-        gram, _ = system.gram(f)
-        t = slice(n, len(gram) - 1)
-        factor = cho_factor(np.eye(len(inside)) + gram[t, t])
+        rows = system.tolerance_rows(f)[:-1]
+        factor = cho_factor(np.eye(len(inside)) + rows[:, n:-1])
         solved = cho_solve(factor, inside)
         log = log + 0.5 * (inside * solved).sum(axis=0) - float(np.log(np.diag(factor[0])).sum())
         log = log + f.log_prior
-        found[f] = (z[:n] - gram[t, :n].T @ solved, log)
+        found[f] = (z[:n] - rows[:, :n].T @ solved, log)
     return found
 
 
@@ -124,7 +123,7 @@ def effects_of(evidence: Evidence, data: dict[Form, tuple[Array, Array]]) -> tup
     """Return log Bayes factors by error of form, effect and draw, and log evidences of no effect."""
     effects, none = [], []
     for f, (g, log) in data.items():
-        places = evidence.weighing.by_place(evidence.system.reduced(f), g)
+        places = evidence.weighing.by_place(evidence.weighing.at(f), g)
         effects.append(evidence.weighing.by_effect(places))
         none.append(log)
     return np.array(effects), np.array(none)

@@ -21,6 +21,7 @@ from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS
 Array = NDArray[np.float64]
 
 SEEN = 0.1  # standard deviations of the noise: directions of a form below it are left out
+_FREE = 1e-9  # of a free column's energy: what is left of it
 _EMPTY = 1e-10  # of the largest eigenvalue of the form's columns: directions below it are none
 
 
@@ -130,6 +131,19 @@ class BlockMatrices:
         taken = across.T @ across
         return np.subtract(self.gram, taken, out=taken), determinant
 
+    def taken(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
+        """Return what the loads' error of form takes off all products but the actuators', as a root.
+
+        Returns
+        -------
+        across : ndarray, shape (kept, count)
+            Its square is taken off.
+        determinant : float
+            Half its log determinant.
+        """
+        root, at, determinant = self.form_root(error)
+        return root @ self.form[at, : self.count], determinant
+
     def form_root(self, error: float | tuple[float, ...]) -> tuple[Array, NDArray[np.intp], float]:
         """Return what integrating out an error of form takes, S the sizes of its columns and P their Gram.
 
@@ -170,6 +184,50 @@ class Reduced:
     G: Array
     g: Array
     log_evidence: float
+
+    def own(self, layout: Sequence[NDArray[np.intp]]) -> list[Array]:
+        """Return each candidate's inner products alone; `layout` as in `OwnProducts`."""
+        return [self.G[c[:, :, None], c[:, None, :]] for c in layout]
+
+    def freed(self, directions: Array) -> Reduced:
+        """Return what is left once weights of columns are free, shape (freed, column).
+
+        The log evidence is that at their likeliest size.
+        """
+        across, projected = directions @ self.G, directions @ self.g
+        own = across @ directions.T
+        size = np.sqrt(np.maximum(np.diag(own), np.finfo(float).tiny))  # each counts alike, however small
+        across, projected = across / size[:, None], projected / size
+        own = own / size[:, None] / size + _FREE * np.eye(len(own))
+        solved = np.linalg.solve(own, np.concatenate([across, projected[:, None]], axis=1))
+        return Reduced(
+            self.G - across.T @ solved[:, :-1],
+            self.g - across.T @ solved[:, -1],
+            self.log_evidence + 0.5 * float(projected @ solved[:, -1]),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class OwnProducts:
+    """The part of `Reduced` that Bayes factors of single candidates need: a hundredth of it.
+
+    Attributes
+    ----------
+    products : list of ndarray, shape (candidate, column, column)
+        Inner products of each candidate's columns, candidates of the same number of columns together.
+    g : ndarray, shape (column,)
+        Of the residual, of all candidates.
+    log_evidence : float
+        As in `Reduced`.
+    """
+
+    products: list[Array]
+    g: Array
+    log_evidence: float
+
+    def own(self, layout: Sequence[NDArray[np.intp]]) -> list[Array]:
+        """Return `products`; `layout`, columns of shape (candidate, column), is what they were made for."""
+        return self.products
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,17 +302,77 @@ class System:
     def reduced_once(self, form_error: Form) -> Reduced:
         """Return the small matrices at an error of form that is not asked for again: they fill megabytes."""
         gram, determinant = self.gram(form_error)
-        return _reduce(gram, determinant, self.columns)
+        n = self.columns
+        across, g, log_evidence = _without_tolerances(gram[n:], determinant, n)
+        return Reduced(gram[:n, :n] - across.T @ across, g, log_evidence)
+
+    def own_products(self, form_error: Form, layout: Sequence[NDArray[np.intp]]) -> OwnProducts:
+        """Return each candidate's own inner products at an error of form.
+
+        Those between candidates, which fill megabytes, are not made.
+
+        Parameters
+        ----------
+        form_error : Form
+        layout : sequence of ndarray of int, shape (candidate, column)
+            Columns of the candidates, those of the same number of columns together.
+        """
+        if form_error in self._reduced or form_error.actuators:
+            reduced = self.reduced(form_error)
+            return OwnProducts(reduced.own(layout), reduced.g, reduced.log_evidence)
+        taken = [b.taken(form_error.loads) for b in self.blocks]
+        rows, determinant = self._rows(form_error, taken)
+        across, g, log_evidence = _without_tolerances(rows, determinant, self.columns)
+        own = []
+        for c in layout:
+            products = sum(b.gram[c[:, :, None], c[:, None, :]] for b in self.blocks)
+            own.append(products - sum(_squared(t, c) for t, _ in taken) - _squared(across, c))
+        return OwnProducts(own, g, log_evidence)
+
+    def tolerance_rows(self, form_error: Form) -> Array:
+        """Return inner products of the tolerances, then the residual, with ``[X, T, r]``."""
+        if form_error.actuators:
+            return self.gram(form_error)[0][self.columns :]
+        return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks])[0]
+
+    def _rows(self, form_error: Form, taken: Sequence[tuple[Array, float]]) -> tuple[Array, float]:
+        n, count = self.columns, self.blocks[0].count
+        parts = [
+            b.gram[n:count, :count] - across[:, n:].T @ across
+            for b, (across, _) in zip(self.blocks, taken, strict=True)
+        ]
+        return np.sum(parts, axis=0), sum(half for _, half in taken) - form_error.log_prior
 
 
-def _reduce(gram: Array, determinant: float, n: int) -> Reduced:
-    """Return what is left of inner products once tolerances of one sigma each are integrated out."""
-    t = slice(n, len(gram) - 1)
-    lower = cholesky(np.eye(t.stop - t.start) + gram[t, t], lower=True, check_finite=False)
+def _squared(rows: Array, columns: NDArray[np.intp]) -> Array:
+    """Return inner products of some columns of rows, shape (candidate, column, column)."""
+    each = rows.T[columns]  # (candidate, column, row)
+    return each @ each.transpose(0, 2, 1)
+
+
+def _without_tolerances(rows: Array, determinant: float, n: int) -> tuple[Array, Array, float]:
+    """Integrate out tolerances of one sigma each.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (tolerance + 1, n + tolerance + 1)
+        Inner products of the tolerances and the residual, the last, with ``[X, T, r]``.
+    determinant : float
+        Of what was integrated out before.
+    n : int
+        Columns of candidates.
+
+    Returns
+    -------
+    across : ndarray, shape (tolerance, n)
+        Its square is what the candidates' inner products lose.
+    g : ndarray, shape (n,)
+    log_evidence : float
+    """
+    inside, last = rows[:-1, n:-1], rows[-1]
+    lower = cholesky(np.eye(len(inside)) + inside, lower=True, check_finite=False)
     inverse = dtrtri(lower, lower=1)[0]
-    across, own = inverse @ gram[t, :n], inverse @ gram[t, -1]
-    G = gram[:n, :n] - across.T @ across
-    g = gram[:n, -1] - across.T @ own
-    energy = float(gram[-1, -1] - own @ own)
+    across, own = inverse @ rows[:-1, :n], inverse @ rows[:-1, -1]
+    energy = float(last[-1] - own @ own)
     half = float(np.log(np.diag(lower)).sum())
-    return Reduced(G, g, -0.5 * energy - determinant - half)
+    return across, last[:n] - across.T @ own, -0.5 * energy - determinant - half

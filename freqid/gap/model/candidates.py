@@ -14,7 +14,7 @@ from scipy.linalg import qr
 
 from freqid.core.errors import DataError, ImpossibleSettings
 from freqid.core.vehicle import Vehicle
-from freqid.gap.model.changes import change
+from freqid.gap.model.changes import beside, change
 from freqid.gap.model.form import actuator_terms, load_terms
 from freqid.gap.model.testable import in_force_of, untestable
 from freqid.gap.simulation import side_by_side
@@ -105,6 +105,8 @@ class Candidate:
     curve : Curve, optional
         Of a scalar whose change was computed at more sizes than it has columns: the columns are those of
         which all others are sums.
+    beside : tuple of (str, dict of float)
+        Effects that were in force where it was computed, with their parameters, in order.
     """
 
     effect: str
@@ -117,6 +119,7 @@ class Candidate:
     bounds: tuple[float, float] = (-inf, inf)
     curve: Curve | None = None
     units: tuple[str, ...] = ()
+    beside: tuple[tuple[str, dict[str, float]], ...] = ()
 
     @property
     def name(self) -> str:
@@ -266,7 +269,9 @@ def _scalar(effect: Effect, place: Place, of: Parameter, blocks: Sequence[Block]
         settings = {n: force[n] + size for n in place.parameters} | dict(place.fixed)
         try:
             return side_by_side(
-                blocks[0].trial.simulation, lambda b: b.transform(change(effect, b.trial, settings)), blocks
+                blocks[0].trial.simulation,
+                lambda b: b.transform(change(effect, b.trial, settings, first_order=True)),
+                blocks,
             )
         except ImpossibleSettings:
             return None
@@ -296,7 +301,7 @@ def _scalar(effect: Effect, place: Place, of: Parameter, blocks: Sequence[Block]
     )
     sizes = np.array([s for s, _ in columns])
     each = [np.array([c[b] for _, c in columns]) for b in range(len(blocks))]
-    few, mix = _few_of(each, blocks)
+    few, mix = few_of(each, blocks)
     curve = Curve(sizes, mix) if len(few) < sizes.size else None
     return Candidate(
         effect.id,
@@ -311,7 +316,7 @@ def _scalar(effect: Effect, place: Place, of: Parameter, blocks: Sequence[Block]
     )
 
 
-def _few_of(columns: Sequence[Complex], blocks: Sequence[Block]) -> tuple[list[int], Array]:
+def few_of(columns: Sequence[Complex], blocks: Sequence[Block]) -> tuple[list[int], Array]:
     """Return which columns, by block of shape (column, row, line), all are sums of, and these sums.
 
     By a pivoted QR decomposition in the metric of the noise (G. H. Golub, C. F. Van Loan, Matrix
@@ -425,10 +430,12 @@ def recomputed(candidate: Candidate, library: Mapping[str, Effect], blocks: Sequ
     c = candidate
     if c.effect == OTHER:
         return [_free_changes(b, c.place.parameters) for b in blocks]
-    effect = library[c.effect].of(blocks[0].trial.maneuver.vehicle)
+    vehicle = blocks[0].trial.maneuver.vehicle
+    effect, others = library[c.effect].of(vehicle), [(library[n].of(vehicle), x) for n, x in c.beside]
     found = []
     for block in blocks:
         force = in_force_of(effect, block.trial.simulation)
+        trial = beside(others, block.trial)
         made = []
         for k, size in enumerate(c.sizes):
             moved = c.place.parameters if c.kind == "scalar" else c.place.parameters[k : k + 1]
@@ -436,7 +443,7 @@ def recomputed(candidate: Candidate, library: Mapping[str, Effect], blocks: Sequ
             for share in (1.0,) if c.kind == "scalar" else _SHARES:
                 settings = {n: force[n] + share * size for n in moved} | fixed
                 try:
-                    made.append(block.transform(change(effect, block.trial, settings)) / share)
+                    made.append(block.transform(change(effect, trial, settings)) / share)
                     break
                 except ImpossibleSettings:
                     if c.kind == "scalar" or share == _SHARES[-1]:

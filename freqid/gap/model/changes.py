@@ -16,7 +16,7 @@ from freqid.core.vehicle import Vehicle
 from freqid.gap.model.replay import Replay
 from freqid.gap.model.testable import in_force_of, route_of
 from freqid.gap.stack.histories import Histories
-from freqid.gap.stack.trial import Trial
+from freqid.gap.stack.trial import Act, Trial
 from freqid.simulate.effects.along import centre
 from freqid.simulate.effects.effect import Effect
 
@@ -27,7 +27,9 @@ _POSITIONS: WeakKeyDictionary[Trial, dict[tuple[str, float], Signals]] = WeakKey
 """Of actuators with an effect in their loops, by effect and size: many places ask for the same."""
 
 
-def change(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histories:
+def change(
+    effect: Effect, trial: Trial, settings: Mapping[str, float], *, first_order: bool = False
+) -> Histories:
     """Return the change that an effect makes of a residual, other parameters at their values in force.
 
     Motion that was fitted to a record carries what its sensors do: there an effect of sensors is what is
@@ -41,6 +43,8 @@ def change(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histo
         On motion without noise.
     settings : dict of float
         By parameter.
+    first_order : bool
+        Effects of sensors move the simulation by its derivatives where that is quicker.
 
     Raises
     ------
@@ -57,9 +61,9 @@ def change(effect: Effect, trial: Trial, settings: Mapping[str, float]) -> Histo
     record, maneuver = trial.maneuver.record, trial.maneuver
     if route == "distort" and effect.distort is not None:
         if not trial.carries:
-            return trial.on(effect.distort(values, record)) - trial.residual
+            return trial.on(effect.distort(values, record), first_order=first_order) - trial.residual
         back = {n: effect.inverse(x) if x else x for n, x in values.items()}
-        return trial.residual - trial.on(effect.distort(back, record))
+        return trial.residual - trial.on(effect.distort(back, record), first_order=first_order)
     if route == "load" and effect.load is not None:
         return _loaded(trial, _carried(effect, values, trial))
     if route == "replay" and effect.replay is not None:
@@ -94,28 +98,43 @@ def _in_loop(effect: Effect, values: Mapping[str, float], trial: Trial) -> Signa
     return found
 
 
-def changes_together(
-    effects: Sequence[Effect], trial: Trial, settings: Mapping[str, Mapping[str, float]]
-) -> Histories:
-    """Return the change that several effects make of a residual.
+def acts_on(effect: Effect, trial: Trial) -> str:
+    """Return what an effect acts on between command and airframe, empty where it does not act there.
 
-    Those between command and airframe follow one another in the order given: a delay and a lag together are
-    not the sum of what each does alone. All others add up.
+    ``positions`` that simulated actuators have, or ``effectors`` as the airframe feels them.
     """
-    chain = [e for e in effects if route_of(e, trial.simulation) == "act" and trial.positions]
-    total = trial.rows()
-    for effect in effects:
-        if len(chain) < 2 or effect not in chain:
-            total = total + change(effect, trial, settings.get(effect.id, {}))
-    if len(chain) > 1:
-        record, kinds = trial.maneuver.record, trial.maneuver.vehicle.effector_kinds
-        after = dict(trial.positions)
-        for effect in chain:
-            assert effect.act is not None
-            values = {**in_force_of(effect, trial.simulation), **settings.get(effect.id, {})}
-            after = {**after, **effect.act(values, after, record.dt, kinds)}
-        total = total + trial.rows(positions={n: after[n] - x for n, x in trial.positions.items()})
-    return total
+    route = route_of(effect, trial.simulation)
+    if route == "act" and trial.positions:
+        in_loop = effect.in_loop and effect.id in trial.simulation.effects
+        return "" if in_loop else "positions"
+    return "effectors" if route in ("act", "feel") else ""
+
+
+def beside(effects: Sequence[tuple[Effect, Mapping[str, float]]], trial: Trial) -> Trial:
+    """Return a trial on which effects are in force already, for what others change there.
+
+    Those between command and airframe follow one another: a delay and a lag together are not the sum of what
+    each does alone, and a servo that is a little slower is so before the delay. All other effects add up:
+    these leave the trial as it is.
+
+    Parameters
+    ----------
+    effects : sequence of (Effect, dict of float)
+        With their parameters, others at their values in force.
+    trial : Trial
+    """
+    dt, kinds = trial.maneuver.record.dt, trial.maneuver.vehicle.effector_kinds
+    for effect, settings in effects:
+        values, at = {**in_force_of(effect, trial.simulation), **settings}, acts_on(effect, trial)
+        hook = effect.act or effect.feel
+        if at and hook is not None:
+            act = _acting(hook, values, dt, kinds)
+            trial = trial.acted_on(act) if at == "positions" else trial.felt_through(act)
+    return trial
+
+
+def _acting(hook: Callable, values: Mapping[str, float], dt: float, kinds: dict[str, str]) -> Act:
+    return lambda signals: {**signals, **hook(values, signals, dt, kinds)}
 
 
 def _carried(effect: Effect, values: dict[str, float], trial: Trial) -> Vehicle:

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from freqid.core.errors import ImpossibleSettings
-from freqid.gap.model.candidates import Candidate, Curve
-from freqid.gap.model.changes import change
+from freqid.gap.model.candidates import Candidate, Curve, few_of, recomputed
+from freqid.gap.model.changes import acts_on, beside, change
 from freqid.gap.model.testable import in_force_of
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
@@ -19,9 +19,15 @@ _NEAR = (0.8, 1.0, 1.25)  # of the estimated size
 
 
 def refined(
-    candidate: Candidate, size: float, library: Mapping[str, Effect], blocks: Sequence[Block]
+    candidate: Candidate,
+    size: float,
+    library: Mapping[str, Effect],
+    blocks: Sequence[Block],
+    others: Sequence[tuple[str, dict[str, float]]] = (),
 ) -> Candidate:
     """Return a scalar candidate with columns at sizes about one; itself where it is proportional.
+
+    What was weighed by derivatives is replayed in full.
 
     Parameters
     ----------
@@ -30,31 +36,49 @@ def refined(
         Estimated.
     library : dict of Effect
     blocks : sequence of Block
+    others : sequence of (str, dict of float)
+        Effects that act before it, with their parameters: where these change what it does, it is computed
+        anew at all its sizes.
     """
     c = candidate
-    if c.kind != "scalar" or c.sizes.size == 1 or c.effect not in library or size == 0:
+    if c.kind != "scalar" or c.effect not in library or size == 0:
         return c
-    effect = library[c.effect].of(blocks[0].trial.maneuver.vehicle)
+    vehicle = blocks[0].trial.maneuver.vehicle
+    effect = library[c.effect].of(vehicle)
+    at = acts_on(effect, blocks[0].trial)
+    before = tuple(o for o in others if at and acts_on(library[o[0]].of(vehicle), blocks[0].trial) == at)
+    anew = before != c.beside
+    if blocks[0].trial.approximates and not anew:  # weighed by derivatives so far
+        c = replace(c, columns=recomputed(c, library, blocks))
+    if c.sizes.size == 1 and not anew:
+        return c
+    trials = [beside([(library[n].of(vehicle), x) for n, x in before], b.trial) for b in blocks]
     force = in_force_of(effect, blocks[0].trial.simulation)
+    known = c.curve or Curve(c.sizes, np.eye(c.sizes.size))
     low, high = c.bounds
-    extra: list[tuple[float, list]] = []
-    for s in (n * size for n in _NEAR):
-        if not low <= s <= high or np.min(np.abs((c.curve or c).sizes / s - 1)) < 0.05:
-            continue
+    near = [s for s in (n * size for n in _NEAR) if low <= s <= high]
+    near = [s for s in near if np.min(np.abs(known.sizes / s - 1)) >= 0.05] if c.sizes.size > 1 else []
+    made: list[tuple[float, list]] = []
+    for s in [*known.sizes.tolist(), *near] if anew else near:
         settings = {n: force[n] + s for n in c.place.parameters} | dict(c.place.fixed)
         try:
-            extra.append((s, [b.transform(change(effect, b.trial, settings)) for b in blocks]))
+            each = [b.transform(change(effect, t, settings)) for b, t in zip(blocks, trials, strict=True)]
         except ImpossibleSettings:
             continue
-    if not extra:
+        made.append((s, each))
+    if not made:
         return c
-    more = [s for s, _ in extra]
-    columns = [
-        np.concatenate([own, np.array([made[b] for _, made in extra])]) for b, own in enumerate(c.columns)
-    ]
-    known, mix = c.curve or Curve(c.sizes, np.eye(c.sizes.size))
-    known, mix = np.concatenate([known, more]), block_diag(mix, np.eye(len(more)))
-    order = np.argsort(known)
+    more = [s for s, _ in made]
+    columns = [np.array([one[b] for _, one in made]) for b in range(len(blocks))]
+    if anew:
+        order = np.argsort(more)
+        sizes, columns = np.array(more)[order], [z[order] for z in columns]
+        few, mix = few_of(columns, blocks)
+        curve = Curve(sizes, mix) if len(few) < sizes.size else None
+        return replace(c, sizes=sizes[few], columns=[z[few] for z in columns], curve=curve, beside=before)
+    columns = [np.concatenate(pair) for pair in zip(c.columns, columns, strict=True)]
+    sizes, mix = np.concatenate([known.sizes, more]), block_diag(known.mix, np.eye(len(more)))
+    order = np.argsort(sizes)
     return replace(
-        c, sizes=np.concatenate([c.sizes, more]), columns=columns, curve=Curve(known[order], mix[order])
+        c, sizes=np.concatenate([c.sizes, more]), columns=columns, curve=Curve(sizes[order], mix[order])
     )

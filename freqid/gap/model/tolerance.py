@@ -279,17 +279,17 @@ def _derivatives(trial: Trial, size: float) -> Iterator[tuple[str, Histories]]:
 
 def _dynamics(trial: Trial, name: str, sizes: Mapping[str, float]) -> Iterator[tuple[str, Histories]]:
     """Yield what an actuator's natural frequency, damping and gain make of its position, one sigma each."""
-    position, dt = trial.positions[name], trial.maneuver.record.dt
+    own = trial.bare or trial  # what is inside the actuator comes before what acts on its position
+    position, dt = own.positions[name], own.maneuver.record.dt
+    moved = {}
     if sizes.get("natural_frequency"):
-        yield (
-            f"{name}.natural_frequency",
-            trial.rows(positions={name: slower(trial, name, sizes["natural_frequency"])}),
-        )
+        moved["natural_frequency"] = slower(own, name, sizes["natural_frequency"])
     if sizes.get("damping"):
-        bent = late(trial, name) ** 2 * slope_of(slope_of(position, dt), dt)
-        yield f"{name}.damping", trial.rows(positions={name: sizes["damping"] * bent})
+        moved["damping"] = sizes["damping"] * late(own, name) ** 2 * slope_of(slope_of(position, dt), dt)
     if sizes.get("gain"):
-        yield f"{name}.gain", trial.rows(positions={name: sizes["gain"] * (position - position.mean())})
+        moved["gain"] = sizes["gain"] * (position - position.mean())
+    for what, x in moved.items():
+        yield f"{name}.{what}", trial.rows(positions=trial.displaced({name: x}))
 
 
 def _rotor(trial: Trial, name: str, what: str) -> Histories:

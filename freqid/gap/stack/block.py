@@ -230,7 +230,7 @@ def _block(
             own = Trial.of(simulation, m) if len(maneuvers) > 1 or m is not motion.maneuver else trial
             residuals.append(lines.transform(own.residual))
     except DataError as error:
-        raise DataError(str(error), where=error.where or names[0]) from None
+        raise error.at(names[0]) from None
     sigma = _noise_of(maneuvers)
     draws = antithetic(trial, lines, sigma, seed)  # at the record's own rate: noise is not smooth
     unbiased = np.array(residuals) - draws.bias
@@ -239,7 +239,7 @@ def _block(
         sensors, source = covariance_of(draws, np.ones_like(draws.bias_error), least), REPEATS
         covariance = flown_covariance(sensors, _apart(unbiased, trial, lines, sigma, sensors))
     else:
-        scale, source = _scale(motion.maneuver, lines, trial, draws, unbiased[0], least)
+        scale, source = _scale(motion, lines, trial, draws, unbiased[0], least)
         covariance = covariance_of(draws, scale, least)
     covariance = covariance / len(maneuvers)
     if not np.isfinite(covariance).all():
@@ -290,18 +290,19 @@ def _noise_of(maneuvers: Sequence[Maneuver]) -> dict[str, float]:
 
 
 def _scale(
-    maneuver: Maneuver, lines: Lines, trial: Trial, draws: Draws, residual: Complex, least: Array
+    motion: Motion, lines: Lines, trial: Trial, draws: Draws, residual: Complex, least: Array
 ) -> tuple[Array, str]:
     """Return the ratio of flown noise to the sensors', shape (row, line), and what it was learned from."""
     power = np.maximum(sensor_power(draws), least[:, None])
-    used = np.ones(lines.hz.size, dtype=bool)
-    used[0] = False  # offsets differ from record to record
-    left, freedom = beyond_motion(maneuver, lines, trial.measured, residual)
-    ratio = left / freedom[:, None] / power
-    undriven = used & ~lines.driven
-    if lines.driven.any() and undriven.sum() >= _FEW_LINES:
-        return smooth_ratio(lines.hz, ratio, undriven, 2.0), "lines that nothing drives"
-    return smooth_ratio(lines.hz, ratio, used, 2.0), "what no response to the motion explains"
+    left, freedom = beyond_motion(motion.maneuver, lines, trial.measured, residual, power)
+    freedom[:, 0] = 0.0  # offsets differ from record to record
+    undriven = ~lines.driven
+    if lines.driven.any() and undriven.sum() > _FEW_LINES:
+        return smooth_ratio(lines.hz, left, freedom * undriven), "lines that nothing drives"
+    ratio = smooth_ratio(lines.hz, left, freedom)
+    if motion.shares_noise:  # which then seems to be explained
+        ratio = np.maximum(ratio, 1.0)
+    return ratio, "what no response to the motion explains"
 
 
 def _apart(

@@ -68,6 +68,11 @@ class Motion:
     missed: float
     flown: bool = False
 
+    @property
+    def shares_noise(self) -> bool:
+        """Whether some of it is the record itself, smoothed: slow noise is left in it."""
+        return self.source.endswith(("smoothed", "smoothed record"))
+
 
 def noise_free(
     simulation: Simulation, maneuver: Maneuver, lines: Lines, departures: Departures | None = None

@@ -28,6 +28,7 @@ _LEAST = 1e-12
 _WIDE = 10  # lines on either side over which correlations of rows are averaged
 _NARROW = 2  # ... and their power, which goes with the square of frequency
 _QUIETER, _LOUDER = 0.5, 1e6  # ratios of flown noise to the sensors' own that are believed
+_ENOUGH = 60  # numbers from which a ratio is told as a function of frequency
 _ROUNDS = 60  # of the search for the flown covariance, by when it has settled
 
 
@@ -148,42 +149,54 @@ def whitening_of(covariance: Complex) -> Complex:
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=np.complex128)
 
 
-def smooth_ratio(hz: Array, ratio: Array, used: NDArray[np.bool_], freedom: float) -> Array:
+def smooth_ratio(hz: Array, power: Array, freedom: Array) -> Array:
     """Return power ratios as smooth functions of frequency, shape (row, line).
 
     A parabola in log frequency, by iterated least squares for numbers that scatter as they are large
     (a gamma regression with logarithmic link: McCullagh & Nelder, Generalized Linear Models, 2nd ed., ch. 8).
+    It is held beyond the lines that have half of their freedom.
 
     Parameters
     ----------
     hz : ndarray, shape (line,)
-    ratio : ndarray, shape (row, line)
-    used : ndarray of bool, shape (line,)
-        Lines that say something.
-    freedom : float
-        Degrees of freedom of each ratio: with few in all, the parabola is a constant.
+    power : ndarray, shape (row, line)
+        Whose mean is the ratio times the freedom.
+    freedom : ndarray, shape (row, line) or (line,)
+        Share of a line's two numbers that tell of the ratio, zero to one. With few in all, the parabola is a
+        constant.
     """
+    freedom = np.broadcast_to(freedom, power.shape)
     at = np.maximum(hz, hz[1])
     x = np.log(at / np.sqrt(at[1] * at[-1]))
-    columns = np.stack([np.ones_like(x), x, x**2])[: 3 if used.sum() * freedom > 60 else 1]
-    inverse = np.linalg.pinv(columns[:, used].T)
-    found = np.zeros((len(ratio), len(columns)))
-    found[:, 0] = np.log(np.maximum(ratio[:, used].mean(axis=1), 1e-12))
+    return np.array([_smooth_ratio(x, p, f) for p, f in zip(power, freedom, strict=True)])
+
+
+def _smooth_ratio(x: Array, power: Array, freedom: Array) -> Array:
+    """Return one row of `smooth_ratio` at log frequencies x."""
+    whole = max(freedom.sum(), np.finfo(float).tiny)
+    columns = np.stack([np.ones_like(x), x, x**2])[: 3 if 2 * whole > _ENOUGH else 1]
+    inverse = np.linalg.pinv((columns * freedom) @ columns.T)
+    found = np.zeros(len(columns))
+    found[0] = np.log(max((power * (freedom > 0)).sum() / whole, 1e-12))
     for _ in range(30):
-        fitted = found @ columns[:, used]
-        step = np.clip(ratio[:, used] * np.exp(-fitted) - 1, -1, 3) @ inverse.T
+        beyond = power * (freedom > 0) * np.exp(-found @ columns) - freedom
+        step = inverse @ (columns @ np.clip(beyond, -freedom, 3 * freedom))
         found += step
         if np.abs(step).max() < 1e-3:
             break
-    inside = np.clip(x, x[used].min(), x[used].max())
+    clear = freedom >= min(0.5, freedom.max())
+    inside = np.clip(x, x[clear].min(), x[clear].max())
     columns = np.stack([np.ones_like(x), inside, inside**2])[: len(columns)]
     return np.exp(np.clip(found @ columns, -20, 20))
 
 
 def beyond_motion(
-    maneuver: Maneuver, lines: Lines, like: Histories, residual: Complex
+    maneuver: Maneuver, lines: Lines, like: Histories, residual: Complex, power: Array
 ) -> tuple[Array, Array]:
     """Return power that no linear response to the motion explains: noise of a record without repeats.
+
+    Motion is strong on some lines, slow motion on the first few: there it takes most of the noise away too.
+    So each line has a freedom of its own.
 
     Parameters
     ----------
@@ -193,12 +206,15 @@ def beyond_motion(
     like : Histories
         The rows.
     residual : ndarray of complex, shape (row, line)
+    power : ndarray, shape (row, line)
+        Of the sensors' noise.
 
     Returns
     -------
     left : ndarray, shape (row, line)
-    freedom : ndarray, shape (row,)
-        Share of degrees of freedom that is left.
+        Over the sensors' noise.
+    freedom : ndarray, shape (row, line)
+        Share of a line's degrees of freedom that is left.
     """
     record = maneuver.record
     omega = 2j * np.pi * lines.hz
@@ -216,7 +232,7 @@ def beyond_motion(
     ends = np.stack(
         [np.ones_like(omega), np.divide(1, omega, out=np.zeros_like(omega), where=omega != 0), mean]
     )
-    left, freedom = np.empty(residual.shape), np.empty(len(like.rows))
+    left, freedom = np.empty(residual.shape), np.empty(residual.shape)
     for i, row in enumerate(like.rows):
         if row.kind == "actuator":
             name = row.name.partition("/")[2]
@@ -227,12 +243,13 @@ def beyond_motion(
         else:
             columns = np.concatenate([motion, effectors, omega * motion, omega * effectors])
         every = np.asarray(np.concatenate([ends, columns]), dtype=np.complex128)
-        left[i], freedom[i] = _left(lines, residual[i], every)
+        root = np.sqrt(power[i])
+        left[i], freedom[i] = _left(lines, residual[i] / root, every / root)
     return left, freedom
 
 
-def _left(lines: Lines, row: Complex, columns: Complex) -> tuple[Array, float]:
-    """Return the power of a row beyond columns with real coefficients, and the share of equations left.
+def _left(lines: Lines, row: Complex, columns: Complex) -> tuple[Array, Array]:
+    """Return the power of a row beyond columns with real coefficients, and what share of each line is left.
 
     At most half of the equations go to columns: the strongest directions among them.
     """
@@ -242,10 +259,11 @@ def _left(lines: Lines, row: Complex, columns: Complex) -> tuple[Array, float]:
     basis = basis[: min(int((size > 1e-6 * size[0]).sum()), x.shape[1] // 2)]
     y = y - (y @ basis.T) @ basis
     count = lines.hz.size
-    power = np.empty(count)
-    power[0] = y[0] ** 2
-    power[1:] = 0.5 * (y[1:count] ** 2 + y[count:] ** 2)
-    return power, 1 - len(basis) / x.shape[1]
+
+    def by_line(numbers: Array) -> Array:
+        return np.concatenate([numbers[:1], 0.5 * (numbers[1:count] + numbers[count:])])
+
+    return by_line(y**2), np.clip(1 - by_line((basis**2).sum(axis=0)), 0.0, 1.0)
 
 
 def _averaged(values: NDArray, half_width: int) -> NDArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,6 +15,7 @@ from freqid.gap.stack.histories import Histories
 from freqid.gap.stack.rows import measured_part
 
 Array = NDArray[np.float64]
+Act = Callable[[dict[str, Array]], dict[str, Array]]
 
 _QUICK = ("callable", "fmu", "scenario")
 """Kinds that answer any record in milliseconds. Others are asked for their derivatives once."""
@@ -43,6 +44,10 @@ class Trial:
         How many samples of that stand behind one of the manoeuvre's.
     carries : bool
         Whether the manoeuvre's channels come from a record, with whatever its sensors did to them.
+    acting : tuple of callable
+        What acts on the actuators' positions besides the simulation, one after the other.
+    bare : Trial, optional
+        The same without any of that; None where nothing acts.
     """
 
     simulation: Simulation
@@ -54,6 +59,8 @@ class Trial:
     sent: FlightRecord
     every: int = 1
     carries: bool = True
+    acting: tuple[Act, ...] = ()
+    bare: Trial | None = None
 
     @classmethod
     def of(cls, simulation: Simulation, maneuver: Maneuver, carries: bool = True) -> Trial:
@@ -97,7 +104,47 @@ class Trial:
     ) -> dict[str, Array]:
         """Return the actuators' positions with other effects, parameters or commands, on these samples."""
         made = self.simulation.positions(sent or self.sent, effects, departures)
-        return {n: made[n][:: self.every] for n in self.positions}
+        return self._acted({n: made[n][:: self.every] for n in self.positions})
+
+    def acted_on(self, act: Act) -> Trial:
+        """Return the trial with one more thing that acts on the actuators' positions.
+
+        Whatever is asked of that trial is asked with it in force.
+        """
+        acting, bare = (*self.acting, act), self.bare or self
+        new = replace(self, positions=act(self.positions), acting=acting, bare=bare)
+        if "gradient" in self.__dict__:  # of loads on measured positions: the same
+            new.__dict__["gradient"] = self.gradient
+        return new
+
+    def felt_through(self, act: Act) -> Trial:
+        """Return the trial where the airframe feels other positions of effectors than were measured.
+
+        What was measured stays.
+        """
+        record = self.maneuver.record
+        before = {n: record[f"effector/{n}"] for n in record.group("effector")}
+        moved = {f"effector/{n}": x - before[n] for n, x in act(before).items() if n in before}
+        channels = [replace(record.channel(n), values=record[n] + x) for n, x in moved.items()]
+        felt = replace(self.maneuver, record=record.with_channels(*channels))
+        if self.simulation.kind in _QUICK:
+            return replace(self, maneuver=felt, predicted=self.simulation.predict(felt.record))
+        new = replace(self, maneuver=felt, predicted=self.predicted + self.moved(moved))
+        new.__dict__["gradient"] = self.gradient
+        return new
+
+    def displaced(self, moved: Mapping[str, Array]) -> dict[str, Array]:
+        """Return what becomes of displacements of the simulation's own positions by what acts on these."""
+        if self.bare is None:
+            return dict(moved)
+        own = self.bare.positions
+        after = self._acted({n: x + moved.get(n, 0.0) for n, x in own.items()})
+        return {n: after[n] - x for n, x in self.positions.items()}
+
+    def _acted(self, positions: dict[str, Array]) -> dict[str, Array]:
+        for act in self.acting:
+            positions = act(positions)
+        return positions
 
     @cached_property
     def gradient(self) -> Array:
@@ -134,16 +181,40 @@ class Trial:
         """Return the measured part of another manoeuvre in the same rows."""
         return measured_part(maneuver, self.simulation.responses, self.actuators)
 
-    def on(self, record: FlightRecord) -> Histories:
+    @property
+    def approximates(self) -> bool:
+        """Whether `on` is quicker by derivatives, though the simulation can be asked again."""
+        return self.simulation.kind in _QUICK and self.simulation.kind in _BY_DERIVATIVES
+
+    def on(self, record: FlightRecord, *, first_order: bool = False) -> Histories:
         """Return the residual that another log of the same flight would leave.
 
         Replayed in full, or by derivatives where the simulation is too slow or cannot be asked again.
+
+        Parameters
+        ----------
+        record : FlightRecord
+        first_order : bool
+            By derivatives too where that is quicker: enough to weigh hundreds of candidates.
         """
-        measured = self.measured_on(Maneuver(record, self.maneuver.vehicle))
         before = self.maneuver.record
+        measured = self._logged(record)
         moved = {n: record[n] - before[n] for n in self.inputs if not np.array_equal(record[n], before[n])}
-        change = self.moved(moved, in_full=self.simulation.kind in _QUICK) if moved else None
+        in_full = self.simulation.kind in _QUICK and not (first_order and self.approximates)
+        change = self.moved(moved, in_full=in_full) if moved else None
         return measured - self.simulated - self.rows(change)
+
+    def _logged(self, record: FlightRecord) -> Histories:
+        """Return the measured part of another log; positions of surfaces enter rows of their own alone."""
+        before, kinds = self.maneuver.record, self.maneuver.vehicle.effector_kinds
+        changed = [n for n, c in record.channels.items() if c is not before.channels.get(n)]
+        if any(kinds.get(n.removeprefix("effector/")) != "surface" for n in changed):
+            return self.measured_on(Maneuver(record, self.maneuver.vehicle))
+        direct = self.measured.direct.copy()
+        for i, row in enumerate(self.measured.rows):
+            if row.kind == "actuator":
+                direct[i] = record[f"effector/{row.name.partition('/')[2]}"]
+        return replace(self.measured, direct=direct)
 
     def with_noise(self, noise: Mapping[str, Array], sign: float) -> Histories:
         """Return the residual with noise added to channels, shape (sample,) each."""

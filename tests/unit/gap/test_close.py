@@ -74,13 +74,20 @@ def test_a_second_effect_stays_only_where_it_predicts_what_was_not_used(worn):
     """The held-out flight lacks the drag that both flights used have beside the loss."""
     both = replace(WORN, drag=1.0)
     used = diagnosed(both, question=replace(QUESTION, close=False))
-    explanation = explain(used.evidence, "worn")
+    explanation, _ = explain(used.evidence, "worn")
     assert set(explanation.effects) == {"worn", "drag"}
     scored = {}
     for name, truth in (("with it", both), ("without it", WORN)):
         others = stack_of(Linear(), [flight(truth, 3)], ["third"], BAND, seed=9)
         closing = closing_of(
-            used.system, used.blocks, used.columns, others, explanation, LIBRARY, QUESTION.tolerances
+            used.system,
+            used.blocks,
+            used.columns,
+            others,
+            explanation,
+            LIBRARY,
+            QUESTION.tolerances,
+            used.evidence.form_error(explanation.places[0]),
         )
         scored[name] = set(close(closing, explanation, 0, LIBRARY, QUESTION.tolerances)[0].closure.effects)
     assert scored["with it"] == {"worn", "drag"}

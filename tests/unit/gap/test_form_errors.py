@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from freqid.gap.infer.forms import _log_prior, common_form, likely_forms
+from freqid.gap.infer.evidence import Weighing
+from freqid.gap.infer.forms import _log_prior, common_form, forms_beside, likely_forms
 from freqid.gap.infer.system import BlockMatrices, Form, System
-from freqid.gap.settings import FORM_ERRORS
+from freqid.gap.model.candidates import Candidate, Place
+from freqid.gap.settings import FORM_ERRORS, SEPARATE
 
 ROWS = ("X", "Z", "M", "actuator/de", "kinematic/u", "kinematic/w")
 NUMBERS, TERMS = 240, 12  # of each row
@@ -67,3 +70,31 @@ def test_the_common_error_is_one_for_each_kind_of_row():
 def test_one_row_that_is_poor_is_found_behind_a_valley():
     """All rows together at a middle size are less likely than none at all."""
     assert best(stack((0.0, 0.8, 0.0, 0.0, 0.0, 0.0)))[1] == pytest.approx(0.8, rel=0.6)
+
+
+def test_a_second_effect_that_hides_in_the_form_of_several_rows_is_found_beside_the_first():
+    """Alone, each of two effects that act in three rows leaves the other one to the form of all three."""
+    rng = np.random.default_rng(1)
+    plain = stack((0.0,) * 6)
+    form = 30.0 * rng.standard_normal((3 * TERMS, 3 * NUMBERS))
+    for i in range(3):  # every term is in one row
+        outside = np.arange(3 * NUMBERS) // NUMBERS != i
+        form[i * TERMS : (i + 1) * TERMS, outside] = 0.0
+    effects = np.stack([0.05 * rng.standard_normal(3 * TERMS) @ form for _ in range(2)])
+    residual = rng.standard_normal(3 * NUMBERS) + effects.sum(axis=0)
+    none = np.zeros((0, residual.size))
+    block = BlockMatrices.of(
+        effects, none, residual, none, form, none, form_row=np.repeat(np.arange(3), TERMS)
+    )
+    prior = np.geomspace(0.05, 10.0, 33)
+    both = [Candidate(n, Place("", (n,)), "scalar", np.ones(1), prior, []) for n in ("one", "other")]
+    hidden = Form((0.05, 0.05, 0.05), 0.0)
+    system = replace(plain, candidates=both, start=np.arange(3), blocks=[block], form_errors=(hidden,))
+    forms = forms_beside(system, ROWS[:3], np.array([[1.0, 0.0]]))
+    assert forms[0] == hidden
+    left = {f: system.reduced(f).freed(np.array([[1.0, 0.0]])) for f in forms}
+    second = {f: x.log_evidence + float(Weighing(system).of_place(1, x, x.g)) for f, x in left.items()}
+    assert max(max(second, key=second.get).loads) <= UNSEEN
+    assert max(second.values()) - max(x.log_evidence for x in left.values()) > SEPARATE
+    known = second[hidden] - left[hidden].log_evidence
+    assert known < max(second.values()) - left[hidden].log_evidence - SEPARATE

@@ -4,8 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from linear_flight import UNITS, vehicle
 
-from freqid.gap.stack.noise import Draws, covariance_of, flown_covariance, smooth_ratio, whitening_of
+from freqid.core.record import Channel, FlightRecord, Maneuver
+from freqid.gap.stack.histories import Histories, Row
+from freqid.gap.stack.lines import lines_of
+from freqid.gap.stack.noise import (
+    Draws,
+    beyond_motion,
+    covariance_of,
+    flown_covariance,
+    smooth_ratio,
+    whitening_of,
+)
 
 LINES, PAIRS = 61, 48
 HZ = np.arange(LINES) / 20.0
@@ -92,8 +103,7 @@ def test_power_ratios_become_smooth_functions_of_frequency():
     rng = np.random.default_rng(5)
     truth = np.exp(1.0 - 0.8 * np.log(np.maximum(HZ, HZ[1]) / np.sqrt(HZ[1] * HZ[-1])))
     ratio = truth * rng.exponential(1.0, (200, LINES))
-    used = np.arange(LINES) > 0
-    found = smooth_ratio(HZ, ratio, used, 2.0)
+    found = smooth_ratio(HZ, ratio, (np.arange(LINES) > 0).astype(float))
     assert np.mean(found, axis=0)[1:] == pytest.approx(truth[1:], rel=0.15)
     assert np.std(np.log(found[:, 10:])) < 0.6 * np.std(np.log(ratio[:, 10:]))
 
@@ -116,3 +126,23 @@ def test_flown_noise_is_told_from_repeats_without_breaking_what_rows_share(dense
 def _alone(covariance):
     """Power of each row that the others do not account for, shape (line, row)."""
     return 1 / np.einsum("lii->li", np.linalg.inv(covariance)).real
+
+
+def test_lines_that_slow_motion_takes_tell_no_noise():
+    """On the few lines that slow motion lives on, it explains most of any noise: less of it is left."""
+    time = np.arange(1501) / 50.0
+    slow = {n: np.sin(2 * np.pi * (1 + i) * time / 30 + i) for i, n in enumerate(("u", "w", "q"))}
+    channels = {f"state/{n}": Channel(f"state/{n}", UNITS[n], x, 50.0, "made here") for n, x in slow.items()}
+    record = FlightRecord(time, channels, vehicle())
+    lines = lines_of(record, (0.05, 2.0))
+    rows, count = 400, lines.hz.size
+    rng = np.random.default_rng(3)
+    noise = lines.complex(rng.standard_normal((rows, 2 * count - 1)))
+    noise[:, 0] = rng.standard_normal(rows)
+    like = Histories((Row("Z", "N", "response"),) * rows, np.zeros((rows, 1)), np.zeros((rows, 1)))
+    left, freedom = beyond_motion(Maneuver(record, vehicle()), lines, like, noise, np.ones((rows, count)))
+    assert freedom[0, 1:4].max() < 0.5
+    assert freedom[0, 20:].min() > 0.9
+    assert left.mean(axis=0)[1:] == pytest.approx(freedom[0, 1:], abs=4 / np.sqrt(rows))
+    found = smooth_ratio(lines.hz, left, np.where(np.arange(count) > 0, freedom, 0.0))
+    assert np.median(found, axis=0) == pytest.approx(np.ones(count), abs=0.15)

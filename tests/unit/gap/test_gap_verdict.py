@@ -118,3 +118,12 @@ def test_tolerances_stand_with_unit_and_source():
         "lift_slope": (0.3, "1/rad", "simulation"),
         "sensor_bias.q": (0.002, "rad/s", "each record"),
     }
+
+
+def test_a_withdrawn_name_says_what_tolerances_would_have_to_be():
+    """Where a parameter that is far off explains a gap better than an effect, it is said which."""
+    which = replace(WORN, named=(), withdrawn={"surface_effectiveness": "it predicts worse"})
+    text = said(which, (CLOSURE,))
+    assert "no name; surface_effectiveness fits best but it predicts worse" in text
+    assert text.endswith("; tolerances alone need derivatives.M.de off by 9 sigma.")
+    assert "need" not in said(which, (replace(CLOSURE, strained={"mass.fraction": 1.2}),))

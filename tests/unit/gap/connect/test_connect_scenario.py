@@ -83,6 +83,18 @@ def test_actuators_make_the_positions_that_were_flown(simulation, flown):
     assert simulation.positions(replace(record, channels={"state/u": record.channel("state/u")})) == {}
 
 
+def test_positions_need_no_measured_start(simulation, flown):
+    """Commands alone do: the actuators then start at rest where their commands hold them."""
+    record = flown("u20").record
+    bare = replace(
+        record, channels={n: c for n, c in record.channels.items() if not n.startswith("effector/")}
+    )
+    measured, alone = simulation.positions(record), simulation.positions(bare)
+    assert alone.keys() == measured.keys()
+    for name, row in alone.items():
+        assert np.abs(row - measured[name]).max() < 1e-3 * np.abs(measured[name]).max(), name
+
+
 def test_noise_of_the_logged_voltage_is_no_motion_of_the_rotors(simulation, flown):
     record = flown("u20").record
     blind = replace(record, channels={n: c for n, c in record.channels.items() if n != "power/voltage"})

@@ -1,0 +1,183 @@
+"""Sizes of several effects at once: where they are likeliest together, and how far each is known then."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from freqid.gap.infer.evidence import Estimate, Evidence, estimate
+from freqid.gap.infer.system import Form
+from freqid.gap.model.candidates import Candidate
+from freqid.gap.settings import INTERVAL
+
+Array = NDArray[np.float64]
+
+_STEPS = 30  # Gauss-Newton steps at most
+_HALVINGS = 12  # of a step that leads downhill
+_SETTLED = 1e-3  # nats that a step gains, below which sizes are found
+_NEAR = 0.05  # of a size, on either side: how the change goes with the size there
+_LEAST = 1e-3  # of a scalar's smallest size in its prior: a size below is as good as none
+
+
+def jointly(evidence: Evidence, places: Sequence[int]) -> tuple[Estimate, ...]:
+    """Return estimates of several candidates, each with the others' sizes unknown too.
+
+    Gauss-Newton steps of all sizes together lead to the likeliest ones. Each then has its density given the
+    others, and an interval as much wider as its standard deviation is where these are free (G. A. F. Seber,
+    C. J. Wild, Nonlinear Regression, 1989, section 2.8): a delay and a lag that make up for each other are
+    known less well than either is beside the other.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    places : sequence of int
+        Candidates.
+    """
+    alone = tuple(estimate(evidence, i, INTERVAL) for i in places)
+    if len(places) == 1:
+        return alone
+    fit = _Fit.of(evidence, places)
+    sizes = fit.climbed([e.size[0] if e.candidate.kind == "scalar" else e.weights for e in alone])
+    wider = fit.widening(sizes)
+    found = []
+    for k, (i, c) in enumerate(zip(places, fit.candidates, strict=True)):
+        given = np.zeros(evidence.system.columns)
+        for other, size, of in zip(places, sizes, fit.candidates, strict=True):
+            if other != i:
+                given[evidence.system.columns_of(other)] = _weights(of, size)
+        e = estimate(evidence, i, INTERVAL, given=given)
+        low, high = (c.prior.min(), c.prior.max()) if c.kind == "scalar" else (-np.inf, np.inf)
+        found.append(
+            replace(
+                e,
+                lo=np.maximum(e.size - wider[k] * (e.size - e.lo), min(low, 0.0)),
+                hi=np.minimum(e.size + wider[k] * (e.hi - e.size), max(high, 0.0)),
+            )
+        )
+    return tuple(found)
+
+
+def form_beside(evidence: Evidence, places: Sequence[int], estimates: Sequence[Estimate]) -> Form:
+    """Return the likeliest error of form beside effects at their sizes."""
+    fit = _Fit.of(evidence, places)
+    w = np.concatenate([e.weights for e in estimates])
+    return evidence.system.form_errors[int(np.argmax(fit.none + fit.g @ w - 0.5 * (fit.G @ w) @ w))]
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """What data say of some candidates, at each error of form.
+
+    Attributes
+    ----------
+    candidates : list of Candidate
+    none : ndarray, shape (form,)
+        Log evidence of no effect.
+    G : ndarray, shape (form, column, column)
+    g : ndarray, shape (form, column)
+    """
+
+    candidates: list[Candidate]
+    none: Array
+    G: Array
+    g: Array
+
+    @classmethod
+    def of(cls, evidence: Evidence, places: Sequence[int]) -> _Fit:
+        system = evidence.system
+        at = np.concatenate([np.arange(system.start[i], system.start[i + 1]) for i in places])
+        reduced = [system.reduced(f) for f in system.form_errors]
+        return cls(
+            [system.candidates[i] for i in places],
+            evidence.none,
+            np.array([r.G[np.ix_(at, at)] for r in reduced]),
+            np.array([r.g[at] for r in reduced]),
+        )
+
+    def climbed(self, sizes: list) -> list:
+        """Return the likeliest sizes, from others on."""
+        value, G, g = self.at(sizes)
+        for _ in range(_STEPS):
+            w, slopes, precision, pull = self.slopes(sizes)
+            curve = slopes @ G @ slopes.T + np.diag(precision)
+            step = np.asarray(np.linalg.solve(curve, slopes @ (g - G @ w) - pull), dtype=float)
+            for _ in range(_HALVINGS):
+                moved = self.moved(sizes, step)
+                better, G_there, g_there = self.at(moved)
+                if better >= value:
+                    break
+                step = step / 2
+            else:
+                break
+            gained, sizes, value, G, g = better - value, moved, better, G_there, g_there
+            if gained < _SETTLED:
+                break
+        return sizes
+
+    def widening(self, sizes: list) -> list[Array]:
+        """Return how much wider each standard deviation is than given the others, by candidate."""
+        _, G, _ = self.at(sizes)
+        _, slopes, precision, _ = self.slopes(sizes)
+        inverse = slopes @ G @ slopes.T + np.diag(precision)
+        covariance, found, k = np.linalg.inv(inverse), [], 0
+        for c in self.candidates:
+            n = 1 if c.kind == "scalar" else c.sizes.size
+            own = np.linalg.inv(inverse[k : k + n, k : k + n])
+            found.append(np.sqrt(np.maximum(np.diag(covariance[k : k + n, k : k + n]) / np.diag(own), 1.0)))
+            k += n
+        return found
+
+    def at(self, sizes: list) -> tuple[float, Array, Array]:
+        """Return the log evidence of sizes, and G and g at the errors of form that are likely there."""
+        w = np.concatenate([_weights(c, s) for c, s in zip(self.candidates, sizes, strict=True)])
+        log = self.none + self.g @ w - 0.5 * (self.G @ w) @ w
+        value = logsumexp(log)
+        mix = np.exp(log - value)
+        pull = sum(0.5 * p for p in self._pulls(sizes))
+        return float(value - pull), np.tensordot(mix, self.G, 1), mix @ self.g
+
+    def slopes(self, sizes: list) -> tuple[Array, Array, Array, Array]:
+        """Return weights of all columns, their slopes by each size, the prior's precision and its pull."""
+        weights, slopes, precision, pull = [], [], [], []
+        for c, s in zip(self.candidates, sizes, strict=True):
+            weights.append(_weights(c, s))
+            if c.kind == "scalar":
+                h = _NEAR * max(abs(s), _LEAST * float(np.abs(c.prior).min()))
+                slopes.append(((c.weights(s + h) - c.weights(s - h)) / (2 * h))[None])
+                precision, pull = [*precision, 0.0], [*pull, 0.0]
+            else:
+                wide = 1 / float(c.prior.max()) ** 2
+                slopes.append(np.eye(c.sizes.size))
+                precision, pull = [*precision, *[wide] * c.sizes.size], [*pull, *(wide * s)]
+        full = np.zeros((len(precision), sum(w.size for w in weights)))
+        row = column = 0
+        for one in slopes:
+            full[row : row + one.shape[0], column : column + one.shape[1]] = one
+            row, column = row + one.shape[0], column + one.shape[1]
+        return np.concatenate(weights), full, np.array(precision), np.array(pull)
+
+    def moved(self, sizes: list, step: Array) -> list:
+        """Return sizes after a step, a scalar's within its prior and of its sign."""
+        found, k = [], 0
+        for c, s in zip(self.candidates, sizes, strict=True):
+            if c.kind == "scalar":
+                least = _LEAST * float(np.abs(c.prior).min())
+                low, high = (least, c.prior.max()) if s > 0 else (c.prior.min(), -least)
+                found.append(float(np.clip(s + step[k], low, high)))
+                k += 1
+            else:
+                found.append(s + step[k : k + c.sizes.size])
+                k += c.sizes.size
+        return found
+
+    def _pulls(self, sizes: list) -> list[float]:
+        each = zip(self.candidates, sizes, strict=True)
+        return [float(s @ s) / float(c.prior.max()) ** 2 for c, s in each if c.kind == "vector"]
+
+
+def _weights(candidate: Candidate, size) -> Array:
+    return candidate.weights(float(size)) if candidate.kind == "scalar" else np.asarray(size, dtype=float)

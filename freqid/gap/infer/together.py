@@ -1,0 +1,116 @@
+"""The effects of an explanation together: each at its size, and all that they change where they act.
+
+An effect between command and airframe changes what others do there. A lag behind a delay is not the lag
+alone, and what a servo's tolerance makes of a position comes late too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.gap.infer.build import rebuilt
+from freqid.gap.infer.columns import Columns
+from freqid.gap.infer.evidence import Estimate
+from freqid.gap.infer.explain import Explanation
+from freqid.gap.infer.linearise import relinearised
+from freqid.gap.infer.system import Form, System
+from freqid.gap.model.changes import beside
+from freqid.gap.model.refine import refined
+from freqid.gap.model.testable import in_force_of
+from freqid.gap.model.tolerance import tolerance_columns
+from freqid.gap.simulation import Simulation
+from freqid.gap.stack.block import Block
+from freqid.simulate.effects.effect import Effect
+
+Array = NDArray[np.float64]
+Settings = dict[str, float]
+
+
+def settings_of(
+    explanation: Explanation, library: Mapping[str, Effect], simulation: Simulation
+) -> list[tuple[str, Settings]]:
+    """Return the effects of one size that an explanation holds, with their parameters as estimated.
+
+    Parameters
+    ----------
+    explanation : Explanation
+    library : dict of Effect
+        Of the vehicle.
+    simulation : Simulation
+    """
+    found = []
+    for e in explanation.estimates:
+        c = e.candidate
+        if c.kind == "scalar" and c.effect in library:
+            force = in_force_of(library[c.effect], simulation)
+            moved = {n: force[n] + float(e.size[0]) for n in c.place.parameters}
+            found.append((c.effect, moved | dict(c.place.fixed)))
+    return found
+
+
+def acted_on(
+    blocks: Sequence[Block], acting: Sequence[tuple[str, Settings]], library: Mapping[str, Effect]
+) -> list[Block]:
+    """Return blocks on whose trials effects are in force; the same where they change nothing for others."""
+    effects = [(library[n], x) for n, x in acting]
+    trials = [beside(effects, b.trial) for b in blocks]
+    return [b if t is b.trial else replace(b, trial=t) for b, t in zip(blocks, trials, strict=True)]
+
+
+def together(
+    system: System,
+    columns: Sequence[Columns],
+    blocks: Sequence[Block],
+    explanation: Explanation,
+    others: Sequence[tuple[int, Estimate]],
+    library: Mapping[str, Effect],
+    sizes: Mapping[str, float],
+    form_error: Form,
+) -> tuple[System, list[Columns]]:
+    """Return a system about an explanation: its effects near their sizes, tolerances beside them.
+
+    Parameters
+    ----------
+    system : System
+    columns : sequence of Columns
+        By block.
+    blocks : sequence of Block
+    explanation : Explanation
+    others : sequence of (int, Estimate)
+        Candidates that may act beside it, with their sizes there.
+    library : dict of Effect
+        Of the vehicle.
+    sizes : dict of float
+        Tolerances, one sigma by name.
+    form_error : Form
+        At which the tolerances' departures are fitted.
+    """
+    acting = settings_of(explanation, library, blocks[0].trial.simulation)
+    new = list(system.candidates)
+    for i, e in zip(explanation.places, explanation.estimates, strict=True):
+        before = acting[: next((k for k, (n, _) in enumerate(acting) if n == e.candidate.effect), 0)]
+        if e.candidate.kind == "scalar":
+            new[i] = refined(new[i], float(e.size[0]), library, blocks, before)
+    for i, e in others:
+        if e.candidate.kind == "scalar":
+            new[i] = refined(new[i], float(e.size[0]), library, blocks, acting)
+    flown = acted_on(blocks, acting, library)
+    alone = len(explanation.places) == 1 and flown[0] is blocks[0]
+    if alone and all(a is b for a, b in zip(new, system.candidates, strict=True)):
+        return system, list(columns)  # tolerances are straight about it already
+    anew = [tolerance_columns(b, library, sizes) for b in flown] if flown[0] is not blocks[0] else []
+    system, columns = rebuilt(system, new, columns, blocks, anew)
+    return relinearised(system, columns, flown, sizes, form_error, weights_of(system, explanation))
+
+
+def weights_of(system: System, explanation: Explanation) -> Array:
+    """Return the weights of a system's columns in an explanation, shape (column,)."""
+    weights = np.zeros(system.columns)
+    for i, e in zip(explanation.places, explanation.estimates, strict=True):
+        c = system.candidates[i]
+        weights[system.columns_of(i)] = c.weights(float(e.size[0])) if c.kind == "scalar" else e.weights
+    return weights

@@ -1,0 +1,227 @@
+"""Bayes factors of all candidates at one error of form, each with its size integrated out.
+
+Candidates whose columns and sizes are of the same number are weighed side by side: a stack has hundreds of
+them, and is asked at hundreds of errors of form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr
+
+from freqid.gap.infer.system import Form, OwnProducts, Reduced, System
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_SHARP = 1.0  # squared width of a cell in standard deviations of the likelihood, above which it is integrated
+_NEGLIGIBLE = 15.0  # nats below the likeliest size
+_AT_ONCE = 50_000  # numbers that stay in a processor's cache
+
+
+@dataclass(frozen=True, eq=False)
+class Scalars:
+    """Candidates of one size each, with the same numbers of columns and of sizes.
+
+    Attributes
+    ----------
+    candidates : tuple of int
+    columns : ndarray of int, shape (candidate, column)
+    weights : ndarray, shape (candidate, size, column)
+        Of the columns at each size of the prior, ascending.
+    cells : ndarray of bool, shape (candidate, size - 1)
+        Between neighbours of one sign: the prior gives each the same probability.
+    """
+
+    candidates: tuple[int, ...]
+    columns: Index
+    weights: Array
+    cells: NDArray[np.bool_]
+
+    def factors(self, G: Array, g: Array) -> Array:
+        """Return log mean likelihood ratios over the prior, shape (candidate, draw).
+
+        Where the likelihood is wider than a cell the trapezoid rule is exact enough; where it is narrower,
+        which strong effects make it, the Gaussian is integrated.
+
+        Parameters
+        ----------
+        G : ndarray, shape (candidate, column, column)
+            Inner products of each candidate's columns.
+        g : ndarray, shape (column of all candidates, draw)
+        """
+        few = max(_AT_ONCE // (self.weights.shape[1] * g.shape[1]), 1)
+        if few < len(self.candidates):
+            parts = [slice(k, k + few) for k in range(0, len(self.candidates), few)]
+            return np.concatenate([self._some(part).factors(G[part], g) for part in parts])
+        w, cells = self.weights, self.cells
+        ends = w @ g[self.columns] - 0.5 * ((w @ G) * w).sum(axis=2)[:, :, None]
+        top = ends.max(axis=1)
+        step = w[:, 1:] - w[:, :-1]
+        curve = ((step @ G) * step).sum(axis=2)
+        share = np.zeros(w.shape[:2])
+        smooth = cells & (curve <= _SHARP)
+        share[:, :-1] += 0.5 * smooth
+        share[:, 1:] += 0.5 * smooth
+        share[~cells.any(axis=1)] = 1.0  # no cell: the sizes themselves
+        count = np.where(cells.any(axis=1), cells.sum(axis=1), w.shape[1])[:, None]
+        # within a cell the exponent is above the higher end by an eighth of its curvature at most
+        reach = (ends - top[:, None]).max(axis=2)
+        near = np.maximum(reach[:, 1:], reach[:, :-1]) + curve / 8 > -_NEGLIGIBLE
+        which, cell = np.nonzero(cells & (curve > _SHARP) & near)
+        if not which.size:
+            return top + np.log(_weighted(share, ends, top) / count)
+        # the exponent in a cell, x from 0 to 1, is a + b x - c x^2 / 2
+        a, after, c = ends[which, cell], ends[which, cell + 1], curve[which, cell][:, None]
+        b = after - a + 0.5 * c
+        peak = np.where((b > 0) & (b < c), a + 0.5 * b**2 / c, np.maximum(a, after))
+        np.maximum.at(top, which, peak)
+        at, draw = np.nonzero(peak > top[which] - _NEGLIGIBLE)
+        a, b, c = a[at, draw], b[at, draw], c[at, 0]
+        root = np.sqrt(c)
+        low, high = -b / root, (c - b) / root
+        low, high = np.where(low > 0, -high, low), np.where(low > 0, -low, high)  # the tail computed well
+        outer, inner = log_ndtr(low), log_ndtr(high)
+        inside = inner + np.log1p(-np.exp(outer - inner))
+        value = a + 0.5 * b**2 / c + 0.5 * np.log(2 * np.pi / c) + inside
+        total = _weighted(share, ends, top)
+        np.add.at(total, (which[at], draw), np.exp(value - top[which[at], draw]))
+        return top + np.log(total / count)
+
+    def _some(self, part: slice) -> Scalars:
+        return Scalars(self.candidates[part], self.columns[part], self.weights[part], self.cells[part])
+
+
+def _weighted(share: Array, ends: Array, top: Array) -> Array:
+    return (share[:, None] @ np.exp(ends - top[:, None]))[:, 0]
+
+
+@dataclass(frozen=True, eq=False)
+class Weighing:
+    """How candidates are weighed: what does not depend on the data.
+
+    Attributes
+    ----------
+    system : System
+    """
+
+    system: System
+
+    @cached_property
+    def scalars(self) -> list[int]:
+        """Candidates of one size."""
+        return [i for i, c in enumerate(self.system.candidates) if c.kind == "scalar"]
+
+    @cached_property
+    def vectors(self) -> list[int]:
+        """Candidates of several sizes at once."""
+        return [i for i, c in enumerate(self.system.candidates) if c.kind == "vector"]
+
+    @cached_property
+    def weights(self) -> list[Array]:
+        """Of each scalar's columns at each size of its prior, shape (size, column)."""
+        return [np.array([c.weights(s) for s in c.prior]) for c in map(self._candidate, self.scalars)]
+
+    @cached_property
+    def alike(self) -> list[Scalars]:
+        """The scalars, those of the same shape together."""
+        shapes: dict[tuple[int, ...], list[int]] = {}
+        for k, w in enumerate(self.weights):
+            shapes.setdefault(w.shape, []).append(k)
+        return [self._together(places) for places in shapes.values()]
+
+    @cached_property
+    def effects(self) -> tuple[str, ...]:
+        """Ids of the candidates' effects, each once."""
+        return tuple(dict.fromkeys(c.effect for c in self.system.candidates))
+
+    @cached_property
+    def layout(self) -> list[Index]:
+        """Columns of all candidates, those of the same shape together, shape (candidate, column) each."""
+        return [one.columns for one in self.alike] + [self._columns(i)[None] for i in self.vectors]
+
+    def places_of(self, effect: str) -> list[int]:
+        """Return the candidates of an effect."""
+        return self._by_effect[effect]
+
+    def at(self, form_error: Form) -> OwnProducts:
+        """Return what `by_place` needs of the system at an error of form."""
+        return self.system.own_products(form_error, self.layout)
+
+    def by_place(self, reduced: Reduced | OwnProducts, g: Array) -> Array:
+        """Return log Bayes factors of every candidate against no effect, shape (candidate, draw).
+
+        Parameters
+        ----------
+        reduced : Reduced or OwnProducts
+            Whose inner products are used.
+        g : ndarray, shape (column, draw)
+        """
+        found = np.empty((len(self.system.candidates), g.shape[1]))
+        own = reduced.own(self.layout)
+        for one, G in zip(self.alike, own, strict=False):
+            found[list(one.candidates)] = one.factors(G, g)
+        for i, G in zip(self.vectors, own[len(self.alike) :], strict=True):
+            found[i] = _of_vector(self._candidate(i).prior, G[0], g[self.system.columns_of(i)])
+        return found
+
+    def of_place(self, index: int, reduced: Reduced, g: Array) -> float:
+        """Return the log Bayes factor of one candidate against no effect; `g` of shape (column,)."""
+        at = self.system.columns_of(index)
+        G = reduced.G[at, at]
+        if self._candidate(index).kind == "vector":
+            return float(_of_vector(self._candidate(index).prior, G, g[at, None])[0])
+        return float(self._together([self.scalars.index(index)]).factors(G[None], g[:, None])[0, 0])
+
+    def by_effect(self, places: Array) -> Array:
+        """Return log Bayes factors of effects, their prior shared by their places, shape (effect, ...)."""
+        return np.array([log_mean(places[self.places_of(e)]) for e in self.effects])
+
+    @cached_property
+    def _by_effect(self) -> dict[str, list[int]]:
+        found: dict[str, list[int]] = {}
+        for i, c in enumerate(self.system.candidates):
+            found.setdefault(c.effect, []).append(i)
+        return found
+
+    def _candidate(self, index: int):
+        return self.system.candidates[index]
+
+    def _columns(self, index: int) -> Index:
+        return np.arange(self.system.start[index], self.system.start[index + 1])
+
+    def _together(self, places: Sequence[int]) -> Scalars:
+        """Return some of the scalars, all of one shape."""
+        indices = [self.scalars[k] for k in places]
+        priors = np.array([self._candidate(i).prior for i in indices])
+        return Scalars(
+            tuple(indices),
+            np.array([self._columns(i) for i in indices]),
+            np.array([self.weights[k] for k in places]),
+            np.sign(priors[:, 1:]) == np.sign(priors[:, :-1]),
+        )
+
+
+def _of_vector(prior: Array, G: Array, g: Array) -> Array:
+    """Return log Bayes factors of a Gaussian vector, averaged over its prior's scales, shape (draw,)."""
+    values, vectors = np.linalg.eigh(G)
+    values = np.maximum(values, 0.0)
+    y2, t2 = (vectors.T @ g) ** 2, prior[:, None] ** 2
+    shrink = t2 / (1 + t2 * values)  # (scale, direction)
+    return log_mean(0.5 * (shrink @ y2) - 0.5 * np.log1p(t2 * values).sum(axis=1)[:, None])
+
+
+def log_mean(values: Array) -> Array:
+    """Return the logarithm of the mean of exponentials over the first axis.
+
+    As scipy's `logsumexp`, whose checks cost many times the sum on the short arrays of single draws.
+    """
+    top = values.max(axis=0)
+    top = np.where(np.isfinite(top), top, 0.0)
+    with np.errstate(divide="ignore"):
+        return top + np.log(np.exp(values - top).mean(axis=0))

@@ -10,8 +10,8 @@ import click
 from freqid.cli.options import as_json, emit
 
 if TYPE_CHECKING:
+    from freqid.blend.campaign import StudyResults
     from freqid.identify.point import Estimator
-    from freqid.report.study_results import StudyResults
 
 
 @click.command("study")

@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 
 from .gap_self_test import SelfTest
+from .viewable import Viewable
 
 _SENSORS = "kinematic/"
 _CHANGES = 0.02  # of an error, from which a relation between sensors is listed
@@ -281,7 +282,7 @@ class Closure:
 
 
 @dataclass(frozen=True)
-class GapDiagnosis:
+class GapDiagnosis(Viewable):
     """The whole diagnosis.
 
     Attributes
@@ -317,6 +318,9 @@ class GapDiagnosis:
     self_test: SelfTest | None = None
     sensors: tuple[SensorFault, ...] = ()
     tolerances: tuple[ToleranceUsed, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<GapDiagnosis of {self.simulation!r} on {len(self.records)} flights: {self.verdict}>"
 
     def to_json(self) -> dict[str, Any]:
         """Return the diagnosis as ``diagnose-gap --json`` prints it: numbers, strings, lists and tables.

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import UsageError, nearest
+from .viewable import Viewable
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
-class FrequencyResponse:
+class FrequencyResponse(Viewable):
     """Responses of o outputs to n inputs at M frequencies.
 
     Attributes
@@ -58,6 +59,13 @@ class FrequencyResponse:
     method: str
     remarks: tuple[str, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        f = self.frequencies_hz
+        return (
+            f"<FrequencyResponse of {' '.join(self.outputs)} to {' '.join(self.inputs)}: {f.size} lines, "
+            f"{f[0]:.3g} to {f[-1]:.3g} Hz, {self.method}>"
+        )
 
     @property
     def random_error(self) -> Array:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from .channels import split
 from .errors import DataError, UsageError, nearest
 from .vehicle import MassProperties, Vehicle
+from .viewable import Viewable
 
 _TIME_TOLERANCE = 1e-3  # of one sample: what decimal places in a log leave of a uniform clock
 
@@ -44,6 +45,9 @@ class Channel:
     source: str
     position_m: tuple[float, float, float] | None = None
 
+    def __repr__(self) -> str:
+        return f"<Channel {self.name!r} in {self.unit}: {self.values.size} samples>"
+
     @cached_property
     def not_finite(self) -> NDArray[np.intp]:
         """Samples that are not finite; a channel is in many records and is looked at once."""
@@ -60,7 +64,7 @@ class Configuration:
 
 
 @dataclass(frozen=True)
-class FlightRecord:
+class FlightRecord(Viewable):
     """One flight or manoeuvre on a uniform time base.
 
     Attributes
@@ -93,6 +97,13 @@ class FlightRecord:
     reference: str = ""
     configuration: Configuration = Configuration()
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        at = f" at {self.reference!r}" if self.reference else ""
+        return (
+            f"<FlightRecord{at}: {len(self.channels)} channels, {self.duration:.6g} s "
+            f"at {1 / self.dt:.6g} Hz>"
+        )
 
     def __post_init__(self) -> None:
         check_time(self.time)
@@ -191,7 +202,7 @@ class FlightRecord:
 
 
 @dataclass(frozen=True)
-class Maneuver:
+class Maneuver(Viewable):
     """The stretch of a flight that a point model is made from.
 
     Attributes
@@ -204,6 +215,9 @@ class Maneuver:
 
     record: FlightRecord
     vehicle: Vehicle
+
+    def __repr__(self) -> str:
+        return f"<Maneuver of {self.vehicle.name!r}: {self.record!r}>"
 
     @classmethod
     def of(

@@ -8,6 +8,8 @@ from typing import Any
 
 import msgspec
 
+from .viewable import Viewable
+
 
 @dataclass(frozen=True)
 class Span:
@@ -66,7 +68,7 @@ class Contest:
 
 
 @dataclass(frozen=True)
-class Rivals:
+class Rivals(Viewable):
     """Two simulations compared on the same flights.
 
     Attributes
@@ -102,6 +104,9 @@ class Rivals:
     form_errors: tuple[float, float] = (0.0, 0.0)
     remarks: tuple[str, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f"<Rivals {' and '.join(self.simulations)} on {len(self.records)} flights: {self.verdict}>"
 
     @property
     def nearer(self) -> str:

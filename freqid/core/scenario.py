@@ -233,12 +233,13 @@ def read_scenario(path: Path | str) -> tuple[Scenario, str]:
         As `freqid.core.toml.read_toml`.
     """
     written, sha256 = read_toml(find_scenario(path), _Written)
-    sections = {name: getattr(written, name) for name in Scenario.__struct_fields__}
+    sections: dict[str, Any] = {name: getattr(written, name) for name in Scenario.__struct_fields__}
     try:
         sections["tolerance"] = msgspec.convert(_dotted(written.tolerance), dict[str, float])
     except msgspec.ValidationError as error:
         raise UsageError(f"at tolerance: {error}", where=str(path)) from None
-    return Scenario(**sections | {"file": str(path), "sha256": sha256}), sha256
+    sections |= {"file": str(path), "sha256": sha256}
+    return Scenario(**sections), sha256
 
 
 def _dotted(table: Mapping[str, Any], stem: str = "") -> dict[str, Any]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.identification import Identification, factors_of
 from freqid.core.record import Maneuver
+from freqid.core.viewable import Viewable
 from freqid.identify.delays_loads import Changes, fit_loads, loads_unknowns
 from freqid.identify.delays_motion import fit_motion, motion_unknowns
 from freqid.identify.delays_record import Misaligned, kind_of
@@ -32,7 +33,7 @@ _ORDER = 1.96  # normal, 95 %
 
 
 @dataclass(frozen=True, eq=False)
-class Alignment:
+class Alignment(Viewable):
     """What stands between a record's clocks, its attitude and its velocity, with its uncertainty.
 
     Attributes
@@ -63,6 +64,11 @@ class Alignment:
     disagreement: Mapping[str, float]
     flown: Misaligned
     changes: Changes
+
+    def __repr__(self) -> str:
+        rows = zip(self.names, self.estimate, self.std_error, self.units, strict=True)
+        listed = ", ".join(f"{n} {e:.3g} +- {s:.2g}" + (f" {u}" if u != "1" else "") for n, e, s, u in rows)
+        return f"<Alignment: {listed}>"
 
     @property
     def std_error(self) -> Array:

@@ -13,6 +13,7 @@ from freqid.core.channels import AIR, STATE
 from freqid.core.errors import UsageError, nearest
 from freqid.core.models import Fit
 from freqid.core.record import FlightRecord, Maneuver
+from freqid.core.viewable import Viewable
 from freqid.identify.kinematic_fit import fit_compatibility
 from freqid.identify.kinematic_problem import INITIAL, CompatibilityProblem
 from freqid.identify.kinematic_sensors import INERTIAL, sensors_of
@@ -63,7 +64,7 @@ class KinematicSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class KinematicCheck:
+class KinematicCheck(Viewable):
     """What a record's kinematics say of its sensors.
 
     A channel reads ``(1 + scale) true(t - skew) + bias``: a positive skew is a late channel.
@@ -103,6 +104,11 @@ class KinematicCheck:
     rms_after: Mapping[str, float]
     fit: Mapping[str, Fit]
     noise_std: Mapping[str, float]
+
+    def __repr__(self) -> str:
+        rows = zip(self.names, self.estimate, self.std_error, self.units, strict=True)
+        listed = ", ".join(f"{n} {e:.3g} +- {s:.2g}" + (f" {u}" if u != "1" else "") for n, e, s, u in rows)
+        return f"<KinematicCheck: {listed}>"
 
     def __getitem__(self, parameter: str) -> tuple[float, float]:
         """Return estimate and standard error of one parameter."""

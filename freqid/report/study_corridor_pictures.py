@@ -7,6 +7,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from freqid.blend.campaign import StudiedPoint, StudyResults, same_density
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.similarity import equivalent
 from freqid.core.point_file import per
@@ -16,7 +17,7 @@ from freqid.report.notation import formula, number, percent, plain_symbol, short
 from freqid.report.pictures import Picture, picture
 from freqid.report.study_corridor_figures import Band, Panel, Points
 from freqid.report.study_pictures import derivative, parts
-from freqid.report.study_results import StudiedPoint, StudyResults, densities, same_density
+from freqid.report.study_results import densities
 
 Array = NDArray[np.float64]
 

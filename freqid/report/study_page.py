@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from freqid import __version__
+from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults
 from freqid.design.signals import sample, samples_per_period
 from freqid.report import design_figures, study_tables
 from freqid.report.effectors import groups_of
@@ -18,7 +19,6 @@ from freqid.report.study_pictures import (
     history_pictures,
     several_pictures,
 )
-from freqid.report.study_results import HeldOut, StudiedPoint, StudyResults
 from freqid.report.study_verdict import MOST_HELD_OUT, MOST_NEW_DENSITY, MOST_VALIDATION, study_verdict
 
 __all__ = ["HeldOut", "StudiedPoint", "StudyResults", "build_study_page"]

@@ -9,6 +9,7 @@ import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
 
+from freqid.blend.campaign import StudiedPoint, StudyResults
 from freqid.core.models import Fit
 from freqid.core.point_file import per
 from freqid.core.vehicle import Vehicle
@@ -17,7 +18,7 @@ from freqid.report import study_figures as figures
 from freqid.report.effectors import groups_of
 from freqid.report.notation import formula, number, percent, plain_symbol, short, symbol
 from freqid.report.pictures import Picture, picture
-from freqid.report.study_results import StudiedPoint, StudyResults, settled, settled_share
+from freqid.report.study_results import settled, settled_share
 from freqid.report.study_verdict import settled_by, settled_time
 
 Array = NDArray[np.float64]

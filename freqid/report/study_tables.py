@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from freqid.blend.campaign import StudiedPoint, StudyResults
 from freqid.core.scenario import Reference
 from freqid.report.noise_verdict import reaches_ceiling
 from freqid.report.notation import NONE, exact, number, percent, pretty_unit, share, short, symbol
-from freqid.report.study_results import StudiedPoint, StudyResults, densities
+from freqid.report.study_results import densities
 from freqid.report.study_verdict import GOOD_R2, MOST_VALIDATION, most_allowed
 from freqid.report.tables import ESTIMATOR
 

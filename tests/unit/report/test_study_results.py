@@ -11,15 +11,8 @@ from test_study_page import DENSITIES, results
 from freqid.core.models import Fit
 from freqid.core.scenario import Reference
 from freqid.identify.parameter_history import ParameterHistory
-from freqid.report.study_results import (
-    HeldOut,
-    densities,
-    rmse_inside,
-    same_density,
-    settled,
-    settled_share,
-    spread,
-)
+from freqid.blend.campaign import HeldOut, rmse_inside, same_density, spread
+from freqid.report.study_results import densities, settled, settled_share
 
 
 def history(estimate: np.ndarray, std_error: np.ndarray, start: float = 10.0) -> ParameterHistory:

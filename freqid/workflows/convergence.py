@@ -7,12 +7,12 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.identification import Identification
-from ..core.record import Maneuver
-from ..identify.explanatory import history
-from ..identify.parameter_history import ParameterHistory
-from ..identify.problem import measured_responses
-from ..identify.trend import up_to
+from freqid.core.identification import Identification
+from freqid.core.record import Maneuver
+from freqid.identify.explanatory import history
+from freqid.identify.parameter_history import ParameterHistory
+from freqid.identify.problem import measured_responses
+from freqid.identify.trend import up_to
 
 Array = NDArray[np.float64]
 

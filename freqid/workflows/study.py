@@ -1,0 +1,276 @@
+"""A study from scenario to results; what is done already is taken from its folder."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults, rmse_inside, spread
+from freqid.blend.global_model import GlobalModel
+from freqid.blend.predict import replay
+from freqid.core.design_file import read_design
+from freqid.core.errors import UsageError
+from freqid.core.models import PointModel
+from freqid.core.point_file import read_point
+from freqid.core.record import Maneuver
+from freqid.core.record_file import read_record
+from freqid.core.scenario import Scenario
+from freqid.core.store import replacing
+from freqid.identify.parameter_history import parameter_history
+from freqid.identify.point import Estimator, predict
+from freqid.simulate import runner
+from freqid.simulate import sensors as suites
+
+from . import units
+from .blend import blend
+from .convergence import validation_rmse
+from .files import save
+from .inputs import File, Tell, name_of, scenario_of, silent
+
+_FLIGHT_SEEDS = 1000  # apart for each design, so that no two flights share their sensors' errors
+
+
+@dataclass(frozen=True)
+class _Campaign:
+    """What a study does: arguments of `study`, with the scenario as it was read."""
+
+    scenario: Scenario
+    folder: Path
+    sensors: str
+    noise: float
+    estimator: Estimator | None
+    seed: int
+    jobs: int
+
+    @property
+    def shared(self) -> dict[str, Any]:
+        """Inputs of every unit of work."""
+        return {"scenario": self.scenario.file}
+
+
+@dataclass(frozen=True, eq=False)
+class _Flights:
+    """Flights of all conditions by id: one that is modelled, one that validates."""
+
+    modelled: dict[str, Path]
+    validating: dict[str, Path]
+
+
+def study(
+    scenario: Scenario | File,
+    folder: File,
+    *,
+    at: Sequence[str] = (),
+    held_out: Sequence[str] = (),
+    sensors: str = "research",
+    noise: float = 1.0,
+    estimator: Estimator | None = None,
+    seed: int = 0,
+    jobs: int = 2,
+    tell: Tell = silent,
+) -> StudyResults:
+    """Design inputs, fly and identify the conditions of a scenario, and blend a global model.
+
+    What is done is kept: a second run, or one after a stop, goes on from there.
+
+    Parameters
+    ----------
+    scenario : path or name, or a Scenario as it was read
+    folder : path
+        Where everything is kept: designs, flights, ``points/ID.h5``, ``model.h5``.
+    at : sequence of str
+        Conditions that are flown and identified; all of the scenario where empty.
+    held_out : sequence of str
+        Those of them that the global model is judged at and not made from.
+    sensors : str
+        Suite of the scenario.
+    noise : float
+        Multiple of its noise.
+    estimator : {"instruments", "least-squares"}, optional
+        In place of the scenario's.
+    seed : int
+    jobs : int
+        Processes at once; -1 for one a core.
+    tell : callable
+        Told what begins, in a few words.
+
+    Returns
+    -------
+    StudyResults
+
+    Raises
+    ------
+    UsageError
+        Where the scenario lacks a condition, was changed after it was read, or fewer than two conditions are
+        left for the global model.
+    DataError
+        Where flights diverge or cannot be identified: how many, and the first of them.
+
+    Examples
+    --------
+    >>> results = study("la8", "la8-study", at=("u20", "u45"))  # doctest: +SKIP
+    >>> results.points[0].model["M"].r2  # doctest: +SKIP
+    """
+    described = scenario_of(scenario)
+    if not described.file or scenario_of(described.file) != described:
+        raise UsageError(
+            "a study works from the scenario's file, which does not say what is given",
+            where=name_of(described),
+            remedy="write the changes into a file",
+        )
+    campaign = _Campaign(described, Path(folder), sensors, noise, estimator, seed, jobs)
+    ids = tuple(at) or tuple(reference.id for reference in described.reference)
+    for identifier in (*ids, *held_out):
+        described.reference_of(identifier)
+    for identifier in held_out:
+        if identifier not in ids:
+            ids = (*ids, identifier)
+    used = [identifier for identifier in ids if identifier not in held_out]
+    if len(used) < 2:
+        raise UsageError(
+            f"a global model needs two conditions or more, {len(used)} is left", remedy="study more of them"
+        )
+    suites.suite(described, sensors)  # a wrong name is said before anything is flown
+    campaign.folder.mkdir(parents=True, exist_ok=True)
+    tell(f"flights at {len(ids)} conditions")
+    design, flights = _fly(campaign, ids)
+    tell("point models")
+    points = _identify(campaign, flights)
+    linear = _linearise(campaign, ids)
+    tell("global model")
+    model = blend(campaign.folder / "points" / f"{i}.h5" for i in used)
+    save(model, campaign.folder / "model.h5")
+    tell("page")
+    shown = {used[k] for k in spread([described.reference_of(i) for i in used])}
+    return StudyResults(
+        vehicle=described.aircraft(),
+        sensors=sensors,
+        noise=noise,
+        estimator=points[ids[0]].estimator,
+        design=read_design(design),
+        points=tuple(
+            _studied(described, points[i], flights, linear[i], i, converging=i in shown) for i in ids
+        ),
+        model=model,
+        held_out=tuple(_held_out(described, model, points[i], flights, i) for i in held_out),
+        provenance=_provenance(campaign, ids, held_out),
+    )
+
+
+def _fly(campaign: _Campaign, ids: Sequence[str]) -> tuple[Path, _Flights]:
+    """Return the design that is modelled with, and the records of all flights."""
+    shared = campaign.shared
+    seeds = [campaign.seed, campaign.seed + 1]
+    designs = _run(campaign, units.design, [shared | {"seed": seed} for seed in seeds], ".h5")
+    inputs = [
+        shared
+        | {
+            "reference": identifier,
+            "design": str(design),
+            "sensors": campaign.sensors,
+            "noise": campaign.noise,
+            "seed": _FLIGHT_SEEDS * seed + place,
+        }
+        for seed, design in zip(seeds, designs, strict=True)
+        for place, identifier in enumerate(ids)
+    ]
+    records = _run(campaign, units.fly, inputs, ".h5")
+    shutil.copyfile(designs[0], campaign.folder / "design.h5")
+    count = len(ids)
+    return designs[0], _Flights(
+        dict(zip(ids, records[:count], strict=True)), dict(zip(ids, records[count:], strict=True))
+    )
+
+
+def _identify(campaign: _Campaign, flights: _Flights) -> dict[str, PointModel]:
+    """Return the point models by condition; copies under readable names are kept beside."""
+    inputs = [
+        {
+            **campaign.shared,
+            "reference": identifier,
+            "record": str(record),
+            "validation": str(flights.validating[identifier]),
+            "estimator": campaign.estimator,
+        }
+        for identifier, record in flights.modelled.items()
+    ]
+    found = _run(campaign, units.identify, inputs, ".h5")
+    points = dict(zip(flights.modelled, found, strict=True))
+    for identifier, path in points.items():
+        target = campaign.folder / "points" / f"{identifier}.h5"
+        target.parent.mkdir(exist_ok=True)
+        with replacing(target) as temporary:
+            shutil.copyfile(path, temporary)
+    return {identifier: read_point(path) for identifier, path in points.items()}
+
+
+def _linearise(campaign: _Campaign, ids: Sequence[str]) -> dict[str, dict[str, dict[str, float]]]:
+    """Return the derivatives of the linearised simulation by condition, response and regressor."""
+    inputs = [{**campaign.shared, "reference": identifier} for identifier in ids]
+    found = _run(campaign, units.linearise, inputs, ".json")
+    return {identifier: json.loads(path.read_text()) for identifier, path in zip(ids, found, strict=True)}
+
+
+def _run(campaign: _Campaign, unit: runner.Work, inputs: Sequence[runner.Inputs], suffix: str) -> list[Path]:
+    folder = campaign.folder / "units" / unit.__name__
+    return runner.run(
+        unit, inputs, folder, scenario_sha256=campaign.scenario.sha256, suffix=suffix, jobs=campaign.jobs
+    )
+
+
+def _provenance(campaign: _Campaign, ids: Sequence[str], held_out: Sequence[str]) -> dict[str, Any]:
+    """Return what another needs to make the same study, beside what the page states anyway."""
+    return {
+        "scenario": campaign.scenario.file,
+        "SHA-256": campaign.scenario.sha256,
+        "seed": campaign.seed,
+        "conditions": list(ids),
+        "held out": list(held_out),
+    }
+
+
+def _studied(
+    scenario: Scenario,
+    model: PointModel,
+    flights: _Flights,
+    linear: dict[str, dict[str, float]],
+    identifier: str,
+    *,
+    converging: bool,
+) -> StudiedPoint:
+    """Return one condition for the page, with histories where they are shown."""
+    if not converging:
+        return StudiedPoint(model, linear, {}, np.zeros(0), {})
+    settings = scenario.identification
+    assert settings is not None  # the units have refused a scenario without it
+    flown, held_out = (
+        Maneuver.of(read_record(of[identifier])) for of in (flights.modelled, flights.validating)
+    )
+    histories = parameter_history(flown, settings, every_s=2.0, excitation=scenario.excitation)
+    first = settings.responses[0]
+    highest = float(model[first].fit["frequency"].axis[-1])
+    errors = validation_rmse(histories, held_out, settings, highest)
+    return StudiedPoint(model, linear, histories, histories[first].time, errors)
+
+
+def _held_out(
+    scenario: Scenario, model: GlobalModel, point: PointModel, flights: _Flights, identifier: str
+) -> HeldOut:
+    """Return errors on a manoeuvre of a condition that the global model has not seen, about the means."""
+    settings = scenario.identification
+    assert settings is not None
+    maneuver = Maneuver.of(read_record(flights.validating[identifier]))
+    there = predict(point, maneuver, settings)
+    everywhere = replay(model, maneuver, outside="hold")
+    highest = model.corridor.highest_hz
+    return HeldOut(
+        reference=point.reference,
+        global_rmse={name: rmse_inside(fit, highest) for name, fit in everywhere.items()},
+        point_rmse={name: rmse_inside(fit, highest) for name, fit in there.items()},
+    )

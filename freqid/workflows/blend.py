@@ -8,11 +8,9 @@ from typing import Literal
 
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.line_up import line_up
-from freqid.blend.predict import replay
-from freqid.core.errors import DataError
-from freqid.core.models import Fit, PointModel
+from freqid.core.models import PointModel
 
-from .inputs import File, Flight, maneuver_of, names_of, point_of, several
+from .inputs import File, point_of, several
 
 
 def blend(
@@ -58,32 +56,3 @@ def blend(
         str(g) if isinstance(g, str | Path) else r.reference.id for g, r in zip(given, read, strict=True)
     ]
     return GlobalModel(line_up(read, names, densities))
-
-
-def predict_flight(
-    model: GlobalModel, flight: Flight, *, outside: Literal["refuse", "hold"] = "refuse"
-) -> dict[str, Fit]:
-    """Predict the responses of a flight with a global model.
-
-    Parameters
-    ----------
-    model : GlobalModel
-    flight : FlightRecord, Maneuver or path
-        That no point is made from.
-    outside : {"refuse", "hold"}
-        What to do where it leaves the corridor.
-
-    Returns
-    -------
-    dict of str to Fit
-        By response: history as measured and as predicted, with their means.
-
-    Raises
-    ------
-    DataError
-        Where the record cannot be read, lacks a channel, or leaves the corridor and that is refused.
-    """
-    try:
-        return replay(model, maneuver_of(flight), outside=outside)
-    except DataError as error:
-        raise error.at(names_of([flight])[0]) from None

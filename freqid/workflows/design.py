@@ -188,7 +188,10 @@ def design_inputs(
     """
     described = scenario_of(scenario)
     excitation_of(described)
-    _refuse_unfit(waveform, model, optimal=optimal, reach=reach, swap=swap)
+    refuse_unfit(waveform, {"--optimal": optimal, "--reach": reach, "--swapped": swap})
+    for option, given in (("--optimal", optimal), ("--reach", reach)):
+        if given and model is None:
+            raise UsageError(f"{option} needs a model to predict with", remedy="name one with --model")
     provenance = {"scenario": source_of(described), "seed": seed}
     aircraft = ModelledAircraft.of(point_of(model), described, seed) if model is not None else None
     try:
@@ -245,16 +248,16 @@ def effector_pair(pair: str | tuple[str, str]) -> tuple[str, str]:
     return first, second
 
 
-def _refuse_unfit(waveform: str, model: object, **given: object) -> None:
-    """Refuse what is for multisines alone with a classic input, and what needs a model without one."""
-    words = {"optimal": "--optimal", "reach": "--reach", "swap": "--swapped"}
-    for name, value in given.items():
+def refuse_unfit(waveform: str, given: Mapping[str, object]) -> None:
+    """Refuse options that are for multisines alone with a classic input.
+
+    Raises
+    ------
+    UsageError
+    """
+    for option, value in given.items():
         if value and waveform != "multisine":
-            raise UsageError(
-                f"{words[name]} is for multisines, not for --input {waveform}", remedy="drop one"
-            )
-        if value and model is None and name in ("optimal", "reach"):
-            raise UsageError(f"{words[name]} needs a model to predict with", remedy="name one with --model")
+            raise UsageError(f"{option} is for multisines, not for --input {waveform}", remedy="drop one")
 
 
 def _multisines(

@@ -12,10 +12,10 @@ import numpy as np
 
 from freqid.core.design import ClassicDesign, MultisineDesign, SampledInputs
 from freqid.core.design_file import read_inputs
-from freqid.core.errors import UsageError
+from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord
 from freqid.core.record_file import write_record
-from freqid.core.scenario import Scenario
+from freqid.core.scenario import Reference, Scenario
 from freqid.design.multisine import sampled
 from freqid.simulate import effects as library
 from freqid.simulate.effects.files import load_file
@@ -102,13 +102,28 @@ class SimulatedManeuver:
         write_truth(beside(Path(path)), self.truth, self.scenario.sha256)
         return Path(path)
 
+    def refuse_divergence(self, where: str) -> None:
+        """Raise where the flight left all limits.
+
+        Raises
+        ------
+        DataError
+            With how it did; `where` is the record's file.
+        """
+        if self.divergence:
+            raise DataError(
+                self.divergence,
+                where=where,
+                remedy="the record holds the flight up to there; lower the inputs, or fly with feedback",
+            )
+
 
 def simulate(
     scenario: Scenario | File,
     design: Design | None = None,
     *,
-    at: str = "",
-    to: str = "",
+    at: str | None = None,
+    to: str | None = None,
     duration: float | None = None,
     sensors: str = "research",
     noise: float = 0.0,
@@ -126,9 +141,9 @@ def simulate(
     scenario : Scenario, path or name
     design : DesignedInputs, MultisineDesign, ClassicDesign or path, optional
         Excitation; without it the condition is held.
-    at : str
+    at : str, optional
         Reference condition to start from, trimmed; needed where there are several.
-    to : str
+    to : str, optional
         Fly on to this condition, for example through the transition.
     duration : float, optional
         s; as long as the design where not given.
@@ -174,14 +189,7 @@ def simulate(
     'u45'
     """
     described = scenario_of(scenario)
-    identifiers = [reference.id for reference in described.reference]
-    if not at and len(identifiers) != 1:
-        raise UsageError(
-            f"the scenario has {len(identifiers)} reference conditions",
-            where=name_of(described),
-            remedy=f"choose one with --at, such as --at {identifiers[0]}" if identifiers else "add one",
-        )
-    start = described.reference_of(at or identifiers[0])
+    start = start_of(described, at)
     inputs = samples_of(design)
     settings = effect_settings(effects, own_effects)
     if turbulence:
@@ -198,7 +206,25 @@ def simulate(
         to=described.reference_of(to) if to else None,
     )
     name = Path(design).name if isinstance(design, str | Path) else ""
-    return SimulatedManeuver(described, flown, loop, name, to)
+    return SimulatedManeuver(described, flown, loop, name, to or "")
+
+
+def start_of(scenario: Scenario, at: str | None = "") -> Reference:
+    """Return the condition that a flight starts from; the only one, where there is one and none is named.
+
+    Raises
+    ------
+    UsageError
+        Where there are several, none, or none of that id.
+    """
+    identifiers = [reference.id for reference in scenario.reference]
+    if not at and len(identifiers) != 1:
+        raise UsageError(
+            f"the scenario has {len(identifiers)} reference conditions",
+            where=name_of(scenario),
+            remedy=f"choose one with --at, such as --at {identifiers[0]}" if identifiers else "add one",
+        )
+    return scenario.reference_of(at or identifiers[0])
 
 
 def samples_of(design: Design | None) -> SampledInputs | None:

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Literal
 
 from freqid import __version__
-from freqid.core.errors import DataError, UsageError, nearest
-from freqid.core.models import Fit, PointModel
+from freqid.core.errors import DataError, GateFailed, UsageError, nearest
+from freqid.core.models import PointModel, missed_gates
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.scenario import Scenario
 from freqid.core.toml import overridden
@@ -177,48 +177,20 @@ def identify_point(
     return replace(model, provenance=sources, prediction=predicted)
 
 
-def predict(
-    model: PointModel, flight: Flight, scenario: Scenario | File, *, responses: Sequence[str] | None = None
-) -> dict[str, Fit]:
-    """Predict the responses of a flight that a point model was not made from.
-
-    Parameters
-    ----------
-    model : PointModel
-    flight : FlightRecord, Maneuver or path
-    scenario : Scenario, path or name
-        Its ``[identification]`` says how responses are had from the record.
-    responses : sequence of str, optional
-        All of the model where absent.
-
-    Returns
-    -------
-    dict of str to Fit
-        By response: history as measured and as predicted, each about its own mean, N and N m (or as the
-        model's form has it).
+def refuse_missed_gates(model: PointModel, scenario: Scenario, where: str) -> None:
+    """Raise where a model misses what its scenario asks for.
 
     Raises
     ------
-    DataError
-        Where the record lacks a channel.
-    UsageError
-        Where the scenario identifies nothing.
-
-    Examples
-    --------
-    >>> fits = predict(model, flight, scenario)
-    >>> sorted(fits) == sorted(model.responses)
-    True
+    GateFailed
+        With every figure of merit that is missed; `where` is the model's file.
     """
-    described = scenario_of(scenario)
-    settings = overridden(
-        identification_of(described),
-        responses=tuple(responses or model.responses),
-        method=model.method,
-        form=model.form,
-        axes=model.axes,
-    )
-    return point.predict(model, maneuver_of(flight, described), settings)
+    missed = [
+        f"{m.figure} of {m.response} is {m.found:.5g}, the gate is {m.gate:g}"
+        for m in missed_gates(model, scenario.gates)
+    ]
+    if missed:
+        raise GateFailed("; ".join(missed), where=where, remedy="the model is written all the same")
 
 
 def _refuse_unknown(option: str, value: str, known: Sequence[str]) -> None:

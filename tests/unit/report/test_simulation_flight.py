@@ -14,10 +14,10 @@ from click.testing import CliRunner
 from simulated_flights import ROOT
 from test_page import Page
 
-from freqid.cli import flight_page
 from freqid.cli.simulate import command
 from freqid.report import simulation_page
 from freqid.report.simulation_tables import SimulatedFlight
+from freqid.views import flight as flight_page
 
 CONDITIONS = ("u45", "u50", "u45-1500m", "u50-1500m")
 

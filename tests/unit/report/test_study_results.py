@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from test_study_page import DENSITIES, results
 
+from freqid.blend.campaign import HeldOut, rmse_inside, same_density, spread
 from freqid.core.models import Fit
 from freqid.core.scenario import Reference
 from freqid.identify.parameter_history import ParameterHistory
-from freqid.blend.campaign import HeldOut, rmse_inside, same_density, spread
 from freqid.report.study_results import densities, settled, settled_share
 
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 import sys
 from importlib import import_module
 from types import ModuleType
-from typing import Any
 
 __version__ = "0.1.0"
 
@@ -60,10 +59,10 @@ _NOUNS = {
 }
 _FOLDERS = ("blend", "simulate")  # that are verbs too
 
-__all__ = [*_VERBS, *_NOUNS]
+__all__ = [*_VERBS, *_NOUNS]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     if name not in __all__:
         raise AttributeError(f"module 'freqid' has no attribute '{name}'")
     if name in _FOLDERS:
@@ -80,11 +79,11 @@ def __dir__() -> list[str]:
 class _Verb(ModuleType):
     """A folder with the name of a verb, ``blend`` and ``simulate``: called, it does what the verb says."""
 
-    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+    def __call__(self, *args: object, **kwargs: object) -> object:
         return self.__wrapped__(*args, **kwargs)
 
     @property
-    def __wrapped__(self) -> Any:
+    def __wrapped__(self):
         name = self.__name__.rpartition(".")[2]
         return getattr(import_module(f"freqid.{_VERBS[name]}"), name)
 
@@ -92,7 +91,7 @@ class _Verb(ModuleType):
 class _Package(ModuleType):
     """The package, which makes such folders callable as they are imported."""
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         if name in _FOLDERS and isinstance(value, ModuleType):
             value.__class__ = _Verb
         super().__setattr__(name, value)

@@ -22,15 +22,16 @@ def short_la8() -> str:
     shipped = Path(fq.__file__).parent / "scenarios" / "la8.toml"
     text = shipped.read_text(encoding="utf-8").replace("\n[excitation]\n", FASTER, 1)
     text = re.sub(r'\[\[reference\]\]\nid = "(.*)"\n(?:.+\n)*', lambda m: m[0] * (m[1] in CONDITIONS), text)
-    text = re.sub(r"(net_load|power_db) = .*\n", "", text)
-    return text.replace("period_s = 60.0", "period_s = 30.0\nstarts = 1")
+    text = re.sub(r"(net_load|power_db|residuals) = .*\n", "", text)
+    text = text.replace('estimator = "instruments"', 'estimator = "least-squares"')
+    return re.sub(r"period_s = .*\nperiods = .*", "period_s = 30.0\nperiods = 1\nstarts = 1", text)
 
 
 MODEL = """
 import freqid as fq
 
 POINT = fq.read("u85.h5")
-WEAK = {"M": ("de1", "de2", "de3", "de4")}  # the elevators of this simulation do too little
+WEAK = ("de1", "de2", "de3", "de4")  # the elevators of this simulation do too little
 
 def wrench(time, state, effector, air, parameters):
     values = {**state, **effector}
@@ -38,7 +39,7 @@ def wrench(time, state, effector, air, parameters):
     for name in wrench.responses:
         r = POINT[name]
         found[name] = r.bias + sum(
-            (0.6 if x in WEAK.get(name, ()) else 1.0) * slope * (values[x] - trim)
+            (0.6 if x in WEAK else 1.0) * slope * (values[x] - trim)
             for x, slope, trim in zip(r.regressors, r.estimate, r.trim)
         )
     return found
@@ -55,7 +56,7 @@ def short_flights(tmp_path_factory) -> Path:
     scenario = fq.read_scenario(folder / "la8.toml")
     design = fq.design_inputs(scenario, seed=0)
     for seed, at in enumerate((*CONDITIONS, "u85"), start=1):
-        flown = fq.simulate(scenario, design, at=at, noise=1.0, seed=seed)
+        flown = fq.simulate(scenario, design, at=at, noise=0.3, seed=seed)
         fq.save(flown, folder / f"flight{seed}.h5")
         if seed <= len(CONDITIONS):
             fq.save(fq.identify_point(flown.record, scenario), folder / f"{at}.h5")
@@ -64,7 +65,8 @@ def short_flights(tmp_path_factory) -> Path:
     pd.DataFrame(columns).to_csv(folder / "flight.csv", index=False)
     rows = ['[time]\ncolumn = "time"\nunit = "s"\n']
     for name, channel in flight.channels.items():
-        rows.append(f'[[channel]]\nname = "{name}"\ncolumn = "{name}"\nunit = "{channel.unit}"\n')
+        where = f"position_m = {list(channel.position_m)}\n" if channel.position_m else ""
+        rows.append(f'[[channel]]\nname = "{name}"\ncolumn = "{name}"\nunit = "{channel.unit}"\n{where}')
     (folder / "columns.toml").write_text("\n".join(rows), encoding="utf-8")
     (folder / "model.py").write_text(MODEL, encoding="utf-8")
     return folder

@@ -246,7 +246,25 @@ class GlobalModel(Viewable):
         return BlendedParameters(("bias", *knots.regressors), estimate * scale, np.sqrt(variance) * scale)
 
     def to_statespace(self, reference: Reference, vehicle: Vehicle) -> StateSpace:
-        """Return the aircraft's small motions about a condition: `state_space.to_statespace`."""
+        """Return the aircraft's small motions about a condition as a linear model.
+
+        Parameters
+        ----------
+        reference : Reference
+            Speed, density and wing tilts, inside the corridor.
+        vehicle : Vehicle
+            For mass and inertia.
+
+        Returns
+        -------
+        StateSpace
+            With names and SI units of states, inputs and outputs.
+
+        Raises
+        ------
+        DataError
+            Where the condition is outside the corridor.
+        """
         return to_statespace(self, reference, vehicle)
 
     def _about_trim(self, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:

@@ -350,6 +350,11 @@ class GapDiagnosis(Viewable):
     def from_json(cls, table: Mapping[str, Any]) -> GapDiagnosis:
         """Return the diagnosis that `to_json` made a table of; None becomes NaN.
 
+        Parameters
+        ----------
+        table : mapping
+            JSON-compatible.
+
         Raises
         ------
         ValueError

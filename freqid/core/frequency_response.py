@@ -76,6 +76,11 @@ class FrequencyResponse(Viewable):
     def radius(self, confidence: float = 0.95) -> Array:
         """Return the radius of the circles about `value` that hold the truth so often, shape (o, n, M).
 
+        Parameters
+        ----------
+        confidence : float
+            How often: 0.95 for 95 of 100.
+
         Notes
         -----
         ``|error|^2 / (2 std_error^2)`` follows F with 2 and 2 dof degrees of freedom, whose quantile is
@@ -87,6 +92,11 @@ class FrequencyResponse(Viewable):
 
     def of(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> FrequencyResponse:
         """Return the responses of some outputs to some inputs.
+
+        Parameters
+        ----------
+        inputs, outputs : tuple of str
+            Names among those that it has.
 
         Raises
         ------

@@ -137,6 +137,11 @@ class FlightRecord(Viewable):
     def channel(self, name: str) -> Channel:
         """Return one channel.
 
+        Parameters
+        ----------
+        name : str
+            ``group/name``, as ``state/q``.
+
         Raises
         ------
         DataError
@@ -151,19 +156,49 @@ class FlightRecord(Viewable):
         return self.channel(name).values
 
     def matrix(self, names: Iterable[str]) -> NDArray[np.float64]:
-        """Return several channels as one array, shape (channel, sample)."""
+        """Return several channels as one array, shape (channel, sample), SI.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Each as ``group/name``.
+
+        Raises
+        ------
+        DataError
+            Where one is missing.
+        """
         return np.array([self[name] for name in names])
 
     def group(self, group: str) -> tuple[str, ...]:
-        """Return the names without group of all channels of a group, in the record's order."""
+        """Return the names without group of all channels of a group, in the record's order.
+
+        Parameters
+        ----------
+        group : str
+            ``state``, ``air``, ``effector``, ``command``, ``excitation``, ``power`` or ``response``.
+        """
         return tuple(n.partition("/")[2] for n in self.channels if n.startswith(group + "/"))
 
     def with_channels(self, *channels: Channel) -> FlightRecord:
-        """Return the record with channels added or replaced."""
+        """Return the record with channels added or replaced.
+
+        Parameters
+        ----------
+        *channels : Channel
+            On the same time base.
+        """
         return replace(self, channels={**self.channels, **{c.name: c for c in channels}})
 
     def check_band(self, names: Iterable[str], f_max: float) -> None:
-        """Check that channels can tell anything up to a frequency, Hz.
+        """Check that channels can tell anything up to a frequency.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Channels, each as ``group/name``.
+        f_max : float
+            Hz.
 
         Raises
         ------
@@ -180,7 +215,12 @@ class FlightRecord(Viewable):
                 )
 
     def cut(self, start: float, stop: float) -> FlightRecord:
-        """Return the samples from `start` to `stop`, both included, on the record's clock, s.
+        """Return the samples from one time to another, both included.
+
+        Parameters
+        ----------
+        start, stop : float
+            On the record's clock, s.
 
         Raises
         ------

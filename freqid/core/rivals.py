@@ -122,6 +122,11 @@ class Rivals(Viewable):
     def from_json(cls, table: Mapping[str, Any]) -> Rivals:
         """Return the comparison that `to_json` made a table of.
 
+        Parameters
+        ----------
+        table : mapping
+            JSON-compatible.
+
         Raises
         ------
         ValueError

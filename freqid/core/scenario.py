@@ -174,6 +174,11 @@ class Scenario(Strict, frozen=True):
     def reference_of(self, identifier: str) -> Reference:
         """Return one reference condition.
 
+        Parameters
+        ----------
+        identifier : str
+            Its id, ``u45``.
+
         Raises
         ------
         UsageError

@@ -36,6 +36,8 @@ PLAUSIBLE = {
     "V u v w scale": 0.2,
 }
 
+_CLEAR = 3.0  # standard errors from which an error is in the short text
+
 
 @dataclass(frozen=True)
 class KinematicSettings:
@@ -107,8 +109,11 @@ class KinematicCheck(Viewable):
 
     def __repr__(self) -> str:
         rows = zip(self.names, self.estimate, self.std_error, self.units, strict=True)
-        listed = ", ".join(f"{n} {e:.3g} +- {s:.2g}" + (f" {u}" if u != "1" else "") for n, e, s, u in rows)
-        return f"<KinematicCheck: {listed}>"
+        beyond = [f"{n} {e:.3g} +- {s:.2g} {u}" for n, e, s, u in rows if abs(e) > _CLEAR * s]
+        return (
+            f"<KinematicCheck: {len(self.names)} sensor errors, beyond {_CLEAR:g} standard errors: "
+            f"{', '.join(beyond) or 'none'}>"
+        )
 
     def __getitem__(self, parameter: str) -> tuple[float, float]:
         """Return estimate and standard error of one parameter."""

@@ -76,7 +76,7 @@ def page(result: Any, *, record: Flight | None = None, scenario: Scenario | File
     Examples
     --------
     >>> page(model, record=flight).html[:15]
-    '<!doctype html>'
+    '<!DOCTYPE html>'
     """
     if isinstance(result, str | Path):
         from freqid.workflows.files import read

@@ -182,7 +182,7 @@ def design_inputs(
     --------
     >>> design = design_inputs(scenario, seed=0)
     >>> design.design.names
-    ('de', 'da', 'dr')
+    ('de', 'da', 'dr', 'n1')
     >>> bool(design.merit.max_correlation < 1e-9)
     True
     """

@@ -114,7 +114,7 @@ def identify_point(
     >>> model = identify_point(flight, scenario)
     >>> estimate, std_error = model["M"]["de"]
     >>> round(model["M"].r2, 2)
-    1.0
+    0.97
     """
     described = scenario_of(scenario)
     settings = overridden(

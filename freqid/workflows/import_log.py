@@ -59,7 +59,7 @@ def read_log(
     --------
     >>> flight = read_log("flight.csv", columns="columns.toml", scenario=scenario, at="u20")
     >>> flight
-    <FlightRecord at 'u20': 29 channels, 60 s at 50 Hz>
+    <FlightRecord at 'u20': 21 channels, 60 s at 50 Hz>
     """
     described = scenario_of(scenario) if scenario is not None else None
     if described and at:

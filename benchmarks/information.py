@@ -25,9 +25,10 @@ import numpy as np
 from multisine import CEILING, COMBS, LINES, PROPULSORS, simplex_phases
 from scipy.linalg import solve_continuous_are
 
+import freqid as fq
 from freqid.core.channels import WRENCH
 from freqid.core.design import Multisine, MultisineDesign
-from freqid.core.scenario import Scenario, read_scenario
+from freqid.core.scenario import Scenario
 from freqid.design.allocation import search
 from freqid.design.closed_loop import STATES, ClosedLoop
 from freqid.design.forecast import Forecast, forecast
@@ -102,7 +103,7 @@ def design(scenario: Scenario, sets, amplitudes, phases, rpf) -> MultisineDesign
 
 
 def main() -> None:
-    scenario = read_scenario(SCENARIO)[0]
+    scenario = fq.read_scenario(SCENARIO)
     loop, positions = regulated(scenario)
     kinds = scenario.aircraft().effector_kinds
     noise = {**NOISE}

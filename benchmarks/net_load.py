@@ -19,9 +19,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from information import SCENARIO, regulated
 
+import freqid as fq
 from freqid.core.channels import WRENCH
 from freqid.core.design import Multisine
-from freqid.core.scenario import read_scenario
 from freqid.design.allocation import interleave, lines_in_band, search
 from freqid.design.mirrored import mirrored
 from freqid.design.multisine import effectiveness, excited
@@ -38,7 +38,7 @@ def factors(signals: list[Multisine]) -> np.ndarray:
 
 
 def main() -> None:
-    scenario = read_scenario(SCENARIO)[0]
+    scenario = fq.read_scenario(SCENARIO)
     excitation, (loop, _) = scenario.excitation, regulated(scenario)
     effectors = excited(excitation, scenario.effector)
     loads = effectiveness(effectors)

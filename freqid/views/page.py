@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from freqid.core.errors import UsageError
+from freqid.core.errors import DataError, UsageError
 from freqid.core.frequency_response import FrequencyResponse
 from freqid.core.gap_result import GapResult
 from freqid.core.models import PointModel
@@ -81,7 +81,12 @@ def page(result: Any, *, record: Flight | None = None, scenario: Scenario | File
     if isinstance(result, str | Path):
         from freqid.workflows.files import read
 
-        result = read(result)
+        try:
+            return page(read(result), record=record, scenario=scenario)
+        except UsageError as error:
+            if error.where:
+                raise
+            raise DataError(error.message, where=str(result), remedy="name a result that has one") from None
     if isinstance(result, PointModel):
         return Page(_of_point(result, record, scenario_of(scenario) if scenario is not None else None))
     if isinstance(result, GapResult):

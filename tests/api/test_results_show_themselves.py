@@ -146,3 +146,10 @@ def test_predictions_agree_with_the_model_that_scores_a_held_out_flight(linear):
     again = fq.predict(model, flight.cut(30, 60), scenario)
     assert {n: f.r2 for n, f in again.items()} == {n: f.r2 for n, f in model.prediction.items()}
     assert model.provenance["cut"] == "0:30"
+
+
+def test_a_file_without_a_page_is_named(results, tmp_path):
+    path = fq.save(results["flight"], tmp_path / "flight.h5")
+    with pytest.raises(fq.FreqidError, match=r"flight\.h5: a FlightRecord has no page; name a result") as told:
+        fq.page(path)
+    assert told.value.exit_code == 3

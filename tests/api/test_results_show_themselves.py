@@ -150,6 +150,8 @@ def test_predictions_agree_with_the_model_that_scores_a_held_out_flight(linear):
 
 def test_a_file_without_a_page_is_named(results, tmp_path):
     path = fq.save(results["flight"], tmp_path / "flight.h5")
-    with pytest.raises(fq.FreqidError, match=r"flight\.h5: a FlightRecord has no page; name a result") as told:
+    with pytest.raises(
+        fq.FreqidError, match=r"flight\.h5: a FlightRecord has no page; name a result"
+    ) as told:
         fq.page(path)
     assert told.value.exit_code == 3

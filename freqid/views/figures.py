@@ -28,7 +28,8 @@ from freqid.report.gap_figures import probability_bars
 
 from .tables import frame_of, samples_of
 
-_MOST = 12  # channels, explanations or contests that are drawn
+_MOST = 12  # explanations or contests that are drawn
+_STRIPS = 24  # channels
 
 
 @singledispatch
@@ -45,10 +46,10 @@ def figure_of(result: Any) -> Figure:
 
 @figure_of.register
 def _of_record(record: FlightRecord) -> Figure:
-    """Draw the channels that move, effectors and states first."""
+    """Draw the channels that move, states and then effectors first."""
     moving = [n for n, c in record.channels.items() if np.ptp(c.values) > 0]
-    moving.sort(key=lambda n: (not n.startswith("effector/"), not n.startswith("state/")))
-    return channel_strips(record, moving[:_MOST])
+    moving.sort(key=lambda n: (not n.startswith("state/"), not n.startswith("effector/")))
+    return channel_strips(record, moving[:_STRIPS])
 
 
 @figure_of.register
@@ -93,13 +94,14 @@ def _of_corridor(corridor: Corridor) -> Figure:
     for axes, (name, k) in zip(panels, corridor.responses.items(), strict=True):
         for parameter, estimate in zip(k.regressors, k.estimate, strict=True):
             share = estimate / np.abs(estimate).max()
-            (drawn,) = axes.plot([], [], label=parameter)
+            (drawn,) = axes.plot([], [], "o-", markersize=3, label=parameter)
             for line in range(corridor.line.max() + 1):
                 on = corridor.line == line
                 axes.plot(corridor.u[on], share[on], "o-", color=drawn.get_color(), markersize=3)
         axes.set_ylabel(f"{name}, over the largest")
         axes.set_xlabel("Speed u (m/s)")
-    panels[0].legend(frameon=False, ncols=4, fontsize="x-small")
+    names = {line.get_label(): line for axes in panels for line in axes.lines if line.get_xdata().size == 0}
+    figure.legend(names.values(), names.keys(), loc="outside right upper", frameon=False, fontsize="small")
     return figure
 
 

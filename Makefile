@@ -25,7 +25,7 @@ $(READY): requirements.lock pyproject.toml
 	@touch $@
 
 demo: $(READY)  ## fly, identify and blend three conditions of a tilt-wing; prints where the report is
-	@$(BIN)/freqid study scenarios/la8.toml --at u20,u45,u70 -o reports/demo
+	@$(BIN)/freqid study la8 --at u20,u45,u70 -o reports/demo
 
 test: $(READY) lint  ## everything that must hold, in under eight minutes on two cores
 	$(BIN)/pytest -n 2 --dist worksteal

@@ -15,15 +15,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import msgspec
 import numpy as np
 
+import freqid as fq
 from freqid.core.channels import WRENCH
 from freqid.core.excitation import Excitation
 from freqid.core.identification import Identification
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.design import SampledInputs
 from freqid.core.results.point import PointModel
-from freqid.core.scenario import Reference, read_scenario
-from freqid.design.finish import finish
-from freqid.design.multisine.orthogonal_set import design_multisines, sampled
+from freqid.core.scenario import Reference
 from freqid.identify.model.line_equations import LineEquations, on_lines
 from freqid.identify.model.problem import Problem
 from freqid.identify.point import Estimator, identify_point
@@ -37,8 +36,9 @@ RATE_HZ = 50.0  # of the log
 Truth = tuple[FlightRecord, np.ndarray]
 
 
-PATH = Path(__file__).resolve().parents[1] / "scenarios" / "la8.toml"
-SCENARIO, SHA256 = read_scenario(PATH)
+PATH = "la8"  # comes with the package
+SCENARIO = fq.read_scenario(PATH)
+SHA256 = SCENARIO.sha256
 SETTINGS = cast(Identification, SCENARIO.identification)
 EXCITATION = cast(Excitation, SCENARIO.excitation)
 
@@ -46,8 +46,7 @@ EXCITATION = cast(Excitation, SCENARIO.excitation)
 @lru_cache
 def inputs(seed: int) -> SampledInputs:
     """Return multisines of the scenario; another seed gives other phases to the same harmonics."""
-    searched = design_multisines(EXCITATION, SCENARIO.effector, seed=seed)
-    return sampled(finish(searched, EXCITATION, SCENARIO.effector).design)
+    return fq.design_inputs(SCENARIO, seed=seed).inputs
 
 
 @lru_cache

@@ -24,7 +24,7 @@ from freqid.simulate import runner, sensors
 from freqid.simulate.air.dryden import steady_wind
 from freqid.simulate.maneuver import LOG_RATE, Conditions, fly_maneuver
 from freqid.simulate.truth import read_truth, write_truth
-from freqid.study import work
+from freqid.workflows import units
 
 FOLDER = Path(tempfile.gettempdir()) / "freqid-la8-flights"
 SEA, MIDDLE, HIGH = 1.225, 1.1392, 1.0581  # kg/m3: 0, 750 and 1500 m of the standard atmosphere
@@ -99,8 +99,8 @@ def _loop(corridor: str):
 
 def flights(ids: Sequence[str], seed: int = 0, jobs: int = 2) -> dict[str, FlightRecord]:
     """Return truths by condition; `seed` is that of the multisines."""
-    shared = [{"scenario": str(PATH), "seed": seed}]
-    design = runner.run(work.design, shared, FOLDER, scenario_sha256=SHA256, suffix=".h5")[0]
+    shared = [{"scenario": PATH, "seed": seed}]
+    design = runner.run(units.design, shared, FOLDER, scenario_sha256=SHA256, suffix=".h5")[0]
     inputs = [
         {
             "reference": at.id,

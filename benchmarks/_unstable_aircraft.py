@@ -11,15 +11,14 @@ lagged    commands ``e - K [y, integral of y]`` of noisy measurements y, held ov
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from scipy.linalg import solve_continuous_are
 
+import freqid as fq
 from freqid.core.channels import WRENCH
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.results.design import MultisineDesign
-from freqid.core.scenario import read_scenario
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.core.vehicle import Vehicle
 from freqid.dynamics.small_motion import equations_of_motion
@@ -27,7 +26,7 @@ from freqid.dynamics.small_motion import equations_of_motion
 Flights = dict[str, np.ndarray]
 
 DT, DURATION, SPEED = 0.02, 120.0, 13.72
-SCENARIO = read_scenario(Path(__file__).resolve().parents[1] / "scenarios" / "la8.toml")[0]
+SCENARIO = fq.read_scenario("la8")
 LA8 = SCENARIO.aircraft()
 # The linear wrench holds no spinning rotors and no tilting wings.
 VEHICLE = Vehicle(name="Unstable, linear", mass_properties=LA8.mass_properties, effectors=LA8.effectors)

@@ -20,10 +20,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples"))
 
 from linear_record import DERIVATIVES, fly
 
+import freqid as fq
 from freqid.cli.main import run
 from freqid.core.record import read_record
 from freqid.core.results.gap_self_test import Rate
-from freqid.core.scenario import read_scenario
 from freqid.gap import flights
 from freqid.gap.connect import connect
 from freqid.gap.diagnose import Findings, Question, diagnose
@@ -58,7 +58,7 @@ def diagnosed(folder: Path, seed: int, surface: str, loss: float) -> Findings:
         if left.code:
             raise
     record = read_record(path)
-    described, _ = read_scenario(SCENARIO)
+    described = fq.read_scenario(SCENARIO)
     function = f"{PROJECT / 'examples' / 'linear_simulation.py'}:wrench"
     simulation = connect(function, scenario=SCENARIO, record=record)
     vehicle = flights.vehicle_of([record], simulation, described.aircraft())

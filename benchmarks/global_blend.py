@@ -17,13 +17,14 @@ from pathlib import Path
 
 import numpy as np
 
+import freqid as fq
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.line_up import line_up
 from freqid.core.identification import Identification
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.results.corridor import Corridor, KnotResponse
 from freqid.core.results.point import PointModel
-from freqid.core.scenario import Reference, read_scenario
+from freqid.core.scenario import Reference
 from freqid.identify.point import identify_point
 from freqid.simulate.control.trim import trim
 from freqid.simulate.loads import airframe
@@ -36,7 +37,7 @@ import jax  # isort: skip  after the simulation, which sets it up
 import jax.numpy as jnp  # isort: skip
 
 HERE = Path(__file__).resolve().parent
-SCENARIO = read_scenario(HERE.parent / "scenarios" / "la8.toml")[0]
+SCENARIO = fq.read_scenario("la8")
 VEHICLE, PARAMETERS = SCENARIO.aircraft(), motion.parameters(SCENARIO)
 RESPONSES = ("X", "Y", "Z", "L", "M", "N")
 SURFACES = [e.name for e in SCENARIO.effector if e.kind == "surface"]

@@ -26,9 +26,10 @@ import numpy as np
 from multisine import CEILING, COMBS, LINES, PROPULSORS, simplex_phases
 from scipy.linalg import solve_continuous_are
 
+import freqid as fq
 from freqid.core.channels import WRENCH
 from freqid.core.results.design import Multisine, MultisineDesign
-from freqid.core.scenario import Scenario, read_scenario
+from freqid.core.scenario import Scenario
 from freqid.design.forecast.closed_loop import STATES, PerturbedAircraft
 from freqid.design.forecast.modelled import perturbed_aircraft
 from freqid.design.forecast.standard_errors import Forecast, forecast
@@ -102,7 +103,7 @@ def design(scenario: Scenario, sets, amplitudes, phases, rpf) -> MultisineDesign
 
 
 def main() -> None:
-    scenario = read_scenario(SCENARIO)[0]
+    scenario = fq.read_scenario(SCENARIO)
     loop, positions = regulated(scenario)
     kinds = scenario.aircraft().effector_kinds
     noise = {**NOISE}

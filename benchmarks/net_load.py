@@ -19,9 +19,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from information import SCENARIO, regulated
 
+import freqid as fq
 from freqid.core.channels import WRENCH
 from freqid.core.results.design import Multisine
-from freqid.core.scenario import read_scenario
 from freqid.design.multisine.allocation import interleave, limits_from_db, lines_in_band, mirrored, search
 from freqid.design.multisine.net_load import load_gains, lowest_nets, net_peaks, peaks_by_chance
 from freqid.design.multisine.orthogonal_set import effectiveness, excited
@@ -36,7 +36,7 @@ def factors(signals: list[Multisine]) -> np.ndarray:
 
 
 def main() -> None:
-    scenario = read_scenario(SCENARIO)[0]
+    scenario = fq.read_scenario(SCENARIO)
     excitation, (loop, _) = scenario.excitation, regulated(scenario)
     effectors = excited(excitation, scenario.effector)
     loads = effectiveness(effectors)

@@ -17,8 +17,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
+import freqid as fq
 from freqid.core.identification import Identification
-from freqid.core.scenario import read_scenario
 from freqid.identify.in_flight.running import InFlight
 from freqid.identify.spectra.fourier import harmonics
 
@@ -30,7 +30,7 @@ LATE = 1 / 3  # share of the updates, at the start and at the end, that are comp
 
 def main() -> None:
     """Print and write the times."""
-    vehicle = read_scenario(SCENARIO)[0].aircraft()
+    vehicle = fq.read_scenario(SCENARIO).aircraft()
     effectors = tuple(e.name for e in vehicle.effectors if e.kind != "tilt")
     settings = Identification(regressors=(*"uvwpqr", *effectors))
     flight = InFlight(vehicle, settings, DT, LINES, accelerometer_m=(0.1, 0.0, 0.0))

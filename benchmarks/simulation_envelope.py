@@ -18,8 +18,9 @@ import jax
 import msgspec
 import numpy as np
 
+import freqid as fq
 from freqid.core.results.design import SampledInputs
-from freqid.core.scenario import Reference, Scenario, read_scenario
+from freqid.core.scenario import Reference, Scenario
 from freqid.design.finish import finish
 from freqid.design.multisine.orthogonal_set import design_multisines, sampled
 from freqid.simulate.air import dryden as turbulence
@@ -71,7 +72,7 @@ def excursions(flight: Flight) -> dict[str, float]:
 
 
 def main() -> None:
-    scenario, _ = read_scenario(HERE.parent / "scenarios" / "la8.toml")
+    scenario = fq.read_scenario("la8")
     excitation = scenario.excitation
     assert excitation is not None
     once = msgspec.structs.replace(excitation, periods=1)

@@ -41,12 +41,12 @@ def closed_loop():
     """Return what `fly` needs: the excited vehicle at u45 under its control law, from reading on."""
     import numpy as np
 
+    import freqid as fq
     from freqid.core.results.design import SampledInputs
-    from freqid.core.scenario import read_scenario
     from freqid.simulate.control.lq import close_loop
     from freqid.simulate.fly import sortie
 
-    scenario, _ = read_scenario(SCENARIO)
+    scenario = fq.read_scenario(SCENARIO)
     reference = scenario.reference_of("u45")
     time = 0.02 * np.arange(round(DURATION / 0.02) + 1, dtype=float)
     excited = [e for e in scenario.effector if e.kind != "tilt"]

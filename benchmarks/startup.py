@@ -1,4 +1,7 @@
-"""How long ``freqid --help`` takes beside a bare interpreter. Run as ``python benchmarks/startup.py``."""
+"""How long ``import freqid`` and ``freqid --help`` take beside a bare interpreter.
+
+Run as ``python benchmarks/startup.py``.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,7 @@ import numpy as np
 RUNS = 30
 COMMANDS = {
     "bare interpreter": [sys.executable, "-c", "pass"],
+    "import freqid": [sys.executable, "-c", "import freqid"],
     "freqid --help": [sys.executable, "-m", "freqid", "--help"],
 }
 

@@ -20,8 +20,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import msgspec
 import numpy as np
 
+import freqid as fq
 from freqid.core.record import Maneuver
-from freqid.core.scenario import read_scenario
 from freqid.design.finish import finish
 from freqid.design.multisine.orthogonal_set import design_multisines, sampled
 from freqid.flightlog.read import read_log
@@ -44,7 +44,7 @@ CHOICES = {
 
 def la8() -> list[dict[str, object]]:
     """Score models of `u45` by what they leave of their own flight and of another design's."""
-    scenario, _ = read_scenario(ROOT / "scenarios" / "la8.toml")
+    scenario = fq.read_scenario("la8")
     at = scenario.reference_of("u45")
     loop = lq.close_loop(scenario, at)
     flights = {}
@@ -80,7 +80,7 @@ def linear() -> list[dict[str, object]]:
     spec = importlib.util.spec_from_file_location("linear_record", ROOT / "examples" / "linear_record.py")
     example = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(example)
-    scenario, _ = read_scenario(ROOT / "scenarios" / "linear.toml")
+    scenario = fq.read_scenario(ROOT / "scenarios" / "linear.toml")
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log.csv"
         example.fly(seed=3, noise=0.0).to_csv(log, index=False)

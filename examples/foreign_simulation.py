@@ -84,9 +84,10 @@ def flight(time, injected, parameters, late=0.0):
 
 def write_flights(folder, effect=EFFECT, seed=0):
     """Write three flights of one airplane as records: two to diagnose, one to hold out."""
+    import freqid as fq
     from freqid.core.channels import si_unit
-    from freqid.core.record import Channel, FlightRecord, write_record
-    from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
+    from freqid.core.record import Channel
+    from freqid.core.vehicle import Effector, Inertia, MassProperties
 
     rng, time = np.random.default_rng(seed), 0.02 * np.arange(3001)
     truth = {name: sigma * rng.standard_normal() for name, sigma in SIGMA.items()}
@@ -94,7 +95,7 @@ def write_flights(folder, effect=EFFECT, seed=0):
     stops = (("elevator", "surface", (-0.4, 0.4)), ("throttle", "throttle", (0.0, 1.0)))
     effectors = tuple(Effector(name=n, kind=kind, limits=limits) for n, kind, limits in stops)
     size = {"area_m2": AREA, "chord_m": CHORD}
-    vehicle = Vehicle(name="small airplane", mass_properties=body, effectors=effectors, **size)
+    vehicle = fq.Vehicle(name="small airplane", mass_properties=body, effectors=effectors, **size)
     for number in (1, 2, 3):
         injected = {}
         for first, name, rms in ((3, "elevator", 0.04), (4, "throttle", 0.08)):
@@ -112,8 +113,8 @@ def write_flights(folder, effect=EFFECT, seed=0):
             noise = NOISE[short] * rng.standard_normal(x.size) if group in ("state", "effector") else 0.0
             unit = si_unit(name) or {"elevator": "rad", "throttle": "1"}[short]
             channels[name] = Channel(name, unit, x + noise, 50.0, "simulated")
-        record = FlightRecord(time, channels, vehicle, reference="cruise")
-        write_record(Path(folder) / f"flight{number}.h5", record)
+        record = fq.FlightRecord(time, channels, vehicle, reference="cruise")
+        fq.save(record, Path(folder) / f"flight{number}.h5")
 
 
 if __name__ == "__main__":

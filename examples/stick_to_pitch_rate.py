@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import cont2discrete, lfilter, lsim
 
-from freqid.core.record import Channel, FlightRecord
+from freqid import FlightRecord
+from freqid.core.record import Channel
 
 DELAY_S, LAG_S = 0.07, 0.10
 RATE_HZ, PERIOD_S = 50.0, 20.0

@@ -1,3 +1,100 @@
-"""Frequency-domain system identification of eVTOL aircraft from flight data."""
+"""Frequency-domain system identification of eVTOL aircraft from flight data.
+
+``import freqid as fq`` gives the verbs and nouns of ``__all__``. Each is loaded when it is first used, so the
+import itself takes milliseconds and loads neither jax nor matplotlib. Type checkers read ``__init__.pyi``.
+
+Examples
+--------
+>>> import freqid as fq
+>>> scenario = fq.read_scenario("la8")
+>>> scenario
+<Scenario 'LA-8 class, notional': 28.6 kg, 20 effectors, 8 rotors, 32 reference conditions, from la8>
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
 
 __version__ = "0.1.0"
+
+_VERBS = {
+    "read_scenario": "workflows.files",
+    "read": "workflows.files",
+    "save": "workflows.files",
+    "page": "views.page",
+    "design_inputs": "workflows.design",
+    "simulate": "workflows.fly",
+    "read_log": "workflows.import_log",
+    "split_flight": "workflows.import_log",
+    "export_log": "workflows.import_log",
+    "check_sensors": "workflows.sensors",
+    "correct_sensors": "workflows.sensors",
+    "align_sensors": "workflows.sensors",
+    "identify_point": "workflows.identify",
+    "predict": "workflows.predict",
+    "frequency_response": "workflows.frequency_response",
+    "blend": "workflows.blend",
+    "connect": "workflows.connect",
+    "check_simulation": "workflows.connect",
+    "diagnose_gap": "workflows.diagnose",
+    "next_test": "workflows.diagnose",
+    "compare_simulations": "workflows.compare",
+    "study": "workflows.study",
+}
+_NOUNS = {
+    "Scenario": "core.scenario",
+    "Vehicle": "core.vehicle",
+    "FlightRecord": "core.record",
+    "Maneuver": "core.record",
+    "MultisineDesign": "core.design",
+    "PointModel": "core.models",
+    "FrequencyResponse": "core.frequency_response",
+    "GlobalModel": "blend.global_model",
+    "GapDiagnosis": "core.diagnosis",
+    "Rivals": "core.rivals",
+    "StudyResults": "blend.campaign",
+    "FreqidError": "core.errors",
+}
+_FOLDERS = ("blend", "simulate")  # that are verbs too
+
+__all__ = [*_VERBS, *_NOUNS]  # pyright: ignore[reportUnsupportedDunderAll]
+
+
+def __getattr__(name: str) -> object:
+    if name not in __all__:
+        raise AttributeError(f"module 'freqid' has no attribute '{name}'")
+    if name in _FOLDERS:
+        return import_module(f"freqid.{name}")
+    found = getattr(import_module(f"freqid.{(_VERBS | _NOUNS)[name]}"), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
+
+
+class _Verb(ModuleType):
+    """A folder with the name of a verb, ``blend`` and ``simulate``: called, it does what the verb says."""
+
+    def __call__(self, *args: object, **kwargs: object) -> object:
+        return self.__wrapped__(*args, **kwargs)
+
+    @property
+    def __wrapped__(self):
+        name = self.__name__.rpartition(".")[2]
+        return getattr(import_module(f"freqid.{_VERBS[name]}"), name)
+
+
+class _Package(ModuleType):
+    """The package, which makes such folders callable as they are imported."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name in _FOLDERS and isinstance(value, ModuleType):
+            value.__class__ = _Verb
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

@@ -15,10 +15,11 @@ from freqid.blend.similarity import equivalent, goes_with_velocity
 from freqid.blend.state_space import StateSpace
 from freqid.core.arrays import Array
 from freqid.core.channels import WRENCH
-from freqid.core.errors import DataError, UsageError
+from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.results.corridor import Corridor
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Vehicle
+from freqid.core.viewable import Viewable
 
 
 class Mixed:
@@ -123,6 +124,13 @@ class BlendedWrench:
     outside: NDArray[np.bool_]
     mixed: tuple[Mixed, ...] = field(repr=False)
 
+    def __repr__(self) -> str:
+        rows = ", ".join(
+            f"{name} {np.array2string(value, precision=4)} {unit}"
+            for name, value, unit in zip(self.names, self.values, self.units, strict=True)
+        )
+        return f"<BlendedWrench {rows}>"
+
     @cached_property
     def std_error(self) -> Array:
         """Standard errors from those of the point models, shape (response, n)."""
@@ -146,7 +154,7 @@ class BlendedParameters:
     std_error: Array
 
 
-class GlobalModel:
+class GlobalModel(Viewable):
     """One model of the applied wrench over the transition corridor, from point models along it.
 
     Parameters
@@ -176,6 +184,13 @@ class GlobalModel:
         moves = np.ptp(corridor.tilt, axis=1) > 0
         self._tilted = tuple(name for name, moved in zip(TILTS, moves, strict=True) if moved)
 
+    def __repr__(self) -> str:
+        c = self.corridor
+        return (
+            f"<GlobalModel of {c.vehicle!r}: {' '.join(self.names)} over {len(c.ids)} conditions, "
+            f"u {c.u.min():.4g} to {c.u.max():.4g} m/s, rho {c.rho.min():.4g} to {c.rho.max():.4g} kg/m3>"
+        )
+
     @property
     def names(self) -> tuple[str, ...]:
         """Responses, in the order of all results."""
@@ -186,23 +201,33 @@ class GlobalModel:
         """What the model must be given, in the order of the gradient."""
         return tuple(dict.fromkeys([*self.corridor.units, "u", *self._tilted, "rho"]))
 
-    def wrench(self, inputs: Mapping[str, ArrayLike], outside: Outside = "refuse") -> BlendedWrench:
+    def wrench(
+        self, inputs: Mapping[str, ArrayLike] | None = None, outside: Outside = "refuse", **values: ArrayLike
+    ) -> BlendedWrench:
         """Return the responses for vectors of states, effectors, tilts and densities.
 
         Parameters
         ----------
-        inputs : mapping of str to array_like, shape (n,)
+        inputs : mapping of str to array_like, shape (n,), optional
+            All that the model needs, SI.
         outside : {"refuse", "hold"}
             What to do too far from the corridor: raise, or hold the nearest parameters and say so.
+        **values : array_like, shape (n,)
+            In place of `inputs`, SI: ``u``, and what else is not at the corridor's own trim there; ``rho``
+            too where the corridor has lines of several densities.
 
         Raises
         ------
         DataError
             Outside, where that is refused; for values that are not finite.
         UsageError
-            Where an input is missing.
+            Where an input is missing or unknown.
+
+        Examples
+        --------
+        >>> aircraft.wrench(u=30.0, de1=0.05).values  # doctest: +SKIP
         """
-        at = self._locate(inputs, outside)
+        at = self._locate(inputs if inputs is not None else self._about_trim(values), outside)
         mixed = self._mixed(at)
         units = tuple(r.unit for r in self.corridor.responses.values())
         return BlendedWrench(self.names, units, np.array([one.value for one in mixed]), at.outside, mixed)
@@ -340,6 +365,21 @@ class GlobalModel:
         at = {name: float(value[0]) for name, value in inputs.items()} | {"theta": theta}
         at = {"v": 0.0, "w": at["u"] * np.tan(theta)} | at
         return StateSpace.of({n: gradient[n] for n in self.corridor.units}, at, vehicle)
+
+    def _about_trim(self, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
+        """Return all inputs: those given, and the corridor's own trim for the others."""
+        for name in values:
+            if name not in self.inputs:
+                raise UsageError(f"the model has no input '{name}'", remedy=nearest(name, self.inputs))
+        if "u" not in values:
+            raise UsageError("the speed u is not given, m/s", remedy="give it, such as u=30.0")
+        if "rho" not in values and len(self.lines) > 1:
+            raise UsageError(
+                "the corridor has lines of several densities and rho is not given, kg/m3",
+                remedy=f"give it, such as rho={self.lines[-1].rho:.4g}",
+            )
+        trim = self.reference(values["u"], values.get("rho", self.lines[0].rho))
+        return {**{name: trim[name] for name in self.inputs}, **values}
 
     def _mixed(self, at: Located) -> tuple[Mixed, ...]:
         return tuple(Mixed([line.local[r] for line in self.lines], at) for r in range(len(self.names)))

@@ -6,22 +6,22 @@ from pathlib import Path
 
 import click
 
-from freqid.cli.options import as_json, emit, keep_inputs, output
+from freqid.cli.options import FILE, as_json, emit, keep_inputs, output
 
 
 @click.command("export-log")
-@click.argument("record", type=click.Path(path_type=Path))
+@click.argument("record", type=FILE)
 @output("the record's name with .mat")
 @as_json
 def command(record: Path, destination: Path | None, json_: bool) -> None:
     """Write RECORD as a MATLAB file in the 90-column SIDPAC layout, in SIDPAC's units."""
     from freqid.core.record import read_record
-    from freqid.flightlog.sidpac import write_sidpac
+    from freqid.workflows.import_log import export_log
 
     destination = destination or record.with_suffix(".mat")
     flight = read_record(record)
     keep_inputs(destination, record)
-    left_out = write_sidpac(flight, destination)
+    left_out = export_log(flight, destination)
     text = f"{destination}: {flight.time.size} samples in SIDPAC columns"
     if left_out:
         text += f"\nSIDPAC has no column for {', '.join(left_out)}"

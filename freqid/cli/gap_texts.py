@@ -26,11 +26,9 @@ _SOURCES = {
 
 def bookkeeping_text(verdict: str, findings: Sequence[Finding]) -> str:
     """Return what is said where a diagnosis stops at mistakes of bookkeeping."""
-    lines = [verdict]
-    for f in findings:
-        share = f" ({100 * f.explained:.0f} % of the residual)" if f.explained else ""
-        lines.append(f"  {f.fault}: {f.sentence}{share}; {f.remedy}.")
-    return "\n".join(lines)
+    from freqid.workflows.connect import said
+
+    return "\n".join([verdict, *map(said, findings)])
 
 
 def diagnosis_text(d: GapDiagnosis) -> str:

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+FILE = click.Path(path_type=Path)
 
 
 def output(default: str) -> Callable[[Command], Command]:
     """Return the ``-o`` option; `default` says in words where the result goes without it."""
-    return click.option(
-        "-o", "--output", "destination", type=click.Path(path_type=Path), help=f"Result; default: {default}."
-    )
+    return click.option("-o", "--output", "destination", type=FILE, help=f"Result; default: {default}.")
 
 
 def simulation(scenario: str, *, several: bool = False) -> Callable[[Command], Command]:
@@ -24,14 +23,13 @@ def simulation(scenario: str, *, several: bool = False) -> Callable[[Command], C
 
     With `several` the first may be repeated.
     """
-    path = click.Path(path_type=Path)
 
     def add(command: Command) -> Command:
-        command = click.option("--scenario", type=path, help=scenario)(command)
+        command = click.option("--scenario", type=FILE, help=scenario)(command)
         command = click.option(
             "--predictions",
             multiple=True,
-            type=path,
+            type=FILE,
             help="Recorded predictions in place of a simulation; may be repeated.",
         )(command)
         kinds = "FILE.py:NAME, MODEL.fmu, jsbsim:AIRCRAFT, SCENARIO.toml or predictions FILE.h5."
@@ -46,8 +44,8 @@ def band(absent: str) -> Callable[[Command], Command]:
     return click.option("--band", help=f"LOW:HIGH, Hz; {absent}.")
 
 
-def band_hz(text: str) -> tuple[float, float]:
-    """Return the band that ``--band`` states, Hz.
+def band_hz(text: str | None) -> tuple[float, float] | None:
+    """Return the band that ``--band`` states, Hz; None where it is not given.
 
     Raises
     ------
@@ -56,6 +54,8 @@ def band_hz(text: str) -> tuple[float, float]:
     """
     from freqid.core.errors import UsageError
 
+    if text is None:
+        return None
     try:
         low, high = (float(part) for part in text.split(":"))
     except ValueError:
@@ -72,8 +72,34 @@ def page(drawing: str) -> Callable[[Command], Command]:
     )
 
 
-def keep_inputs(destination: Path, *inputs: Path | None) -> None:
-    """Refuse a result that would replace one of the files it is made from.
+def estimator(command: Command) -> Command:
+    """Add ``--estimator``."""
+    return click.option(
+        "--estimator",
+        type=click.Choice(["least-squares", "instruments"]),
+        help="In place of the scenario's. Instruments are not biased by noise in the regressors; they need "
+        "the injected signals.",
+    )(command)
+
+
+def choices(known: dict[str, list[str]], meaning: str) -> Callable[[Command], Command]:
+    """Return options that each take one of some words; `meaning` is the help of all of them."""
+
+    def add(command: Command) -> Command:
+        for name, words in reversed(known.items()):
+            command = click.option(name, type=click.Choice(words), help=meaning)(command)
+        return command
+
+    return add
+
+
+def names(text: str | None) -> tuple[str, ...]:
+    """Return names that stand with commas between them."""
+    return tuple(part.strip() for part in (text or "").split(",") if part.strip())
+
+
+def keep_inputs(result: Path | Iterable[Path | None], *inputs: Path | None) -> None:
+    """Refuse a result, or several, that would replace one of the files it is made from.
 
     Raises
     ------
@@ -81,9 +107,10 @@ def keep_inputs(destination: Path, *inputs: Path | None) -> None:
     """
     from freqid.core.errors import UsageError
 
-    for source in inputs:
-        if source is not None and source.exists() and destination.exists() and destination.samefile(source):
-            raise UsageError(f"the result would replace its own input {source}", remedy="change -o")
+    for one in [result] if isinstance(result, Path) else result:
+        for source in inputs:
+            if one and source and source.exists() and one.exists() and one.samefile(source):
+                raise UsageError(f"the result would replace its own input {source}", remedy="change -o")
 
 
 def as_json(command: Command) -> Command:

@@ -18,6 +18,7 @@ from freqid.core.channels import effector_unit, si_unit, split
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.units import to_si
 from freqid.core.vehicle import MassProperties, Vehicle
+from freqid.core.viewable import Viewable
 
 _TIME_TOLERANCE = 1e-3  # of one sample: what decimal places in a log leave of a uniform clock
 
@@ -48,6 +49,9 @@ class Channel:
     source: str
     position_m: tuple[float, float, float] | None = None
 
+    def __repr__(self) -> str:
+        return f"<Channel {self.name!r} in {self.unit}: {self.values.size} samples>"
+
     @cached_property
     def not_finite(self) -> NDArray[np.intp]:
         """Samples that are not finite; a channel is in many records and is looked at once."""
@@ -64,7 +68,7 @@ class Configuration:
 
 
 @dataclass(frozen=True)
-class FlightRecord:
+class FlightRecord(Viewable):
     """One flight or manoeuvre on a uniform time base.
 
     Attributes
@@ -98,6 +102,13 @@ class FlightRecord:
     configuration: Configuration = Configuration()
     provenance: dict[str, Any] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        at = f" at {self.reference!r}" if self.reference else ""
+        return (
+            f"<FlightRecord{at}: {len(self.channels)} channels, {self.duration:.6g} s "
+            f"at {1 / self.dt:.6g} Hz>"
+        )
+
     def __post_init__(self) -> None:
         check_time(self.time)
         for name, channel in self.channels.items():
@@ -130,6 +141,11 @@ class FlightRecord:
     def channel(self, name: str) -> Channel:
         """Return one channel.
 
+        Parameters
+        ----------
+        name : str
+            ``group/name``, as ``state/q``.
+
         Raises
         ------
         DataError
@@ -144,19 +160,49 @@ class FlightRecord:
         return self.channel(name).values
 
     def matrix(self, names: Iterable[str]) -> NDArray[np.float64]:
-        """Return several channels as one array, shape (channel, sample)."""
+        """Return several channels as one array, shape (channel, sample), SI.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Each as ``group/name``.
+
+        Raises
+        ------
+        DataError
+            Where one is missing.
+        """
         return np.array([self[name] for name in names])
 
     def group(self, group: str) -> tuple[str, ...]:
-        """Return the names without group of all channels of a group, in the record's order."""
+        """Return the names without group of all channels of a group, in the record's order.
+
+        Parameters
+        ----------
+        group : str
+            ``state``, ``air``, ``effector``, ``command``, ``excitation``, ``power`` or ``response``.
+        """
         return tuple(n.partition("/")[2] for n in self.channels if n.startswith(group + "/"))
 
     def with_channels(self, *channels: Channel) -> FlightRecord:
-        """Return the record with channels added or replaced."""
+        """Return the record with channels added or replaced.
+
+        Parameters
+        ----------
+        *channels : Channel
+            On the same time base.
+        """
         return replace(self, channels={**self.channels, **{c.name: c for c in channels}})
 
     def check_band(self, names: Iterable[str], f_max: float) -> None:
-        """Check that channels can tell anything up to a frequency, Hz.
+        """Check that channels can tell anything up to a frequency.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Channels, each as ``group/name``.
+        f_max : float
+            Hz.
 
         Raises
         ------
@@ -173,7 +219,12 @@ class FlightRecord:
                 )
 
     def cut(self, start: float, stop: float) -> FlightRecord:
-        """Return the samples from `start` to `stop`, both included, on the record's clock, s.
+        """Return the samples from one time to another, both included.
+
+        Parameters
+        ----------
+        start, stop : float
+            On the record's clock, s.
 
         Raises
         ------
@@ -195,7 +246,7 @@ class FlightRecord:
 
 
 @dataclass(frozen=True)
-class Maneuver:
+class Maneuver(Viewable):
     """The stretch of a flight that a point model is made from.
 
     Attributes
@@ -208,6 +259,9 @@ class Maneuver:
 
     record: FlightRecord
     vehicle: Vehicle
+
+    def __repr__(self) -> str:
+        return f"<Maneuver of {self.vehicle.name!r}: {self.record!r}>"
 
     @classmethod
     def of(

@@ -16,6 +16,11 @@ from freqid.core.identification import Identification
 from freqid.core.toml import read_toml
 from freqid.core.vehicle import Effector, Group, Inertia, MassProperties, Rotor, Strict, Vector, Vehicle, Wing
 
+SHIPPED = Path(__file__).resolve().parents[1] / "scenarios"
+"""Folder of the scenarios that come with the package."""
+
+_FROM_THE_FILE = ("file", "sha256")
+
 
 class Airframe(Strict, frozen=True):
     """Section ``[vehicle]``: mass properties and reference lengths, SI."""
@@ -108,6 +113,8 @@ class Scenario(Strict, frozen=True):
     control, simulation, tolerance, noise, gates
         The remaining sections; tolerance and noise give one sigma by name, tolerance of one effector by
         a dotted one: ``de1.natural_frequency``.
+    file, sha256 : str
+        Where it was read from, and the hash of that file's bytes; empty of a scenario made in Python.
     """
 
     vehicle: Airframe
@@ -123,6 +130,15 @@ class Scenario(Strict, frozen=True):
     tolerance: dict[str, float] = msgspec.field(default_factory=dict)
     noise: dict[str, float] = msgspec.field(default_factory=dict)
     gates: Gates = Gates()
+    file: str = ""
+    sha256: str = ""
+
+    def __repr__(self) -> str:
+        return (
+            f"<Scenario {self.vehicle.name!r}: {self.vehicle.mass_kg:g} kg, {len(self.effector)} effectors, "
+            f"{len(self.rotor)} rotors, {len(self.reference)} reference conditions"
+            + (f", from {self.file}>" if self.file else ">")
+        )
 
     def __post_init__(self) -> None:
         for at in self.reference:
@@ -158,6 +174,11 @@ class Scenario(Strict, frozen=True):
     def reference_of(self, identifier: str) -> Reference:
         """Return one reference condition.
 
+        Parameters
+        ----------
+        identifier : str
+            Its id, ``u45``.
+
         Raises
         ------
         UsageError
@@ -177,15 +198,52 @@ class _Written(Scenario, frozen=True):
 
     tolerance: dict[str, float | dict[str, Any]] = msgspec.field(default_factory=dict)  # type: ignore[assignment]
 
+    def __post_init__(self) -> None:
+        for name in _FROM_THE_FILE:
+            if getattr(self, name):
+                raise ValueError(f"Object contains unknown field `{name}`")
+        super().__post_init__()
 
-def read_scenario(path: Path) -> tuple[Scenario, str]:
-    """Read and validate a scenario file; returns and errors as those of `freqid.core.toml.read_toml`."""
-    written, sha256 = read_toml(path, _Written)
-    sections = {name: getattr(written, name) for name in Scenario.__struct_fields__}
+
+def find_scenario(name: Path | str) -> Path:
+    """Return the path of a scenario file, or of a shipped scenario that is named without path and suffix.
+
+    Examples
+    --------
+    >>> find_scenario("la8").name
+    'la8.toml'
+    >>> find_scenario("my.toml").name
+    'my.toml'
+    """
+    path = Path(name)
+    if path.parent == Path() and not path.suffix and not path.exists():
+        shipped = SHIPPED / f"{path}.toml"
+        if shipped.is_file():
+            return shipped
+    return path
+
+
+def read_scenario(path: Path | str) -> tuple[Scenario, str]:
+    """Read and validate a scenario file, or a shipped scenario by its name.
+
+    Returns
+    -------
+    scenario : Scenario
+    sha256 : str
+        Of the file's bytes, which the scenario has too.
+
+    Raises
+    ------
+    DataError, UsageError
+        As `freqid.core.toml.read_toml`.
+    """
+    written, sha256 = read_toml(find_scenario(path), _Written)
+    sections: dict[str, Any] = {name: getattr(written, name) for name in Scenario.__struct_fields__}
     try:
         sections["tolerance"] = msgspec.convert(_dotted(written.tolerance), dict[str, float])
     except msgspec.ValidationError as error:
         raise UsageError(f"at tolerance: {error}", where=str(path)) from None
+    sections |= {"file": str(path), "sha256": sha256}
     return Scenario(**sections), sha256
 
 

@@ -278,6 +278,11 @@ class Vehicle(Strict, frozen=True):
     def effector(self, name: str) -> Effector:
         """Return one effector.
 
+        Parameters
+        ----------
+        name : str
+            As in the scenario, ``de1``.
+
         Raises
         ------
         UsageError

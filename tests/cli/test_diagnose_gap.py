@@ -11,12 +11,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from freqid.cli import diagnose_gap
 from freqid.cli.main import run
 from freqid.core.record import Channel, read_record, write_record
 from freqid.core.results.gap import read_gap
 from freqid.simulate import effects
 from freqid.simulate.effects import library
+from freqid.workflows import diagnose as diagnosing
 
 LOSS = 0.5
 FEW = ("surface_effectiveness", "mass", "time_skew")
@@ -102,7 +102,7 @@ def folder(fly_worn, tmp_path_factory):
 def few_effects(monkeypatch):
     """Ask about three effects alone, so that a diagnosis takes a second."""
     every = library()
-    monkeypatch.setattr(diagnose_gap, "_library", lambda own: {n: every[n] for n in FEW})
+    monkeypatch.setattr(diagnosing, "library_with", lambda own: {n: every[n] for n in FEW})
 
 
 @pytest.fixture
@@ -402,7 +402,7 @@ def test_what_is_asked_wrongly_is_said(diagnose, folder, monkeypatch, words, rec
 @pytest.mark.usefixtures("few_effects")
 def test_an_effect_that_cannot_be_tested_here_is_refused(diagnose, monkeypatch):
     every = library()
-    monkeypatch.setattr(diagnose_gap, "_library", lambda own: {n: every[n] for n in (*FEW, "wing_wake")})
+    monkeypatch.setattr(diagnosing, "library_with", lambda own: {n: every[n] for n in (*FEW, "wing_wake")})
     code, _, err, _ = diagnose("good", "--effect", "wing_wake", records=("flight1",))
     assert code == 2
     assert "cannot be tested here: needs wing" in err
@@ -442,7 +442,7 @@ def test_the_consequence_gets_the_sizes_of_the_leading_closure(monkeypatch):
     findings = SimpleNamespace(diagnosis=SimpleNamespace(which=which), closed=closed)
     simulation = SimpleNamespace(effects={"weak": {"at": 0.3}})
     monkeypatch.setattr(diagnosis_consequence, "with_consequence", lambda *a, **k: (a, k))
-    (_, _, settings, names, covariance), more = diagnose_gap._with_consequence(
+    (_, _, settings, names, covariance), more = diagnosing._with_consequence(
         findings, simulation, SimpleNamespace(named=())
     )
     assert settings == {"weak": {"a": 0.2, "b": 0.2, "at": 0.3}, "offset": {"x": 1.0, "y": 2.0}}
@@ -453,4 +453,4 @@ def test_the_consequence_gets_the_sizes_of_the_leading_closure(monkeypatch):
     np.testing.assert_allclose(covariance[2:, 2:], np.diag([1, 4]) / 1.645**2)
     assert not covariance[:2, 2:].any()
     findings.closed = []
-    assert diagnose_gap._with_consequence(findings, simulation, which) is findings.diagnosis
+    assert diagnosing._with_consequence(findings, simulation, which) is findings.diagnosis

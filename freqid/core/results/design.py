@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from freqid.core import store
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError
+from freqid.core.viewable import Viewable
 
 
 @dataclass(frozen=True, eq=False)
-class SampledInputs:
+class SampledInputs(Viewable):
     """Excitations of effectors on a common, uniform time axis.
 
     Attributes
@@ -35,9 +36,13 @@ class SampledInputs:
     time: Array
     values: Array
 
+    def __repr__(self) -> str:
+        step = self.time[1] - self.time[0]
+        return f"<SampledInputs {' '.join(self.names)}: {self.time[-1]:.6g} s at {1 / step:.6g} Hz>"
+
 
 @dataclass(frozen=True, eq=False)
-class ClassicDesign:
+class ClassicDesign(Viewable):
     """Doublets, 3-2-1-1 or frequency sweeps, one effector after the other.
 
     Attributes
@@ -64,6 +69,12 @@ class ClassicDesign:
     band_hz: tuple[float, float]
     dt_s: float
     provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return (
+            f"<ClassicDesign {self.waveform} on {len(self.names)} effectors: {self.duration_s:.6g} s "
+            f"at {1 / self.dt_s:.6g} Hz>"
+        )
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -108,9 +119,12 @@ class Multisine:
     amplitude: Array
     phase: Array
 
+    def __repr__(self) -> str:
+        return f"<Multisine {self.name!r} in {self.unit}: {self.index.size} harmonics>"
+
 
 @dataclass(frozen=True)
-class MultisineDesign:
+class MultisineDesign(Viewable):
     """What is to be flown.
 
     Attributes
@@ -135,6 +149,13 @@ class MultisineDesign:
     dt_s: float
     seed: int
     provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        low, high = self.band_hz
+        return (
+            f"<MultisineDesign for {len(self.signals)} effectors: {low:g} to {high:g} Hz, {self.periods} x "
+            f"{self.period_s:g} s at {1 / self.dt_s:.6g} Hz>"
+        )
 
     @property
     def names(self) -> tuple[str, ...]:

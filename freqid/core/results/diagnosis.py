@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 
 from freqid.core.results.gap_self_test import SelfTest
+from freqid.core.viewable import Viewable
 
 _SENSORS = "kinematic/"
 _CHANGES = 0.02  # of an error, from which a relation between sensors is listed
@@ -281,7 +282,7 @@ class Closure:
 
 
 @dataclass(frozen=True)
-class GapDiagnosis:
+class GapDiagnosis(Viewable):
     """The whole diagnosis.
 
     Attributes
@@ -318,6 +319,9 @@ class GapDiagnosis:
     sensors: tuple[SensorFault, ...] = ()
     tolerances: tuple[ToleranceUsed, ...] = ()
 
+    def __repr__(self) -> str:
+        return f"<GapDiagnosis of {self.simulation!r} on {len(self.records)} flights: {self.verdict}>"
+
     def to_json(self) -> dict[str, Any]:
         """Return the diagnosis as ``diagnose-gap --json`` prints it: numbers, strings, lists and tables.
 
@@ -345,6 +349,11 @@ class GapDiagnosis:
     @classmethod
     def from_json(cls, table: Mapping[str, Any]) -> GapDiagnosis:
         """Return the diagnosis that `to_json` made a table of; None becomes NaN.
+
+        Parameters
+        ----------
+        table : mapping
+            JSON-compatible.
 
         Raises
         ------

@@ -12,10 +12,11 @@ import numpy as np
 from freqid.core import store
 from freqid.core.arrays import Array, Complex
 from freqid.core.errors import UsageError, nearest
+from freqid.core.viewable import Viewable
 
 
 @dataclass(frozen=True, eq=False)
-class FrequencyResponse:
+class FrequencyResponse(Viewable):
     """Responses of o outputs to n inputs at M frequencies.
 
     Attributes
@@ -59,6 +60,13 @@ class FrequencyResponse:
     remarks: tuple[str, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        f = self.frequencies_hz
+        return (
+            f"<FrequencyResponse of {' '.join(self.outputs)} to {' '.join(self.inputs)}: {f.size} lines, "
+            f"{f[0]:.3g} to {f[-1]:.3g} Hz, {self.method}>"
+        )
+
     @property
     def random_error(self) -> Array:
         """Normalised random error of the magnitude, and of the phase in rad, shape (o, n, M)."""
@@ -67,6 +75,11 @@ class FrequencyResponse:
 
     def radius(self, confidence: float = 0.95) -> Array:
         """Return the radius of the circles about `value` that hold the truth so often, shape (o, n, M).
+
+        Parameters
+        ----------
+        confidence : float
+            How often: 0.95 for 95 of 100.
 
         Notes
         -----
@@ -79,6 +92,11 @@ class FrequencyResponse:
 
     def of(self, inputs: tuple[str, ...], outputs: tuple[str, ...]) -> FrequencyResponse:
         """Return the responses of some outputs to some inputs.
+
+        Parameters
+        ----------
+        inputs, outputs : tuple of str
+            Names among those that it has.
 
         Raises
         ------

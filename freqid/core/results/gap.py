@@ -13,7 +13,7 @@ import numpy as np
 
 from freqid.core import store
 from freqid.core.arrays import Array, Complex
-from freqid.core.results.diagnosis import GapDiagnosis, Place
+from freqid.core.results.diagnosis import Closure, Existence, GapDiagnosis, Place, SensorFault, Which
 
 LISTED = 0.1  # share of the energy from which a cell is listed
 _THIRDS = ("first third", "middle third", "last third")
@@ -174,7 +174,7 @@ class Increment:
 
 @dataclass(frozen=True, eq=False)
 class GapResult:
-    """A diagnosis and its pictures' numbers.
+    """A diagnosis and its pictures' numbers; what the diagnosis says is to be had here too.
 
     Attributes
     ----------
@@ -200,6 +200,64 @@ class GapResult:
     before_after: tuple[BeforeAfter, ...] = ()
     expected: dict[str, float] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return repr(self.diagnosis)
+
+    def to_frame(self) -> Any:
+        """Return the explanations and their probabilities as a `pandas.DataFrame`."""
+        return self.diagnosis.to_frame()
+
+    def plot(self) -> Any:
+        """Return the explanations and their probabilities drawn, as a `matplotlib.figure.Figure`."""
+        return self.diagnosis.plot()
+
+    def _repr_html_(self) -> str:
+        return self.diagnosis._repr_html_()
+
+    @property
+    def verdict(self) -> str:
+        """One line."""
+        return self.diagnosis.verdict
+
+    @property
+    def gap(self) -> Existence:
+        """Whether there is a gap beyond noise and tolerances."""
+        return self.diagnosis.gap
+
+    @property
+    def where(self) -> tuple[Place, ...]:
+        """Where it is: responses, bands, regimes, inputs."""
+        return self.diagnosis.where
+
+    @property
+    def which(self) -> Which:
+        """Which effect makes it, with probabilities."""
+        return self.diagnosis.which
+
+    @property
+    def how_far(self) -> tuple[Closure, ...]:
+        """How much of it goes on flights that were not used."""
+        return self.diagnosis.how_far
+
+    @property
+    def sensors(self) -> tuple[SensorFault, ...]:
+        """Faults of the sensors."""
+        return self.diagnosis.sensors
+
+    @property
+    def next_flight(self) -> dict[str, Any]:
+        """The tests that separate what is left."""
+        return self.diagnosis.next_flight
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What else to know, one sentence each."""
+        return self.diagnosis.remarks
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the diagnosis as ``diagnose-gap --json`` has it (docs/files.md)."""
+        return self.diagnosis.to_json()
 
 
 FORMAT = "freqid-gap"

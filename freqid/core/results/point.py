@@ -16,6 +16,7 @@ from freqid.core import store
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
 from freqid.core.scenario import Gates, Reference
+from freqid.core.viewable import Viewable
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,10 @@ class Fit:
     measured: NDArray[Any]
     modelled: NDArray[Any]
     noise: Array | None = None
+
+    def __repr__(self) -> str:
+        kind = "lines" if np.iscomplexobj(self.measured) else "samples"
+        return f"<Fit on {self.axis.size} {kind}: R2 {self.r2:.4f}, rms of the residual {self.rms:.4g}>"
 
     @property
     def residual(self) -> NDArray[Any]:
@@ -155,6 +160,16 @@ class ResponseModel:
     distortion: float | None = None
     r2_ceiling: float | None = None
 
+    def __repr__(self) -> str:
+        rows = ", ".join(
+            f"{name} {value:.4g} +- {2 * error:.2g}"
+            for name, value, error in zip(self.regressors, self.estimate, self.std_error, strict=True)
+        )
+        return (
+            f"<ResponseModel {self.response} in {self.unit}: {rows} (2 sigma); R2 {self.r2:.4f}, "
+            f"rmse {self.rmse:.3g}>"
+        )
+
     @property
     def normalised_difference(self) -> Array:
         """Instruments less least squares over its standard deviation, shape (p,); nan without both."""
@@ -191,7 +206,7 @@ class ResponseModel:
 
 
 @dataclass(frozen=True)
-class PointModel:
+class PointModel(Viewable):
     """Responses identified at one reference condition.
 
     Attributes
@@ -227,6 +242,14 @@ class PointModel:
     prediction: Mapping[str, Fit] = field(default_factory=dict)
     estimator: str = "least-squares"
     remarks: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        fits = ", ".join(f"{name} R2 {r.r2:.4f}" for name, r in self.responses.items())
+        at = f" at {self.reference.id!r}" if self.reference.id else ""
+        return (
+            f"<PointModel of {self.vehicle!r}{at}, u {self.reference.u:.4g} m/s: {fits}; "
+            f"{self.estimator}, {self.duration:.4g} s>"
+        )
 
     def __getitem__(self, response: str) -> ResponseModel:
         try:

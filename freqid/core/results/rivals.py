@@ -13,6 +13,7 @@ import msgspec
 import numpy as np
 
 from freqid.core import store
+from freqid.core.viewable import Viewable
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class Contest:
 
 
 @dataclass(frozen=True)
-class Rivals:
+class Rivals(Viewable):
     """Two simulations compared on the same flights.
 
     Attributes
@@ -109,6 +110,9 @@ class Rivals:
     remarks: tuple[str, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        return f"<Rivals {' and '.join(self.simulations)} on {len(self.records)} flights: {self.verdict}>"
+
     @property
     def nearer(self) -> str:
         """``A``, ``B``, ``both`` where each is nearer somewhere, or empty where the flights cannot tell."""
@@ -122,6 +126,11 @@ class Rivals:
     @classmethod
     def from_json(cls, table: Mapping[str, Any]) -> Rivals:
         """Return the comparison that `to_json` made a table of.
+
+        Parameters
+        ----------
+        table : mapping
+            JSON-compatible.
 
         Raises
         ------

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from freqid.core.errors import UsageError
 from freqid.core.record import FlightRecord
-from freqid.core.scenario import read_scenario
+from freqid.core.scenario import Scenario, find_scenario, read_scenario
 from freqid.core.vehicle import Vehicle
 from freqid.gap.simulation import Simulation
 
@@ -16,20 +17,21 @@ KINDS = "FILE.py:NAME, MODEL.fmu, jsbsim:AIRCRAFT, SCENARIO.toml or predictions 
 
 
 def connect(
-    sim: str | None = None,
+    sim: str | Callable[..., Any] | None = None,
     *,
-    scenario: Path | None = None,
+    scenario: Scenario | Path | str | None = None,
     predictions: Sequence[Path] = (),
     record: FlightRecord | None = None,
 ) -> Simulation:
-    """Return a simulation from the words of the command line.
+    """Return a simulation from the words of the command line, or from a Python function.
 
     Parameters
     ----------
-    sim : str, optional
+    sim : str or callable, optional
         ``FILE.py:NAME``, ``MODEL.fmu``, ``jsbsim:AIRCRAFT`` (a name or an aircraft's XML file),
-        ``SCENARIO.toml``, or ``FILE.h5`` of recorded predictions, several with commas between.
-    scenario : Path, optional
+        ``SCENARIO.toml`` or the name of a shipped one, or ``FILE.h5`` of recorded predictions, several with
+        commas between. A function as `callable.CallableSimulation` describes it.
+    scenario : Scenario, path or name, optional
         Describes the vehicle of a simulation that does not; by itself, the simulation.
     predictions : sequence of Path, optional
         Recorded predictions in place of a simulation.
@@ -45,19 +47,26 @@ def connect(
     """
     if sim is not None and predictions:
         raise UsageError("both a simulation and recorded predictions are given", remedy="give one of them")
-    beside = read_scenario(scenario)[0].aircraft() if scenario is not None else None
+    described = scenario
+    if scenario is not None and not isinstance(scenario, Scenario):
+        described = read_scenario(scenario)[0]
+    beside = described.aircraft() if isinstance(described, Scenario) else None
     if predictions:
         from freqid.gap.connect import predictions as recorded
 
         return recorded.load(predictions, beside)
     if sim is None:
-        if scenario is None:
+        if not isinstance(described, Scenario):
             raise UsageError("no simulation is given", remedy=f"give --sim {KINDS}, or --predictions P.h5")
-        sim = str(scenario)
-    if sim.endswith(".toml"):
         from freqid.gap.connect.scenario import ScenarioSimulation
 
-        return ScenarioSimulation(read_scenario(Path(sim))[0], name=sim)
+        return ScenarioSimulation(described, name=described.file or described.vehicle.name)
+    if not isinstance(sim, str):
+        return _of_function(sim, beside, record)
+    if find_scenario(sim).suffix == ".toml":
+        from freqid.gap.connect.scenario import ScenarioSimulation
+
+        return ScenarioSimulation(read_scenario(sim)[0], name=sim)
     if sim.startswith("jsbsim:"):
         from freqid.gap.connect import jsbsim
 
@@ -75,18 +84,20 @@ def connect(
     raise UsageError(f"'{sim}' names no kind of simulation", remedy=f"write {KINDS}")
 
 
-def _of_function(sim: str, beside: Vehicle | None, record: FlightRecord | None) -> Simulation:
+def _of_function(
+    sim: str | Callable[..., Any], beside: Vehicle | None, record: FlightRecord | None
+) -> Simulation:
     from freqid.gap.connect import callable as functions
 
-    found = functions.load(sim)
+    found = functions.load(sim) if isinstance(sim, str) else functions.simulation_of(sim)
     if beside is not None:
         found = replace(found, vehicle=beside)
     if not found.responses:
         if record is None:
-            name = sim.rpartition(":")[2]
+            name = found.name.rpartition(":")[2]
             raise UsageError(
                 "the function does not state its responses",
-                where=sim,
+                where=found.name,
                 remedy=f"add {name}.responses = ('X', ...)",
             )
         found = found.probed(record)

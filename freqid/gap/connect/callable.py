@@ -279,11 +279,34 @@ def load(text: str) -> CallableSimulation:
     if not callable(function):
         known = [n for n, v in vars(module).items() if callable(v) and not n.startswith("_")]
         raise UsageError(f"it defines no function '{name}'", where=file, remedy=nearest(name, known))
+    return simulation_of(function, text, str(path))
+
+
+def simulation_of(
+    function: Callable[..., Any], name: str | None = None, source: str | None = None
+) -> CallableSimulation:
+    """Return a function as a simulation.
+
+    Parameters
+    ----------
+    function : callable
+    name : str, optional
+        For messages; the function's own where absent.
+    source : str, optional
+        File that it is from; a scenario that it names is looked for beside it.
+
+    Raises
+    ------
+    DataError
+        Where what the function states of itself is not of its form.
+    """
+    name = str(name or getattr(function, "__qualname__", type(function).__name__))
+    source = str(source or getattr(getattr(function, "__code__", None), "co_filename", ""))
     stated = getattr(function, "responses", ())
     if not isinstance(stated, tuple | list):
         raise DataError(
             f"responses is {stated!r}, expected a tuple of names",
-            where=text,
+            where=name,
             remedy='write responses = ("X", "Z", "M")',
         )
     responses = tuple(stated)
@@ -291,20 +314,20 @@ def load(text: str) -> CallableSimulation:
         if response not in answers.KNOWN:
             raise DataError(
                 f"'{response}' among the responses is no response and no state",
-                where=text,
+                where=name,
                 remedy=nearest(str(response), answers.KNOWN),
             )
     vehicle = getattr(function, "vehicle", None)
     if isinstance(vehicle, str | Path):
-        vehicle = read_scenario(path.parent / vehicle)[0].aircraft()
+        vehicle = read_scenario(Path(source).parent / vehicle)[0].aircraft()
     effects = getattr(function, "effects", {})
     if not isinstance(effects, Mapping) or not all(isinstance(x, Mapping) for x in effects.values()):
         raise DataError(
             f"effects is {effects!r}, expected settings by effect",
-            where=text,
+            where=name,
             remedy='write effects = {"extra_drag": {"coefficient": 0.1}}',
         )
-    return CallableSimulation(function, text, responses, vehicle, effects, str(path))
+    return CallableSimulation(function, name, responses, vehicle, effects, source)
 
 
 def _imported(path: Path) -> Any:

@@ -21,6 +21,7 @@ from freqid.core.identification import Identification, factors_of
 from freqid.core.record import Maneuver
 from freqid.core.results.point import PointModel, ResponseModel, per
 from freqid.core.scenario import Reference
+from freqid.core.viewable import Viewable
 from freqid.identify.point import Estimator, identify_point, lines_of
 from freqid.identify.regress.uncertainty import independent_share
 from freqid.identify.sensors.delays_loads import Changes, fit_loads, loads_unknowns
@@ -35,7 +36,7 @@ _ORDER = 1.96  # normal, 95 %
 
 
 @dataclass(frozen=True, eq=False)
-class Alignment:
+class Alignment(Viewable):
     """What stands between a record's clocks, its attitude and its velocity, with its uncertainty.
 
     Attributes
@@ -66,6 +67,11 @@ class Alignment:
     disagreement: Mapping[str, float]
     flown: Misaligned
     changes: Changes
+
+    def __repr__(self) -> str:
+        rows = zip(self.names, self.estimate, self.std_error, self.units, strict=True)
+        listed = ", ".join(f"{n} {e:.3g} +- {s:.2g}" + (f" {u}" if u != "1" else "") for n, e, s, u in rows)
+        return f"<Alignment: {listed}>"
 
     @property
     def std_error(self) -> Array:

@@ -16,6 +16,7 @@ from freqid.core.errors import UsageError, nearest
 from freqid.core.frames import flow_angles
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import Fit
+from freqid.core.viewable import Viewable
 from freqid.identify.sensors.kinematic_fit import fit_compatibility
 from freqid.identify.sensors.kinematic_model import (
     ANGLES,
@@ -43,6 +44,8 @@ PLAUSIBLE = {
     "V u v w bias": 3.0,
     "V u v w scale": 0.2,
 }
+
+_CLEAR = 3.0  # standard errors from which an error is in the short text
 
 
 @dataclass(frozen=True)
@@ -72,7 +75,7 @@ class KinematicSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class KinematicCheck:
+class KinematicCheck(Viewable):
     """What a record's kinematics say of its sensors.
 
     A channel reads ``(1 + scale) true(t - skew) + bias``: a positive skew is a late channel.
@@ -112,6 +115,14 @@ class KinematicCheck:
     rms_after: Mapping[str, float]
     fit: Mapping[str, Fit]
     noise_std: Mapping[str, float]
+
+    def __repr__(self) -> str:
+        rows = zip(self.names, self.estimate, self.std_error, self.units, strict=True)
+        beyond = [f"{n} {e:.3g} +- {s:.2g} {u}" for n, e, s, u in rows if abs(e) > _CLEAR * s]
+        return (
+            f"<KinematicCheck: {len(self.names)} sensor errors, beyond {_CLEAR:g} standard errors: "
+            f"{', '.join(beyond) or 'none'}>"
+        )
 
     def __getitem__(self, parameter: str) -> tuple[float, float]:
         """Return estimate and standard error of one parameter."""

@@ -209,6 +209,32 @@ def write_documents(
     ----------
     destination : Path
         Of the design.
+    finished, judged, scenario, plan, study, forecast
+        As for `multisine_page`.
+
+    Returns
+    -------
+    list of Path
+        Of the files.
+    """
+    page = destination.with_suffix(".html")
+    write_text(page, multisine_page(finished, judged, scenario, plan, study=study, forecast=forecast))
+    return [page, *write_cards(destination, build_card(finished.design, judged, plan))]
+
+
+def multisine_page(
+    finished: FinishedSet,
+    judged: Merit,
+    scenario: Scenario,
+    plan: FlightPlan,
+    *,
+    study: Sequence[MultisineDesign] = (),
+    forecast: Forecast | None = None,
+) -> str:
+    """Return the page of a set of multisines.
+
+    Parameters
+    ----------
     finished : FinishedSet
     judged : Merit
         Of its design.
@@ -218,11 +244,6 @@ def write_documents(
     study : sequence of MultisineDesign
         Of other periods, for comparison.
     forecast : Forecast, optional
-
-    Returns
-    -------
-    list of Path
-        Of the files.
     """
     excitation, design, net = scenario.excitation, finished.design, None
     if finished.before is not None and excitation is not None and excitation.net_load:
@@ -230,29 +251,30 @@ def write_documents(
         axes = [axis for axis, wanted in zip(WRENCH, counted, strict=True) if wanted]
         loads = effectiveness(excited(excitation, scenario.effector))[counted]
         net = (axes, net_loads(design.signals, loads), net_loads(finished.before.signals, loads))
-    page = destination.with_suffix(".html")
     compared = [(merit(other), truncated(other)) for other in study]
-    write_design_page(
-        page, design, judged, truncated(design), plan=plan, net=net, study=compared, forecast=forecast
+    return build_design_page(
+        design, judged, truncated(design), plan=plan, net=net, study=compared, forecast=forecast
     )
-    return [page, *write_cards(destination, build_card(design, judged, plan))]
 
 
 def flight_plan(
-    destination: Path,
+    destination: Path | None,
     design: MultisineDesign | ClassicDesign,
     scenario: Scenario,
     aircraft: ModelledAircraft | None = None,
 ) -> FlightPlan:
-    """Return how a design is to be flown, and what motion is expected where there is a model."""
+    """Return how a design is to be flown, and what motion is expected where there is a model.
+
+    `destination` is the design's file; None where it has none yet.
+    """
     excitation, vehicle = scenario.excitation, scenario.aircraft()
     assert excitation is not None
     watched = tuple(dict.fromkeys((*STATES, *excitation.excursions, *design.names)))
     return FlightPlan(
         vehicle=vehicle,
         trim=aircraft.trim if aircraft else {},
-        source=destination.name,
-        sha256=hashlib.sha256(destination.read_bytes()).hexdigest(),
+        source=destination.name if destination else "",
+        sha256=hashlib.sha256(destination.read_bytes()).hexdigest() if destination else "",
         forbidden_hz=excitation.forbidden_hz,
         fade_s=excitation.fade_s,
         abort=excitation.abort,

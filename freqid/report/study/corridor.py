@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from freqid.blend.campaign import StudiedPoint, StudyResults, same_density
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.similarity import equivalent
 from freqid.core.arrays import Array
@@ -35,7 +36,7 @@ from freqid.report.kit.effectors import groups_of
 from freqid.report.kit.notation import formula, number, percent, plain_symbol, short, symbol
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.study.pictures import derivative, parts
-from freqid.report.study.results import StudiedPoint, StudyResults, densities, same_density
+from freqid.report.study.results import densities
 
 LOOKS = ((BLUE, "o"), (ORANGE, "s"), ("#009E73", "D"), ("#CC79A7", "^"))
 """Colour and marker by density, the densest air first."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from freqid import __version__
+from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults
 from freqid.core.scenario import Reference
 from freqid.design.multisine.signals import sample, samples_per_period
 from freqid.report.design import figures as design_figures
@@ -25,7 +26,7 @@ from freqid.report.study.pictures import (
     history_pictures,
     several_pictures,
 )
-from freqid.report.study.results import HeldOut, StudiedPoint, StudyResults, densities
+from freqid.report.study.results import densities
 from freqid.report.study.verdict import (
     GOOD_R2,
     MOST_HELD_OUT,

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from markupsafe import Markup
 
+from freqid.blend.campaign import StudiedPoint, StudyResults
 from freqid.core.results.point import Fit, per
 from freqid.core.vehicle import Vehicle
 from freqid.identify.in_flight.parameter_history import ParameterHistory
@@ -15,7 +16,7 @@ from freqid.report.kit.effectors import groups_of
 from freqid.report.kit.notation import formula, number, percent, plain_symbol, short, symbol
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.study import figures
-from freqid.report.study.results import StudiedPoint, StudyResults, settled, settled_share
+from freqid.report.study.results import settled, settled_share
 from freqid.report.study.verdict import settled_by, settled_time
 
 _STRONGEST = 6  # parameters of a response whose convergence is drawn

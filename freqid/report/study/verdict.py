@@ -7,10 +7,11 @@ import math
 import numpy as np
 from markupsafe import Markup
 
+from freqid.blend.campaign import HeldOut, StudyResults, same_density
 from freqid.report.kit.findings import Finding, code, finding, listed
 from freqid.report.kit.notation import number, percent, share, short, symbol
 from freqid.report.point.verdict import reaches_ceiling
-from freqid.report.study.results import HeldOut, StudyResults, same_density, settled_share
+from freqid.report.study.results import settled_share
 
 GOOD_R2 = 0.95
 MOST_VALIDATION = 1.15

@@ -14,10 +14,10 @@ from click.testing import CliRunner
 from simulated_flights import ROOT
 from test_page import Page
 
-from freqid.cli import flight_page
 from freqid.cli.simulate import command
 from freqid.report.flight import page as simulation_page
 from freqid.report.flight.tables import SimulatedFlight
+from freqid.views import flight as flight_page
 
 CONDITIONS = ("u45", "u50", "u45-1500m", "u50-1500m")
 

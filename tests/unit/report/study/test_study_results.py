@@ -8,18 +8,11 @@ import numpy as np
 import pytest
 from test_study_page import DENSITIES, results
 
+from freqid.blend.campaign import HeldOut, rmse_inside, same_density, spread
 from freqid.core.results.point import Fit
 from freqid.core.scenario import Reference
 from freqid.identify.in_flight.parameter_history import ParameterHistory
-from freqid.report.study.results import (
-    HeldOut,
-    densities,
-    rmse_inside,
-    same_density,
-    settled,
-    settled_share,
-    spread,
-)
+from freqid.report.study.results import densities, settled, settled_share
 
 
 def history(estimate: np.ndarray, std_error: np.ndarray, start: float = 10.0) -> ParameterHistory:

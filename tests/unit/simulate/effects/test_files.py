@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from freqid.cli.simulate import _settings
 from freqid.core.errors import UsageError
 from freqid.core.record import Channel, FlightRecord
 from freqid.simulate import effects
 from freqid.simulate.effects.files import load_file
 from freqid.simulate.effects.table import KINDS, kinds, renewed
+from freqid.workflows.fly import effect_settings
 
 PROJECT = Path(__file__).resolve().parents[4]
 EXAMPLE = PROJECT / "examples" / "gyro_effect.py"
@@ -30,7 +30,7 @@ def test_the_example_of_the_docs_is_the_file_that_it_names():
 
 
 def test_an_effect_of_ones_own_is_set_and_distorts_a_record_like_any_other(own):
-    found = _settings(("gyro_acceleration=0.01", "mass.fraction=0.1"), EXAMPLE)
+    found = effect_settings(("gyro_acceleration=0.01", "mass.fraction=0.1"), EXAMPLE)
     assert found == {"gyro_acceleration": {"per_g": 0.01}, "mass": {"fraction": 0.1}}
     time = 0.02 * np.arange(50)
     rows = {"state/q": ("rad/s", 0.1 * np.sin(time)), "state/az": ("m/s2", -9.80665 + time)}

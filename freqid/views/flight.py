@@ -1,61 +1,49 @@
-"""The page beside a simulated record: what the simulation knows, as the plain numbers of a page."""
+"""The page of a simulated flight: what the simulation knows, as the plain numbers of a page."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from freqid.core.scenario import Reference, Scenario
     from freqid.report.flight.trims import TrimCurve
     from freqid.simulate.control.lq import ClosedLoop
     from freqid.simulate.control.trim import Trim
-    from freqid.simulate.maneuver import Flown
+    from freqid.workflows.fly import SimulatedManeuver
 
 
-def write_page(
-    path: Path,
-    scenario: Scenario,
-    loop: ClosedLoop,
-    flown: Flown,
-    excursions: Mapping[str, Any],
-    **named: str,
-) -> None:
-    """Write the page of a simulated flight.
+def flight_page(found: SimulatedManeuver, record: str = "") -> str:
+    """Return the page of a simulated flight.
 
     Parameters
     ----------
-    path : Path
-        Of the HTML file.
-    scenario : Scenario
-        That was flown.
-    loop : ClosedLoop
-        Its trims are drawn, and those of the scenario's other densities.
-    flown : Flown
-    excursions : mapping
-        As in `SimulatedFlight`.
-    **named : str
-        Its remaining fields.
+    found : SimulatedManeuver
+        The trims of its loop are drawn, and those of the scenario's other densities.
+    record : str
+        File of what was logged.
     """
     import numpy as np
 
     from freqid.report.flight.page import build_simulation_page
     from freqid.report.flight.tables import SimulatedFlight
-    from freqid.report.kit.rendering import write_text
 
+    scenario, loop = found.scenario, found.loop
     flight = SimulatedFlight(
         scenario=scenario,
-        truth=flown.truth,
-        thrust=np.asarray(flown.flight.samples.details.aero.thrust).T,
-        excursions=excursions,
+        truth=found.truth,
+        thrust=np.asarray(found.flown.flight.samples.details.aero.thrust).T,
+        excursions=found.excursions,
         trims=tuple(
             _curve(scenario, loop, trims) for trims in (list(loop.trims.values()), *_others(scenario, loop))
         ),
-        diverged=str(flown.divergence or ""),
-        **named,
+        diverged=found.divergence,
+        record=record,
+        design=found.design,
+        to=found.to,
+        scenario_sha256=scenario.sha256,
     )
-    write_text(path, build_simulation_page(flight))
+    return build_simulation_page(flight)
 
 
 def _others(scenario: Scenario, loop: ClosedLoop) -> list[list[Trim]]:

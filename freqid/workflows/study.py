@@ -4,68 +4,51 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults, rmse_inside, spread
 from freqid.blend.global_model import GlobalModel
-from freqid.blend.line_up import line_up
 from freqid.blend.predict import replay
 from freqid.core.errors import UsageError
 from freqid.core.record import Maneuver, read_record
-from freqid.core.results.corridor import write_global
 from freqid.core.results.design import read_design
 from freqid.core.results.point import PointModel, read_point
-from freqid.core.scenario import Scenario, read_scenario
+from freqid.core.scenario import Scenario
 from freqid.core.store import replacing
 from freqid.identify.in_flight.parameter_history import parameter_history
 from freqid.identify.point import Estimator, predict
-from freqid.report.study.results import HeldOut, StudiedPoint, StudyResults, rmse_inside, spread
-from freqid.simulate import runner, sensors
-from freqid.study import work
-from freqid.study.convergence import validation_rmse
-
-Progress = Callable[[str], None]
+from freqid.simulate import runner
+from freqid.simulate import sensors as suites
+from freqid.workflows import units
+from freqid.workflows.blend import blend
+from freqid.workflows.convergence import validation_rmse
+from freqid.workflows.files import save
+from freqid.workflows.inputs import File, Tell, name_of, scenario_of, silent
 
 _FLIGHT_SEEDS = 1000  # apart for each design, so that no two flights share their sensors' errors
 
 
 @dataclass(frozen=True)
-class Campaign:
-    """What a study does.
+class _Campaign:
+    """What a study does: arguments of `study`, with the scenario as it was read."""
 
-    Attributes
-    ----------
-    scenario : Path
-    folder : Path
-        Where everything is kept; a second run takes from it what is done.
-    references : tuple of str
-        Conditions that are flown and identified; all of the scenario where empty.
-    held_out : tuple of str
-        Those of them that the global model is not made from.
-    sensors : str
-        Suite of the scenario.
-    noise : float
-        Multiple of its noise.
-    estimator : {"instruments", "least-squares"}, optional
-        In place of the scenario's.
-    seed : int
-    jobs : int
-        Processes at once.
-    """
-
-    scenario: Path
+    scenario: Scenario
     folder: Path
-    references: tuple[str, ...] = ()
-    held_out: tuple[str, ...] = ()
-    sensors: str = "research"
-    noise: float = 1.0
-    estimator: Estimator | None = None
-    seed: int = 0
-    jobs: int = 2
+    sensors: str
+    noise: float
+    estimator: Estimator | None
+    seed: int
+    jobs: int
+
+    @property
+    def shared(self) -> dict[str, Any]:
+        """Inputs of every unit of work."""
+        return {"scenario": self.scenario.file}
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +59,42 @@ class _Flights:
     validating: dict[str, Path]
 
 
-def study(campaign: Campaign, say: Progress = lambda text: None) -> StudyResults:
-    """Do a campaign, or what is left of it.
+def study(
+    scenario: Scenario | File,
+    folder: File,
+    *,
+    at: Sequence[str] = (),
+    held_out: Sequence[str] = (),
+    sensors: str = "research",
+    noise: float = 1.0,
+    estimator: Estimator | None = None,
+    seed: int = 0,
+    jobs: int = 2,
+    tell: Tell = silent,
+) -> StudyResults:
+    """Design inputs, fly and identify the conditions of a scenario, and blend a global model.
+
+    What is done is kept: a second run, or one after a stop, goes on from there.
 
     Parameters
     ----------
-    campaign : Campaign
-    say : callable
+    scenario : path or name, or a Scenario as it was read
+    folder : path
+        Where everything is kept: designs, flights, ``points/ID.h5``, ``model.h5``.
+    at : sequence of str
+        Conditions that are flown and identified; all of the scenario where empty.
+    held_out : sequence of str
+        Those of them that the global model is judged at and not made from.
+    sensors : str
+        Suite of the scenario.
+    noise : float
+        Multiple of its noise.
+    estimator : {"instruments", "least-squares"}, optional
+        In place of the scenario's.
+    seed : int
+    jobs : int
+        Processes at once; -1 for one a core.
+    tell : callable
         Told what begins, in a few words.
 
     Returns
@@ -92,54 +104,67 @@ def study(campaign: Campaign, say: Progress = lambda text: None) -> StudyResults
     Raises
     ------
     UsageError
-        Where the scenario lacks a condition, or fewer than two are left for the global model.
+        Where the scenario lacks a condition, was changed after it was read, or fewer than two conditions are
+        left for the global model.
     DataError
         Where flights diverge or cannot be identified: how many, and the first of them.
+
+    Examples
+    --------
+    >>> results = study("la8", "la8-study", at=("u20", "u45"))  # doctest: +SKIP
+    >>> results.points[0].model["M"].r2  # doctest: +SKIP
     """
-    scenario, sha256 = read_scenario(campaign.scenario)
-    ids = campaign.references or tuple(at.id for at in scenario.reference)
-    for identifier in (*ids, *campaign.held_out):
-        scenario.reference_of(identifier)
-    for identifier in campaign.held_out:
+    described = scenario_of(scenario)
+    if not described.file or scenario_of(described.file) != described:
+        raise UsageError(
+            "a study works from the scenario's file, which does not say what is given",
+            where=name_of(described),
+            remedy="write the changes into a file",
+        )
+    campaign = _Campaign(described, Path(folder), sensors, noise, estimator, seed, jobs)
+    ids = tuple(at) or tuple(reference.id for reference in described.reference)
+    for identifier in (*ids, *held_out):
+        described.reference_of(identifier)
+    for identifier in held_out:
         if identifier not in ids:
             ids = (*ids, identifier)
-    used = [identifier for identifier in ids if identifier not in campaign.held_out]
+    used = [identifier for identifier in ids if identifier not in held_out]
     if len(used) < 2:
         raise UsageError(
             f"a global model needs two conditions or more, {len(used)} is left", remedy="study more of them"
         )
-    sensors.suite(scenario, campaign.sensors)  # a wrong name is said before anything is flown
-    say(f"flights at {len(ids)} conditions")
-    design, flights = _fly(campaign, sha256, ids)
-    say("point models")
-    points = _identify(campaign, sha256, flights)
-    linear = _linearise(campaign, sha256, ids)
-    say("global model")
-    corridor = line_up([points[i] for i in used], [f"points/{i}.h5" for i in used])
-    write_global(campaign.folder / "model.h5", corridor)
-    model = GlobalModel(corridor)
-    say("page")
-    shown = {used[k] for k in spread([scenario.reference_of(i) for i in used])}
+    suites.suite(described, sensors)  # a wrong name is said before anything is flown
+    campaign.folder.mkdir(parents=True, exist_ok=True)
+    tell(f"flights at {len(ids)} conditions")
+    design, flights = _fly(campaign, ids)
+    tell("point models")
+    points = _identify(campaign, flights)
+    linear = _linearise(campaign, ids)
+    tell("global model")
+    model = blend(campaign.folder / "points" / f"{i}.h5" for i in used)
+    save(model, campaign.folder / "model.h5")
+    tell("page")
+    shown = {used[k] for k in spread([described.reference_of(i) for i in used])}
     return StudyResults(
-        vehicle=scenario.aircraft(),
-        sensors=campaign.sensors,
-        noise=campaign.noise,
+        vehicle=described.aircraft(),
+        sensors=sensors,
+        noise=noise,
         estimator=points[ids[0]].estimator,
         design=read_design(design),
         points=tuple(
-            _studied(scenario, points[i], flights, linear[i], i, converging=i in shown) for i in ids
+            _studied(described, points[i], flights, linear[i], i, converging=i in shown) for i in ids
         ),
         model=model,
-        held_out=tuple(_held_out(scenario, model, points[i], flights, i) for i in campaign.held_out),
-        provenance=_provenance(campaign, sha256, ids),
+        held_out=tuple(_held_out(described, model, points[i], flights, i) for i in held_out),
+        provenance=_provenance(campaign, ids, held_out),
     )
 
 
-def _fly(campaign: Campaign, sha256: str, ids: Sequence[str]) -> tuple[Path, _Flights]:
+def _fly(campaign: _Campaign, ids: Sequence[str]) -> tuple[Path, _Flights]:
     """Return the design that is modelled with, and the records of all flights."""
-    shared = {"scenario": str(campaign.scenario)}
+    shared = campaign.shared
     seeds = [campaign.seed, campaign.seed + 1]
-    designs = _run(campaign, sha256, work.design, [shared | {"seed": seed} for seed in seeds], ".h5")
+    designs = _run(campaign, units.design, [shared | {"seed": seed} for seed in seeds], ".h5")
     inputs = [
         shared
         | {
@@ -152,7 +177,7 @@ def _fly(campaign: Campaign, sha256: str, ids: Sequence[str]) -> tuple[Path, _Fl
         for seed, design in zip(seeds, designs, strict=True)
         for place, identifier in enumerate(ids)
     ]
-    records = _run(campaign, sha256, work.fly, inputs, ".h5")
+    records = _run(campaign, units.fly, inputs, ".h5")
     shutil.copyfile(designs[0], campaign.folder / "design.h5")
     count = len(ids)
     return designs[0], _Flights(
@@ -160,11 +185,11 @@ def _fly(campaign: Campaign, sha256: str, ids: Sequence[str]) -> tuple[Path, _Fl
     )
 
 
-def _identify(campaign: Campaign, sha256: str, flights: _Flights) -> dict[str, PointModel]:
+def _identify(campaign: _Campaign, flights: _Flights) -> dict[str, PointModel]:
     """Return the point models by condition; copies under readable names are kept beside."""
     inputs = [
         {
-            "scenario": str(campaign.scenario),
+            **campaign.shared,
             "reference": identifier,
             "record": str(record),
             "validation": str(flights.validating[identifier]),
@@ -172,7 +197,7 @@ def _identify(campaign: Campaign, sha256: str, flights: _Flights) -> dict[str, P
         }
         for identifier, record in flights.modelled.items()
     ]
-    found = _run(campaign, sha256, work.identify, inputs, ".h5")
+    found = _run(campaign, units.identify, inputs, ".h5")
     points = dict(zip(flights.modelled, found, strict=True))
     for identifier, path in points.items():
         target = campaign.folder / "points" / f"{identifier}.h5"
@@ -182,28 +207,28 @@ def _identify(campaign: Campaign, sha256: str, flights: _Flights) -> dict[str, P
     return {identifier: read_point(path) for identifier, path in points.items()}
 
 
-def _linearise(campaign: Campaign, sha256: str, ids: Sequence[str]) -> dict[str, dict[str, dict[str, float]]]:
+def _linearise(campaign: _Campaign, ids: Sequence[str]) -> dict[str, dict[str, dict[str, float]]]:
     """Return the derivatives of the linearised simulation by condition, response and regressor."""
-    inputs = [{"scenario": str(campaign.scenario), "reference": identifier} for identifier in ids]
-    found = _run(campaign, sha256, work.linearise, inputs, ".json")
+    inputs = [{**campaign.shared, "reference": identifier} for identifier in ids]
+    found = _run(campaign, units.linearise, inputs, ".json")
     return {identifier: json.loads(path.read_text()) for identifier, path in zip(ids, found, strict=True)}
 
 
-def _run(
-    campaign: Campaign, sha256: str, unit: runner.Work, inputs: Sequence[runner.Inputs], suffix: str
-) -> list[Path]:
+def _run(campaign: _Campaign, unit: runner.Work, inputs: Sequence[runner.Inputs], suffix: str) -> list[Path]:
     folder = campaign.folder / "units" / unit.__name__
-    return runner.run(unit, inputs, folder, scenario_sha256=sha256, suffix=suffix, jobs=campaign.jobs)
+    return runner.run(
+        unit, inputs, folder, scenario_sha256=campaign.scenario.sha256, suffix=suffix, jobs=campaign.jobs
+    )
 
 
-def _provenance(campaign: Campaign, sha256: str, ids: Sequence[str]) -> dict[str, Any]:
+def _provenance(campaign: _Campaign, ids: Sequence[str], held_out: Sequence[str]) -> dict[str, Any]:
     """Return what another needs to make the same study, beside what the page states anyway."""
     return {
-        "scenario": str(campaign.scenario),
-        "SHA-256": sha256,
+        "scenario": campaign.scenario.file,
+        "SHA-256": campaign.scenario.sha256,
         "seed": campaign.seed,
         "conditions": list(ids),
-        "held out": list(campaign.held_out),
+        "held out": list(held_out),
     }
 
 

@@ -1,0 +1,210 @@
+"""A campaign along the corridor: its point models, global model and held-out conditions, and their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from freqid.blend.global_model import GlobalModel
+from freqid.core.arrays import Array
+from freqid.core.results.design import MultisineDesign
+from freqid.core.results.point import Fit, PointModel
+from freqid.core.scenario import Reference
+from freqid.core.vehicle import Vehicle
+from freqid.core.viewable import Viewable
+from freqid.identify.in_flight.parameter_history import ParameterHistory
+
+
+@dataclass(frozen=True, eq=False)
+class StudiedPoint:
+    """One reference condition: what was identified there, and how it compares.
+
+    Attributes
+    ----------
+    model : PointModel
+        Its ``prediction`` holds a manoeuvre that was not used.
+    linear : mapping of str to mapping of str to float
+        Derivatives of the linearised simulation by response and regressor, in the units of the
+        parameters; empty for real flights.
+    history : mapping of str to ParameterHistory
+        By response, over the manoeuvre that was used; empty where none was kept.
+    validation_time : ndarray, shape (k,)
+        Length of the manoeuvre used, s.
+    validation_rmse : mapping of str to ndarray, shape (k,)
+        By response, in its unit: rms of the error when the model made from that length predicts the
+        manoeuvre that was not used.
+    """
+
+    model: PointModel
+    linear: Mapping[str, Mapping[str, float]]
+    history: Mapping[str, ParameterHistory]
+    validation_time: Array
+    validation_rmse: Mapping[str, Array]
+
+    @property
+    def id(self) -> str:
+        """Of the reference condition."""
+        return self.model.reference.id
+
+    def modelling_rmse(self, response: str) -> float:
+        """Return `rmse_inside` of the manoeuvre that the model was made from.
+
+        In time, as predictions are compared; on the lines where the model holds no history.
+        """
+        found = self.model[response]
+        return rmse_inside(found.fit["time"], self._highest(response)) if "time" in found.fit else found.rmse
+
+    def prediction_rmse(self, response: str) -> float:
+        """Return `rmse_inside` of the manoeuvre that was not used, nan where nothing was predicted."""
+        fit = self.model.prediction.get(response)
+        return float("nan") if fit is None else rmse_inside(fit, self._highest(response))
+
+    def validation_ratio(self, response: str) -> float:
+        """Return the error of prediction over that of the fit, nan where either is missing or zero."""
+        fitted = self.modelling_rmse(response)
+        return self.prediction_rmse(response) / fitted if fitted > 0 else float("nan")
+
+    def _highest(self, response: str) -> float:
+        fit = self.model[response].fit
+        return float(fit["frequency"].axis[-1]) if "frequency" in fit else float("inf")
+
+    def from_linear(self, response: str) -> Array:
+        """Return estimates less the linearised simulation's, in standard errors, shape (p,).
+
+        nan where the simulation was not linearised.
+        """
+        found, known = self.model[response], self.linear.get(response, {})
+        truth = np.array([known.get(name, np.nan) for name in found.regressors])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return (found.estimate - truth) / found.std_error
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """A manoeuvre at a condition that the global model was not made from.
+
+    Attributes
+    ----------
+    reference : Reference
+        Where it was flown.
+    global_rmse, point_rmse : mapping of str to float
+        By response, in its unit: rms of the error of the global model, and of a point model that was
+        identified there.
+    """
+
+    reference: Reference
+    global_rmse: Mapping[str, float]
+    point_rmse: Mapping[str, float]
+
+    def ratio(self, response: str) -> float:
+        """Return the global model's error over the point model's, nan where either is missing or zero."""
+        point = self.point_rmse.get(response, 0.0)
+        return self.global_rmse.get(response, float("nan")) / point if point else float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResults(Viewable):
+    """The whole chain of a scenario.
+
+    Attributes
+    ----------
+    vehicle : Vehicle
+    sensors : str
+        Suite of the scenario, or what else the records were made with.
+    noise : float
+        Multiple of the suite's noise.
+    estimator : {"least-squares", "instruments"}
+        Of the point models.
+    design : MultisineDesign
+        The inputs of the manoeuvres that were modelled.
+    points : tuple of StudiedPoint
+        One or more, all with the same responses; held-out conditions may be among them.
+    model : GlobalModel, optional
+    held_out : tuple of HeldOut
+    provenance : mapping
+        What the study was made from, for the page.
+    """
+
+    vehicle: Vehicle
+    sensors: str
+    noise: float
+    estimator: str
+    design: MultisineDesign
+    points: tuple[StudiedPoint, ...]
+    model: GlobalModel | None = None
+    held_out: tuple[HeldOut, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return (
+            f"<StudyResults of {self.vehicle.name!r}: {len(self.points)} conditions, {self.estimator}, "
+            f"noise {self.noise:g} times {self.sensors}>"
+        )
+
+    @property
+    def responses(self) -> tuple[str, ...]:
+        """Names, in the order of the first model."""
+        return tuple(self.points[0].model.responses)
+
+    @property
+    def form(self) -> str:
+        """Of the responses: ``"force"``, ``"specific"`` or ``"coefficient"``."""
+        return self.points[0].model.form
+
+    def followed(self) -> list[StudiedPoint]:
+        """Return up to three points to show in detail, by ascending speed.
+
+        Of those with a history, or of all where none has one, as `spread` takes them.
+        """
+        points = [p for p in self.points if p.history] or self.points
+        return [points[i] for i in spread([p.model.reference for p in points])]
+
+
+def rmse_inside(fit: Fit, highest_hz: float = float("inf")) -> float:
+    """Return the rms of a history's residual about its mean, without the ends of the history.
+
+    A history up to a highest frequency is made from samples on both sides, and moments from differences
+    of rates: within two periods of that frequency of an end it says more about the end than about the
+    model. A history too short for that keeps its ends.
+
+    Parameters
+    ----------
+    fit : Fit
+        Real, in time, uniform.
+    highest_hz : float
+        Of what the history holds; infinite where it holds all.
+    """
+    ends = round(2 / highest_hz / (fit.axis[1] - fit.axis[0]))
+    inside = fit.residual[ends : fit.axis.size - ends]
+    return float(np.std(inside if inside.size > 2 * ends else fit.residual))
+
+
+def spread(references: Sequence[Reference]) -> list[int]:
+    """Return which of some conditions stand for all: up to three, by ascending speed.
+
+    The slowest, the middle and the fastest at the densest air, so that speed alone tells them apart; of
+    all where fewer than three are there.
+    """
+    dense = density_levels(at.rho for at in references)[0]
+    among = [i for i, at in enumerate(references) if same_density(at.rho, dense)]
+    if len(among) < 3:
+        among = list(range(len(references)))
+    among.sort(key=lambda i: references[i].u)
+    return [among[k] for k in dict.fromkeys((0, len(among) // 2, len(among) - 1))]
+
+
+def density_levels(rhos: Iterable[float]) -> list[float]:
+    """Return densities, the densest first; those within 2 % are one. kg/m3."""
+    levels: list[float] = []
+    for rho in sorted(rhos, reverse=True):
+        if not any(same_density(rho, level) for level in levels):
+            levels.append(rho)
+    return levels
+
+
+def same_density(rho: float, level: float) -> bool:
+    """Say whether two densities are one; unknown ones are."""
+    return not abs(rho - level) > 0.02 * level

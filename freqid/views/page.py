@@ -1,0 +1,140 @@
+"""Every result as one self-contained HTML page."""
+
+from __future__ import annotations
+
+import html
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from freqid.core.errors import DataError, UsageError
+from freqid.core.record import read_record
+from freqid.core.results.frequency_response import FrequencyResponse
+from freqid.core.results.gap import GapResult
+from freqid.core.results.point import PointModel
+from freqid.core.results.rivals import Rivals
+from freqid.core.scenario import Scenario
+from freqid.workflows.inputs import File, Flight, record_of, scenario_of
+
+
+@dataclass(frozen=True, repr=False)
+class Page:
+    """One HTML text that fetches nothing; a notebook shows it in place.
+
+    Attributes
+    ----------
+    html : str
+    """
+
+    html: str
+
+    def __repr__(self) -> str:
+        return f"<Page of {len(self.html) // 1000} kB; save it with .save(path)>"
+
+    def save(self, path: File) -> Path:
+        """Write the page, whole or not at all; return its path.
+
+        Raises
+        ------
+        DataError
+            Where the folder cannot be written.
+        """
+        from freqid.report.kit.rendering import write_text
+
+        write_text(Path(path), self.html)
+        return Path(path)
+
+    def _repr_html_(self) -> str:
+        return f'<iframe srcdoc="{html.escape(self.html)}" width="100%" height="800"></iframe>'
+
+
+def page(result: Any, *, record: Flight | None = None, scenario: Scenario | File | None = None) -> Page:
+    """Return the page of a result, for a team to review.
+
+    Parameters
+    ----------
+    result : PointModel, GapResult, Rivals, FrequencyResponse, StudyResults, DesignedInputs, SimulatedManeuver
+        What the verbs return, or `read`; or the path of such a file.
+    record : FlightRecord, Maneuver or path, optional
+        Of a point model: the flight that it was made from, whose channels are drawn; the file that the
+        model names where it is still there. Of a simulated manoeuvre, the path that it was saved to.
+    scenario : Scenario, path or name, optional
+        Of a point model: its gates enter the verdict.
+
+    Returns
+    -------
+    Page
+        The same for the same arguments; no time of day enters.
+
+    Raises
+    ------
+    UsageError
+        For something that has no page.
+    DataError
+        Where a file cannot be read, or the record is not the one that the model was made from.
+
+    Examples
+    --------
+    >>> page(model, record=flight).html[:15]
+    '<!DOCTYPE html>'
+    """
+    if isinstance(result, str | Path):
+        from freqid.workflows.files import read
+
+        try:
+            return page(read(result), record=record, scenario=scenario)
+        except UsageError as error:
+            if error.where:
+                raise
+            raise DataError(error.message, where=str(result), remedy="name a result that has one") from None
+    if isinstance(result, PointModel):
+        return Page(_of_point(result, record, scenario_of(scenario) if scenario is not None else None))
+    if isinstance(result, GapResult):
+        from freqid.report.gap.page import build_gap_page
+
+        return Page(build_gap_page(result))
+    if isinstance(result, Rivals):
+        from freqid.report.gap.rivals_page import build_rivals_page
+
+        return Page(build_rivals_page(result))
+    if isinstance(result, FrequencyResponse):
+        from freqid.report.response.page import build_frequency_response_page
+
+        return Page(build_frequency_response_page(result, str(result.provenance.get("vehicle", ""))))
+    return Page(_of_job(result, record))
+
+
+def _of_point(model: PointModel, record: Flight | None, scenario: Scenario | None) -> str:
+    from freqid.report.point.page import build_page
+
+    if record is None:
+        used = model.provenance.get("record")
+        flight = read_record(Path(used)) if isinstance(used, str) and Path(used).is_file() else None
+    else:
+        flight = record_of(record)
+    return build_page(model, flight, gates=scenario.gates if scenario else None)
+
+
+def _of_job(result: Any, record: Any) -> str:
+    """Return the page of what a whole job gives; these load more, so they are asked for last."""
+    from freqid.blend.campaign import StudyResults
+
+    if isinstance(result, StudyResults):
+        from freqid.report.study.page import build_study_page
+
+        return build_study_page(result)
+    if type(result).__name__ == "SimulatedManeuver":  # to ask for its type would load jax
+        from .flight import flight_page
+
+        return flight_page(result, Path(record).name if record else "")
+    from freqid.workflows.design import DesignedInputs
+
+    if isinstance(result, DesignedInputs):
+        from .designs import design_page
+
+        return design_page(result)
+    raise UsageError(
+        f"a {type(result).__name__} has no page",
+        remedy="give a model, a diagnosis, a comparison, frequency responses, a study, a design or a "
+        "simulated flight",
+    )

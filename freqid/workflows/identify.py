@@ -1,0 +1,241 @@
+"""Flights at one condition become a point model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Literal
+
+from freqid import __version__
+from freqid.core.errors import DataError, GateFailed, UsageError, nearest
+from freqid.core.record import FlightRecord, Maneuver
+from freqid.core.results.point import PointModel, missed_gates
+from freqid.core.scenario import Scenario
+from freqid.core.toml import overridden
+from freqid.identify import point
+from freqid.identify.point import Estimator, lines_of
+from freqid.identify.sensors.alignment import align as align_maneuver
+from freqid.workflows.inputs import (
+    File,
+    Flight,
+    Tell,
+    flight_of,
+    identification_of,
+    maneuver_of,
+    names_of,
+    record_of,
+    scenario_of,
+    several,
+    silent,
+    source_of,
+)
+from freqid.workflows.sensors import checked, identified
+
+Span = tuple[float, float]
+Names = Sequence[str] | Mapping[str, Sequence[str]]
+
+
+def identify_point(
+    flights: Flight | Iterable[Flight],
+    scenario: Scenario | File,
+    *,
+    at: str = "",
+    cut: Span | Sequence[Span] = (),
+    align: Literal["off", "report", "fit"] = "off",
+    kinematics: Literal["off", "report", "correct"] = "off",
+    held_out: Flight | None = None,
+    estimator: Estimator | None = None,
+    responses: Sequence[str] | None = None,
+    regressors: Names | None = None,
+    method: Literal["frequency", "time"] | None = None,
+    form: Literal["force", "specific", "coefficient"] | None = None,
+    axes: Literal["body", "stability"] | None = None,
+    structure: Literal["given", "stepwise"] | None = None,
+    nonlinear: Literal["none", "products"] | None = None,
+    tell: Tell = silent,
+) -> PointModel:
+    """Identify the applied forces and moments as linear functions of states and effectors.
+
+    Parameters
+    ----------
+    flights : FlightRecord, Maneuver or path, or several
+        Several, flown at one condition, make one model; each keeps its own bias.
+    scenario : Scenario, path or name
+        Its ``[identification]`` says what is identified and how.
+    at : str
+        Id of the reference condition; the records' own where empty.
+    cut : (start, stop), or one for each flight
+        Stretches that are used, s on the record's clock; several of one flight make several manoeuvres.
+    align : {"off", "report", "fit"}
+        Find how late each group of sensors is, and a steady wind; ``"fit"`` takes them out and adds their
+        uncertainty to the parameters'.
+    kinematics : {"off", "report", "correct"}
+        Check first whether the sensors agree with each other; ``"correct"`` takes their errors out.
+    held_out : FlightRecord, Maneuver or path, optional
+        Another flight, to predict and score; the model's ``prediction`` holds it.
+    estimator : {"least-squares", "instruments"}, optional
+        In place of the scenario's, as all that follow. Instruments are not biased by noise in the regressors;
+        they need the injected signals.
+    responses : sequence of str, optional
+        Among X Y Z L M N.
+    regressors : sequence of str, optional
+        Of all responses; by response as a mapping.
+    method : {"frequency", "time"}, optional
+    form : {"force", "specific", "coefficient"}, optional
+    axes : {"body", "stability"}, optional
+    structure : {"given", "stepwise"}, optional
+        ``"stepwise"`` keeps, for each response, only regressors that explain something.
+    nonlinear : {"none", "products"}, optional
+        ``"products"`` adds products of regressors where noise lines say that a response is not linear.
+    tell : callable
+        Told what the sensor checks find, a line at a time.
+
+    Returns
+    -------
+    PointModel
+        N and N m per SI unit of the regressor; ``model["M"]["de1"]`` is an estimate with its standard error.
+        Its provenance names records, cuts, scenario and what was found of the sensors.
+
+    Raises
+    ------
+    UsageError
+        Where the scenario identifies nothing, flights are of different conditions, or options do not fit.
+    DataError
+        Where a record cannot be read, lacks a channel, or does not tell a parameter.
+
+    Notes
+    -----
+    Equation error in the frequency domain (Klein & Morelli, 2nd ed., ch. 5 and 7;
+    docs/theory/identification.md).
+
+    Examples
+    --------
+    >>> model = identify_point(flight, scenario)
+    >>> estimate, std_error = model["M"]["de"]
+    >>> round(model["M"].r2, 2)
+    0.97
+    """
+    described = scenario_of(scenario)
+    settings = overridden(
+        identification_of(described),
+        responses=None if responses is None else tuple(responses),
+        regressors=regressors if regressors is None or isinstance(regressors, Mapping) else tuple(regressors),
+        method=method,
+        form=form,
+        axes=axes,
+        structure=structure,
+        nonlinear=nonlinear,
+    )
+    _refuse_unknown("align", align, ("off", "report", "fit"))
+    _refuse_unknown("kinematics", kinematics, ("off", "report", "correct"))
+    given = several(flights)
+    stretches = _stretches(list(zip(given, names_of(given), strict=True)), _spans(cut))
+    read = [flight_of(flight) for flight, _, _ in stretches]
+    reference = at or _flown_at(list(map(record_of, read)))
+    maneuvers = [_cut(flight, described, span) for flight, (_, _, span) in zip(read, stretches, strict=True)]
+    names = [name for _, name, _ in stretches]
+    compatibility = {}
+    if kinematics != "off":
+        maneuvers, compatibility = checked(maneuvers, names, correct=kinematics == "correct", tell=tell)
+    try:
+        model, alignment = identified(
+            align,
+            maneuvers,
+            names,
+            settings,
+            excitation=described.excitation,
+            reference=described.reference_of(reference) if reference else None,
+            estimator=estimator,
+            tell=tell,
+        )
+    except DataError as error:
+        raise error.at(" and ".join(names_of(given))) from None
+    used = [
+        {"record": name, "cut": _words(span), "log": record_of(flight).provenance}
+        for flight, (_, name, span) in zip(read, stretches, strict=True)
+    ]
+    sources = {
+        **(used[0] if len(used) == 1 else {"manoeuvres": used}),
+        "scenario": source_of(described),
+        "freqid_version": __version__,
+    }
+    sources |= {"kinematics": compatibility} if compatibility else {}
+    sources |= {"alignment": alignment} if alignment else {}
+    sources |= {key: model.provenance[key] for key in ("structure",) if key in model.provenance}
+    predicted = {}
+    if held_out is not None:
+        name = names_of([held_out], len(given) + 1)[0]
+        try:
+            other = maneuver_of(held_out, described)
+            if align == "fit":
+                other, _ = align_maneuver(other, settings, lines_of(settings, described.excitation))
+            predicted = point.predict(model, other, settings)
+        except DataError as error:
+            raise error.at(name) from None
+        sources["predicted"] = name
+    return replace(model, provenance=sources, prediction=predicted)
+
+
+def refuse_missed_gates(model: PointModel, scenario: Scenario, where: str) -> None:
+    """Raise where a model misses what its scenario asks for.
+
+    Raises
+    ------
+    GateFailed
+        With every figure of merit that is missed; `where` is the model's file.
+    """
+    missed = [
+        f"{m.figure} of {m.response} is {m.found:.5g}, the gate is {m.gate:g}"
+        for m in missed_gates(model, scenario.gates)
+    ]
+    if missed:
+        raise GateFailed("; ".join(missed), where=where, remedy="the model is written all the same")
+
+
+def _refuse_unknown(option: str, value: str, known: Sequence[str]) -> None:
+    if value not in known:
+        raise UsageError(f"{option} is '{value}'", remedy=nearest(value, known))
+
+
+def _spans(cut: Span | Sequence[Span]) -> list[Span]:
+    """Return the stretches asked for: one pair of numbers is one stretch."""
+    spans = list(cut)
+    if len(spans) == 2 and all(isinstance(bound, int | float) for bound in spans):
+        return [(float(spans[0]), float(spans[1]))]  # type: ignore[arg-type]
+    return spans  # type: ignore[return-value]
+
+
+def _words(span: Span | None) -> str | None:
+    """Return a span as `freqid.core.record.parse_span` reads it."""
+    return None if span is None else f"{span[0]:.12g}:{span[1]:.12g}"
+
+
+def _stretches(
+    flights: Sequence[tuple[Flight, str]], spans: Sequence[Span]
+) -> list[tuple[Flight, str, Span | None]]:
+    """Return the manoeuvres asked for: whole flights, one cut of each, or several cuts of one."""
+    if not spans:
+        return [(flight, name, None) for flight, name in flights]
+    if len(flights) > 1 and len(spans) != len(flights):
+        raise UsageError(
+            f"{len(spans)} --cut came with {len(flights)} records, expected one for each record or none"
+        )
+    of = flights if len(flights) > 1 else list(flights) * len(spans)
+    return [(flight, name, span) for (flight, name), span in zip(of, spans, strict=True)]
+
+
+def _cut(flight: FlightRecord | Maneuver, scenario: Scenario, span: Span | None) -> Maneuver:
+    if isinstance(flight, Maneuver):
+        return Maneuver(flight.record.cut(*span), flight.vehicle) if span else flight
+    return Maneuver.of(flight, scenario.aircraft(), span)
+
+
+def _flown_at(flights: Sequence[FlightRecord]) -> str:
+    """Return the reference that all records name."""
+    named = sorted({flight.reference for flight in flights if flight.reference})
+    if len(named) > 1:
+        raise UsageError(
+            f"the records were flown at different references, {' and '.join(named)}",
+            remedy="identify each condition by itself, or name one with --at",
+        )
+    return named[0] if named else ""

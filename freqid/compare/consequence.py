@@ -9,12 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from freqid.dynamics.linear_loop import LinearLoop, Margins
 from freqid.dynamics.modes import MOTION, Mode, named_modes
 
-Array = NDArray[np.float64]
 Interval = tuple[float, float]
 
 MARGIN_FIGURES = ("gain_up_db", "gain_down_db", "phase_deg", "delay_s", "crossover_hz", "modulus")

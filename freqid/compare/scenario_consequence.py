@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from freqid.compare.consequence import Condition, Consequence, compare_conditions
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.core.scenario import Reference, Scenario
 from freqid.dynamics.linear_loop import Actuation, LinearLoop
@@ -23,7 +24,6 @@ from freqid.simulate.maneuver import with_effects
 from freqid.simulate.motion import whole_vehicle as motion
 from freqid.simulate.motion.actuators import by_kind
 
-Array = NDArray[np.float64]
 Settings = Mapping[str, Mapping[str, float]]
 Name = tuple[str, str]
 

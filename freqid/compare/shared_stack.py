@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.record import Maneuver
 from freqid.gap.infer.system import BlockMatrices, Form, System
 from freqid.gap.infer.where import gap_map
@@ -22,8 +22,6 @@ from freqid.gap.stack.noise import Draws, antithetic, covariance_of, least_power
 from freqid.gap.stack.trial import Trial
 from freqid.simulate.effects.effect import Effect
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Band = tuple[float, float]
 Columns = dict[str, Complex]
 

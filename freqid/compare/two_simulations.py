@@ -24,6 +24,7 @@ from scipy.stats import norm
 
 from freqid.compare.comparison_text import ALL, remarks_on, verdict_on
 from freqid.compare.shared_stack import SharedBlock, SharedForm, form_of, shared_stack
+from freqid.core.arrays import Array, Complex
 from freqid.core.errors import UsageError
 from freqid.core.record import Maneuver
 from freqid.core.results.rivals import Contest, Rivals, Span
@@ -33,8 +34,6 @@ from freqid.gap.settings import INTERVAL, LEVEL
 from freqid.gap.simulation import Simulation
 from freqid.simulate.effects.effect import Effect
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 Band = tuple[float, float]
 
 SMALLEST_DIFFERENCE = 0.01

@@ -13,15 +13,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
 from scipy.optimize import brentq
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.errors import UsageError, nearest
 from freqid.dynamics.modes import Mode, named_modes
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 LoopGain = Callable[[Array], Complex]
 
 PADE_ORDER = 3

@@ -12,10 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eig
 
-Array = NDArray[np.float64]
+from freqid.core.arrays import Array
 
 MOTION = ("u", "v", "w", "p", "q", "r", "phi", "theta", "psi")
 """States of a rigid vehicle about steady straight flight."""

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Complex
 from freqid.core.errors import UsageError, nearest
 from freqid.core.record import Maneuver
 from freqid.core.results.diagnosis import Closure, Existence, GapDiagnosis, Interval, SensorFault, Which
@@ -18,10 +18,10 @@ from freqid.gap.infer.build import build, flown_departures, rebuilt
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate, weigh
 from freqid.gap.infer.explain import BEHIND, FINALISTS, Explanation, explain
-from freqid.gap.infer.jointly import form_beside
+from freqid.gap.infer.joint_replay import about_explanation
+from freqid.gap.infer.joint_sizes import form_beside
 from freqid.gap.infer.null_draws import null_statistics, threshold_of
 from freqid.gap.infer.system import System
-from freqid.gap.infer.together import together
 from freqid.gap.infer.where import gap_map
 from freqid.gap.infer.which import Ranking, detectable_sizes, groups_of, probability_of_none, rank
 from freqid.gap.model.candidates import OTHER
@@ -31,9 +31,6 @@ from freqid.gap.simulation import Simulation
 from freqid.gap.stack.block import Block, flown_again, stack_of
 from freqid.gap.verdict import remarks_of, tolerances_used, verdict
 from freqid.simulate.effects.effect import Effect
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _STRAINED = 3  # tolerances whose strain is said
 
@@ -267,7 +264,7 @@ def _explanation(
 
     def compute(evidence: Evidence, explanation: Explanation, others: list[tuple[int, Estimate]]) -> Evidence:
         form_error = form_beside(evidence, explanation.places, explanation.estimates)
-        system, kept[0] = together(
+        system, kept[0] = about_explanation(
             evidence.system, kept[0], blocks, explanation, others, library, tolerances, form_error
         )
         return evidence if system is evidence.system else weigh(system)

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
-
-Array = NDArray[np.float64]
 
 POINTS = 20
 """Frequencies, even on a logarithmic axis, that J is taken on."""

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.stats import norm
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.results.gap import BeforeAfter, GapResult, Increment, ResidualSpectra
 from freqid.gap.close.fit import Fit
 from freqid.gap.close.score import Scored
@@ -19,9 +19,6 @@ from freqid.gap.model.candidates import OTHER
 from freqid.gap.model.tolerance import DERIVATIVES
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects import library
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 INCREMENTS = 0.95
 """Level of the increments' intervals."""

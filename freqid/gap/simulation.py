@@ -10,13 +10,12 @@ from math import isfinite
 from typing import Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
 
-Array = NDArray[np.float64]
 Settings = Mapping[str, Mapping[str, float]]
 Departures = Mapping[str, float]
 Item = TypeVar("Item")

@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal
 from freqid.gap.close.fit import fit
 from freqid.gap.infer.evidence import estimate, separation, weigh
 from freqid.gap.infer.explain import Explanation, explain
-from freqid.gap.infer.jointly import jointly
+from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.infer.null_draws import drawn, effects_of
 from freqid.gap.infer.system import BlockMatrices, Form, System
 from freqid.gap.model.candidates import Candidate, Place
@@ -280,7 +280,7 @@ def test_sizes_of_several_effects_at_once_are_as_the_whole_posterior_has_them():
     dense = Dense(effect=np.r_[2.0, np.zeros(6), 1.5, -1.0, 1.0])
     few = [*dense.candidates[:3], replace(dense.candidates[3], prior=np.array([3.0]))]
     evidence = weigh(replace(dense.system, candidates=few, form_errors=(FORMS[1],), _reduced={}))
-    found = jointly(evidence, (0, 3))
+    found = joint_estimates(evidence, (0, 3))
     columns = np.concatenate([dense.at(0) / dense.candidates[0].sizes[0], dense.at(3)])
     inverse = np.linalg.inv(dense.covariance(FORMS[1]))
     precision = columns @ inverse @ columns.T + np.diag([0.0, *[3.0**-2] * 3])

@@ -7,8 +7,8 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.channels import COEFFICIENT, WRENCH
 from freqid.core.frames import cross
 from freqid.core.record import FlightRecord
@@ -19,8 +19,6 @@ from freqid.gap.bookkeeping.fault import FOOT, POUND, RADIAN, Bench, Fault
 from freqid.gap.connect.differences import moved
 from freqid.identify.loads.momentum import rotor_momentum
 from freqid.identify.spectra.smoothing import local_derivative
-
-Array = NDArray[np.float64]
 
 SEA_LEVEL = 1.225  # kg/m3
 _CONFIRMED = 10  # candidates by derivatives that are tried on the simulation itself

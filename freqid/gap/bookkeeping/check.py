@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.channels import WRENCH
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord
@@ -23,8 +23,6 @@ from freqid.gap.bookkeeping.correction import Correction
 from freqid.gap.bookkeeping.fault import Bench, Fault
 from freqid.gap.bookkeeping.gyroscopic import rotor_account
 from freqid.gap.simulation import Simulation
-
-Array = NDArray[np.float64]
 
 EXPLAINED = 0.9  # share of a residual, noise set aside, that has to go
 _LIKELY = 0.5  # the same with the noise, of what is looked at further

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from freqid.core.arrays import Array
 from freqid.core.channels import COEFFICIENT, WRENCH
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord, Maneuver
@@ -17,7 +17,6 @@ from freqid.gap.bookkeeping.fault import Bench, Fault
 from freqid.gap.simulation import Simulation
 from freqid.identify.loads.wrench import applied_wrench
 
-Array = NDArray[np.float64]
 Parts = tuple[Array, Array]  # fluctuation, shape (response, sample), and level, shape (response,)
 
 _BAND = 3.0  # Hz, in which responses are compared

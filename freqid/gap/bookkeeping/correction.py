@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.gap.bookkeeping.comparison import Comparison, difference, energy
-
-Array = NDArray[np.float64]
 
 SHARP = 0.15  # departure of the fitted size from the mistake's own
 _SCATTERS = 2.0  # standard deviations of the noise's energy within which there is nothing but noise

@@ -6,13 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.frames import level_from_body
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.units import STANDARD_GRAVITY
 
-Array = NDArray[np.float64]
 Mend = Callable[[FlightRecord], FlightRecord]
 
 RADIAN = 180 / np.pi  # degrees

@@ -11,15 +11,13 @@ from numpy.typing import NDArray
 from freqid.gap.infer.build import columns_of
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.explain import Explanation
+from freqid.gap.infer.joint_replay import acted_on, settings_of, weights_of
 from freqid.gap.infer.linearise import likeliest_departures, straightened
 from freqid.gap.infer.system import Form, System
-from freqid.gap.infer.together import acted_on, settings_of, weights_of
 from freqid.gap.model.candidates import Candidate, recomputed
 from freqid.gap.settings import FOLDS
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

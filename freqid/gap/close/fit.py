@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import logsumexp
 
+from freqid.core.arrays import Array
 from freqid.gap.infer.evidence import Evidence
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.system import Form, System
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

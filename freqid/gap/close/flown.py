@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.results.diagnosis import Change, Share
 from freqid.gap.close.own_flight import CannotFly, OwnFlight
 from freqid.gap.close.score import Scored, shares_of
@@ -18,9 +18,6 @@ from freqid.gap.model.candidates import Candidate
 from freqid.gap.model.tolerance import of_effects
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _COHERENT = 0.6  # coherence from which a frequency response is used: Tischler & Remple, sec. 11.2
 

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
 from freqid.dynamics.loop import LAW_POWERS, law_on_lines, powers_of, steady_motion
 from freqid.dynamics.small_motion import STATES, equations_of_motion, rotor_spin
 from freqid.gap.stack.lines import Lines
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _ROUNDING = 1e-9  # m/s, rad/s or rad
 _SMALL = 1e-8  # of the largest singular value: what the flights do not tell of the law

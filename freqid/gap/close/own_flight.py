@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.channels import WRENCH
 from freqid.core.errors import FreqidError
 from freqid.core.record import FlightRecord, Maneuver
@@ -26,9 +27,6 @@ from freqid.gap.stack.motion import own_maneuver
 from freqid.gap.stack.noise import smooth_ratio
 from freqid.gap.stack.sensor_noise import sensor_noise
 from freqid.simulate.effects.effect import Effect
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _ORDER = 4  # of the polynomial that an actuator's response is
 _EMPTY = 1e-6  # of the largest: a singular value that is none

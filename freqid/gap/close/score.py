@@ -9,14 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.results.diagnosis import Change, Share
 from freqid.gap.close.fit import Fit
 from freqid.gap.infer.columns import Columns
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.stack.block import Block
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _DRAWS = 400  # of the bootstrap
 _ACTS = 0.05  # of an effect's energy over noise, from which it acts in a row

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
+from freqid.core.arrays import Array
 from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
 from freqid.gap.connect.loads import Along, torques
@@ -27,8 +27,6 @@ from freqid.simulate.motion.actuators import (
 )
 from freqid.simulate.motion.battery import charge_rate, power
 from freqid.simulate.motion.integrate import rk4
-
-Array = NDArray[np.float64]
 
 STEP = 0.005  # s, of the integration; as in flight
 _LEG = 1000  # steps that are compiled into one loop

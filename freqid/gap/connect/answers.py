@@ -6,13 +6,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.channels import RESPONSE, STATE
 from freqid.core.errors import DataError, nearest
 from freqid.core.record import FlightRecord
-
-Array = NDArray[np.float64]
 
 KNOWN = {**RESPONSE, **STATE}
 

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.channels import STATE
 from freqid.core.errors import DataError, FreqidError, UsageError, nearest
 from freqid.core.record import FlightRecord, Maneuver
@@ -22,8 +22,6 @@ from freqid.gap.connect import answers
 from freqid.gap.connect.differences import central
 from freqid.gap.simulation import Departures, Settings, Tolerance, checked_departures
 from freqid.identify.loads.explanatory import history
-
-Array = NDArray[np.float64]
 
 _AIR = ("V", "alpha", "beta", "qbar")  # computed where the record does not have them
 _MOTION = ("u", "v", "w")

@@ -6,12 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.frames import flow_angles
 from freqid.core.record import FlightRecord
-
-Array = NDArray[np.float64]
 
 _VELOCITY = ("state/u", "state/v", "state/w")
 _SHARE = 0.1  # of a channel's rms about its mean that is stepped

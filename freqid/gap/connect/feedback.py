@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.record import FlightRecord
-
-Array = NDArray[np.float64]
 
 HEARD = ("phi", "theta", "p", "q", "r")
 """States that a law is sought in."""

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError
 from freqid.core.frames import body_velocity, cross, level_from_body
 from freqid.core.record import FlightRecord
-
-Array = NDArray[np.float64]
 
 RATES = ("state/p", "state/q", "state/r")
 _VELOCITY = ("state/u", "state/v", "state/w")

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.channels import RESPONSE, STATE
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord
@@ -18,8 +18,6 @@ from freqid.gap.connect import answers
 from freqid.gap.connect.callable import arguments
 from freqid.gap.connect.differences import central
 from freqid.gap.simulation import Departures, Settings, Tolerance, checked_departures
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,8 @@ from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.channels import WRENCH
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord
@@ -36,8 +36,6 @@ from freqid.gap.connect.jsbsim_aircraft import (
     states,
 )
 from freqid.gap.simulation import Departures, Settings, Tolerance, checked_departures
-
-Array = NDArray[np.float64]
 
 _INTEGRATORS = ("rate/rotational", "rate/translational", "position/rotational", "position/translational")
 """JSBSim's own, by which it moves on from one step to the next."""

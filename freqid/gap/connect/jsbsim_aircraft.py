@@ -17,12 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
-
-Array = NDArray[np.float64]
 
 SETTLED = 3.0  # s, after which a flight control system stands still
 FOOT, POUND, SLUG = 0.3048, 4.4482216152605, 14.593902937206364

@@ -12,15 +12,13 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from freqid.core.arrays import Array
 from freqid.simulate.loads import airframe, wake
 from freqid.simulate.loads.quantities import Aero, Flow, Positions, Wake
 from freqid.simulate.motion import attitude, multibody
 from freqid.simulate.motion.multibody import MassModel
-
-Array = NDArray[np.float64]
 
 _CHUNKS = {1024: 0.8, 256: 1.0}  # samples, and the time of each; what a record does not fill is lost
 _GRID = 64  # points of the coarse grid of derivatives

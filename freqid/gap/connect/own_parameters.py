@@ -22,15 +22,13 @@ import jax
 import jax.numpy as jnp
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError
 from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Vehicle
 from freqid.gap.simulation import Departures, Tolerance
 from freqid.simulate.motion.actuators import Actuators, Servos
-
-Array = NDArray[np.float64]
 
 SHARE = 0.05
 """One sigma of aerodynamic and propulsive numbers, natural frequencies, damping and time constants."""

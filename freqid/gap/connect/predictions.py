@@ -8,15 +8,13 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.channels import RESPONSE
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.record import FlightRecord, read_record
 from freqid.core.vehicle import Vehicle
 from freqid.gap.simulation import Departures, Settings, Tolerance, checked_departures
-
-Array = NDArray[np.float64]
 
 _RIDGE = 1e-4  # prior of a derivative, over (rms of the response / rms of the input)
 _CLOCK = 0.01  # of a sample: clocks that differ by less are the same

@@ -12,9 +12,9 @@ import jax
 import jax.numpy as jnp
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from freqid.core.arrays import Array
 from freqid.core.channels import KNOWN, WRENCH, split
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.frames import cross, specific_force_at
@@ -46,8 +46,6 @@ from freqid.simulate.motion import whole_vehicle as motion
 from freqid.simulate.motion.actuators import by_kind
 from freqid.simulate.motion.derivatives import HEIGHT
 from freqid.simulate.truth import truth_of
-
-Array = NDArray[np.float64]
 
 MOTION = ("state/u", "state/v", "state/w", *RATES, "air/rho", "state/alt")
 _VELOCITIES = ("state/u", "state/v", "state/w")

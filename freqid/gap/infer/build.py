@@ -6,21 +6,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from freqid.gap.infer.columns import Columns
+from freqid.core.arrays import Complex
+from freqid.gap.infer.columns import Columns, Parts
 from freqid.gap.infer.forms import common_form, likely_forms
 from freqid.gap.infer.linearise import likeliest_departures, relinearised
-from freqid.gap.infer.parts import Parts
 from freqid.gap.infer.system import Form, System
 from freqid.gap.model.candidates import Candidate, candidates
 from freqid.gap.model.tolerance import tolerance_columns
 from freqid.gap.settings import FORM_ERRORS, ROUNDS
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def build(

@@ -1,8 +1,8 @@
-"""Whitened columns of one block: what the small matrices are inner products of."""
+"""Columns of one block, before whitening and after; single rows of it as systems of their own."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,10 +10,144 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
-from freqid.gap.infer.system import BlockMatrices, Form
+from freqid.core.arrays import Array, Complex
+from freqid.gap.infer.evidence import weigh
+from freqid.gap.infer.system import SEEN, BlockMatrices, Form, System
+from freqid.gap.model.candidates import Candidate
+from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms, load_terms
+from freqid.gap.model.tolerance import record_columns
+from freqid.gap.settings import FORM_ERRORS, NOISE_SCALES
+from freqid.gap.stack.block import REPEATS, Block
+from freqid.simulate.effects.effect import Effect
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """Columns of one block before whitening, each of shape (column, row, line).
+
+    Attributes
+    ----------
+    block : Block
+    effects, tolerances, own : ndarray of complex
+    form : ndarray of complex
+        Errors of form of loads, actuators and relations between sensors, of size one, each in a single row.
+    """
+
+    block: Block
+    effects: Complex
+    tolerances: Complex
+    own: Complex
+    form: Complex
+
+    @classmethod
+    def of(
+        cls,
+        block: Block,
+        index: int,
+        found: Sequence[Candidate],
+        shared: Sequence[Complex | None],
+        library: Mapping[str, Effect],
+        sizes: Mapping[str, float],
+    ) -> Parts:
+        """Return the columns of a block, with its noise as loud as it was flown.
+
+        Parameters
+        ----------
+        block : Block
+        index : int
+            Of the block among those that the candidates have columns for.
+        found : sequence of Candidate
+        shared : sequence of ndarray of complex, shape (row, line), optional
+            Tolerances; None where the block has none of a name.
+        library : dict of Effect
+        sizes : dict of float
+            One sigma by name.
+        """
+        effects = np.concatenate([c.columns[index] for c in found]) if found else _zeros(block, 0)
+        own = _stacked(block, list(record_columns(block, library, sizes).values()))
+        terms = (load_terms(block), actuator_terms(block), kinematic_terms(block))
+        form = np.concatenate([form_columns(block, one) for one in terms])
+        parts = cls(block, effects, _stacked(block, shared), own, form)
+        return parts if block.noise_from == REPEATS else parts._as_loud_as_flown(found)
+
+    @property
+    def form_row(self) -> NDArray[np.intp]:
+        """Row of the block that each column of the form is in."""
+        return np.any(self.form, axis=2).argmax(axis=1)
+
+    def fewer(self, largest: Mapping[str, float]) -> Parts:
+        """Return the same form in fewer columns.
+
+        Parameters
+        ----------
+        largest : dict of float
+            By row, the largest error of form that is weighed: what it makes below the noise is left out.
+        """
+        block, at = self.block, self.form_row
+        alone = 1 / np.einsum("lii->il", np.linalg.inv(block.covariance)).real  # the others known
+        columns = []
+        for i, row in enumerate(block.rows):
+            size, root = largest.get(row.name, 0.0), np.sqrt(alone[i])
+            if not size or not np.any(at == i):
+                continue
+            white = block.lines.real(self.form[at == i, i] / root)
+            _, seen, basis = np.linalg.svd(white, full_matrices=False)
+            kept = size * seen > SEEN
+            z = _zeros(block, int(kept.sum()))
+            z[:, i] = block.lines.complex(seen[kept, None] * basis[kept]) * root
+            columns.append(z)
+        return replace(self, form=np.concatenate([_zeros(block, 0), *columns]))
+
+    def _as_loud_as_flown(self, found: Sequence[Candidate]) -> Parts:
+        """Return the parts with loads as noisy as is likeliest: sensors tell nothing of gusts and buffet.
+
+        Every effect and every error of form is allowed for while the scale is chosen.
+        """
+        block = self.block
+        rows = [i for i, row in enumerate(block.rows) if row.kind == "response"]
+        if not rows:
+            return self
+        best, chosen = -np.inf, self
+        for scale in NOISE_SCALES:  # as long as the evidence rises
+            root = np.ones(len(block.rows))
+            root[rows] = scale
+            one = replace(self, block=replace(block, covariance=block.covariance * root[:, None] * root))
+            evidence = weigh(one._alone(rows, found))
+            number = len(rows) * (2 * block.lines.hz.size - 1)
+            total = evidence.log_none + np.logaddexp(0.0, evidence.statistic) - number * np.log(scale)
+            if total < best:
+                break
+            best, chosen = total, one
+        return chosen
+
+    def _alone(self, rows: Sequence[int], found: Sequence[Candidate]) -> System:
+        """Return the system of some rows of the block, with the candidates that change them."""
+        start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
+        moved = _in(self.effects, rows)
+        few = [i for i in range(len(found)) if moved[start[i] : start[i + 1]].any()]
+        effects = np.concatenate([self.effects[:0], *(self.effects[start[i] : start[i + 1]] for i in few)])
+        shared, own, form = (z[_in(z, rows)] for z in (self.tolerances, self.own, self.form))
+        columns = (effects, shared, self.block.residual, own, form, form[:0])
+        matrices = BlockMatrices.of(*(self.block.white(z, rows) for z in columns))
+        begin = np.concatenate([[0], np.cumsum([len(found[i].sizes) for i in few])]).astype(int)
+        names = tuple(map(str, range(len(shared))))
+        forms = tuple(Form(f, 0.0) for f in FORM_ERRORS)
+        return System([found[i] for i in few], begin, names, [matrices], forms)
+
+
+def _in(columns: Complex, rows: Sequence[int]) -> NDArray[np.bool_]:
+    """Return which columns, shape (column, row, line), are not zero in some rows."""
+    return np.any(columns[:, list(rows)], axis=(1, 2))
+
+
+def _zeros(block: Block, count: int) -> Complex:
+    return np.zeros((count, len(block.rows), block.lines.hz.size), dtype=complex)
+
+
+def _stacked(block: Block, columns: Sequence[Complex | None]) -> Complex:
+    """Return columns, shape (column, row, line); zero where a block has none of a name."""
+    full = [_zeros(block, 1)[0] if z is None else z for z in columns]
+    return np.array(full) if full else _zeros(block, 0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,14 +7,12 @@ from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from freqid.core.arrays import Array
 from freqid.gap.infer.system import Form, System
 from freqid.gap.infer.weighing import Weighing, log_mean
 from freqid.gap.model.candidates import Candidate
-
-Array = NDArray[np.float64]
 
 _FINE = 1001  # sizes at which a posterior is drawn
 

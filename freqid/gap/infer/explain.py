@@ -6,16 +6,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from freqid.core.arrays import Array
 from freqid.gap.infer.evidence import Estimate, Evidence, estimate, weigh
 from freqid.gap.infer.forms import forms_beside
-from freqid.gap.infer.jointly import jointly
+from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.model.candidates import OTHER
 from freqid.gap.settings import INTERVAL, SEPARATE
-
-Array = NDArray[np.float64]
 
 _MOST = 3  # effects of one explanation
 _SETTLING = 6  # times at most that effects are computed again until their sizes stay
@@ -114,7 +112,7 @@ def _settled(evidence: Evidence, explanation: Explanation, compute: Compute) -> 
         evidence = compute(evidence, at, [])
         if done > 0 and not any(evidence.system.candidates[i].beside for i in explanation.places):
             break
-        now = jointly(evidence, explanation.places)
+        now = joint_estimates(evidence, explanation.places)
         each = list(zip(at.estimates, now, strict=True))
         if all(np.all(np.abs(a.size - e.size) <= _CLOSE * (e.hi - e.lo)) for a, e in each):
             break
@@ -123,7 +121,7 @@ def _settled(evidence: Evidence, explanation: Explanation, compute: Compute) -> 
 
 
 def _explanation(evidence: Evidence, places: list[int], gains: list[float]) -> Explanation:
-    return Explanation(tuple(places), tuple(gains), jointly(evidence, places))
+    return Explanation(tuple(places), tuple(gains), joint_estimates(evidence, places))
 
 
 def _finalists(evidence: Evidence, places: list[int]) -> list[tuple[float, int]]:
@@ -137,7 +135,7 @@ def _finalists(evidence: Evidence, places: list[int]) -> list[tuple[float, int]]
 def _beside(evidence: Evidence, places: list[int], index: int) -> tuple[int, Estimate]:
     """Return a candidate and its size beside others as these are estimated."""
     weights = np.zeros(evidence.system.columns)
-    for i, e in zip(places, jointly(evidence, places), strict=True):
+    for i, e in zip(places, joint_estimates(evidence, places), strict=True):
         weights[evidence.system.columns_of(i)] += e.weights
     return index, estimate(evidence, index, INTERVAL, given=weights)
 

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from freqid.core.arrays import Array
 from freqid.gap.infer.system import Form, Reduced, System
 from freqid.gap.infer.weighing import Weighing
 from freqid.gap.settings import FORM_ERRORS, FORM_LIKENESS, SEPARATE
 
-Array = NDArray[np.float64]
 Index = tuple[int, ...]
 
 _KINDS = ("", "actuator/", "kinematic/")

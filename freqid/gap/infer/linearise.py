@@ -6,16 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from freqid.core.arrays import Array
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import estimate, weigh
 from freqid.gap.infer.system import Form, System
 from freqid.gap.settings import INTERVAL
 from freqid.gap.stack.block import Block
-
-Array = NDArray[np.float64]
 
 
 def relinearised(

@@ -9,10 +9,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpstrf
 
+from freqid.core.arrays import Array
 from freqid.gap.infer.evidence import Evidence
 from freqid.gap.infer.system import BlockMatrices, Form, System
-
-Array = NDArray[np.float64]
 
 
 def null_statistics(evidence: Evidence, count: int, seed: int) -> Array:

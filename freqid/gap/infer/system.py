@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, cholesky
 from scipy.linalg.lapack import dtrtri
 
+from freqid.core.arrays import Array
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS
-
-Array = NDArray[np.float64]
 
 SEEN = 0.1  # standard deviations of the noise: directions of a form below it are left out
 _FREE = 1e-9  # of a free column's energy: what is left of it

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
+from freqid.core.arrays import Array
 from freqid.gap.infer.system import Form, OwnProducts, Reduced, System
 
-Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 _SHARP = 1.0  # squared width of a cell in standard deviations of the likelihood, above which it is integrated

@@ -6,13 +6,10 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.results.gap import GapMap
 from freqid.gap.stack.block import Block
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _BANDS = 4
 

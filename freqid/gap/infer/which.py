@@ -6,13 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from freqid.gap.infer.evidence import NONE, Evidence, separation
 from freqid.gap.model.candidates import OTHER
-
-Array = NDArray[np.float64]
 
 TOGETHER = 10.8
 """Separation ``lambda (1 - c^2)`` below which two effects are told apart in fewer than 95 of 100 cases:

@@ -9,9 +9,9 @@ from math import inf
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.errors import DataError, ImpossibleSettings
 from freqid.core.vehicle import Vehicle
 from freqid.gap.model.changes import beside, change
@@ -20,9 +20,6 @@ from freqid.gap.model.testable import in_force_of, untestable
 from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect, Parameter
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 OTHER = "other"
 """Free changes of the simulation's terms: what no effect of the library explains."""

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.channels import COEFFICIENT, WRENCH
 from freqid.core.errors import ImpossibleSettings, UsageError
 from freqid.core.frames import cross
@@ -20,7 +20,6 @@ from freqid.gap.stack.trial import Act, Trial
 from freqid.simulate.effects.along import centre
 from freqid.simulate.effects.effect import Effect
 
-Array = NDArray[np.float64]
 Signals = dict[str, Array]
 
 _POSITIONS: WeakKeyDictionary[Trial, dict[tuple[str, float], Signals]] = WeakKeyDictionary()

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.gap.stack.trial import Trial
-
-Array = NDArray[np.float64]
 
 _IDEAL = 0.02  # s: an actuator that is taken as ideal still takes its time
 

@@ -11,14 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Complex
 from freqid.core.record import Maneuver
 from freqid.gap.settings import FORM_CONSTANT, FORM_ERRORS, FORM_ORDER
 from freqid.gap.stack.block import Block
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _STEP = 1e-3  # share by which a channel is scaled for its terms
 _KINEMATIC = tuple(

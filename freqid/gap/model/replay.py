@@ -8,16 +8,14 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.channels import COEFFICIENT, WRENCH
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.vehicle import Vehicle
 from freqid.gap.simulation import Simulation
 from freqid.identify.loads.explanatory import history
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

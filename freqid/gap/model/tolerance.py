@@ -11,8 +11,8 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Complex
 from freqid.core.errors import DataError, ImpossibleSettings, UsageError, nearest
 from freqid.core.vehicle import Vehicle
 from freqid.gap.model.changes import change
@@ -23,9 +23,6 @@ from freqid.gap.stack.block import Block
 from freqid.gap.stack.histories import Histories
 from freqid.gap.stack.trial import Trial
 from freqid.simulate.effects.effect import Effect
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 DERIVATIVES, DYNAMICS = "derivatives", "dynamics"
 _SERVO = ("natural_frequency", "damping", "gain")

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.core.excitation import Excitation
 from freqid.core.record import FlightRecord
@@ -17,8 +17,6 @@ from freqid.core.scenario import Reference, Scenario
 from freqid.core.vehicle import Vehicle
 from freqid.design.multisine.orthogonal_set import design_multisines
 from freqid.gap.stack.block import Block
-
-Array = NDArray[np.float64]
 
 STRONGEST = 2.0
 """How much stronger than flown a signal may be: what was diagnosed says nothing of larger motion."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.errors import DataError, ImpossibleSettings, UsageError
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.results.design import MultisineDesign, SampledInputs
@@ -29,9 +29,6 @@ from freqid.gap.stack.motion import Motion, air_of, fed_back, own_flight
 from freqid.gap.stack.noise import Draws
 from freqid.gap.stack.trial import Trial
 from freqid.simulate.effects.effect import Effect
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _AIRFRAME = 1e-3  # of the noise: positions that a tolerance moves by less stay as they are
 _VELOCITY = ("state/u", "state/v", "state/w")

@@ -10,13 +10,13 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.gap.diagnose import Findings
 from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate
 from freqid.gap.infer.system import BlockMatrices, Form, System
 from freqid.gap.model.candidates import OTHER, Candidate
 from freqid.gap.settings import INTERVAL
 
-Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Pair = tuple[str, str]
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from freqid.core.arrays import Array
 from freqid.core.results.gap_self_test import SEVERAL
 from freqid.gap.infer.evidence import NONE, Evidence
 from freqid.gap.infer.null_draws import drawn
@@ -24,7 +25,6 @@ from freqid.gap.infer.which import Ranking, probability_of_none, rank
 from freqid.gap.model.candidates import OTHER
 from freqid.gap.settings import INTERVAL, NAMED, TEMPERATURE
 
-Array = NDArray[np.float64]
 Data = dict[Form, tuple[Array, Array]]
 """By error of form: products with all columns, (column, draw), and log evidence of no effect, (draw,)."""
 

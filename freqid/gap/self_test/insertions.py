@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.errors import ImpossibleSettings
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import Evidence
@@ -21,9 +21,6 @@ from freqid.gap.model.changes import change
 from freqid.gap.model.testable import in_force_of
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _MOST_PLACES = 8  # of one effect; of more, as many from the most to the least visible one
 _FINE = 200  # sizes among which one of a given detectability is looked for

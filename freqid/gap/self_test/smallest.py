@@ -5,15 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from freqid.core.results.gap_self_test import SmallestSize
 from freqid.gap.infer.evidence import Evidence
 from freqid.gap.model.candidates import OTHER
 from freqid.gap.self_test.answers import Draws, Weighed, only_candidates
 from freqid.gap.self_test.insertions import size_at
-
-Array = NDArray[np.float64]
 
 POWER = 0.95
 """Share of draws in which a size has to be called a gap."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.gap.simulation import Departures, Simulation
@@ -28,9 +28,6 @@ from freqid.gap.stack.noise import (
 )
 from freqid.gap.stack.sensor_noise import noisy_channels, sensor_noise
 from freqid.gap.stack.trial import Trial
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 REPEATS = "repeats of the manoeuvre"
 _FEW_LINES = 10  # that nothing drives, below which they do not tell the noise

@@ -8,14 +8,12 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.record import FlightRecord
 from freqid.gap.settings import MOST_LINES
 from freqid.gap.stack.histories import Histories
 from freqid.identify.model.line_equations import plan_of
 from freqid.identify.spectra.fourier import FourierPlan
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 # Of the strongest line of an injected signal: what is weaker is the transform's leakage, not an injection.
 EXCITED = 1e-2

@@ -13,10 +13,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 from scipy.linalg import expm
 
+from freqid.core.arrays import Array
 from freqid.core.channels import COEFFICIENT, WRENCH
 from freqid.core.errors import DataError, UsageError
 from freqid.core.frames import cross
@@ -30,8 +30,6 @@ from freqid.identify.instruments.driven import driven_maneuvers
 from freqid.identify.loads.explanatory import history
 from freqid.identify.spectra.smoothing import smooth
 from freqid.simulate.effects.along import centre
-
-Array = NDArray[np.float64]
 
 OWN_FLIGHT = "own flight"
 MOTION = ("u", "v", "w", "p", "q", "r")

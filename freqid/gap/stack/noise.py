@@ -10,14 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.arrays import Array, Complex
 from freqid.core.record import Maneuver
 from freqid.gap.settings import PAIRS_OF_DRAWS
 from freqid.gap.stack.histories import Histories
 from freqid.gap.stack.lines import Lines
 from freqid.gap.stack.trial import Trial
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 _RIDGE = 0.001
 """Of a row's variance: how far rows that share noise are trusted to cancel it."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.channels import COEFFICIENT, RESPONSE, STATE, WRENCH
 from freqid.core.errors import DataError
 from freqid.core.frames import cross
@@ -15,8 +15,6 @@ from freqid.core.units import STANDARD_GRAVITY
 from freqid.gap.simulation import Settings, Simulation
 from freqid.gap.stack.histories import Histories, Row
 from freqid.identify.loads.wrench import applied_wrench
-
-Array = NDArray[np.float64]
 
 _VELOCITY = ("state/u", "state/v", "state/w")
 _RATES = ("state/p", "state/q", "state/r")

@@ -6,12 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.record import FlightRecord
 from freqid.identify.spectra.smoothing import Smoothed, smooth
-
-Array = NDArray[np.float64]
 
 MOTION = ("u", "v", "w", "p", "q", "r")
 FELT = ("ax", "ay", "az")

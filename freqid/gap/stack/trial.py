@@ -7,14 +7,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.gap.simulation import Departures, Settings, Simulation
 from freqid.gap.stack.histories import Histories
 from freqid.gap.stack.rows import measured_part
 
-Array = NDArray[np.float64]
 Act = Callable[[dict[str, Array]], dict[str, Array]]
 
 _QUICK = ("callable", "fmu", "scenario")

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from freqid.core.arrays import Array
 from freqid.gap.infer.evidence import Estimate, Evidence, estimate
 from freqid.gap.infer.system import Form
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.settings import INTERVAL
-
-Array = NDArray[np.float64]
 
 _STEPS = 30  # Gauss-Newton steps at most
 _HALVINGS = 12  # of a step that leads downhill
@@ -23,7 +21,7 @@ _NEAR = 0.05  # of a size, on either side: how the change goes with the size the
 _LEAST = 1e-3  # of a scalar's smallest size in its prior: a size below is as good as none
 
 
-def jointly(evidence: Evidence, places: Sequence[int]) -> tuple[Estimate, ...]:
+def joint_estimates(evidence: Evidence, places: Sequence[int]) -> tuple[Estimate, ...]:
     """Return estimates of several candidates, each with the others' sizes unknown too.
 
     Gauss-Newton steps of all sizes together lead to the likeliest ones. Each then has its density given the

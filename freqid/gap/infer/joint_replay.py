@@ -10,8 +10,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from freqid.core.arrays import Array
 from freqid.gap.infer.build import rebuilt
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import Estimate
@@ -26,7 +26,6 @@ from freqid.gap.simulation import Simulation
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
 
-Array = NDArray[np.float64]
 Settings = dict[str, float]
 
 
@@ -61,7 +60,7 @@ def acted_on(
     return [b if t is b.trial else replace(b, trial=t) for b, t in zip(blocks, trials, strict=True)]
 
 
-def together(
+def about_explanation(
     system: System,
     columns: Sequence[Columns],
     blocks: Sequence[Block],

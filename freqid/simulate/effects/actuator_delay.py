@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from freqid.core.vehicle import Vehicle
 from freqid.simulate.effects.effect import Effect, Parameter
 from freqid.simulate.effects.signals import delayed
+from freqid.simulate.motion import delay
 from freqid.simulate.motion.actuators import Commands
 
 Signals = dict[str, NDArray[np.float64]]
@@ -23,6 +24,24 @@ def delays(settings: dict[str, jax.Array], described: Commands) -> Commands:
     """Return the delay of each kind of command, s; a flight delays all effectors of a kind alike."""
     extra = (settings["extra"] + settings.get(kind, 0.0) for kind in _KINDS)
     return Commands(*(settings["strength"] * d + e for d, e in zip(described, extra, strict=True)))
+
+
+def arrived(settings: dict[str, jax.Array], described: Commands, sent: Commands, dt: float) -> Commands:
+    """Return the commands that reach the actuators now.
+
+    Parameters
+    ----------
+    settings : dict of Array
+        Of this effect.
+    described : Commands
+        Delay of each kind, s.
+    sent : Commands
+        Lines of what was sent, the newest first, one entry a step.
+    dt : float
+        Step, s.
+    """
+    late = delays(settings, described)
+    return Commands(*(delay.read(line, x / dt) for line, x in zip(sent, late, strict=True)))
 
 
 def _act(settings: Mapping[str, float], signals: Signals, dt: float, kinds: dict[str, str]) -> Signals:

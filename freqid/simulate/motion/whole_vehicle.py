@@ -300,8 +300,7 @@ def observe(
 def _arrived(parameters: Parameters, sent: Commands, before: Commands, dt: float) -> Commands:
     """Return the commands that the described actuators follow, late and behind by lags."""
     effects = parameters.airframe.effects
-    delays = actuator_delay.delays(effects["actuator_delay"], parameters.actuators.delay)
-    arrived = [delay.read(line, late / dt) for line, late in zip(sent, delays, strict=True)]
+    arrived = actuator_delay.arrived(effects["actuator_delay"], parameters.actuators.delay, sent, dt)
     servo, motor = effects["actuator_lag"]["extra"], effects["motor_lag"]["extra"]
     return Commands(
         *(

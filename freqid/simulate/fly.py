@@ -308,7 +308,7 @@ def _sample(
     parameters: motion.Parameters, moving: Moving, commands: Commands, rate: Moving, details: Details
 ) -> Sample:
     """Return what is kept of one instant."""
-    body, (force, moment) = moving.body, details.aero.wrench
+    body = moving.body
     centre = multibody.centre_of_gravity(parameters.mass, moving.tilt)
     turning = attitude.cross(body.rates, body.velocity)
     return Sample(
@@ -318,7 +318,7 @@ def _sample(
         commands,
         attitude.euler(body.attitude),
         rate.body.velocity + turning - STANDARD_GRAVITY * attitude.down(body.attitude),
-        jnp.concatenate([force, moment - attitude.cross(centre, force)]),
+        details.aero.wrench.about(centre),
     )
 
 

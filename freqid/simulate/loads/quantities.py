@@ -10,8 +10,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import jax
+import jax.numpy as jnp
 
 from freqid.simulate import precision as precision
+from freqid.simulate.motion.attitude import cross
 
 
 class Flow(NamedTuple):
@@ -69,6 +71,10 @@ class Wrench(NamedTuple):
 
     force: jax.Array
     moment: jax.Array
+
+    def about(self, point: jax.Array) -> jax.Array:
+        """Return X Y Z and L M N with the moments about another point, vehicle axes, m, shape (6,)."""
+        return jnp.concatenate([self.force, self.moment - cross(point, self.force)])
 
 
 class Wake(NamedTuple):

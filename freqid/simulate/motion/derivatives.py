@@ -105,9 +105,8 @@ def small_motion(
             swing / jnp.cos(theta),
         ]
     )
-    moment = aero.wrench.moment - cross(centre, aero.wrench.force)
     found = SmallMotion(
-        wrench=jnp.concatenate([aero.wrench.force, moment]),
+        wrench=aero.wrench.about(centre),
         rate=jnp.concatenate([origin + cross(turning, centre), turning, angles]),
     )
     commands = motion.holding(parameters, positions, aero, parameters.actuators.battery.charge)

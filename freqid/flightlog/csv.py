@@ -12,15 +12,16 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from freqid.core.errors import DataError, nearest
+from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.record import FlightRecord
 from freqid.flightlog.assemble import assemble_map
 from freqid.flightlog.column_map import ColumnMap, Place
+from freqid.flightlog.read import Reader
 
 _FOREIGN = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")  # control characters that no text table holds
 
 
-def read_csv(path: Path, column_map: ColumnMap, **options: Any) -> FlightRecord:
+def read_csv(path: Path, column_map: ColumnMap | None, **options: Any) -> FlightRecord:
     """Read a text table.
 
     Parameters
@@ -28,6 +29,7 @@ def read_csv(path: Path, column_map: ColumnMap, **options: Any) -> FlightRecord:
     path : Path
         UTF-8 or Latin-1 text. The first line is a header unless all its fields are numbers.
     column_map : ColumnMap
+        None is refused.
     **options
         `cut`, `resample_hz`, `vehicle` as in `assemble`.
 
@@ -37,8 +39,12 @@ def read_csv(path: Path, column_map: ColumnMap, **options: Any) -> FlightRecord:
         Where the file is missing, empty, binary or ragged, a mapped column is missing or holds what is no
         number (with the line), or the columns do not make a record.
     UsageError
-        As `assemble`.
+        Where there is no map; as `assemble`.
     """
+    if column_map is None:
+        raise UsageError(
+            "a text table needs a column map", where=str(path), remedy="write one (docs/flight-logs.md)"
+        )
     try:
         table, header, first_line = _read_table(Path(path))
     except DataError as error:
@@ -159,3 +165,6 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return "_" not in text  # Python reads 1_000, no logger writes it
+
+
+READER = Reader((".csv", ".tsv", ".txt", ".asc", ".dat"), read_csv)

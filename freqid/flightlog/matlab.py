@@ -21,10 +21,11 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.errors import DataError, nearest
+from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.record import FlightRecord
 from freqid.flightlog.assemble import assemble_map
 from freqid.flightlog.column_map import ColumnMap, Place
+from freqid.flightlog.read import Reader
 
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
@@ -192,7 +193,7 @@ def _exactly(parts: Iterator[_Element], count: int, name: str) -> list[_Element]
     return found
 
 
-def read_matlab(path: Path, column_map: ColumnMap, **options: Any) -> FlightRecord:
+def read_matlab(path: Path, column_map: ColumnMap | None, **options: Any) -> FlightRecord:
     """Read the mapped variables of a MATLAB file.
 
     Parameters
@@ -200,6 +201,7 @@ def read_matlab(path: Path, column_map: ColumnMap, **options: Any) -> FlightReco
     path : Path
     column_map : ColumnMap
         Columns of a matrix by number, or by the name its `labels` give; whole variables by `variable`.
+        None is refused.
     **options
         `cut`, `resample_hz`, `vehicle` as in `assemble`.
 
@@ -209,9 +211,16 @@ def read_matlab(path: Path, column_map: ColumnMap, **options: Any) -> FlightReco
         Where the file is no intact MATLAB file, lacks a mapped variable or column, or its
         columns do not make a record.
     UsageError
-        As `assemble`.
+        Where there is no map; as `assemble`.
     """
     variables = load_variables(path)
+    if column_map is None:
+        raise UsageError(
+            f"is not in the SIDPAC layout and no column map is given (its variables: "
+            f"{', '.join(sorted(variables)[:8]) or 'none'})",
+            where=str(path),
+            remedy="write a map (docs/flight-logs.md)",
+        )
 
     def pick(place: Place) -> NDArray[np.float64]:
         name = place.variable or column_map.variable or _only_matrix(variables)
@@ -343,3 +352,6 @@ def _plain(file: h5py.File, item: Any) -> Any:
     if values.dtype == h5py.ref_dtype:  # a cell array, or one field of a struct array
         return [_plain(file, file[reference]) for reference in values.ravel()]
     return np.squeeze(values.T)
+
+
+READER = Reader((".mat",), read_matlab)

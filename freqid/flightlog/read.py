@@ -1,23 +1,51 @@
-"""One door for every log: which reader a file needs is told by its content, then by its suffix."""
+"""One door for every log: the first reader that knows a file, by its content or its suffix, reads it."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
 from pathlib import Path
-from typing import Any
 
-from freqid.core.errors import DataError, UsageError
+from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
 from freqid.flightlog.column_map import ColumnMap, read_column_map
-from freqid.flightlog.csv import read_csv
-from freqid.flightlog.matlab import load_variables, read_matlab
-from freqid.flightlog.sidpac import is_sidpac, read_sidpac
 
-_TEXT = (".csv", ".tsv", ".txt", ".asc", ".dat")
+# Modules of this folder in the order in which they are asked: layouts of their own before what needs a map.
+_MODULES = ("sidpac", "matlab", "csv")
 _PLANNED = {
     b"ULog\x01\x12\x35": "a PX4 ULog file",
     b"\xa3\x95": "an ArduPilot DataFlash file",
 }
+
+
+@dataclass(frozen=True)
+class Reader:
+    """One kind of log; the module that reads it holds one of these as ``READER``.
+
+    Attributes
+    ----------
+    suffixes : tuple of str
+        That its files have, in lower case.
+    read : callable
+        ``read(path, column_map, *, cut, resample_hz, vehicle) -> FlightRecord``; a reader of files that
+        do not say what their columns are raises `UsageError` where the map is None.
+    knows : callable, optional
+        ``knows(path, column_map) -> bool``: whether a file of such a suffix is of this kind. All are where
+        it is absent.
+    """
+
+    suffixes: tuple[str, ...]
+    read: Callable[..., FlightRecord]
+    knows: Callable[[Path, ColumnMap | None], bool] = lambda path, column_map: True
+
+
+@cache
+def readers() -> tuple[Reader, ...]:
+    """Return all readers in the order in which they are asked."""
+    return tuple(import_module(f"{__package__}.{name}").READER for name in _MODULES)
 
 
 def read_log(
@@ -56,31 +84,16 @@ def read_log(
     >>> record = read_log("flight.csv", "maps/flight.toml", resample_hz=50)  # doctest: +SKIP
     """
     path = Path(path)
-    options: dict[str, Any] = {"cut": cut, "resample_hz": resample_hz, "vehicle": vehicle}
     if isinstance(column_map, (str, Path)):
         column_map = read_column_map(Path(column_map))
     suffix = path.suffix.lower()
     _refuse_planned(path, suffix)
-    if suffix == ".mat":
-        if column_map is not None:
-            return read_matlab(path, column_map, **options)
-        variables = load_variables(path)
-        if is_sidpac(variables):
-            return read_sidpac(path, **options)
-        raise UsageError(
-            f"is not in the SIDPAC layout and no column map is given (its variables: "
-            f"{', '.join(sorted(variables)[:8]) or 'none'})",
-            where=str(path),
-            remedy="write a map (docs/flight-logs.md)",
-        )
-    if suffix in _TEXT:
-        if column_map is None:
-            raise UsageError(
-                "a text table needs a column map", where=str(path), remedy="write one (docs/flight-logs.md)"
-            )
-        return read_csv(path, column_map, **options)
+    for reader in readers():
+        if suffix in reader.suffixes and reader.knows(path, column_map):
+            return reader.read(path, column_map, cut=cut, resample_hz=resample_hz, vehicle=vehicle)
+    *known, last = dict.fromkeys(s for reader in reversed(readers()) for s in reader.suffixes)
     raise DataError(
-        f"a log of kind '{suffix or 'no suffix'}' is not known, expected {' '.join(_TEXT)} or .mat",
+        f"a log of kind '{suffix or 'no suffix'}' is not known, expected {' '.join(known)} or {last}",
         where=str(path),
         remedy="export it as one of these",
     )

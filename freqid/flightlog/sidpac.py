@@ -20,7 +20,9 @@ from freqid.core.record import FlightRecord
 from freqid.core.units import parse_unit
 from freqid.core.vehicle import MassProperties, Vehicle
 from freqid.flightlog.assemble import Column, assemble, effector_si
+from freqid.flightlog.column_map import ColumnMap
 from freqid.flightlog.matlab import load_variables, lookup, numeric, texts
+from freqid.flightlog.read import Reader
 
 WIDTH = 90
 
@@ -101,18 +103,20 @@ _SPARE_UNITS = {"rad": "deg", "rad/s": "rad/s", "N": "lbf", "1": "", "m": "in"} 
 _UNNAMED = "unnamed"
 
 
-def is_sidpac(variables: dict[str, Any]) -> bool:
-    """Tell whether the variables of a MATLAB file hold a SIDPAC data matrix."""
-    return _matrix_name(variables) is not None
+def is_sidpac(path: Path, column_map: ColumnMap | None = None) -> bool:
+    """Tell whether a MATLAB file holds a SIDPAC data matrix; with a map it is read by that."""
+    return column_map is None and _matrix_name(load_variables(path)) is not None
 
 
-def read_sidpac(path: Path, **options: Any) -> FlightRecord:
+def read_sidpac(path: Path, column_map: None = None, **options: Any) -> FlightRecord:
     """Read a SIDPAC file by its standard columns.
 
     Parameters
     ----------
     path : Path
         MATLAB file with ``fdata`` (sample x 90), and ``t`` and ``fds`` where present.
+    column_map : None
+        The columns are SIDPAC's.
     **options
         `cut`, `resample_hz`, `vehicle` as in `assemble`.
 
@@ -328,3 +332,6 @@ def _at_cg(position_m: tuple[float, float, float] | None, mass: MassProperties |
 def _cells(found: Any) -> NDArray[np.object_]:
     """Return texts as MATLAB's column cell array."""
     return np.array(list(found), dtype=object)[:, None]
+
+
+READER = Reader((".mat",), read_sidpac, is_sidpac)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.io import savemat
 
 from freqid.core.errors import DataError, UsageError
 from freqid.flightlog.column_map import read_column_map
-from freqid.flightlog.read import read_log
+from freqid.flightlog.read import Reader, read_log, readers
 
 MAPS = Path(__file__).resolve().parents[3] / "scenarios" / "maps"
 MAP = '[time]\ncolumn = 1\nunit = "s"\n[[channel]]\nname = "state/q"\ncolumn = 2\nunit = "deg/s"\n'
@@ -76,6 +77,15 @@ def test_a_text_table_without_a_map_and_a_missing_file(folder):
         read_log(folder / "none.csv", folder / "map.toml")
     with pytest.raises(DataError, match="cannot be read"):
         read_log(folder, folder / "map.toml")
+
+
+def test_every_reader_of_the_folder_is_asked():
+    folder = Path(__file__).resolve().parents[3] / "freqid" / "flightlog"
+    modules = [p.stem for p in folder.glob("*.py") if "\nREADER = " in p.read_text(encoding="utf-8")]
+    found = [import_module(f"freqid.flightlog.{name}").READER for name in modules]
+    assert len(found) >= 3
+    assert sorted(map(id, found)) == sorted(map(id, readers()))
+    assert all(isinstance(reader, Reader) and reader.suffixes for reader in found)
 
 
 def test_the_maps_beside_the_scenarios_are_valid():

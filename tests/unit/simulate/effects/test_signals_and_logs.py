@@ -19,39 +19,8 @@ KINDS = VEHICLE.effector_kinds
 DT = 0.02
 TIME = DT * np.arange(1500)
 W = 2 * np.pi * 0.8
-IDS = [
-    "actuator_delay",
-    "actuator_lag",
-    "rate_limit",
-    "backlash",
-    "surface_effectiveness",
-    "slipstream",
-    "rotor_inplane_force",
-    "battery_sag",
-    "motor_lag",
-    "gyroscopic",
-    "weak_rotor",
-    "wing_wake",
-    "downwash_lag",
-    "stall",
-    "ground_effect",
-    "unsteady_lift",
-    "extra_drag",
-    "mass",
-    "cg_offset",
-    "inertia",
-    "mass_properties",
-    "tilt_inertia",
-    "flexible_mode",
-    "sensor_bias",
-    "sensor_scale",
-    "time_skew",
-    "lever_arm",
-    "flow_upwash",
-    "misalignment",
-    "steady_wind",
-    "turbulence",
-]
+FILES = Path(effects.__file__).parent.glob("*.py")
+IDS = [p.stem for p in FILES if "EFFECT = Effect(" in p.read_text(encoding="utf-8").splitlines()]
 
 
 def usual(identifier, **changed):

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import lfilter
 
-from freqid.identify.regress.regression import LeastSquares, least_squares
-from freqid.identify.regress.uncertainty import (
+from freqid.identify.regress.covariance_corrections import (
     correct_by_autocorrelation,
     correct_coloured_lines,
     correct_coloured_samples,
     correct_line_spacing,
 )
+from freqid.identify.regress.regression import LeastSquares, least_squares
 
 TRIALS, BATCH, DT = 20_000, 4_000, 0.1
 COLOURS = ["white", "first order 0.1 s", "first order 0.5 s", "first order 2 s", "resonance 0.8 Hz"]

@@ -22,8 +22,8 @@ from scipy.interpolate import CubicSpline
 
 from freqid.core.record import Channel, FlightRecord
 from freqid.flightlog.read import read_log
+from freqid.identify.regress.covariance_corrections import correct_coloured_lines, correct_coloured_samples
 from freqid.identify.regress.regression import LeastSquares, least_squares
-from freqid.identify.regress.uncertainty import correct_coloured_lines, correct_coloured_samples
 from freqid.identify.spectra.fourier import FourierPlan, frequency_grid
 from freqid.identify.spectra.smoothing import local_derivative, smooth
 from freqid.identify.spectra.trend import remove_trend, trend_columns

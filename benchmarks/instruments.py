@@ -51,8 +51,8 @@ from freqid.identify.loads.explanatory import explanatory_variables
 from freqid.identify.model.line_equations import LineEquations, on_lines
 from freqid.identify.model.problem import Problem
 from freqid.identify.point import identify_point
+from freqid.identify.regress.covariance_corrections import correct_coloured_lines
 from freqid.identify.regress.two_stage import two_stage_least_squares
-from freqid.identify.regress.uncertainty import correct_coloured_lines
 from freqid.identify.spectra.fourier import fourier, harmonics
 
 SEEDS = int(sys.argv[1]) if len(sys.argv) > 1 else 200

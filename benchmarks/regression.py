@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from freqid.identify.regress.covariance_corrections import correct_coloured_lines, correct_line_spacing
 from freqid.identify.regress.regression import LeastSquares, least_squares
-from freqid.identify.regress.uncertainty import correct_coloured_lines, correct_line_spacing
 
 RNG = np.random.default_rng(0)
 N_LINES, DURATION = 106, 60.0

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from freqid.identify.regress.regression import LeastSquares, least_squares
-from freqid.identify.regress.uncertainty import (
+from freqid.identify.regress.covariance_corrections import (
     correct_by_autocorrelation,
     correct_coloured_lines,
     correct_coloured_samples,
     correct_line_spacing,
 )
+from freqid.identify.regress.regression import LeastSquares, least_squares
 
 TRIALS = 5000
 

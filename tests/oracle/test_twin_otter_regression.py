@@ -12,8 +12,8 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.io import loadmat
 
+from freqid.identify.regress.covariance_corrections import correct_by_autocorrelation
 from freqid.identify.regress.regression import least_squares
-from freqid.identify.regress.uncertainty import correct_by_autocorrelation
 
 DT = 0.02
 RESPONSES = {"CY": 62, "Cl": 64, "Cn": 66}

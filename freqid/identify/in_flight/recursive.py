@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError
 from freqid.core.identification import Identification
+from freqid.identify.regress.covariance_corrections import correct_coloured_lines, correct_line_spacing
 from freqid.identify.regress.regression import LeastSquares, least_squares
-from freqid.identify.regress.uncertainty import correct_coloured_lines, correct_line_spacing
 from freqid.identify.spectra.fourier import ORDER, fourier_end_weights
 from freqid.identify.spectra.trend import TrendKind, trend_columns
 

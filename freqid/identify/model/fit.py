@@ -13,16 +13,16 @@ from freqid.core.errors import UsageError
 from freqid.core.results.point import Fit, ResponseModel
 from freqid.identify.model.line_equations import LineEquations, on_lines
 from freqid.identify.model.problem import Problem, numbered
-from freqid.identify.regress.equations import real_equations
-from freqid.identify.regress.estimators import estimate
-from freqid.identify.regress.noise_lines import Noise, correct_by_noise_lines, noise_lines, noise_power
-from freqid.identify.regress.regression import LeastSquares
-from freqid.identify.regress.uncertainty import (
+from freqid.identify.regress.covariance_corrections import (
     correct_coloured_lines,
     correct_coloured_samples,
     correct_line_spacing,
     independent_share,
 )
+from freqid.identify.regress.equations import real_equations
+from freqid.identify.regress.estimators import estimate
+from freqid.identify.regress.noise_lines import Noise, correct_by_noise_lines, noise_lines, noise_power
+from freqid.identify.regress.regression import LeastSquares
 from freqid.identify.spectra.trend import up_to
 
 # The bias is a mean over the record; its error is judged by the residual on the lines nearest to zero.

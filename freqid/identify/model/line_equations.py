@@ -12,7 +12,7 @@ from scipy.linalg import block_diag
 
 from freqid.core.arrays import Array, Complex
 from freqid.identify.loads.wrench import AppliedWrench
-from freqid.identify.regress.uncertainty import independent_share
+from freqid.identify.regress.covariance_corrections import independent_share
 from freqid.identify.spectra.fourier import FourierPlan
 from freqid.identify.spectra.trend import TrendKind, remove_trend, trend_columns
 
@@ -52,7 +52,7 @@ class LineEquations:
 
     @property
     def every_line_hz(self) -> list[Array]:
-        """Lines of each manoeuvre, as `freqid.identify.regress.uncertainty` wants them."""
+        """Lines of each manoeuvre, as `freqid.identify.regress.covariance_corrections` wants them."""
         return [self.lines_hz] * len(self.durations)
 
     def each(self, values: NDArray) -> list[NDArray]:

@@ -23,6 +23,7 @@ from freqid.identify.loads.explanatory import explanatory_variables
 from freqid.identify.model.fit import fit_lines
 from freqid.identify.model.line_equations import LineEquations, on_lines
 from freqid.identify.model.problem import Problem, numbered
+from freqid.identify.regress.covariance_corrections import independent_share
 from freqid.identify.regress.noise_lines import HALF_WIDTH, noise_lines
 from freqid.identify.regress.structure import (
     Structure,
@@ -32,7 +33,6 @@ from freqid.identify.regress.structure import (
     stepwise,
 )
 from freqid.identify.regress.two_stage import two_stage_least_squares
-from freqid.identify.regress.uncertainty import independent_share
 
 FLOW = frozenset(("u", "v", "w", "V", "alpha", "beta"))
 RATES = frozenset(("p", "q", "r", "phat", "qhat", "rhat"))

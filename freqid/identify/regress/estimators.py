@@ -58,7 +58,7 @@ def estimate(
         As in `least_squares`.
     instruments : ndarray, shape (p, M), or None
     correct : callable
-        Gives a fit the covariance that holds, from `freqid.identify.regress.uncertainty`.
+        Gives a fit the covariance that holds, from `freqid.identify.regress.covariance_corrections`.
     independent : float
         Independent equations per equation, min(1, T df).
     confidence : float

@@ -160,7 +160,7 @@ class LeastSquares:
         Estimates, nuisance columns first; unit of the response per unit of the column.
     solution_covariance : ndarray, shape (R, q + p, q + p)
         Their covariance. As solved it holds for white residuals whose real equations are all
-        independent; `freqid.identify.regress.uncertainty` corrects it.
+        independent; `freqid.identify.regress.covariance_corrections` corrects it.
     degrees_of_freedom : ndarray, shape (R, q + p)
         Of the variance behind each standard error, for Student's t.
     equations : int

@@ -23,7 +23,7 @@ from freqid.core.results.point import PointModel, ResponseModel, per
 from freqid.core.scenario import Reference
 from freqid.core.viewable import Viewable
 from freqid.identify.point import Estimator, identify_point, lines_of
-from freqid.identify.regress.uncertainty import independent_share
+from freqid.identify.regress.covariance_corrections import independent_share
 from freqid.identify.sensors.delays_loads import Changes, fit_loads, loads_unknowns
 from freqid.identify.sensors.misaligned import Misaligned, fit_motion, motion_unknowns, sensor_kind
 

@@ -9,12 +9,12 @@ from scipy.signal import lfilter
 from freqid.core.errors import UsageError
 from freqid.identify.loads.wrench import AppliedWrench
 from freqid.identify.model.line_equations import on_lines
-from freqid.identify.regress.regression import least_squares
-from freqid.identify.regress.uncertainty import (
+from freqid.identify.regress.covariance_corrections import (
     correct_coloured_lines,
     correct_coloured_samples,
     correct_line_spacing,
 )
+from freqid.identify.regress.regression import least_squares
 from freqid.identify.spectra.fourier import fourier
 
 LINES = np.arange(0.15, 1.6, 0.02)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from freqid.identify.regress.covariance_corrections import correct_coloured_lines, correct_line_spacing
 from freqid.identify.regress.estimators import estimate
 from freqid.identify.regress.two_stage import WeakInstruments
-from freqid.identify.regress.uncertainty import correct_coloured_lines, correct_line_spacing
 
 LINES = np.arange(3, 63) / 30.0
 

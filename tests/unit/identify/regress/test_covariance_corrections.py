@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import DataError, UsageError
-from freqid.identify.regress.regression import least_squares
-from freqid.identify.regress.uncertainty import (
+from freqid.identify.regress.covariance_corrections import (
     correct_by_autocorrelation,
     correct_coloured_lines,
     correct_coloured_samples,
     correct_line_spacing,
 )
+from freqid.identify.regress.regression import least_squares
 
 
 def lines_fit(n=4, n_lines=60, n_nuisance=0):

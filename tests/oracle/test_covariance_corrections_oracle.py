@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freqid.identify.regress.regression import least_squares
-from freqid.identify.regress.uncertainty import (
+from freqid.identify.regress.covariance_corrections import (
     correct_by_autocorrelation,
     correct_coloured_lines,
     correct_coloured_samples,
     correct_line_spacing,
 )
+from freqid.identify.regress.regression import least_squares
 
 
 def test_autocorrelation_correction_is_the_double_sum():

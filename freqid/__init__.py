@@ -33,7 +33,7 @@ _VERBS = {
     "correct_sensors": "workflows.sensors",
     "align_sensors": "workflows.sensors",
     "identify_point": "workflows.identify",
-    "predict": "workflows.predict",
+    "predict": "workflows.blend",
     "frequency_response": "workflows.frequency_response",
     "blend": "workflows.blend",
     "connect": "workflows.connect",

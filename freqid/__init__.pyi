@@ -14,6 +14,7 @@ from freqid.core.scenario import Scenario as Scenario
 from freqid.core.vehicle import Vehicle as Vehicle
 from freqid.views.page import page as page
 from freqid.workflows.blend import blend as blend
+from freqid.workflows.blend import predict as predict
 from freqid.workflows.compare import compare_simulations as compare_simulations
 from freqid.workflows.connect import check_simulation as check_simulation
 from freqid.workflows.connect import connect as connect
@@ -29,7 +30,6 @@ from freqid.workflows.identify import identify_point as identify_point
 from freqid.workflows.import_log import export_log as export_log
 from freqid.workflows.import_log import read_log as read_log
 from freqid.workflows.import_log import split_flight as split_flight
-from freqid.workflows.predict import predict as predict
 from freqid.workflows.sensors import align_sensors as align_sensors
 from freqid.workflows.sensors import check_sensors as check_sensors
 from freqid.workflows.sensors import correct_sensors as correct_sensors

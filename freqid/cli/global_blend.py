@@ -43,9 +43,8 @@ def command(
     """
     from freqid.blend.consistency import density_agreement
     from freqid.cli.blend_texts import blend_result, blend_table
-    from freqid.workflows.blend import blend
+    from freqid.workflows.blend import blend, predict
     from freqid.workflows.files import save
-    from freqid.workflows.predict import predict
 
     keep_inputs(destination, *points, held_out)
     model = blend(points, densities=densities)

@@ -20,13 +20,13 @@ from freqid.core.results.design import read_design
 from freqid.core.results.point import PointModel, read_point
 from freqid.core.scenario import Scenario
 from freqid.core.store import replacing
+from freqid.identify.in_flight.convergence import validation_rmse
 from freqid.identify.in_flight.parameter_history import parameter_history
 from freqid.identify.point import Estimator, predict
 from freqid.simulate import runner
 from freqid.simulate import sensors as suites
 from freqid.workflows import units
 from freqid.workflows.blend import blend
-from freqid.workflows.convergence import validation_rmse
 from freqid.workflows.files import save
 from freqid.workflows.inputs import File, Tell, name_of, scenario_of, silent
 

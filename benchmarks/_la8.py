@@ -17,6 +17,7 @@ import numpy as np
 
 import freqid as fq
 from freqid.core.channels import WRENCH
+from freqid.core.estimators import EstimatorName
 from freqid.core.excitation import Excitation
 from freqid.core.identification import Identification
 from freqid.core.record import FlightRecord, Maneuver
@@ -25,7 +26,7 @@ from freqid.core.results.point import PointModel
 from freqid.core.scenario import Reference
 from freqid.identify.model.line_equations import LineEquations, on_lines
 from freqid.identify.model.problem import Problem
-from freqid.identify.point import Estimator, identify_point
+from freqid.identify.point import identify_point
 from freqid.identify.spectra.fourier import harmonics
 from freqid.simulate import sensors
 from freqid.simulate.control.lq import ClosedLoop, close_loop
@@ -79,7 +80,7 @@ def on_harmonics(maneuver: Maneuver) -> LineEquations:
     return on_lines(problem.x, problem.wrench, problem.dt, lines)
 
 
-def identified(maneuver: Maneuver, at: Reference, estimator: Estimator | None = None) -> PointModel:
+def identified(maneuver: Maneuver, at: Reference, estimator: EstimatorName | None = None) -> PointModel:
     return identify_point(maneuver, SETTINGS, excitation=EXCITATION, reference=at, estimator=estimator)
 
 

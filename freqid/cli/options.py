@@ -9,6 +9,8 @@ from typing import Any, TypeVar
 
 import click
 
+from freqid.core.estimators import ESTIMATOR_NAMES
+
 Command = TypeVar("Command", bound=Callable[..., Any])
 FILE = click.Path(path_type=Path)
 
@@ -76,7 +78,7 @@ def estimator(command: Command) -> Command:
     """Add ``--estimator``."""
     return click.option(
         "--estimator",
-        type=click.Choice(["least-squares", "instruments"]),
+        type=click.Choice(ESTIMATOR_NAMES),
         help="In place of the scenario's. Instruments are not biased by noise in the regressors; they need "
         "the injected signals.",
     )(command)

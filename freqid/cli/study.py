@@ -10,7 +10,7 @@ import click
 from freqid.cli import options
 
 if TYPE_CHECKING:
-    from freqid.identify.point import Estimator
+    from freqid.core.estimators import EstimatorName
 
 
 @click.command("study")
@@ -39,7 +39,7 @@ def command(
     hold_out: str | None,
     sensors: str,
     noise: float,
-    estimator: Estimator | None,
+    estimator: EstimatorName | None,
     seed: int,
     jobs: int,
     json_: bool,

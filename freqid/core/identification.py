@@ -6,6 +6,7 @@ from typing import Literal
 
 from freqid.core.channels import WRENCH
 from freqid.core.errors import nearest
+from freqid.core.estimators import EstimatorName
 from freqid.core.vehicle import Strict
 
 
@@ -75,7 +76,7 @@ class Identification(Strict, frozen=True):
     response_source: Literal["reconstruct", "record"] = "reconstruct"
     nuisance: Literal["auto", "constant", "none"] = "auto"
     residuals: Literal["coloured", "white", "noise-lines"] = "coloured"
-    estimator: Literal["least-squares", "instruments"] = "least-squares"
+    estimator: EstimatorName = "least-squares"
     structure: Literal["given", "stepwise"] = "given"
     nonlinear: Literal["none", "products"] = "none"
     confidence: float = 0.95

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
+import msgspec
 import numpy as np
 
 from freqid.core.arrays import Array
-from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.errors import DataError, UsageError
+from freqid.core.estimators import EstimatorName
 from freqid.core.excitation import Excitation
 from freqid.core.identification import Identification, factors_of
 from freqid.core.record import FlightRecord, Maneuver
@@ -19,6 +21,7 @@ from freqid.identify.loads.explanatory import explanatory_variables, history
 from freqid.identify.model.fit import fit_samples
 from freqid.identify.model.problem import Problem, measured_responses
 from freqid.identify.model.selection import Flights, choose_terms
+from freqid.identify.regress.estimators import Estimator, find_estimator
 from freqid.identify.spectra.fourier import frequency_grid, harmonics
 from freqid.identify.spectra.trend import up_to
 
@@ -27,14 +30,14 @@ VELOCITY, FLOW, GROUND = ("u", "v", "w"), ("V", "alpha", "beta"), ("vn", "ve", "
 _FROM_SPEED = ("qbar", "phat", "qhat", "rhat")
 
 
-def refuse_without_air(maneuvers: Sequence[Maneuver], settings: Identification, estimator: str) -> None:
+def refuse_without_air(maneuvers: Sequence[Maneuver], settings: Identification, estimator: Estimator) -> None:
     """Refuse, by name, parameters that need a velocity through the air which the records do not hold.
 
     Parameters
     ----------
     maneuvers : sequence of Maneuver
     settings : Identification
-    estimator : str
+    estimator : Estimator
         Instruments need the whole motion, whatever the regressors are.
 
     Raises
@@ -61,7 +64,7 @@ def refuse_without_air(maneuvers: Sequence[Maneuver], settings: Identification, 
                 if asked and not _can_be_had(maneuver, name):
                     remedy = "ask for form 'force' and body axes, or fly with air data"
                     raise DataError(f"{needed} cannot be had: {_why(maneuver)}", remedy=remedy)
-        if estimator == "instruments" and not _whole(record):
+        if estimator.needs_instruments and not _whole(record):
             raise DataError(
                 f"instruments cannot be had: they are driven through the whole motion, and {_why(maneuver)}",
                 remedy=f"use --estimator least-squares, or {_remedy(record)}",
@@ -166,17 +169,13 @@ def _mean(maneuvers: Sequence[Maneuver], name: str) -> float:
     return float(np.average(values, weights=[m.record.duration for m in maneuvers]))
 
 
-Estimator = Literal["least-squares", "instruments"]
-ESTIMATORS = ("least-squares", "instruments")
-
-
 def identify_point(
     maneuver: Maneuver | Sequence[Maneuver],
     settings: Identification,
     *,
     excitation: Excitation | None = None,
     reference: Reference | None = None,
-    estimator: Estimator | None = None,
+    estimator: EstimatorName | None = None,
 ) -> PointModel:
     """Identify the applied wrench as a linear function of states and effectors about a reference.
 
@@ -219,19 +218,18 @@ def identify_point(
     maneuvers = (maneuver,) if isinstance(maneuver, Maneuver) else tuple(maneuver)
     if not maneuvers:
         raise UsageError("no manoeuvre is given", remedy="give at least one")
-    estimator = estimator or settings.estimator
-    if estimator not in ESTIMATORS:
-        raise UsageError(f"estimator '{estimator}' is unknown", remedy=nearest(estimator, ESTIMATORS))
-    refuse_without_air(maneuvers, settings, estimator)
+    if estimator is not None:
+        settings = msgspec.structs.replace(settings, estimator=estimator)
+    by = find_estimator(settings.estimator)
+    refuse_without_air(maneuvers, settings, by)
     problem = Problem.of(maneuvers, settings)
-    by_instruments = estimator == "instruments"
     alone: Sequence[Maneuver] | None = None
     lines = np.empty(0)
-    if settings.method == "frequency" or by_instruments:
+    if settings.method == "frequency" or by.needs_instruments:
         lines = lines_of(settings, excitation)
         for each in maneuvers:
             each.record.check_band(_used(each, problem.names, settings), float(lines[-1]))
-    if by_instruments:
+    if by.needs_instruments:
         alone = driven_maneuvers(maneuvers, lines, settings)
     flights = Flights(maneuvers, lines, excitation.period_s if excitation else None, alone)
     structure: dict[str, Any] = {}
@@ -254,7 +252,7 @@ def identify_point(
         vehicle=maneuvers[0].vehicle.name,
         provenance=({"record": records[0]} if len(records) == 1 else {"records": records})
         | ({"structure": structure} if structure else {}),
-        estimator=estimator,
+        estimator=by.name,
         remarks=() if reference is None else departures(reference, flown),
     )
 

@@ -8,12 +8,13 @@ from typing import Literal
 
 from freqid import __version__
 from freqid.core.errors import DataError, GateFailed, UsageError, nearest
+from freqid.core.estimators import EstimatorName
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import PointModel, missed_gates
 from freqid.core.scenario import Scenario
 from freqid.core.toml import overridden
 from freqid.identify import point
-from freqid.identify.point import Estimator, lines_of
+from freqid.identify.point import lines_of
 from freqid.identify.sensors.alignment import align as align_maneuver
 from freqid.workflows.inputs import (
     File,
@@ -44,7 +45,7 @@ def identify_point(
     align: Literal["off", "report", "fit"] = "off",
     kinematics: Literal["off", "report", "correct"] = "off",
     held_out: Flight | None = None,
-    estimator: Estimator | None = None,
+    estimator: EstimatorName | None = None,
     responses: Sequence[str] | None = None,
     regressors: Names | None = None,
     method: Literal["frequency", "time"] | None = None,

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from typing import Any
 
 from freqid.core.errors import DataError
+from freqid.core.estimators import EstimatorName
 from freqid.core.excitation import Excitation
 from freqid.core.identification import Identification
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import PointModel
 from freqid.core.scenario import Reference, Scenario
 from freqid.identify import point
-from freqid.identify.point import Estimator, lines_of
+from freqid.identify.point import lines_of
 from freqid.identify.sensors import (
     alignment as delays,
 )
@@ -192,7 +193,7 @@ def identified(
     *,
     excitation: Excitation | None,
     reference: Reference | None,
-    estimator: Estimator | None,
+    estimator: EstimatorName | None,
     tell: Tell,
 ) -> tuple[PointModel, dict[str, Any]]:
     """Identify manoeuvres, aligned first where `align_by` is ``"fit"``, and tell what was found.

@@ -15,6 +15,7 @@ from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults, rmse_insi
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.predict import replay
 from freqid.core.errors import UsageError
+from freqid.core.estimators import EstimatorName
 from freqid.core.record import Maneuver, read_record
 from freqid.core.results.design import read_design
 from freqid.core.results.point import PointModel, read_point
@@ -22,7 +23,7 @@ from freqid.core.scenario import Scenario
 from freqid.core.store import replacing
 from freqid.identify.in_flight.convergence import validation_rmse
 from freqid.identify.in_flight.parameter_history import parameter_history
-from freqid.identify.point import Estimator, predict
+from freqid.identify.point import predict
 from freqid.simulate import runner
 from freqid.simulate import sensors as suites
 from freqid.workflows import units
@@ -41,7 +42,7 @@ class _Campaign:
     folder: Path
     sensors: str
     noise: float
-    estimator: Estimator | None
+    estimator: EstimatorName | None
     seed: int
     jobs: int
 
@@ -67,7 +68,7 @@ def study(
     held_out: Sequence[str] = (),
     sensors: str = "research",
     noise: float = 1.0,
-    estimator: Estimator | None = None,
+    estimator: EstimatorName | None = None,
     seed: int = 0,
     jobs: int = 2,
     tell: Tell = silent,

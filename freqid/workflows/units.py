@@ -10,9 +10,9 @@ from functools import lru_cache
 from pathlib import Path
 
 from freqid.core.errors import DataError
+from freqid.core.estimators import EstimatorName
 from freqid.core.record import write_record
 from freqid.core.scenario import read_scenario
-from freqid.identify.point import Estimator
 
 
 def design(path: Path, *, scenario: str, seed: int) -> None:
@@ -59,7 +59,13 @@ def _closed_loop(scenario: str, sha256: str, rho: float):
 
 
 def identify(
-    path: Path, *, scenario: str, reference: str, record: str, validation: str, estimator: Estimator | None
+    path: Path,
+    *,
+    scenario: str,
+    reference: str,
+    record: str,
+    validation: str,
+    estimator: EstimatorName | None,
 ) -> None:
     """Write the point model of a manoeuvre, with its prediction of another."""
     from freqid.workflows.files import save

@@ -24,9 +24,8 @@ from freqid.identify.instruments.loop_model import LoopModel, fit_loop
 from freqid.identify.loads.explanatory import explanatory_variables
 from freqid.identify.loads.wrench import applied_wrench
 from freqid.identify.model.line_equations import LineEquations, on_lines
-from freqid.identify.regress.estimators import LEAST_STRENGTH
 from freqid.identify.regress.regression import LeastSquares, least_squares
-from freqid.identify.regress.two_stage import two_stage_least_squares
+from freqid.identify.regress.two_stage import LEAST_STRENGTH, two_stage_least_squares
 
 MOTION = ("u", "v", "w", "p", "q", "r")
 # A velocity or rate that moves by less than this share of the others rests but for rounding.

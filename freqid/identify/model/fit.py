@@ -20,7 +20,7 @@ from freqid.identify.regress.covariance_corrections import (
     independent_share,
 )
 from freqid.identify.regress.equations import real_equations
-from freqid.identify.regress.estimators import estimate
+from freqid.identify.regress.estimators import Regression, find_estimator
 from freqid.identify.regress.noise_lines import Noise, correct_by_noise_lines, noise_lines, noise_power
 from freqid.identify.regress.regression import LeastSquares
 from freqid.identify.spectra.trend import up_to
@@ -83,9 +83,9 @@ def fit_lines(
             corrected = correct_coloured_lines if coloured else correct_line_spacing
             return corrected(fit, equations.every_line_hz, durations)
 
-        found = estimate(
-            equations.x[columns],
-            equations.z[rows],
+        regression = Regression(
+            x=equations.x[columns],
+            z=equations.z[rows],
             names=[problem.names[j] for j in columns],
             response_names=[settings.responses[r] for r in rows],
             nuisance=equations.nuisance,
@@ -95,6 +95,7 @@ def fit_lines(
             independent=float(np.mean(share)),
             confidence=settings.confidence,
         )
+        found = find_estimator(settings.estimator).fit(regression)
         residuals = equations.each(found.fit.residual)
         # Parseval on lines 1/T apart: each stands for its mirror image too.
         square = [
@@ -231,9 +232,9 @@ def fit_samples(problem: Problem, driven: Sequence[Array] | None = None) -> dict
 
     models: dict[str, ResponseModel] = {}
     for rows, columns in problem.groups():
-        found = estimate(
-            x[columns],
-            z[rows],
+        regression = Regression(
+            x=x[columns],
+            z=z[rows],
             names=[problem.names[j] for j in columns],
             response_names=[settings.responses[r] for r in rows],
             nuisance=nuisance,
@@ -243,6 +244,7 @@ def fit_samples(problem: Problem, driven: Sequence[Array] | None = None) -> dict
             independent=1.0,
             confidence=settings.confidence,
         )
+        found = find_estimator(settings.estimator).fit(regression)
         fit = found.fit
         covariance = fit.solution_covariance[:, :count, :count]
         bias_error = np.sqrt(np.einsum("m,rmn,n->r", problem.share, covariance, problem.share))

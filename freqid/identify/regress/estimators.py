@@ -1,23 +1,72 @@
-"""The two estimators of a point model: least squares, and instruments with least squares beside them."""
+"""What an estimator of a point model is, how each is found by name, and the first of them: least squares."""
 
 from __future__ import annotations
 
+import pkgutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import TypedDict
 
-import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
-from freqid.core.arrays import Array
+from freqid.core.errors import UsageError, nearest
+from freqid.core.estimators import ESTIMATOR_NAMES
 from freqid.core.results.point import ErrorsInVariables
 from freqid.identify.regress.regression import LeastSquares, least_squares
-from freqid.identify.regress.two_stage import WeakInstruments, two_stage_least_squares
 
-Correct = Callable[[LeastSquares], LeastSquares]
 
-# Below this first-stage F an estimate by instruments is neither unbiased nor normal (Staiger & Stock, 1997).
-LEAST_STRENGTH = 10.0
+class _Columns(TypedDict):
+    """Keywords of `least_squares`."""
+
+    names: Sequence[str]
+    response_names: Sequence[str]
+    nuisance: NDArray
+    nuisance_names: Sequence[str]
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """What an estimator is given.
+
+    Attributes
+    ----------
+    x, z : ndarray, shape (p, M) and (R, M)
+        Regressors and responses on complex lines or real samples.
+    names, response_names, nuisance, nuisance_names
+        As in `least_squares`.
+    instruments : ndarray, shape (p, M), or None
+        Where the estimator needs them.
+    correct : callable
+        Gives a fit the covariance that holds, from `freqid.identify.regress.covariance_corrections`.
+    independent : float
+        Independent equations per equation, min(1, T df).
+    confidence : float
+        Level at which two estimates are said to differ.
+    """
+
+    x: NDArray
+    z: NDArray
+    names: Sequence[str]
+    response_names: Sequence[str]
+    nuisance: NDArray
+    nuisance_names: Sequence[str]
+    instruments: NDArray | None
+    correct: Callable[[LeastSquares], LeastSquares]
+    independent: float
+    confidence: float
+
+    @property
+    def columns(self) -> _Columns:
+        """Names and nuisance columns, as keywords of `least_squares`."""
+        return {
+            "names": self.names,
+            "response_names": self.response_names,
+            "nuisance": self.nuisance,
+            "nuisance_names": self.nuisance_names,
+        }
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,100 +77,60 @@ class Estimate:
     ----------
     fit : LeastSquares
     errors_in_variables : tuple of ErrorsInVariables or None, length R
-        By response; None where least squares is all there is.
+        By response; None where there is no second estimate beside it.
     """
 
     fit: LeastSquares
     errors_in_variables: tuple[ErrorsInVariables | None, ...]
 
 
-def estimate(
-    x: NDArray,
-    z: NDArray,
-    *,
-    names: Sequence[str],
-    response_names: Sequence[str],
-    nuisance: NDArray,
-    nuisance_names: Sequence[str],
-    instruments: NDArray | None,
-    correct: Correct,
-    independent: float,
-    confidence: float,
-) -> Estimate:
-    """Fit responses by least squares, or by instruments where there are some.
+@dataclass(frozen=True)
+class Estimator:
+    """One estimator; its file in this folder holds one of these as ``ESTIMATOR``.
 
-    Parameters
+    Attributes
     ----------
-    x, z : ndarray, shape (p, M) and (R, M)
-        Regressors and responses on complex lines or real samples.
-    names, response_names, nuisance, nuisance_names
-        As in `least_squares`.
-    instruments : ndarray, shape (p, M), or None
-    correct : callable
-        Gives a fit the covariance that holds, from `freqid.identify.regress.covariance_corrections`.
-    independent : float
-        Independent equations per equation, min(1, T df).
-    confidence : float
-        Level at which the two estimates are said to differ.
+    name : str
+        Among `freqid.core.estimators.ESTIMATOR_NAMES`.
+    label : str
+        What reports call it.
+    fit : callable
+        ``fit(regression) -> Estimate``; errors as `least_squares`.
+    needs_instruments : bool
+        Whether it needs the regressors as the injected signals alone would have made them.
+    """
+
+    name: str
+    label: str
+    fit: Callable[[Regression], Estimate]
+    needs_instruments: bool = False
+
+
+@cache
+def estimators() -> dict[str, Estimator]:
+    """Return the estimators of this folder by name."""
+    modules = pkgutil.iter_modules([str(Path(__file__).parent)])
+    loaded = [import_module(f"{__package__}.{module.name}") for module in modules]
+    return {module.ESTIMATOR.name: module.ESTIMATOR for module in loaded if hasattr(module, "ESTIMATOR")}
+
+
+def find_estimator(name: str) -> Estimator:
+    """Return one estimator.
 
     Raises
     ------
-    DataError
-        As `least_squares`.
-    WeakInstruments
-        Naming the regressors that the injected signals hardly move.
-
-    Notes
-    -----
-    Were the regressors free of noise, both estimates would be ``theta + Re(e D^H)`` with the same residual
-    e and their own weights D; so their difference has the covariance of weights ``D_iv - D_ls``, whatever the
-    colour of e.
+    UsageError
+        Where there is none of that name.
     """
-    named = {
-        "names": names,
-        "response_names": response_names,
-        "nuisance": nuisance,
-        "nuisance_names": nuisance_names,
-    }
-    plain = least_squares(x, z, **named)
-    if instruments is None:
-        return Estimate(correct(plain), (None,) * len(z))
-    raw, strength = two_stage_least_squares(x, z, instruments, **named)
-    strength = strength * independent
-    _refuse_weak(names, strength)
-    weights = raw.dual - plain.dual
-    difference = correct(
-        replace(
-            raw,
-            dual=weights,
-            solution_covariance=(raw.fit_error**2)[:, None, None] * np.real(weights @ weights.conj().T),
-        )
-    )
-    plain = correct(plain)
-    tail = (1.0 - confidence) / (2 * len(names))
-    critical = stdtrit(difference.degrees_of_freedom[:, len(nuisance) :], 1.0 - tail)
-    beside = tuple(
-        ErrorsInVariables(
-            estimate=plain.estimate[r],
-            std_error=plain.std_error[r],
-            difference_std_error=difference.std_error[r],
-            critical=critical[r],
-            strength=strength,
-        )
-        for r in range(len(z))
-    )
-    return Estimate(correct(raw), beside)
+    if name not in estimators():
+        raise UsageError(f"estimator '{name}' is unknown", remedy=nearest(name, ESTIMATOR_NAMES))
+    return estimators()[name]
 
 
-def _refuse_weak(names: Sequence[str], strength: Array) -> None:
-    """Name the regressors that the injected signals do not move enough."""
-    weak = [(name, f) for name, f in zip(names, strength, strict=True) if f < LEAST_STRENGTH]
-    if weak:
-        said = " and ".join(f"'{name}' (first-stage F {f:.2g})" for name, f in weak)
-        error = WeakInstruments(
-            f"the injected signals hardly move {said} apart from the other regressors, expected an F of at "
-            f"least {LEAST_STRENGTH:g}",
-            remedy="excite it more, drop it from the regressors, or use the estimator 'least-squares'",
-        )
-        error.weakest = names[int(np.argmin(strength))]
-        raise error
+def _fit(regression: Regression) -> Estimate:
+    """Fit responses by least squares, which takes regressors to be free of noise."""
+    fit = least_squares(regression.x, regression.z, **regression.columns)
+    return Estimate(regression.correct(fit), (None,) * len(regression.z))
+
+
+ESTIMATOR = Estimator("least-squares", "least squares", _fit)

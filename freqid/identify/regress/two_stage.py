@@ -7,11 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import stdtrit
 
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError
+from freqid.core.results.point import ErrorsInVariables
 from freqid.identify.regress.equations import checked_channels, real_equations
+from freqid.identify.regress.estimators import Estimate, Estimator, Regression
 from freqid.identify.regress.regression import LeastSquares, least_squares
+
+# Below this first-stage F an estimate by instruments is neither unbiased nor normal (Staiger & Stock, 1997).
+LEAST_STRENGTH = 10.0
 
 
 class WeakInstruments(DataError):
@@ -113,3 +119,66 @@ def two_stage_least_squares(
         strength = 1.0 / (np.diag(unit_covariance)[q:] * noise)
     fit = replace(fit, residual=residual, solution_covariance=variance[:, None, None] * unit_covariance[None])
     return fit, strength
+
+
+def _fit(regression: Regression) -> Estimate:
+    """Fit responses by instruments, with least squares beside them.
+
+    Raises
+    ------
+    DataError
+        As `least_squares`.
+    WeakInstruments
+        Naming the regressors that the injected signals hardly move.
+
+    Notes
+    -----
+    Were the regressors free of noise, both estimates would be ``theta + Re(e D^H)`` with the same residual
+    e and their own weights D; so their difference has the covariance of weights ``D_iv - D_ls``, whatever the
+    colour of e.
+    """
+    x, z, correct, names = regression.x, regression.z, regression.correct, regression.names
+    assert regression.instruments is not None  # the estimator says that it needs them
+    plain = least_squares(x, z, **regression.columns)
+    raw, strength = two_stage_least_squares(x, z, regression.instruments, **regression.columns)
+    strength = strength * regression.independent
+    _refuse_weak(names, strength)
+    weights = raw.dual - plain.dual
+    difference = correct(
+        replace(
+            raw,
+            dual=weights,
+            solution_covariance=(raw.fit_error**2)[:, None, None] * np.real(weights @ weights.conj().T),
+        )
+    )
+    plain = correct(plain)
+    tail = (1.0 - regression.confidence) / (2 * len(names))
+    critical = stdtrit(difference.degrees_of_freedom[:, len(regression.nuisance) :], 1.0 - tail)
+    beside = tuple(
+        ErrorsInVariables(
+            estimate=plain.estimate[r],
+            std_error=plain.std_error[r],
+            difference_std_error=difference.std_error[r],
+            critical=critical[r],
+            strength=strength,
+        )
+        for r in range(len(z))
+    )
+    return Estimate(correct(raw), beside)
+
+
+def _refuse_weak(names: Sequence[str], strength: Array) -> None:
+    """Name the regressors that the injected signals do not move enough."""
+    weak = [(name, f) for name, f in zip(names, strength, strict=True) if f < LEAST_STRENGTH]
+    if weak:
+        said = " and ".join(f"'{name}' (first-stage F {f:.2g})" for name, f in weak)
+        error = WeakInstruments(
+            f"the injected signals hardly move {said} apart from the other regressors, expected an F of at "
+            f"least {LEAST_STRENGTH:g}",
+            remedy="excite it more, drop it from the regressors, or use the estimator 'least-squares'",
+        )
+        error.weakest = names[int(np.argmin(strength))]
+        raise error
+
+
+ESTIMATOR = Estimator("instruments", "instruments, least squares beside it", _fit, needs_instruments=True)

@@ -16,14 +16,16 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.estimators import EstimatorName
 from freqid.core.excitation import Excitation
 from freqid.core.identification import Identification, factors_of
 from freqid.core.record import Maneuver
 from freqid.core.results.point import PointModel, ResponseModel, per
 from freqid.core.scenario import Reference
 from freqid.core.viewable import Viewable
-from freqid.identify.point import Estimator, identify_point, lines_of
+from freqid.identify.point import identify_point, lines_of
 from freqid.identify.regress.covariance_corrections import independent_share
+from freqid.identify.regress.estimators import find_estimator
 from freqid.identify.sensors.delays_loads import Changes, fit_loads, loads_unknowns
 from freqid.identify.sensors.misaligned import Misaligned, fit_motion, motion_unknowns, sensor_kind
 
@@ -201,7 +203,7 @@ def identify_aligned(
     *,
     excitation: Excitation | None = None,
     reference: Reference | None = None,
-    estimator: Estimator | None = None,
+    estimator: EstimatorName | None = None,
 ) -> tuple[PointModel, tuple[Alignment, ...]]:
     """Align manoeuvres, each by itself, and identify them as `identify_point` does.
 
@@ -237,8 +239,9 @@ def identify_aligned(
     chosen = {name: model[name].regressors for name in settings.responses}
     final = msgspec.structs.replace(settings, regressors=chosen)
     changes = [_changes(a, final, lines_hz) for a in alignments]
+    by_instruments = find_estimator(model.estimator).needs_instruments
     by = {
-        name: _sensitivity(changes, model[name], row, by_instruments=model.estimator == "instruments")
+        name: _sensitivity(changes, model[name], row, by_instruments=by_instruments)
         for row, name in enumerate(settings.responses)
     }
     responses = {

@@ -13,7 +13,7 @@ from freqid.core.record import FlightRecord, parse_span
 from freqid.core.results.point import ErrorsInVariables, Fit, PointModel, ResponseModel, per
 from freqid.core.scenario import Gates
 from freqid.identify.model.problem import numbered
-from freqid.identify.regress.estimators import LEAST_STRENGTH
+from freqid.identify.regress.two_stage import LEAST_STRENGTH
 from freqid.report.kit import figures, notation
 from freqid.report.kit.notation import (
     NONE,

@@ -8,7 +8,7 @@ from markupsafe import Markup
 from freqid.core.results.point import PointModel, ResponseModel, missed_gates
 from freqid.core.scenario import Gates
 from freqid.identify.model.selection import DISTORTED
-from freqid.identify.regress.estimators import LEAST_STRENGTH
+from freqid.identify.regress.two_stage import LEAST_STRENGTH
 from freqid.report.kit.findings import Finding, code, finding, listed
 from freqid.report.kit.notation import number, share, symbol
 from freqid.report.point.sensor_tables import sensor_findings

@@ -11,13 +11,13 @@ from freqid import __version__
 from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults
 from freqid.core.scenario import Reference
 from freqid.design.multisine.signals import sample, samples_per_period
+from freqid.identify.regress.estimators import find_estimator
 from freqid.report.design import figures as design_figures
 from freqid.report.design.signal_pictures import signal_pictures
 from freqid.report.kit.effectors import groups_of
 from freqid.report.kit.notation import NONE, exact, number, percent, pretty_unit, share, short, symbol
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.kit.rendering import render
-from freqid.report.point.tables import ESTIMATOR
 from freqid.report.point.verdict import reaches_ceiling
 from freqid.report.study.corridor import error_pictures, parameter_pictures, remaining_pictures
 from freqid.report.study.pictures import (
@@ -45,7 +45,7 @@ def facts(results: StudyResults) -> list[tuple[str, str]]:
     told = [
         ("Vehicle", results.vehicle.name),
         ("Sensors", f"{results.sensors}, {short(results.noise)} × their noise"),
-        ("Estimator", ESTIMATOR.get(results.estimator, results.estimator)),
+        ("Estimator", find_estimator(results.estimator).label),
         ("Conditions", f"{len(references)}{f', {held} held out of the global model' if held else ''}"),
     ]
     if speeds:

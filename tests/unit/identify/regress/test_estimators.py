@@ -5,17 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from freqid.core.errors import UsageError
+from freqid.core.estimators import ESTIMATOR_NAMES
 from freqid.identify.regress.covariance_corrections import correct_coloured_lines, correct_line_spacing
-from freqid.identify.regress.estimators import estimate
+from freqid.identify.regress.estimators import Regression, estimators, find_estimator
 from freqid.identify.regress.two_stage import WeakInstruments
 
 LINES = np.arange(3, 63) / 30.0
 
 
 def fitted(x, z, instruments, correct=correct_coloured_lines):
-    return estimate(
-        x,
-        z,
+    regression = Regression(
+        x=x,
+        z=z,
         names=["u", "w", "q"],
         response_names=[f"response {r}" for r in range(len(z))],
         nuisance=np.empty((0, x.shape[1])),
@@ -25,6 +27,7 @@ def fitted(x, z, instruments, correct=correct_coloured_lines):
         independent=1.0,
         confidence=0.95,
     )
+    return find_estimator("least-squares" if instruments is None else "instruments").fit(regression)
 
 
 def complex_normal(rng, *shape):
@@ -79,3 +82,10 @@ def test_without_instruments_there_is_nothing_beside():
     rng = np.random.default_rng(3)
     found = fitted(complex_normal(rng, 3, 60), complex_normal(rng, 2, 60), None)
     assert found.errors_in_variables == (None, None)
+
+
+def test_every_name_that_a_scenario_may_write_is_an_estimator():
+    assert set(estimators()) == set(ESTIMATOR_NAMES)
+    assert [n for n, e in estimators().items() if e.needs_instruments] == ["instruments"]
+    with pytest.raises(UsageError, match=r"estimator 'instrument' is unknown; did you mean 'instruments'"):
+        find_estimator("instrument")

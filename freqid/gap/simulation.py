@@ -24,6 +24,10 @@ Result = TypeVar("Result")
 _THREAD_SAFE = ("scenario",)  # kinds whose methods change nothing that another thread reads
 
 
+LARGEST_SIGMA = 1e3
+"""Of a tolerance: beyond this it is a slip of a unit."""
+
+
 @dataclass(frozen=True)
 class Tolerance:
     """How far one of a simulation's own parameters may be from its nominal value.

@@ -164,7 +164,7 @@ def assert_one_sentence(err, model):
         ("sigma_nan", 3, "has sigma nan, expected"),
         ("sigma_words", 3, "has sigma '5 %', expected"),
         ("sigma_alone", 3, "tolerance 'lift_slope' is 0.1, expected a pair"),
-        ("sigma_huge", 3, "tolerance 'lift_slope' is 1e+12, a share of more than all"),
+        ("sigma_huge", 3, "tolerance 'lift_slope' has sigma 1e+12, expected at most 1000"),
         ("responses_words", 3, "responses is 'M', expected a tuple of names"),
         ("effects_words", 3, "effects is 'extra_drag', expected settings by effect"),
         ("not_a_function", 2, "it defines no function 'not_a_function'"),

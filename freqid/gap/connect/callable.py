@@ -20,7 +20,7 @@ from freqid.core.scenario import read_scenario
 from freqid.core.vehicle import Vehicle
 from freqid.gap.connect import answers
 from freqid.gap.connect.differences import central
-from freqid.gap.simulation import Departures, Settings, Tolerance, checked_departures
+from freqid.gap.simulation import LARGEST_SIGMA, Departures, Settings, Tolerance, checked_departures
 from freqid.identify.loads.explanatory import history
 
 _AIR = ("V", "alpha", "beta", "qbar")  # computed where the record does not have them
@@ -211,11 +211,13 @@ def _tolerances(function: Callable[..., Any], effects: Settings, where: str) -> 
                 where=where,
                 remedy="leave out what is known exactly, or give one standard deviation",
             )
-        if tolerances[name].unit == "1" and tolerances[name].sigma > 1:
+        # a number without unit may be a share or a derivative of a coefficient, which can be tens
+        sigma = tolerances[name].sigma
+        if tolerances[name].unit == "1" and sigma > LARGEST_SIGMA:
             raise DataError(
-                f"tolerance '{name}' is {tolerances[name].sigma:g}, a share of more than all",
+                f"tolerance '{name}' has sigma {sigma:g}, expected at most {LARGEST_SIGMA:g}",
                 where=where,
-                remedy="give one standard deviation as a share, 0.05 for 5 %, or its unit",
+                remedy="give one standard deviation in the parameter's own unit, or name that unit",
             )
     return tolerances
 

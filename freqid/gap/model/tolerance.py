@@ -18,7 +18,7 @@ from freqid.core.vehicle import Vehicle
 from freqid.gap.model.changes import change
 from freqid.gap.model.following import late, slope_of, slower
 from freqid.gap.model.testable import in_force_of, untestable
-from freqid.gap.simulation import Simulation
+from freqid.gap.simulation import LARGEST_SIGMA, Simulation
 from freqid.gap.stack.block import Block
 from freqid.gap.stack.histories import Histories
 from freqid.gap.stack.trial import Trial
@@ -75,7 +75,6 @@ EACH_FLIGHT: dict[str, float] = {
 """One sigma of offsets that are another in each record, and of the air's own motion on a calm day."""
 
 _PULSE_S = 0.2  # s: the pulse of a command's own size that stands for an unknown rate at the start
-_MOST = 1e3  # a sigma beyond this is a slip of a unit
 
 
 def stated(
@@ -120,9 +119,9 @@ def stated(
     for name, value in table.items():
         if name not in known:
             raise UsageError(f"[tolerance] has no '{name}'", remedy=nearest(name, known))
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < _MOST:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < LARGEST_SIGMA:
             raise DataError(
-                f"[tolerance] {name} is {value!r}, expected one sigma from 0 to {_MOST:g}",
+                f"[tolerance] {name} is {value!r}, expected one sigma from 0 to {LARGEST_SIGMA:g}",
                 remedy="give one standard deviation in the parameter's SI unit; a share for relative ones",
             )
     declared = {name: t.sigma for name, t in own.items()}

@@ -154,6 +154,12 @@ def test_words_that_name_no_simulation_are_refused(tmp_path, function, record):
         connect()
 
 
+def test_a_derivative_of_a_coefficient_may_be_known_to_tens_only(function):
+    """CZ_qhat is a number without unit, but no share."""
+    simulation = function(GOOD + 'wrench.tolerances = {"CZ_qhat": (13.8, "1")}\n')
+    assert simulation.tolerances == {"CZ_qhat": Tolerance(13.8, "1")}
+
+
 @pytest.mark.parametrize(
     ("stated", "words"),
     [

@@ -134,3 +134,9 @@ def _fit(regression: Regression) -> Estimate:
 
 
 ESTIMATOR = Estimator("least-squares", "least squares", _fit)
+
+
+def label_of(name: str) -> str:
+    """Return what reports call an estimator; its name where a result is from one that is not here."""
+    known = estimators().get(name)
+    return known.label if known else name

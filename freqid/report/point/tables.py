@@ -13,7 +13,7 @@ from freqid.core.channels import KNOWN
 from freqid.core.record import FlightRecord
 from freqid.core.results.point import Fit, PointModel, ResponseModel, per
 from freqid.core.scenario import Gates
-from freqid.identify.regress.estimators import find_estimator
+from freqid.identify.regress.estimators import label_of
 from freqid.report.kit import notation
 from freqid.report.kit.notation import exact
 from freqid.report.point.verdict import HIGH_INFLATION, crosses_zero, missed_by_response
@@ -50,7 +50,7 @@ def facts(model: PointModel, record: FlightRecord | None) -> list[tuple[str, str
         ("Reference", ", ".join(condition)),
         ("Method", _METHOD.get(model.method, model.method)),
         ("Responses", f"{_FORM.get(model.form, model.form)}, {model.axes} axes"),
-        ("Estimator", find_estimator(model.estimator).label),
+        ("Estimator", label_of(model.estimator)),
         ("Duration", _duration(model)),
     ]
     if any(r.distortion is not None for r in model.responses.values()):

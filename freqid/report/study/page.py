@@ -11,7 +11,7 @@ from freqid import __version__
 from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults
 from freqid.core.scenario import Reference
 from freqid.design.multisine.signals import sample, samples_per_period
-from freqid.identify.regress.estimators import find_estimator
+from freqid.identify.regress.estimators import label_of
 from freqid.report.design import figures as design_figures
 from freqid.report.design.signal_pictures import signal_pictures
 from freqid.report.kit.effectors import groups_of
@@ -45,7 +45,7 @@ def facts(results: StudyResults) -> list[tuple[str, str]]:
     told = [
         ("Vehicle", results.vehicle.name),
         ("Sensors", f"{results.sensors}, {short(results.noise)} × their noise"),
-        ("Estimator", find_estimator(results.estimator).label),
+        ("Estimator", label_of(results.estimator)),
         ("Conditions", f"{len(references)}{f', {held} held out of the global model' if held else ''}"),
     ]
     if speeds:

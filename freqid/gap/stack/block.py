@@ -14,7 +14,7 @@ from freqid.core.record import FlightRecord, Maneuver
 from freqid.gap.simulation import Departures, Simulation
 from freqid.gap.stack.histories import Histories, Row
 from freqid.gap.stack.lines import Lines, lines_of, thinning
-from freqid.gap.stack.motion import OWN_FLIGHT, Motion, noise_free
+from freqid.gap.stack.motion import Motion, noise_free
 from freqid.gap.stack.noise import (
     Draws,
     antithetic,
@@ -184,7 +184,7 @@ def flown_again(block: Block, departures: Departures) -> Block:
 
 
 def _trial(simulation: Simulation, motion: Motion) -> Trial:
-    return Trial.of(simulation, motion.maneuver, carries=motion.source != OWN_FLIGHT)
+    return Trial.of(simulation, motion.maneuver)
 
 
 def _thin(trial: Trial, lines: Lines) -> Trial:

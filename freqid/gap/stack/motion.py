@@ -24,6 +24,7 @@ from freqid.core.identification import Identification
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.gap.simulation import Departures, Simulation
 from freqid.gap.stack.lines import Lines
+from freqid.gap.stack.missed_motion import with_missed
 from freqid.gap.stack.rows import angle_rates, gravity_of, sensor_lever
 from freqid.gap.stack.sensor_noise import sensor_noise
 from freqid.identify.instruments.driven import driven_maneuvers
@@ -102,6 +103,7 @@ def noise_free(
         response, part = _fitted_response(record)
         if response:
             found.append(("fitted response, in part smoothed" if part else "fitted response", response))
+    found = [(name, with_missed(record, x, lines)) for name, x in found]
     ranked = sorted(((_missed(record, x), name, x) for name, x in found), key=lambda one: one[0])
     flown = any(name == OWN_FLIGHT for name, _ in found)
     if not ranked or ranked[0][0] > _UNLIKE:

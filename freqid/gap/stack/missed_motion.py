@@ -1,0 +1,118 @@
+"""What a model's flight misses of a recorded one, on the lines of the injected signals.
+
+A simulation flies a few per cent off the record: its mass, its delays and whatever it lacks see to that. Every
+column that is computed on its motion is off by as much. What it misses is a small share of what it has, and
+that share changes slowly with frequency: so it takes few numbers, and these hold little of the noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.polynomial.chebyshev import chebvander
+from numpy.typing import NDArray
+
+from freqid.core.arrays import Array, Complex
+from freqid.core.record import FlightRecord
+from freqid.gap.stack.lines import Lines
+
+_ANGLES = ("state/phi", "state/psi")  # that may turn all the way round
+_SHARE_ORDER = 3  # highest polynomial, in frequency, of the share that is missed
+_RESPONSE_ORDER = 4  # ... in its logarithm, of a response that the model does not have
+_SPREADS = (0.0, *np.geomspace(0.1, 1e3, 9).tolist())  # of either, in the noise's size
+
+
+def with_missed(record: FlightRecord, own: Mapping[str, Array], lines: Lines) -> dict[str, Array]:
+    """Return channels with what they miss of a record.
+
+    On the lines of one injected signal e a channel of the record is ``(1 + a) x + b e``, with x the model's,
+    a and b complex polynomials in frequency: b is what couples there and not in the model. Their prior
+    spreads and the noise are three numbers for each channel, those of largest evidence (D. J. C. MacKay,
+    Bayesian interpolation, Neural Computation 4, 1992); where nothing but noise is missed the spreads are
+    zero. Below the slowest line that is driven there is only what a start out of trim leaves: as much of that
+    is taken as stands out of the noise.
+
+    Parameters
+    ----------
+    record : FlightRecord
+    own : dict of ndarray, shape (sample,)
+        The model's, by channel.
+    lines : Lines
+
+    Returns
+    -------
+    dict of ndarray, shape (sample,)
+    """
+    names = [n for n in own if n in record]
+    if not names or not lines.driven.any():
+        return dict(own)
+    modelled = np.array([own[n] for n in names])
+    measured = np.array([np.unwrap(record[n]) if n in _ANGLES else record[n] for n in names])
+    x, y = lines.spectrum(modelled), lines.spectrum(measured - modelled)
+    injected = lines.spectrum(record.matrix(f"excitation/{n}" for n in lines.inputs))
+    driven = [(j, np.flatnonzero(lines.owner == j)) for j in range(len(lines.inputs))]
+    driven = [(at, injected[j, at]) for j, at in driven if at.size]
+    slow = np.arange(1, np.flatnonzero(lines.driven)[0])
+    missed = np.zeros_like(y)
+    for i in range(len(names)):
+        missed[i], noise = _missed(lines.hz, x[i], y[i], driven)
+        power = np.abs(y[i, slow]) ** 2
+        missed[i, slow] = y[i, slow] * np.maximum(1 - noise / np.maximum(power, 1e-300), 0.0)
+    wave = np.exp(2j * np.pi * lines.hz[:, None] * (lines.dt * np.arange(record.time.size)))
+    found = modelled + 2 / np.sqrt(lines.duration) * (missed @ wave).real
+    return dict(own) | dict(zip(names, found, strict=True))
+
+
+def _missed(
+    hz: Array, x: Complex, y: Complex, driven: list[tuple[NDArray[np.intp], Complex]]
+) -> tuple[Complex, float]:
+    """Return the part of y, shape (line,), that changes slowly with frequency, and the power of the rest."""
+    size = np.sqrt(np.mean(np.concatenate([np.abs(x[at]) for at, _ in driven]) ** 2))
+    missed = np.zeros_like(y)
+    if not size or not any(y[at].any() for at, _ in driven):
+        return missed, 0.0
+    each = []
+    for at, sent in driven:
+        share = _real(x[at, None] / size * _polynomials(hz[at], _SHARE_ORDER))
+        sent = sent / np.sqrt(np.mean(np.abs(sent) ** 2))
+        response = _real(sent[:, None] * _polynomials(np.log(hz[at]), _RESPONSE_ORDER))
+        each.append((share @ share.T, response @ response.T, np.concatenate([y[at].real, y[at].imag])))
+    number = sum(z.size for *_, z in each)
+
+    def weighed(spreads: tuple[int, int]) -> tuple[float, float]:
+        """Return the log evidence, and the variance of the noise that is likeliest."""
+        a, b = (_SPREADS[k] ** 2 for k in spreads)
+        energy = half = 0.0
+        for share, response, z in each:
+            lower = np.linalg.cholesky(np.eye(z.size) + a * share + b * response)
+            energy += float((np.linalg.solve(lower, z) ** 2).sum())
+            half += float(np.log(np.diag(lower)).sum())
+        return -0.5 * number * np.log(energy) - half, energy / number
+
+    best, found = (0, 0), {(0, 0): weighed((0, 0))}
+    while True:  # one spread after the other, until neither changes
+        before = best
+        for k in (0, 1):
+            asked = [(i, best[1]) if k == 0 else (best[0], i) for i in range(len(_SPREADS))]
+            found |= {s: weighed(s) for s in asked if s not in found}
+            best = max(asked, key=lambda s: found[s][0])
+        if best == before:
+            break
+    a, b = (_SPREADS[k] ** 2 for k in best)
+    for (at, _), (share, response, z) in zip(driven, each, strict=True):
+        known = a * share + b * response
+        fitted = known @ np.linalg.solve(np.eye(z.size) + known, z)
+        missed[at] = fitted[: at.size] + 1j * fitted[at.size :]
+    return missed, 2 * found[best][1]
+
+
+def _polynomials(place: Array, order: int) -> Array:
+    """Return Chebyshev polynomials over the range of places, shape (place, order + 1), higher ones smaller."""
+    inside = (place - place.min()) / max(np.ptp(place), 1e-12) * 2 - 1
+    return chebvander(inside, order) / (1 + np.arange(order + 1))
+
+
+def _real(columns: Complex) -> Array:
+    """Return complex columns, shape (line, column), for real and imaginary weights of each."""
+    return np.block([[columns.real, -columns.imag], [columns.imag, columns.real]])

@@ -1,8 +1,8 @@
 """What a model's flight misses of a recorded one, on the lines of the injected signals.
 
-A simulation flies a few per cent off the record: its mass, its delays and whatever it lacks see to that. Every
-column that is computed on its motion is off by as much. What it misses is a small share of what it has, and
-that share changes slowly with frequency: so it takes few numbers, and these hold little of the noise.
+A simulation flies a few per cent off the record: its mass, its delays and whatever it lacks see to that.
+Every column that is computed on its motion is off by as much. What it misses is a small share of what it has,
+and that share changes slowly with frequency: so it takes few numbers, and these hold little of the noise.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def _missed(
 
 
 def _polynomials(place: Array, order: int) -> Array:
-    """Return Chebyshev polynomials over the range of places, shape (place, order + 1), higher ones smaller."""
+    """Return Chebyshev polynomials over all places, shape (place, order + 1), higher ones smaller."""
     inside = (place - place.min()) / max(np.ptp(place), 1e-12) * 2 - 1
     return chebvander(inside, order) / (1 + np.arange(order + 1))
 

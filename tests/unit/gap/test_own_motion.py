@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from linear_flight import Linear, Truth, fly, motion
+from linear_flight import SIGMA, Linear, Truth, fly, motion
 
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.gap.stack.lines import lines_of
@@ -49,7 +49,8 @@ def test_its_own_flight_is_used_where_it_returns_effector_positions(moved):
         own = motion(Truth(), 20.0, 20.0, 0)["effector/d1"]
         apart = found.maneuver.record["effector/d1"] - own
         time = flight.record.time
-        assert np.abs(apart - np.polyval(np.polyfit(time, apart, 1), time)).max() < 1e-9  # but for a line
+        apart -= np.polyval(np.polyfit(time, apart, 1), time)
+        assert np.abs(apart).max() < 0.1 * SIGMA["effector/d1"]  # but for a line, and what it seems to miss
 
 
 def test_without_feedback_measured_positions_stand_in():

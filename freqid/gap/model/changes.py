@@ -61,8 +61,7 @@ def change(
     if route == "distort" and effect.distort is not None:
         if not trial.carries:
             return trial.on(effect.distort(values, record), first_order=first_order) - trial.residual
-        back = {n: effect.inverse(x) if x else x for n, x in values.items()}
-        return trial.residual - trial.on(effect.distort(back, record), first_order=first_order)
+        return trial.residual - trial.on(_taken_back(effect, values, record), first_order=first_order)
     if route == "load" and effect.load is not None:
         return _loaded(trial, _carried(effect, values, trial))
     if route == "replay" and effect.replay is not None:
@@ -114,7 +113,8 @@ def beside(effects: Sequence[tuple[Effect, Mapping[str, float]]], trial: Trial) 
 
     Those between command and airframe follow one another: a delay and a lag together are not the sum of what
     each does alone, and a servo that is a little slower is so before the delay. All other effects add up:
-    these leave the trial as it is.
+    these leave the trial as it is. What sensors do is taken back where the motion carries it: all others act
+    on the motion that was flown.
 
     Parameters
     ----------
@@ -129,7 +129,15 @@ def beside(effects: Sequence[tuple[Effect, Mapping[str, float]]], trial: Trial) 
         if at and hook is not None:
             act = _acting(hook, values, dt, kinds)
             trial = trial.acted_on(act) if at == "positions" else trial.felt_through(act)
+        elif route_of(effect, trial.simulation) == "distort" and trial.carries:
+            trial = trial.flown_as(_taken_back(effect, values, trial.maneuver.record))
     return trial
+
+
+def _taken_back(effect: Effect, values: Mapping[str, float], record: FlightRecord) -> FlightRecord:
+    """Return a record without what an effect of sensors made of it."""
+    assert effect.distort is not None
+    return effect.distort({n: effect.inverse(x) if x else x for n, x in values.items()}, record)
 
 
 def _acting(hook: Callable, values: Mapping[str, float], dt: float, kinds: dict[str, str]) -> Act:

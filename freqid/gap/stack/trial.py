@@ -132,6 +132,14 @@ class Trial:
         new.__dict__["gradient"] = self.gradient
         return new
 
+    def flown_as(self, record: FlightRecord) -> Trial:
+        """Return the trial on other motion, where the simulation can be asked again; else itself."""
+        if self.simulation.kind not in _QUICK:
+            return self
+        flown = replace(self.maneuver, record=record)
+        measured, predicted = self.measured_on(flown), self.simulation.predict(record)
+        return replace(self, maneuver=flown, measured=measured, predicted=predicted)
+
     def displaced(self, moved: Mapping[str, Array]) -> dict[str, Array]:
         """Return what becomes of displacements of the simulation's own positions by what acts on these."""
         if self.bare is None:

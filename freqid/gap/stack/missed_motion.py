@@ -30,8 +30,8 @@ def with_missed(record: FlightRecord, own: Mapping[str, Array], lines: Lines) ->
     a and b complex polynomials in frequency: b is what couples there and not in the model. Their prior
     spreads and the noise are three numbers for each channel, those of largest evidence (D. J. C. MacKay,
     Bayesian interpolation, Neural Computation 4, 1992); where nothing but noise is missed the spreads are
-    zero. Below the slowest line that is driven there is only what a start out of trim leaves: as much of that
-    is taken as stands out of the noise.
+    zero. Each line is corrected by what the others say. Below the slowest line that is driven there is only
+    what a start out of trim leaves: as much of that is taken as stands out of the noise.
 
     Parameters
     ----------
@@ -102,9 +102,30 @@ def _missed(
     a, b = (_SPREADS[k] ** 2 for k in best)
     for (at, _), (share, response, z) in zip(driven, each, strict=True):
         known = a * share + b * response
-        fitted = known @ np.linalg.solve(np.eye(z.size) + known, z)
+        hat = known @ np.linalg.inv(np.eye(z.size) + known)
+        fitted = _by_the_others(hat, z)
         missed[at] = fitted[: at.size] + 1j * fitted[at.size :]
     return missed, 2 * found[best][1]
+
+
+def _by_the_others(hat: Array, z: Array) -> Array:
+    """Return what all other lines say of each, shape (number,): the real parts, then the imaginary ones.
+
+    The noise of a line is in the residual too. Motion that held any of it would be alike to the residual, and
+    most so in what multiplies accelerations: mass and inertia.
+
+    Parameters
+    ----------
+    hat : ndarray, shape (number, number)
+        Linear smoother.
+    z : ndarray, shape (number,)
+    """
+    half = z.size // 2
+    pairs = np.arange(half)[:, None] + [0, half]  # of each line
+    own = hat[pairs[:, :, None], pairs[:, None, :]]
+    y, fitted = z[pairs], (hat @ z)[pairs]
+    left = np.linalg.solve(np.eye(2) - own, (fitted - (own @ y[:, :, None])[:, :, 0])[:, :, None])[:, :, 0]
+    return np.concatenate([left[:, 0], left[:, 1]])
 
 
 def _polynomials(place: Array, order: int) -> Array:

@@ -89,11 +89,19 @@ def test_a_momentum_is_differentiated_with_its_end_values(lines):
 
 
 def test_noise_of_end_values_is_as_large_as_is_said(lines):
-    """Straight off two samples it would be one; the parabolas of 0.4 s leave less than two thirds."""
+    """Straight off two samples it would be one."""
     noise = np.random.default_rng(4).standard_normal((4000, lines.samples))
     for ends in lines.end_values(noise):
         assert ends.std() == pytest.approx(lines.end_gain, rel=0.05)
-    assert lines.end_gain < 0.66
+    assert lines.end_gain < 0.92
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.8, 1.6, 2.4])
+def test_the_fastest_motion_that_is_compared_has_its_end_values_to_a_hundredth(lines, phase):
+    wave = np.cos(2 * np.pi * 2.0 * DT * np.arange(lines.samples) + phase)
+    first, last = lines.end_values(wave[None])
+    assert first[0] == pytest.approx(wave[0], abs=0.01)
+    assert last[0] == pytest.approx(wave[-1], abs=0.01)
 
 
 def test_a_derivative_is_the_transform_of_the_differentiated_history(lines):

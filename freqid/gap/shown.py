@@ -98,7 +98,7 @@ def _of_tolerances(fit: Fit, sigmas: Complex) -> Complex:
 
 
 def _histories(block: Block, change: Complex, held_out: bool) -> BeforeAfter:
-    simulated = block.transform(block.trial.simulated)
+    simulated = block.transform(block.trial.nominal.simulated)
     measured, after = simulated + block.residual, simulated + change
     top = block.lines.hz[-1] * block.lines.duration
     time = np.linspace(0.0, block.lines.duration, int(np.clip(_A_CYCLE * top, 100, _MOST)))

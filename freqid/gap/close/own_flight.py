@@ -81,7 +81,7 @@ class OwnFlight:
         CannotFly
             Where it does not fly, nothing was injected, or no loop can be made of the flight.
         """
-        simulation = block.trial.simulation
+        simulation = block.trial.nominal.simulation
         if not simulation.can_fly:
             raise CannotFly("the simulation does not fly by itself")
         driven = np.flatnonzero(block.lines.driven)
@@ -187,7 +187,7 @@ def _spectra(record: FlightRecord, states: Sequence[str], lines: Lines) -> Compl
 
 def _loop(block: Block, own: Maneuver, effectors: Sequence[str], driven: NDArray[np.intp]) -> Loop:
     """Return the simulation's loop: its own loads and actuators, and the law that the records tell."""
-    trial, lines = block.trial, block.lines
+    trial, lines = block.trial.nominal, block.lines
     records = [m.record for m in block.maneuvers]
     moved = [n if n in trial.positions else "" for n in effectors]
     sent = [f"command/{n}" if p else f"effector/{n}" for n, p in zip(effectors, moved, strict=True)]

@@ -69,7 +69,7 @@ def straightened(
         Of all tolerances, in sigmas.
     """
     at = [k for k, name in enumerate(names) if name in departures]
-    whole = block.transform(block.trial.departed(departures))
+    whole = block.transform(block.trial.nominal.departed(departures))
     straight = np.tensordot(fitted[at], columns.sigmas[at], 1)
     return columns.with_residual(block.white(block.residual - (whole - straight)))
 

@@ -11,6 +11,7 @@ import numpy as np
 from freqid.core.arrays import Array, Complex
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord, Maneuver
+from freqid.gap.departed import Departed
 from freqid.gap.simulation import Departures, Simulation
 from freqid.gap.stack.histories import Histories, Row
 from freqid.gap.stack.lines import Lines, lines_of, thinning
@@ -176,11 +177,17 @@ def stack_of(
 def flown_again(block: Block, departures: Departures) -> Block:
     """Return a block on the motion that a simulation with departures of its own parameters flies.
 
-    What was measured stays as it is, and so does its noise.
+    What was measured stays as it is, and so does its noise. Changes are asked of the simulation with these
+    departures.
     """
-    simulation = block.trial.simulation
+    simulation = block.trial.nominal.simulation
     motion = noise_free(simulation, _mean_of(block.maneuvers), block.lines, departures)
-    return replace(block, motion=motion, trial=_thin(_trial(simulation, motion), block.lines))
+    trial = _trial(_departed(simulation, departures), motion)
+    return replace(block, motion=motion, trial=_thin(trial, block.lines))
+
+
+def _departed(simulation: Simulation, departures: Departures | None) -> Simulation:
+    return Departed(simulation, departures) if departures else simulation
 
 
 def _trial(simulation: Simulation, motion: Motion) -> Trial:
@@ -250,7 +257,7 @@ def _block(
         tuple(maneuvers),
         lines,
         motion,
-        _thin(trial, lines),
+        _thin(_trial(_departed(simulation, departures), motion) if departures else trial, lines),
         sigma,
         draws,
         unbiased,

@@ -10,6 +10,7 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.record import FlightRecord, Maneuver
+from freqid.gap.departed import Departed
 from freqid.gap.simulation import Departures, Settings, Simulation
 from freqid.gap.stack.histories import Histories
 from freqid.gap.stack.rows import measured_part
@@ -158,6 +159,16 @@ class Trial:
         """Derivatives of the responses, shape (response, input, sample); not all that is asked needs them."""
         return self.simulation.gradient(self.maneuver.record, self.inputs)
 
+    @cached_property
+    def nominal(self) -> Trial:
+        """The same on the simulation's nominal parameters."""
+        if not isinstance(self.simulation, Departed):
+            return self
+        own = replace(self, simulation=self.simulation.nominal)
+        return replace(
+            own, predicted=own.simulation.predict(self.maneuver.record), positions=own.positions_with()
+        )
+
     @property
     def actuators(self) -> tuple[str, ...]:
         """Effectors whose positions the simulation predicts."""
@@ -242,7 +253,7 @@ class Trial:
         return sum((self.gradient[:, j] * x for j, x in known), np.zeros_like(self.predicted))
 
     def departed(self, departures: Departures) -> Histories:
-        """Return the change of the residual where parameters of the truth depart from the simulation's."""
+        """Return the change of the residual where the truth's parameters depart further than these do."""
         record, simulation = self.maneuver.record, self.simulation
         after = simulation.predict(record, departures=departures)
         own = simulation.tolerances

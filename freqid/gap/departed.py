@@ -1,0 +1,66 @@
+"""A simulation with its own parameters where they are likeliest, not where they are nominal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from freqid.core.arrays import Array
+from freqid.core.record import FlightRecord
+from freqid.gap.connect.differences import central
+from freqid.gap.simulation import Departures, Settings, Simulation
+
+_BY_DIFFERENCES = ("callable", "fmu")
+"""Kinds whose derivatives are differences of what they predict."""
+
+
+@dataclass(frozen=True, eq=False)
+class Departed:
+    """A simulation about other values of its own parameters.
+
+    What an offset of a rotor's speed makes depends on the rotor's thrust. So columns are made about the
+    likeliest parameters: about nominal ones, what an offset and a tolerance make together is in no column.
+
+    Attributes
+    ----------
+    nominal : Simulation
+    departures : dict of float
+        Of its own parameters from nominal; what is asked for beside them adds up.
+    """
+
+    nominal: Simulation
+    departures: Departures
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.nominal, name)
+
+    def _at(self, departures: Departures | None) -> dict[str, float]:
+        added = dict(self.departures)
+        for name, x in (departures or {}).items():
+            added[name] = added.get(name, 0.0) + x
+        return added
+
+    def predict(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> Array:
+        """Return the responses; see `Simulation.predict`."""
+        return self.nominal.predict(record, effects, self._at(departures))
+
+    def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
+        """Return the derivatives of the responses; those of the nominal one where it has its own."""
+        if self.nominal.kind in _BY_DIFFERENCES:
+            return central(self.predict, record, inputs)
+        return self.nominal.gradient(record, inputs)
+
+    def positions(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> dict[str, Array]:
+        """Return the positions of its actuators; see `Simulation.positions`."""
+        return self.nominal.positions(record, effects, self._at(departures))
+
+    def fly(
+        self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
+    ) -> dict[str, Array] | None:
+        """Return its own flight; see `Simulation.fly`."""
+        return self.nominal.fly(record, effects, self._at(departures))

@@ -30,12 +30,6 @@ Chosen, not measured: below one, because a simulation whose other rows are exact
 one; not so far below that a row cannot differ, for a simulation may be good in lift and poor in drag.
 """
 
-EFFECT_FORM = 0.1
-"""Error of form of an effect that is taken to act: share of what its formula says of each row.
-
-Chosen, not measured: formulas of backlash, stall or bending are seldom right to better than a tenth.
-"""
-
 ACTUATOR_FORM_ERRORS = (0.0, 0.003, 0.02)
 """Sizes of the actuators' error of form where two simulations are compared: share of their movement.
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.gap.infer.build import columns_of, starts_of
+from freqid.gap.infer.build import columns_of
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.explain import Explanation
-from freqid.gap.infer.joint_replay import acted_on, settings_of, weights_of, with_effect_form
+from freqid.gap.infer.joint_replay import acted_on, settings_of, weights_of
 from freqid.gap.infer.linearise import likeliest_departures, straightened
 from freqid.gap.infer.system import Form, System
 from freqid.gap.model.candidates import Candidate, recomputed
@@ -107,10 +107,9 @@ def closing_of(
             columns_of(b, i, few, system.tolerances, library, tolerances, rows, forms)
             for b, i in zip(flown, at, strict=True)
         ]
-        weights = weights_of(system, explanation)
-        departures, fitted = likeliest_departures(system, used, tolerances, form_error, weights)
-        acts = [(c, weights[system.columns_of(i)]) for c, i in zip(few, explanation.places, strict=True)]
-        made = [(with_effect_form(c, b, i, acts), b) for (c, b), i in zip(made, at, strict=True)]
+        departures, fitted = likeliest_departures(
+            system, used, tolerances, form_error, weights_of(system, explanation)
+        )
         parts += [straightened(c, b, system.tolerances, departures, fitted) for c, b in made]
         held_out = [replace(b, trial=own.trial) for (_, b), own in zip(made, held_out, strict=True)]
     blocks = [*used, *held_out]
@@ -131,7 +130,8 @@ def closing_of(
 
 
 def _system(few: list[Candidate], like: System, parts: Sequence[Columns]) -> System:
-    return System(few, starts_of(few), like.tolerances, [c.matrices for c in parts], like.form_errors)
+    start = np.concatenate([[0], np.cumsum([c.sizes.size for c in few])]).astype(int)
+    return System(few, start, like.tolerances, [c.matrices for c in parts], like.form_errors)
 
 
 def _only(columns: Columns, numbers: NDArray[np.bool_]) -> Columns:
@@ -141,7 +141,6 @@ def _only(columns: Columns, numbers: NDArray[np.bool_]) -> Columns:
         effects=c.effects[:, numbers],
         tolerances=c.tolerances[:, numbers],
         own=c.own[:, numbers],
-        effect_form=None if c.effect_form is None else c.effect_form[:, numbers],
         form=c.form[:, numbers],
         residual=c.residual[numbers],
     )

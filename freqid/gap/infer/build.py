@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from freqid.core.arrays import Complex
 from freqid.gap.infer.columns import Columns, Parts
@@ -57,7 +56,7 @@ def _straight(
     """Return a system with all errors of form and straight tolerances, its columns and the blocks."""
     shared = [tolerance_columns(b, library, sizes) for b in blocks]
     names = tuple(dict.fromkeys(n for one in shared for n in one))
-    start = starts_of(found)
+    start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
     parts = [
         Parts.of(b, i, found, [shared[i].get(n) for n in names], library, sizes) for i, b in enumerate(blocks)
     ]
@@ -70,11 +69,6 @@ def _straight(
     for _ in range(ROUNDS):
         system, columns = relinearised(system, columns, known, sizes, common)
     return system, columns, known
-
-
-def starts_of(found: Sequence[Candidate]) -> NDArray[np.intp]:
-    """Return where each candidate's columns begin, shape (candidate + 1,)."""
-    return np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
 
 
 def columns_of(
@@ -147,6 +141,7 @@ def rebuilt(
     tolerances : sequence of dict of ndarray of complex, shape (row, line), optional
         By block, what one sigma makes, by name: of those that are another.
     """
+    start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in candidates])]).astype(int)
     new = []
     for b, (old, block) in enumerate(zip(columns, blocks, strict=True)):
         parts = [
@@ -161,5 +156,4 @@ def rebuilt(
             white[at] = block.white(sigmas[at])
             one = replace(one, sigmas=sigmas, tolerances=white)
         new.append(one)
-    matrices = [c.matrices for c in new]
-    return System(candidates, starts_of(candidates), system.tolerances, matrices, system.form_errors), new
+    return System(candidates, start, system.tolerances, [c.matrices for c in new], system.form_errors), new

@@ -165,8 +165,6 @@ class Columns:
         Rows that have an error of form anywhere in the stack.
     form_row : ndarray of int, shape (column,)
         Which of these each column of the form is in.
-    effect_form : ndarray, optional
-        One sigma each of the errors of form of effects that are taken to act.
     """
 
     effects: Array
@@ -177,12 +175,6 @@ class Columns:
     sigmas: Complex
     form_names: tuple[str, ...]
     form_row: NDArray[np.intp]
-    effect_form: Array | None = None
-
-    @property
-    def unknown(self) -> Array:
-        """Columns of what is unknown in this block alone, one sigma each."""
-        return self.own if self.effect_form is None else np.concatenate([self.own, self.effect_form])
 
     @cached_property
     def matrices(self) -> BlockMatrices:
@@ -191,7 +183,7 @@ class Columns:
             self.effects,
             self.tolerances,
             self.residual,
-            self.unknown,
+            self.own,
             self.form,
             self.own[:0],
             form_row=self.form_row,
@@ -212,11 +204,10 @@ class Columns:
         new, m = replace(self, residual=residual), self.matrices
         z = np.concatenate([self.effects, self.tolerances, residual[None]])
         inner, across = z @ residual, self.form @ residual
-        own = self.unknown
-        if len(own):
-            factor = cho_factor(np.eye(len(own)) + own @ own.T)
-            solved = cho_solve(factor, own @ residual)
-            inner, across = inner - z @ (own.T @ solved), across - self.form @ (own.T @ solved)
+        if len(self.own):
+            factor = cho_factor(np.eye(len(self.own)) + self.own @ self.own.T)
+            solved = cho_solve(factor, self.own @ residual)
+            inner, across = inner - z @ (self.own.T @ solved), across - self.form @ (self.own.T @ solved)
         gram, form = m.gram.copy(), m.form.copy()
         gram[-1], gram[:, -1], form[:, -1] = inner, inner, across
         new.__dict__["matrices"] = replace(m, gram=gram, form=form)

@@ -12,15 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from freqid.core.arrays import Array
-from freqid.gap.infer.build import rebuilt, starts_of
+from freqid.gap.infer.build import rebuilt
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import Estimate
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.linearise import relinearised
 from freqid.gap.infer.system import Form, System
-from freqid.gap.model.candidates import Candidate
 from freqid.gap.model.changes import beside
-from freqid.gap.model.form import effect_columns
 from freqid.gap.model.refine import refined
 from freqid.gap.model.testable import in_force_of
 from freqid.gap.model.tolerance import tolerance_columns
@@ -101,34 +99,11 @@ def about_explanation(
             new[i] = refined(new[i], float(e.size[0]), library, blocks, acting)
     flown = acted_on(blocks, acting, library)
     alone = len(explanation.places) == 1 and flown[0] is blocks[0]
-    known = columns[0].effect_form is not None
-    if alone and known and all(a is b for a, b in zip(new, system.candidates, strict=True)):
+    if alone and all(a is b for a, b in zip(new, system.candidates, strict=True)):
         return system, list(columns)  # tolerances are straight about it already
     anew = [tolerance_columns(b, library, sizes) for b in flown] if flown[0] is not blocks[0] else []
-    at = replace(system, candidates=new, start=starts_of(new), _reduced={})
-    weights = weights_of(at, explanation)
-    acts = [(new[i], weights[at.columns_of(i)]) for i in explanation.places]
-    columns = [with_effect_form(c, b, k, acts) for k, (c, b) in enumerate(zip(columns, blocks, strict=True))]
     system, columns = rebuilt(system, new, columns, blocks, anew)
-    return relinearised(system, columns, flown, sizes, form_error, weights)
-
-
-def with_effect_form(
-    columns: Columns, block: Block, index: int, acts: Sequence[tuple[Candidate, Array]]
-) -> Columns:
-    """Return columns that allow for errors of form of effects that are taken to act.
-
-    Parameters
-    ----------
-    columns : Columns
-    block : Block
-    index : int
-        Of the block among those that the candidates have columns for.
-    acts : sequence of (Candidate, ndarray)
-        With the weights of its columns.
-    """
-    each = [effect_columns(block, np.tensordot(w, c.columns[index], 1)) for c, w in acts]
-    return replace(columns, effect_form=block.white(np.concatenate(each)))
+    return relinearised(system, columns, flown, sizes, form_error, weights_of(system, explanation))
 
 
 def weights_of(system: System, explanation: Explanation) -> Array:

@@ -14,7 +14,7 @@ from numpy.polynomial import chebyshev
 
 from freqid.core.arrays import Complex
 from freqid.core.record import Maneuver
-from freqid.gap.settings import EFFECT_FORM, FORM_CONSTANT, FORM_ERRORS, FORM_ORDER
+from freqid.gap.settings import FORM_CONSTANT, FORM_ERRORS, FORM_ORDER
 from freqid.gap.stack.block import Block
 
 _STEP = 1e-3  # share by which a channel is scaled for its terms
@@ -95,28 +95,6 @@ def form_columns(block: Block, terms: tuple[list[int], Complex]) -> Complex:
         z[:, i] = own[:, None] * shapes * spectrum
         kept.append(z)
     return np.concatenate(kept) if kept else np.zeros((0, len(block.rows), hz.size), dtype=complex)
-
-
-def effect_columns(block: Block, change: Complex) -> Complex:
-    """Return one sigma each of an effect's error of form, shape (column, row, line).
-
-    What an effect's formula says of each row is right to `EFFECT_FORM`, however it errs with frequency: the
-    aircraft's own backlash, stall or bending is no textbook's.
-
-    Parameters
-    ----------
-    block : Block
-    change : ndarray of complex, shape (row, line)
-        That the effect makes.
-    """
-    energy = (np.abs(change) ** 2 / block.noise_power).sum(axis=1)
-    shapes = EFFECT_FORM * _shapes(block)
-    kept = []
-    for i in np.flatnonzero(EFFECT_FORM**2 * energy > _VISIBLE):
-        z = np.zeros((len(shapes), *change.shape), dtype=complex)
-        z[:, i] = shapes * change[i]
-        kept.append(z)
-    return np.concatenate(kept) if kept else np.zeros((0, *change.shape), dtype=complex)
 
 
 def _shapes(block: Block) -> Complex:

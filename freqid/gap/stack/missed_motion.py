@@ -27,11 +27,11 @@ def with_missed(record: FlightRecord, own: Mapping[str, Array], lines: Lines) ->
     """Return channels with what they miss of a record.
 
     On the lines of one injected signal e a channel of the record is ``(1 + a) x + b e``, with x the model's,
-    a and b complex polynomials in frequency: b is what couples there and not in the model. Their prior
-    spreads and the noise are three numbers for each channel, those of largest evidence (D. J. C. MacKay,
-    Bayesian interpolation, Neural Computation 4, 1992); where nothing but noise is missed the spreads are
-    zero. Each line is corrected by what the others say. Below the slowest line that is driven there is only
-    what a start out of trim leaves: as much of that is taken as stands out of the noise.
+    a and b complex polynomials in frequency: b is what couples there and not in the model. Each line is
+    corrected by what the others say, and the prior spreads of a and b are those by which the others say most
+    (PRESS: D. M. Allen, Technometrics 16, 1974); where nothing but noise is missed these are zero. Below the
+    slowest line that is driven there is only what a start out of trim leaves: as much of that is taken as
+    stands out of the noise.
 
     Parameters
     ----------
@@ -78,34 +78,32 @@ def _missed(
         sent = sent / np.sqrt(np.mean(np.abs(sent) ** 2))
         response = _real(sent[:, None] * _polynomials(np.log(hz[at]), _RESPONSE_ORDER))
         each.append((share @ share.T, response @ response.T, np.concatenate([y[at].real, y[at].imag])))
-    number = sum(z.size for *_, z in each)
 
-    def weighed(spreads: tuple[int, int]) -> tuple[float, float]:
-        """Return the log evidence, and the variance of the noise that is likeliest."""
+    def said(spreads: tuple[int, int]) -> list[Array]:
+        """Return what all other lines say of each, by injected signal."""
         a, b = (_SPREADS[k] ** 2 for k in spreads)
-        energy = half = 0.0
+        found = []
         for share, response, z in each:
-            lower = np.linalg.cholesky(np.eye(z.size) + a * share + b * response)
-            energy += float((np.linalg.solve(lower, z) ** 2).sum())
-            half += float(np.log(np.diag(lower)).sum())
-        return -0.5 * number * np.log(energy) - half, energy / number
+            known = a * share + b * response
+            found.append(_by_the_others(known @ np.linalg.inv(np.eye(z.size) + known), z))
+        return found
 
-    best, found = (0, 0), {(0, 0): weighed((0, 0))}
+    def left(spreads: tuple[int, int]) -> float:
+        """Return the energy of what is not said."""
+        return sum(float(((z - x) ** 2).sum()) for (*_, z), x in zip(each, said(spreads), strict=True))
+
+    best, known = (0, 0), {(0, 0): left((0, 0))}
     while True:  # one spread after the other, until neither changes
         before = best
         for k in (0, 1):
             asked = [(i, best[1]) if k == 0 else (best[0], i) for i in range(len(_SPREADS))]
-            found |= {s: weighed(s) for s in asked if s not in found}
-            best = max(asked, key=lambda s: found[s][0])
+            known |= {s: left(s) for s in asked if s not in known}
+            best = min(asked, key=lambda s: known[s])
         if best == before:
             break
-    a, b = (_SPREADS[k] ** 2 for k in best)
-    for (at, _), (share, response, z) in zip(driven, each, strict=True):
-        known = a * share + b * response
-        hat = known @ np.linalg.inv(np.eye(z.size) + known)
-        fitted = _by_the_others(hat, z)
-        missed[at] = fitted[: at.size] + 1j * fitted[at.size :]
-    return missed, 2 * found[best][1]
+    for (at, _), x in zip(driven, said(best), strict=True):
+        missed[at] = x[: at.size] + 1j * x[at.size :]
+    return missed, 2 * known[best] / sum(z.size for *_, z in each)
 
 
 def _by_the_others(hat: Array, z: Array) -> Array:

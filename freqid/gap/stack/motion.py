@@ -78,7 +78,7 @@ def noise_free(
 ) -> Motion:
     """Return the flight of a manoeuvre without its noise.
 
-    Of the simulation's own flight and a fitted closed loop the one that misses less of the record's rates is
+    Of the simulation's own flight with what it misses and a fitted closed loop the one that misses less of the record's rates is
     taken, whole. A simulation that cannot fly, or flies something else, leaves the fitted one.
 
     Parameters
@@ -95,7 +95,7 @@ def noise_free(
     if record.group("excitation"):
         own = own_flight(simulation, record, departures)
         if own:
-            found.append((OWN_FLIGHT, own))
+            found.append((OWN_FLIGHT, with_missed(record, own, lines)))
         loop = _fitted_loop(maneuver, lines)
         if loop:
             found.append(("fitted loop", loop))
@@ -103,7 +103,6 @@ def noise_free(
         response, part = _fitted_response(record)
         if response:
             found.append(("fitted response, in part smoothed" if part else "fitted response", response))
-    found = [(name, with_missed(record, x, lines)) for name, x in found]
     ranked = sorted(((_missed(record, x), name, x) for name, x in found), key=lambda one: one[0])
     flown = any(name == OWN_FLIGHT for name, _ in found)
     if not ranked or ranked[0][0] > _UNLIKE:

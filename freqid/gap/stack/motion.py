@@ -79,7 +79,8 @@ def noise_free(
     """Return the flight of a manoeuvre without its noise.
 
     Of the simulation's own flight with what it misses and a fitted closed loop the one that misses less of
-    the record's rates is taken, whole. A simulation that cannot fly, or flies something else, leaves the fitted one.
+    the record's rates is taken, whole. A simulation that cannot fly, or flies something else, leaves the
+    fitted one.
 
     Parameters
     ----------

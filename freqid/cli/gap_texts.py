@@ -26,9 +26,9 @@ _SOURCES = {
 
 def bookkeeping_text(verdict: str, findings: Sequence[Finding]) -> str:
     """Return what is said where a diagnosis stops at mistakes of bookkeeping."""
-    from freqid.workflows.connect import said
+    from freqid.workflows.connect import finding_line
 
-    return "\n".join([verdict, *map(said, findings)])
+    return "\n".join([verdict, *map(finding_line, findings)])
 
 
 def diagnosis_text(d: GapDiagnosis) -> str:

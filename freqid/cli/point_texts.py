@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from freqid.core.results.point import Fit, PointModel, ResponseModel, per
-from freqid.identify.model.selection import DISTORTED, F_KEPT
+from freqid.identify.model.selection import DISTORTED, F_TO_STAY
 
 
 def point_result(model: PointModel) -> dict[str, Any]:
@@ -87,7 +87,7 @@ def _chosen(account: dict[str, Any]) -> list[str]:
     lines = []
     if account.get("left_out"):
         said = ", ".join(f"{name} {f:.2g}" for name, f in account["left_out"].items())
-        lines.append(f"  left out, F below {F_KEPT:g}: {said}")
+        lines.append(f"  left out, F below {F_TO_STAY:g}: {said}")
     if "products" in account:
         level = f"residual power over noise {account['distortion']:.3g}"
         if account["products"]:

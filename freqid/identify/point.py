@@ -77,14 +77,14 @@ def _can_be_had(maneuver: Maneuver, name: str) -> bool:
     Airspeed and flow angles of a sensor off the centre of gravity need the whole velocity to get there.
     """
     record = maneuver.record
-    if f"state/{name}" in record or (f"air/{name}" in record and not _elsewhere(maneuver, name)):
+    if f"state/{name}" in record or (f"air/{name}" in record and not _off_centre(maneuver, name)):
         return True
     if name in (*VELOCITY, *FLOW):
         return _whole(record)
     return name not in _FROM_SPEED or _can_be_had(maneuver, "V")
 
 
-def _elsewhere(maneuver: Maneuver, name: str) -> bool:
+def _off_centre(maneuver: Maneuver, name: str) -> bool:
     """Tell whether a flow sensor is not at the centre of gravity."""
     if name not in FLOW:
         return False

@@ -186,7 +186,7 @@ def refuse_missed_gates(model: PointModel, scenario: Scenario, where: str) -> No
         With every figure of merit that is missed; `where` is the model's file.
     """
     missed = [
-        f"{m.figure} of {m.response} is {m.found:.5g}, the gate is {m.gate:g}"
+        f"{m.figure} of {m.response} is {m.value:.5g}, the gate is {m.gate:g}"
         for m in missed_gates(model, scenario.gates)
     ]
     if missed:

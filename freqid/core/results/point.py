@@ -286,12 +286,12 @@ class MissedGate:
     response : str
     figure : str
         ``"R2"`` or ``"condition number"``.
-    found, gate : float
+    value, gate : float
     """
 
     response: str
     figure: str
-    found: float
+    value: float
     gate: float
 
 

@@ -78,7 +78,7 @@ def _kind(name: str, unit: str) -> str:
     return "surface" if unit == "rad" else "propulsor"
 
 
-F_KEPT = 10.0
+F_TO_STAY = 10.0
 """F that a term must keep to stay: one of 24 that do nothing has it by chance in 4 % of responses."""
 DISTORTED = 1.5
 """Distortion from which a response is taken to be bent: of a linear one it is 1.1 +- 0.17 on 106 lines."""
@@ -205,7 +205,7 @@ def _keep(problem: Problem, flights: Flights, model: ResponseModel) -> Structure
         z,
         names=model.regressors,
         nuisance=nuisance,
-        f_enter=F_KEPT,
+        f_enter=F_TO_STAY,
         start="everything",
         independent_share=_share(flights),
     )
@@ -251,7 +251,7 @@ def _bend(problem: Problem, flights: Flights, model: ResponseModel, offered: _Pr
     families = [[j for j, n in enumerate(names) if factor in factors_of(n)] for factor in problem.names]
     response = equations.z[problem.settings.responses.index(model.response)] * weight
     arithmetic = RESOLVED * float(np.sum(np.abs(response) ** 2))
-    chosen = enter_families(candidates, families, F_KEPT, arithmetic)
+    chosen = enter_families(candidates, families, F_TO_STAY, arithmetic)
     f = partial_f_of_all(candidates, chosen)
     return {names[j]: _figure(f[j]) for j in sorted(chosen)}
 

@@ -91,7 +91,7 @@ class Alignment(Viewable):
         return self.estimate + _ORDER * self.std_error
 
     @property
-    def untold(self) -> tuple[str, ...]:
+    def unobservable(self) -> tuple[str, ...]:
         """Unknowns that the data hardly tell more about than was known beforehand."""
         share = self.std_error / self.plausible
         return tuple(n for n, s in zip(self.names, share, strict=True) if s > LARGEST_SHARE)
@@ -194,7 +194,7 @@ def align(
 
 
 # A parameter is named where an unknown of the alignment adds more than this many of its standard errors.
-TOLD = 2.0
+DOMINANT = 2.0
 
 
 def identify_aligned(
@@ -317,10 +317,10 @@ def _remarks(
                 open_ += [
                     f"{name} by {n} (+- {2 * a:.2g} {per(response.unit, unit)})"
                     for n, unit, a, s in rows
-                    if a > TOLD * s
+                    if a > DOMINANT * s
                 ]
             if open_:
-                what = "not told by these data" if unknown in alignment.untold else "uncertain"
+                what = "not told by these data" if unknown in alignment.unobservable else "uncertain"
                 where = f" of manoeuvre {m + 1}" if len(alignments) > 1 else ""
                 size = f"+- {2 * sigma:.2g} {alignment.units[i]}"
                 remarks.append(

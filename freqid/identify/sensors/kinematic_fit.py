@@ -159,7 +159,7 @@ FARTHEST = 3.0
 # Columns whose neighbours make up for them are kept apart from rounding by this much prior knowledge.
 FAINT = 1e-3
 HELD_STEPS = 3  # in which prior knowledge still holds the estimates
-FULL_STEPS = 12  # after which half steps end the swinging of an unknown that is hardly told
+FULL_STEPS = 12  # after which half steps end the swinging of an unknown that is hardly observable
 # Steps after which an unknown that still moves is held: the data tell it along a curve only, as the scale of
 # an airspeed that a wind would explain as well, and Gauss-Newton creeps along that.
 PATIENCE = 25
@@ -251,9 +251,9 @@ def fit_compatibility(
         columns = np.concatenate((now.residual[None], now.jacobian))
         white = whiten(now.path, problem.window, now.seen, noise, columns)
         residual, jacobian = white[0], white[1:]
-        told = _told(jacobian, active, plausible) if free else active
-        if not np.array_equal(told, active):
-            guess, active, steps = guess.back(active & ~told, problem.start), told, 0
+        observable = _observable(jacobian, active, plausible) if free else active
+        if not np.array_equal(observable, active):
+            guess, active, steps = guess.back(active & ~observable, problem.start), observable, 0
             continue
         size, away = plausible[active], (guess.values - problem.start.values)[active]
         fit = _solve(jacobian[active], residual, size, FAINT if free else 1.0, away)
@@ -268,8 +268,8 @@ def fit_compatibility(
             share[beyond & active & (np.arange(active.size) >= INITIAL)] = np.inf
             worst = blocked[0] if blocked else int(np.argmax(share))
             if share[worst] > LARGEST_SHARE:
-                untold = np.arange(active.size) == worst
-                guess, active, steps = guess.back(untold, problem.start), active & ~untold, 0
+                unobservable = np.arange(active.size) == worst
+                guess, active, steps = guess.back(unobservable, problem.start), active & ~unobservable, 0
                 continue
             if fit.largest < SETTLED:
                 break
@@ -306,16 +306,16 @@ def fit_compatibility(
     )
 
 
-def _told(jacobian: Array, active: Mask, plausible: Array) -> Mask:
-    """Return those unknowns that white residuals would tell, the worst told one left out again and again."""
-    told = active.copy()
+def _observable(jacobian: Array, active: Mask, plausible: Array) -> Mask:
+    """Return the unknowns that are observable in white residuals; the worst is left out, one at a time."""
+    observable = active.copy()
     while True:
-        size = plausible[told]
-        columns = np.concatenate((_columns(jacobian[told], size), FAINT * np.eye(size.size)))
+        size = plausible[observable]
+        columns = np.concatenate((_columns(jacobian[observable], size), FAINT * np.eye(size.size)))
         share = np.sqrt((np.linalg.inv(np.linalg.qr(columns, mode="r")) ** 2).sum(axis=1))
         if share.max() <= LARGEST_SHARE:
-            return told
-        told[np.flatnonzero(told)[np.argmax(share)]] = False
+            return observable
+        observable[np.flatnonzero(observable)[np.argmax(share)]] = False
 
 
 def _taken_up(

@@ -82,7 +82,7 @@ def build_classic_page(design: ClassicDesign, judged: Extent, plan: FlightPlan) 
 
 
 def _findings(design: ClassicDesign, rows: list[dict], plan: FlightPlan) -> list[Finding]:
-    kind, limits = tables.limits_kept(rows)
+    kind, limits = tables.judge_limits(rows)
     said = [finding(kind, "{}, {}: {}.", PLURAL[design.waveform], f"{short(design.duration_s)} s", limits)]
     for band in plan.forbidden_hz:
         share, name = power_in_band(design, band)

@@ -216,7 +216,7 @@ def motion_rows(plan: FlightPlan) -> list[dict[str, Any]]:
     return rows
 
 
-def limits_kept(rows: Sequence[Mapping[str, Any]]) -> tuple[Literal["good", "note", "bad"], Markup]:
+def judge_limits(rows: Sequence[Mapping[str, Any]]) -> tuple[Literal["good", "note", "bad"], Markup]:
     """Return kind and words of what the rows of `movements` say about limits."""
     over = [code(row["name"]) for row in rows if max(row["shares"]) > 1 + ROUNDING]
     unknown = [code(row["name"]) for row in rows if math.isnan(row["shares"][0])]
@@ -239,7 +239,7 @@ def _first(names: Sequence[Markup]) -> list[Markup]:
 def _headline(merit: Merit, rows: Sequence[Mapping[str, Any]]) -> Finding:
     low, middle, high = merit.rpf.min(), np.median(merit.rpf), merit.rpf.max()
     spread = f"{low:.3f}, {middle:.3f}, {high:.3f}"
-    kind, limits = limits_kept(rows)
+    kind, limits = judge_limits(rows)
     text = (
         "Relative peak factor {} (lowest, median, highest); largest correlation {}; condition number {}; {}."
     )

@@ -180,12 +180,12 @@ def missed_by_response(model: PointModel, gates: Gates) -> dict[str, tuple[Marku
     said: dict[str, tuple[Markup, ...]] = {}
     for miss in missed_gates(model, gates):
         if miss.figure == "R2":
-            text = Markup("R² {} where {:g} is asked").format(share(miss.found), miss.gate)
+            text = Markup("R² {} where {:g} is asked").format(share(miss.value), miss.gate)
             allowed = model[miss.response].r2_ceiling
             if allowed is not None and allowed < miss.gate:
                 text += Markup(" and noise allows {}").format(share(allowed))
         else:
-            text = Markup("{} {} where {:g} is allowed").format(miss.figure, number(miss.found), miss.gate)
+            text = Markup("{} {} where {:g} is allowed").format(miss.figure, number(miss.value), miss.gate)
         said[miss.response] = (*said.get(miss.response, ()), text)
     return said
 

@@ -177,6 +177,6 @@ def test_alignment_says_what_it_cannot_do(clean, settings, scenario):
         identify_aligned([clean], in_time, excitation=scenario.excitation)
     tight = AlignmentSettings(plausible={"wind north": 1e-3, "wind east": 1e-3})
     _, found = align(late(clean, 0), settings, lines, tight)
-    assert "wind north" in found.untold
+    assert "wind north" in found.unobservable
     with pytest.raises(UsageError, match="has no 'wind up'"):
         found["wind up"]

@@ -34,7 +34,7 @@ NOISE = {"rate": np.deg2rad(0.1), "force": 0.01 * G, "attitude": np.deg2rad(0.1)
 NOISE |= {"angle": np.deg2rad(0.15), "height": 0.3}
 # Standard deviations of the errors that are injected, by the second word of a parameter, or by the whole.
 INJECTED = {"rate": 0.004, "force": 0.1, "attitude": 0.005, "angle": 0.02, "velocity": 0.5}
-INJECTED |= {"scale": 0.05, "skew": 0.06, "wind": 3.0}
+INJECTED |= {"scale": 0.05, "delay": 0.06, "wind": 3.0}
 CHANNELS = {
     "rate": ("p", "q", "r"),
     "force": ("ax", "ay", "az"),
@@ -51,12 +51,12 @@ ERRORS = {
     AIR_DATA: (
         *(f"{n} bias" for n in ("p", "q", "r", "ax", "ay", "az", "alpha", "beta", "phi")),
         *(f"{n} scale" for n in ("V", "alpha", "beta")),
-        *(f"{n} skew" for n in ("V", "alpha", "beta", "attitude")),
+        *(f"{n} delay" for n in ("V", "alpha", "beta", "attitude")),
     ),
     WITH_GROUND: (
         *(f"{n} bias" for n in ("p", "q", "r", "ax", "ay", "az", "u", "v", "w", "phi", "theta")),
         *(f"{n} scale" for n in ("u", "v", "w")),
-        *(f"{n} skew" for n in ("u", "v", "w", "attitude", "ground")),
+        *(f"{n} delay" for n in ("u", "v", "w", "attitude", "ground")),
         *(f"wind {a}" for a in ("north", "east", "down")),
     ),
 }
@@ -156,7 +156,7 @@ def fly(
     arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
     gusts: float = 0.0,
 ) -> FlightRecord:
-    """Return the record of a flight with known sensor errors, ``(1 + scale) true(t - skew) + bias``.
+    """Return the record of a flight with known sensor errors, ``(1 + scale) true(t - delay) + bias``.
 
     `gusts` adds first-order noise to the air data, of so many times the standard deviation of the white one.
     """
@@ -167,7 +167,7 @@ def fly(
     rows = {}
     for name in ("p", "q", "r", "ax", "ay", "az", *channels):
         seen = motion.quantity(
-            name, t - errors.get(f"{clock.get(name, name)} skew", 0.0), wind, np.array(arm)
+            name, t - errors.get(f"{clock.get(name, name)} delay", 0.0), wind, np.array(arm)
         )
         value = (1 + errors.get(f"{name} scale", 0.0)) * seen + errors.get(f"{name} bias", 0.0)
         value = value + noise * NOISE[KIND[name]] * rng.standard_normal(t.size)

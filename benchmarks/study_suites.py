@@ -21,7 +21,7 @@ from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import PointModel
 from freqid.identify.point import identify_point
 from freqid.identify.sensors.alignment import Alignment, identify_aligned
-from freqid.identify.sensors.misaligned import Misaligned
+from freqid.identify.sensors.alignment_motion import Misaligned
 from freqid.simulate import sensors
 from freqid.simulate.air.dryden import steady_wind
 

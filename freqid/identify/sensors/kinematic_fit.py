@@ -240,7 +240,7 @@ def fit_compatibility(
     initial = everything & (np.arange(everything.size) < INITIAL)
     guess, before = _settled_plainly(problem, initial, problem.start, plausible)
     # Delays come last: a wave fits itself again a period later, so they have to start near.
-    clocked = np.array([not n.endswith("skew") for n in problem.names])
+    clocked = np.array([not n.endswith("delay") for n in problem.names])
     guess, _ = _settled_plainly(problem, everything & clocked, guess, plausible)
     guess, now = _settled_plainly(problem, everything, guess, plausible)
 
@@ -276,7 +276,7 @@ def fit_compatibility(
             if blocked:
                 raise DataError(
                     f"'{problem.names[worst]}' runs to {guess.values[worst]:.3g} s, the limit of delays",
-                    remedy="raise longest_skew_s, or align the log's clocks first",
+                    remedy="raise longest_delay_s, or align the log's clocks first",
                 )
         if free and steps >= PATIENCE:
             share = np.zeros(active.size)

@@ -89,5 +89,6 @@ def sensor_findings(model: PointModel) -> list[Finding]:
 
 def longest_cut(errors: Mapping[str, _Error]) -> float:
     """Return by how much a correction for delays shortens a record, s."""
-    skews = [error.estimate for name, error in errors.items() if name.endswith("skew")]
-    return max(0.0, -min(skews, default=0.0)) + max(0.0, max(skews, default=0.0))
+    # models of earlier versions say "skew"
+    delays = [error.estimate for name, error in errors.items() if name.endswith(("delay", "skew"))]
+    return max(0.0, -min(delays, default=0.0)) + max(0.0, max(delays, default=0.0))

@@ -148,8 +148,8 @@ KINEMATICS = {
         "corrected": True,
         "errors": {
             "ax bias": {"estimate": 0.31, "std_error": 0.02, "units": "m/s2"},
-            "alpha skew": {"estimate": 0.05, "std_error": 0.03, "units": "s"},
-            "u skew": {"estimate": -0.07, "std_error": 0.03, "units": "s"},
+            "alpha delay": {"estimate": 0.05, "std_error": 0.03, "units": "s"},
+            "u delay": {"estimate": -0.07, "std_error": 0.03, "units": "s"},
             "wind east": {"estimate": 3.0, "std_error": 0.1, "units": "m/s"},
         },
         "undetermined": {"V scale": ["wind east", "V bias"]},
@@ -168,7 +168,7 @@ def test_the_sensors_account_is_told(model):
     ]
     page = Page(build_page(replace(checked, prediction={})))
     (table,) = [t for t in page.cells if t[0][0][0] == "Sensor error" and len(t[0]) == 5]
-    assert [row[0][0] for row in table[1:]] == ["ax bias", "alpha skew", "u skew", "wind east"]
+    assert [row[0][0] for row in table[1:]] == ["ax bias", "alpha delay", "u delay", "wind east"]
     assert table[1][1][1] == 0.31
     (untold,) = [t for t in page.cells if t[0][0][0] == "Sensor error" and len(t[0]) == 2]
     assert [text for text, _ in untold[1]] == ["V scale", "wind east, V bias"]

@@ -69,7 +69,7 @@ def flown(at: Reference, signals: SampledInputs, scale: float = 1.0, wake: float
 
 def logged(truth: Truth, noise: float, seed: int = 0, suite: str = "research") -> Maneuver:
     """Return what is logged of a flight with a multiple of a suite's noise; none of its errors at zero."""
-    carried = sensors.scaled(sensors.suite(SCENARIO, suite), noise)
+    carried = sensors.with_scaled_noise(sensors.suite(SCENARIO, suite), noise)
     return Maneuver.of(sensors.measure(*truth, carried, RATE_HZ, seed))
 
 

@@ -100,7 +100,7 @@ def _loop(corridor: str):
 def flights(ids: Sequence[str], seed: int = 0, jobs: int = 2) -> dict[str, FlightRecord]:
     """Return truths by condition; `seed` is that of the multisines."""
     shared = [{"scenario": PATH, "seed": seed}]
-    design = runner.run(units.design, shared, FOLDER, scenario_sha256=SHA256, suffix=".h5")[0]
+    design = runner.run_units(units.design, shared, FOLDER, scenario_sha256=SHA256, suffix=".h5")[0]
     inputs = [
         {
             "reference": at.id,
@@ -112,7 +112,7 @@ def flights(ids: Sequence[str], seed: int = 0, jobs: int = 2) -> dict[str, Fligh
         for at in along
         if at.id in ids
     ]
-    paths = runner.run(fly, inputs, FOLDER, scenario_sha256=SHA256, suffix=".truth.h5", jobs=jobs)
+    paths = runner.run_units(fly, inputs, FOLDER, scenario_sha256=SHA256, suffix=".truth.h5", jobs=jobs)
     found = {str(i["reference"]): path for i, path in zip(inputs, paths, strict=True)}
     return {i: read_truth(found[i]) for i in ids}
 
@@ -128,7 +128,7 @@ def measured(
     wind = np.zeros((3, truth.time.size))
     if suite == "owner":
         wind = blowing(truth, steady_wind(SCENARIO, suite, seed))
-    return sensors.measure(truth, wind, sensors.scaled(described, noise), LOG_RATE, seed)
+    return sensors.measure(truth, wind, sensors.with_scaled_noise(described, noise), LOG_RATE, seed)
 
 
 def blowing(truth: FlightRecord, wind: np.ndarray) -> np.ndarray:

@@ -61,7 +61,7 @@ SETTINGS = Identification(
 @jax.jit
 def _loads(velocity, rates, rho, surface, tilt, speed):
     def one(velocity, rates, rho, surface, tilt, speed):
-        centre = multibody.centre_of_gravity(PARAMETERS.mass, tilt)
+        centre = multibody.traced_centre_of_gravity(PARAMETERS.mass, tilt)
         flow = Flow(velocity - cross(rates, centre), rates, rho, jnp.asarray(100.0))
         force, moment = airframe.wrench(
             PARAMETERS.airframe, flow, Positions(surface, tilt, jnp.zeros(2), speed)

@@ -26,7 +26,7 @@ from freqid.design.finish import finish
 from freqid.design.multisine.orthogonal_set import design_multisines, sampled
 from freqid.flightlog.read import read_log
 from freqid.identify.model import selection
-from freqid.identify.point import identify_point, predict
+from freqid.identify.point import identify_point, predict_responses
 from freqid.simulate.control import lq
 from freqid.simulate.maneuver import Conditions, fly_maneuver
 
@@ -59,8 +59,8 @@ def la8() -> list[dict[str, object]]:
         for choice, changes in CHOICES.items():
             settings = msgspec.structs.replace(scenario.identification, **changes)
             model = identify_point(flights[0, noise], settings, excitation=scenario.excitation, reference=at)
-            held_out = predict(model, flights[1, noise], settings)
-            without = predict(model, flights[1, 0.0], settings)
+            held_out = predict_responses(model, flights[1, noise], settings)
+            without = predict_responses(model, flights[1, 0.0], settings)
             for name, response in model.responses.items():
                 products = [n for n in response.regressors if "*" in n]
                 row = {"case": "la8 u45", "noise": noise, "choice": choice, "response": name}

@@ -46,7 +46,7 @@ from freqid.core.record import Maneuver
 from freqid.core.results.design import SampledInputs
 from freqid.core.results.point import Fit, PointModel
 from freqid.identify.model.line_equations import LineEquations
-from freqid.identify.point import predict
+from freqid.identify.point import predict_responses
 from freqid.identify.regress.two_stage import WeakInstruments
 
 SEEDS = int(sys.argv[1]) if len(sys.argv) > 1 else 10
@@ -98,7 +98,7 @@ def figures(
     model: PointModel, flight: Maneuver, other: Maneuver, still: LineEquations, aim: np.ndarray
 ) -> Figures:
     """Return the figures of a flight; `still` and `aim` are its equations and estimate without noise."""
-    seen, predicted = on_harmonics(flight), predict(model, other, SETTINGS)
+    seen, predicted = on_harmonics(flight), predict_responses(model, other, SETTINGS)
     left = seen.z - still.z - aim @ (seen.x - still.x)
     estimate, std_error = table(model)
     responses = [model[r] for r in WRENCH]

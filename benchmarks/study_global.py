@@ -32,7 +32,7 @@ from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.corridor import Corridor
 from freqid.core.results.point import PointModel
 from freqid.identify.loads.explanatory import history
-from freqid.identify.point import identify_point, predict
+from freqid.identify.point import identify_point, predict_responses
 from freqid.identify.spectra.trend import up_to
 from freqid.simulate.sensors import suite
 
@@ -91,7 +91,7 @@ def errors(model: GlobalModel, at: str, bias: float = 1.0) -> dict[str, np.ndarr
     """Return rms errors on a held-out flight, global model and one identified there, shape (2, 6)."""
     truth, there = flown(1)[at], point(at, bias=bias)
     maneuver = Maneuver.of(logged(1, at, 1000, bias=bias))
-    everywhere, local = replay(model, maneuver, outside="hold"), predict(there, maneuver, SETTINGS)
+    everywhere, local = replay(model, maneuver, outside="hold"), predict_responses(there, maneuver, SETTINGS)
     dt, highest = maneuver.record.dt, model.corridor.highest_hz
     step = round(maneuver.record.dt / truth.dt)
     loads = up_to(truth.matrix(f"response/{n}" for n in RESPONSES)[:, ::step], dt, highest)

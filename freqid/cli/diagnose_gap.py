@@ -62,7 +62,7 @@ from freqid.cli.options import FILE
     help="Try the diagnosis on each effect inserted into this simulation and these flights.",
 )
 @click.option("--anyway", is_flag=True, help="Go on where mistakes of bookkeeping are found.")
-@options.page("the diagnosis")
+@options.page_option("the diagnosis")
 @options.as_json
 def command(
     records: tuple[Path, ...],

@@ -46,7 +46,7 @@ from freqid.cli.options import FILE
     is_flag=True,
     help="For sweeps and doublets: one input and one output by overlapped windows; needs --band.",
 )
-@options.page("the responses")
+@options.page_option("the responses")
 @options.as_json
 def command(
     records: tuple[Path, ...],

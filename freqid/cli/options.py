@@ -67,7 +67,7 @@ def band_hz(text: str | None) -> tuple[float, float] | None:
     return low, high
 
 
-def page(drawing: str) -> Callable[[Command], Command]:
+def page_option(drawing: str) -> Callable[[Command], Command]:
     """Return ``--page/--no-page``; `drawing` says in words what the page shows."""
     return click.option(
         "--page/--no-page", default=True, help=f"Draw {drawing}, in an HTML page beside the result."

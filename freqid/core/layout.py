@@ -29,7 +29,7 @@ import numpy as np
 from freqid.core import store
 
 T = TypeVar("T")
-Place = str | tuple[str, ...]
+Address = str | tuple[str, ...]
 _NAME = re.compile(r"\{([^}]+)\}")
 
 
@@ -46,7 +46,7 @@ class Dataset:
         wherever the same object has it.
     """
 
-    at: Place
+    at: Address
     units: str = "1"
     axes: tuple[str | int, ...] | None = None
 
@@ -75,7 +75,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Part:
+class Nested:
     """An object inside the object."""
 
     of: type
@@ -83,7 +83,7 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Parts:
+class NestedSeries:
     """A mapping or a tuple of objects.
 
     Attributes
@@ -111,7 +111,7 @@ class Rows:
     layout: Layout
 
 
-Layout = Mapping[str, Dataset | Attribute | Attributes | Table | Part | Parts | Rows]
+Layout = Mapping[str, Dataset | Attribute | Attributes | Table | Nested | NestedSeries | Rows]
 
 
 @dataclass(frozen=True)
@@ -258,9 +258,9 @@ def _put(file: h5py.File, slot: Any, value: Any, scopes: tuple[Any, ...], hint: 
         case Table():
             table = value.to_json() if hasattr(value, "to_json") else value
             file.create_dataset(slot.at, data=json.dumps(table, allow_nan=False)).attrs["units"] = "JSON"
-        case Part():
+        case Nested():
             put_fields(file, value, slot.layout, scopes)
-        case Parts():
+        case NestedSeries():
             entries = (
                 value
                 if isinstance(value, Mapping)
@@ -298,9 +298,9 @@ def _get(file: h5py.File, slot: Any, scopes: tuple[Any, ...], hint: Any) -> Any:
         case Table():
             table = json.loads(store.dataset(file, slot.at)[()])
             return hint.from_json(table) if hasattr(hint, "from_json") else _convert(table, hint)
-        case Part():
+        case Nested():
             return slot.of(**get_fields(file, slot.of, slot.layout, scopes))
-        case Parts():
+        case NestedSeries():
             parts = {
                 key: slot.of(**get_fields(file, slot.of, slot.layout, ({slot.key: key}, *scopes)))
                 for key in _keys(file, _fill_in(slot.listed, scopes)[0][0])
@@ -316,7 +316,7 @@ def _get(file: h5py.File, slot: Any, scopes: tuple[Any, ...], hint: Any) -> Any:
             return tuple(slot.of(**dict(zip(names, row, strict=True))) for row in rows)
 
 
-def _fill_in(place: Place, scopes: tuple[Any, ...]) -> tuple[list[str], bool]:
+def _fill_in(place: Address, scopes: tuple[Any, ...]) -> tuple[list[str], bool]:
     """Return a place with its names filled in, one for each entry of a tuple, and whether it was spread."""
     if isinstance(place, tuple):
         return list(place), True
@@ -355,9 +355,9 @@ def _owner(file: h5py.File, place: str) -> tuple[Any, str]:
 
 def _present(file: h5py.File, slot: Any, scopes: tuple[Any, ...]) -> bool:
     """Return whether a file has a field, or the first place of several."""
-    if isinstance(slot, Part | Rows):
+    if isinstance(slot, Nested | Rows):
         return _present(file, next(iter(slot.layout.values())), scopes)
-    first = _fill_in(slot.listed if isinstance(slot, Parts) else slot.at, scopes)[0][0]
+    first = _fill_in(slot.listed if isinstance(slot, NestedSeries) else slot.at, scopes)[0][0]
     at, is_attribute, name = first.rpartition("@")
     if not is_attribute:
         return first in file

@@ -257,7 +257,7 @@ def identify_point(
     )
 
 
-def predict(model: PointModel, maneuver: Maneuver, settings: Identification) -> dict[str, Fit]:
+def predict_responses(model: PointModel, maneuver: Maneuver, settings: Identification) -> dict[str, Fit]:
     """Predict the responses of another manoeuvre, in the time domain.
 
     Parameters

@@ -13,7 +13,7 @@ from freqid.core.scenario import Scenario
 from freqid.gap import flights as gap_flights
 from freqid.gap.bookkeeping.check import check
 from freqid.workflows import diagnose
-from freqid.workflows.connect import Connected, simulation_of
+from freqid.workflows.connect import Connected, resolve_simulation
 from freqid.workflows.inputs import File, Flight, Tell, names_of, record_of, several, silent, source_of
 
 
@@ -80,7 +80,7 @@ def compare_simulations(
     sigmas = {**(described.tolerance if described else {}), **(tolerances or {})}
     records = [record_of(flight) for flight in given]
     names = names_of(given)
-    pair = tuple(simulation_of(one, scenario=described, record=records[0])[0] for one in (first, second))
+    pair = tuple(resolve_simulation(one, scenario=described, record=records[0])[0] for one in (first, second))
     stated = described.aircraft() if described else None
     remarks: list[str] = []
     every: list[Maneuver] = []

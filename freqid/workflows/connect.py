@@ -101,7 +101,7 @@ def connect(
     return ConnectedSimulation(found, described)
 
 
-def simulation_of(
+def resolve_simulation(
     given: Connected | None,
     *,
     scenario: Scenario | None = None,
@@ -158,7 +158,7 @@ def check_simulation(
     given = several(flights)
     records = [record_of(flight) for flight in given]
     described = scenario_of(scenario) if scenario is not None else None
-    found, its = simulation_of(
+    found, its = resolve_simulation(
         simulation, scenario=described, predictions=several(predictions), record=records[0]
     )
     stated = described or (its if isinstance(simulation, ConnectedSimulation) else None)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
-from freqid.core.layout import Attribute, Dataset, Parts, ResultFile
+from freqid.core.layout import Attribute, Dataset, NestedSeries, ResultFile
 from freqid.core.results.point import per
 
 
@@ -140,7 +140,7 @@ _CORRIDOR = {
     "tilt": Dataset(("reference/dw1", "reference/dw2"), "rad", (2, "ids")),
     "line": Dataset("reference/line", axes=("ids",)),
     "provenance": Attribute("provenance@json", json=True),
-    "responses": Parts(KnotResponse, _RESPONSE, "response", "@responses"),
+    "responses": NestedSeries(KnotResponse, _RESPONSE, "response", "@responses"),
 }
 
 

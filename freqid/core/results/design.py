@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from freqid.core import store
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError
-from freqid.core.layout import Attribute, Dataset, Parts, get_fields, put_fields
+from freqid.core.layout import Attribute, Dataset, NestedSeries, get_fields, put_fields
 from freqid.core.viewable import Viewable
 
 
@@ -195,7 +195,7 @@ _HEADER = {
     },
     "provenance": Attribute("@provenance", json=True),
 }
-_MULTISINE = {**_HEADER, "signals": Parts(Multisine, _TONES, "name", "@effector_order")}
+_MULTISINE = {**_HEADER, "signals": NestedSeries(Multisine, _TONES, "name", "@effector_order")}
 
 
 def write_design(

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from freqid.core.arrays import Array, Complex
-from freqid.core.layout import Attribute, Dataset, Part, Parts, ResultFile, Rows, Table
+from freqid.core.layout import Attribute, Dataset, Nested, NestedSeries, ResultFile, Rows, Table
 from freqid.core.results.diagnosis import Closure, Existence, GapDiagnosis, Place, SensorFault, Which
 
 LISTED = 0.1  # share of the energy from which a cell is listed
@@ -299,10 +299,10 @@ _RESULT = {
     "diagnosis": Table("diagnosis"),
     "provenance": Table("provenance"),
     "expected": Attribute("@expected", json=True),
-    "cells": Part(GapMap, _MAP),
+    "cells": Nested(GapMap, _MAP),
     "coherence": Attribute("map@coherence", json=True),
-    "spectra": Parts(ResidualSpectra, _SPECTRA, "i", "spectra"),
-    "before_after": Parts(BeforeAfter, _HISTORIES, "i", "before_after"),
+    "spectra": NestedSeries(ResidualSpectra, _SPECTRA, "i", "spectra"),
+    "before_after": NestedSeries(BeforeAfter, _HISTORIES, "i", "before_after"),
     "increments": Rows(Increment, _INCREMENTS),
     "level": Attribute("increment@level"),
 }

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
-from freqid.core.layout import Attribute, Attributes, Dataset, Part, Parts, ResultFile
+from freqid.core.layout import Attribute, Attributes, Dataset, Nested, NestedSeries, ResultFile
 from freqid.core.scenario import Gates, Reference
 from freqid.core.viewable import Viewable
 
@@ -344,7 +344,7 @@ _RESPONSE = {
     "std_error": Dataset(f"{_PARAMETER}/std_error", "{parameter_units}", _P),
     "bias": Dataset("parameter/{response}/bias/estimate", "{unit}"),
     "bias_std_error": Dataset("parameter/{response}/bias/std_error", "{unit}"),
-    "errors_in_variables": Part(ErrorsInVariables, _BESIDE),
+    "errors_in_variables": Nested(ErrorsInVariables, _BESIDE),
     "inseparable": Attribute(f"{_DIAGNOSTICS}@inseparable", json=True),
     **{
         name: Attribute(f"{_DIAGNOSTICS}@{name}")
@@ -358,7 +358,7 @@ _RESPONSE = {
     "condition_index": Dataset(f"{_DIAGNOSTICS}/condition_index"),
     "correlation": Dataset(f"{_DIAGNOSTICS}/correlation", "1", ("regressors", "regressors")),
     "variance_proportion": Dataset(f"{_DIAGNOSTICS}/variance_proportion"),
-    "fit": Parts(Fit, _fits("fit/{response}/{domain}", "{unit}"), "domain", "fit/{response}"),
+    "fit": NestedSeries(Fit, _fits("fit/{response}/{domain}", "{unit}"), "domain", "fit/{response}"),
 }
 _POINT = {
     "reference": Attributes("reference"),
@@ -368,8 +368,8 @@ _POINT = {
     },
     "remarks": Attribute("@remarks", json=True),
     "provenance": Attribute("provenance@json", json=True),
-    "responses": Parts(ResponseModel, _RESPONSE, "response", "@responses"),
-    "prediction": Parts(Fit, _fits("prediction/{of}", "{units.of}"), "of", "prediction"),
+    "responses": NestedSeries(ResponseModel, _RESPONSE, "response", "@responses"),
+    "prediction": NestedSeries(Fit, _fits("prediction/{of}", "{units.of}"), "of", "prediction"),
 }
 
 

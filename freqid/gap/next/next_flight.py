@@ -17,14 +17,14 @@ from freqid.gap.next.excitations import (
     Plan,
     amplitudes_flown,
     halves,
-    room,
-    scaled,
+    largest_scale,
+    scaled_signals,
     stated_excitation,
     tilting,
     unflown,
     whole,
 )
-from freqid.gap.next.predicted_flight import PredictedFlight, Surroundings, fly, predict
+from freqid.gap.next.predicted_flight import PredictedFlight, Surroundings, fly, predict_columns
 from freqid.gap.next.rivals import APART, Pair
 from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
@@ -163,8 +163,8 @@ def _tried(
     vehicle, factor = like.trial.maneuver.vehicle, STRONGEST
     record: FlightRecord | None = None
     for _ in range(_TRIES):
-        record = fly(around.simulation, scaled(plan.design, factor), plan.at, like)
-        slack = room(record, vehicle, stated.abort) if record else 0.5
+        record = fly(around.simulation, scaled_signals(plan.design, factor), plan.at, like)
+        slack = largest_scale(record, vehicle, stated.abort) if record else 0.5
         if slack >= 1:
             break
         factor, record = 0.98 * slack * factor, None
@@ -172,8 +172,8 @@ def _tried(
             return None
     if record is None:
         return None
-    predicted = predict(around, record, like, plan.design.periods)
-    strong = Plan(plan.at, plan.effectors, scaled(plan.design, factor))
+    predicted = predict_columns(around, record, like, plan.design.periods)
+    strong = Plan(plan.at, plan.effectors, scaled_signals(plan.design, factor))
     return None if predicted is None else (strong, predicted)
 
 

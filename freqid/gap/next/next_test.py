@@ -20,7 +20,7 @@ _CLEARLY = 1.0  # of a pair's expected separation: what a ground test adds at le
 _ENOUGH = 20 * APART  # beyond it more separation is worth nothing
 
 
-def next_test(
+def propose_test(
     findings: Findings,
     simulation: Simulation,
     question: Question,

@@ -185,7 +185,9 @@ def _air_channels(record: FlightRecord) -> list[Channel]:
     return [replace(record.channel(n), values=x) for n, x in found.items() if n in record]
 
 
-def predict(around: Surroundings, record: FlightRecord, like: Block, periods: int) -> PredictedFlight | None:
+def predict_columns(
+    around: Surroundings, record: FlightRecord, like: Block, periods: int
+) -> PredictedFlight | None:
     """Return the columns along a simulated flight, with the noise of one that was flown.
 
     Parameters

@@ -34,8 +34,8 @@ from freqid.identify.regress.structure import (
 )
 from freqid.identify.regress.two_stage import two_stage_least_squares
 
-FLOW = frozenset(("u", "v", "w", "V", "alpha", "beta"))
-RATES = frozenset(("p", "q", "r", "phat", "qhat", "rhat"))
+FLOW_REGRESSORS = frozenset(("u", "v", "w", "V", "alpha", "beta"))
+RATE_REGRESSORS = frozenset(("p", "q", "r", "phat", "qhat", "rhat"))
 
 
 def candidate_products(units: Mapping[str, str]) -> tuple[str, ...]:
@@ -71,9 +71,9 @@ def _act_together(a: str, b: str, units: Mapping[str, str]) -> bool:
 
 
 def _kind(name: str, unit: str) -> str:
-    if name in FLOW:
+    if name in FLOW_REGRESSORS:
         return "flow"
-    if name in RATES:
+    if name in RATE_REGRESSORS:
         return "rate"
     return "surface" if unit == "rad" else "propulsor"
 

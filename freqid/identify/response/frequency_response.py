@@ -36,7 +36,7 @@ ORDER = 2
 """Degree of the polynomials in frequency; two follow a resonance that spans a few lines."""
 
 
-def frequency_response(
+def estimate_frequency_response(
     maneuvers: Sequence[Maneuver],
     inputs: Sequence[str] | None,
     outputs: Sequence[str],

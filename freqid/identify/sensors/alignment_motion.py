@@ -19,7 +19,7 @@ from freqid.identify.model.line_equations import on_lines
 from freqid.identify.regress.equations import real_equations
 from freqid.identify.sensors.errors import Reading, error_name, spline_of
 
-WINDS = ("wind north", "wind east")
+HORIZONTAL_WINDS = ("wind north", "wind east")
 BIASES = tuple(error_name(n, "bias") for n in ATTITUDE)
 SCALES = tuple(error_name(n, "scale") for n in RATES)
 _SOURCE = "velocity over the ground less the fitted wind"
@@ -81,7 +81,7 @@ class Misaligned:
                 changed[name] = replace(channel, values=reading.undone(channel.values))
         if self.over_ground:
             turn = level_from_body(np.array([changed[n].values for n in ATTITUDE]))
-            wind = [errors.get(n, 0.0) for n in WINDS]
+            wind = [errors.get(n, 0.0) for n in HORIZONTAL_WINDS]
             through = np.array([changed[n].values for n in GROUND]) - np.array([*wind, 0.0])[:, None]
             for name, values in zip(VELOCITY, np.einsum("jin,jn->in", turn, through), strict=True):
                 seen = record.channel(GROUND[0])
@@ -105,7 +105,7 @@ class Misaligned:
 
 STEP = 1e-4  # s, rad or 1, for derivatives
 # Rounds of Gauss-Newton, each with weights by what the last one leaves: the first holds the delays.
-ROUNDS = 4
+MOTION_ROUNDS = 4
 
 
 def motion_unknowns(flown: Misaligned) -> tuple[str, ...]:
@@ -160,7 +160,7 @@ def fit_motion(flown: Misaligned, lines_hz: Array, plausible: Mapping[str, float
 
     found: Array = np.zeros(len(names))
     covariance: Array = np.diag(sizes**2)
-    for _ in range(ROUNDS):
+    for _ in range(MOTION_ROUNDS):
         now = left(found)
         slope = np.array([(left(found + s) - now) / STEP for s in STEP * np.eye(len(names))])
         scale = np.tile(np.sqrt(_noise(now, lines_hz)), (1, 2))

@@ -152,7 +152,7 @@ Mask = NDArray[np.bool_]
 
 # A parameter is held at zero where its standard error is beyond this share of the size that it may well have:
 # the data then tell less about it than is known without them.
-LARGEST_SHARE = 0.5
+LARGEST_ERROR_SHARE = 0.5
 # Nor is one believed that comes out this many plausible sizes away: a channel that shows noise and hardly
 # any motion fits best with a scale of -1.
 FARTHEST = 3.0
@@ -163,7 +163,7 @@ FULL_STEPS = 12  # after which half steps end the swinging of an unknown that is
 # Steps after which an unknown that still moves is held: the data tell it along a curve only, as the scale of
 # an airspeed that a wind would explain as well, and Gauss-Newton creeps along that.
 PATIENCE = 25
-STEPS = 200
+MOST_STEPS = 200
 # Steps this small beside the standard errors let unknowns be judged, and end the iteration.
 NEARLY, SETTLED = 0.5, 0.02
 # Noise levels that change by less than this are steady.
@@ -245,7 +245,7 @@ def fit_compatibility(
     guess, now = _settled_plainly(problem, everything, guess, plausible)
 
     active, noise, steps = everything, _first_noise(problem, now, wind_walk), 0
-    for turn in range(STEPS):
+    for turn in range(MOST_STEPS):
         free = turn >= HELD_STEPS
         now = problem.predict(guess)
         columns = np.concatenate((now.residual[None], now.jacobian))
@@ -267,7 +267,7 @@ def fit_compatibility(
             beyond = np.abs(guess.values - problem.start.values) > FARTHEST * plausible
             share[beyond & active & (np.arange(active.size) >= INITIAL)] = np.inf
             worst = blocked[0] if blocked else int(np.argmax(share))
-            if share[worst] > LARGEST_SHARE:
+            if share[worst] > LARGEST_ERROR_SHARE:
                 unobservable = np.arange(active.size) == worst
                 guess, active, steps = guess.back(unobservable, problem.start), active & ~unobservable, 0
                 continue
@@ -291,7 +291,7 @@ def fit_compatibility(
         steps += 1
     else:
         raise DataError(
-            f"the compatibility check has not settled in {STEPS} steps",
+            f"the compatibility check has not settled in {MOST_STEPS} steps",
             remedy="look for jumps in the record, cut it, or ask for fewer parameters",
         )
     return CompatibilityFit(
@@ -313,7 +313,7 @@ def _observable(jacobian: Array, active: Mask, plausible: Array) -> Mask:
         size = plausible[observable]
         columns = np.concatenate((_columns(jacobian[observable], size), FAINT * np.eye(size.size)))
         share = np.sqrt((np.linalg.inv(np.linalg.qr(columns, mode="r")) ** 2).sum(axis=1))
-        if share.max() <= LARGEST_SHARE:
+        if share.max() <= LARGEST_ERROR_SHARE:
             return observable
         observable[np.flatnonzero(observable)[np.argmax(share)]] = False
 
@@ -339,7 +339,7 @@ def _settled_plainly(
 ) -> tuple[Guess, Prediction]:
     """Return the fit of least squares with weights by each channel's residual, held by plausible sizes."""
     now = problem.predict(guess)
-    for _ in range(STEPS):
+    for _ in range(MOST_STEPS):
         weight = 1 / np.maximum(now.residual.std(axis=1), _floor(now))[:, None]
         away = (guess.values - problem.start.values)[active]
         columns, target = now.jacobian[active] * weight, now.residual * weight

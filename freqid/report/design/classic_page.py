@@ -14,7 +14,7 @@ from freqid.report.design.flight_plan import EMPTY, FlightPlan, power_in_band
 from freqid.report.design.page import write_cards
 from freqid.report.design.signal_pictures import signal_pictures
 from freqid.report.design.test_card import build_card
-from freqid.report.kit.effectors import groups_of
+from freqid.report.kit.effectors import effector_groups
 from freqid.report.kit.findings import Finding, code, finding
 from freqid.report.kit.notation import percent, short
 from freqid.report.kit.pictures import Picture, picture
@@ -99,7 +99,7 @@ def _findings(design: ClassicDesign, rows: list[dict], plan: FlightPlan) -> list
 
 def _facts(design: ClassicDesign, plan: FlightPlan) -> list[tuple[str, str]]:
     told = [
-        ("Effectors", ", ".join(groups_of(design.names, plan.vehicle))),
+        ("Effectors", ", ".join(effector_groups(design.names, plan.vehicle))),
         ("Condition", plan.condition),
         ("Manoeuvre", f"{design.periods} times all effectors, {short(design.duration_s)} s"),
         ("Band", f"{short(design.band_hz[0])} to {short(design.band_hz[1])} Hz"),

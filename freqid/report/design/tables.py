@@ -15,7 +15,7 @@ from freqid.design.classic import Extent
 from freqid.design.forecast.standard_errors import Forecast
 from freqid.design.multisine.merit import Merit, Truncation
 from freqid.report.design.flight_plan import FlightPlan, intrusions
-from freqid.report.kit.effectors import engineering, groups_of, reach, runs
+from freqid.report.kit.effectors import effector_groups, engineering, reach, runs
 from freqid.report.kit.findings import Finding, code, finding, listed
 from freqid.report.kit.notation import (
     NONE,
@@ -38,7 +38,7 @@ NO_PARAMETER = 1e-6
 """A parameter smaller than this share of its error is not in the model: what is left is rounding."""
 
 
-def findings(
+def design_findings(
     design: MultisineDesign, merit: Merit, truncation: Truncation, plan: FlightPlan, net: Any | None
 ) -> list[Finding]:
     """Return what a reviewer should know first, the headline first."""
@@ -96,12 +96,12 @@ def movements(
     return rows
 
 
-def facts(design: MultisineDesign, plan: FlightPlan) -> list[tuple[str, str]]:
+def design_facts(design: MultisineDesign, plan: FlightPlan) -> list[tuple[str, str]]:
     """Return what the design is, label and text."""
     lines = np.unique(np.concatenate([s.index for s in design.signals]))
     band = " to ".join(short(f) for f in design.band_hz)
     told = [
-        ("Effectors", ", ".join(groups_of(design.names, plan.vehicle))),
+        ("Effectors", ", ".join(effector_groups(design.names, plan.vehicle))),
         ("Condition", plan.condition),
         ("Manoeuvre", f"{design.periods} periods of {short(design.period_s)} s"),
         ("Band", f"{band} Hz"),

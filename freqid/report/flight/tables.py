@@ -70,7 +70,7 @@ class SimulatedFlight:
         return {wing.tilt: float(self.truth[f"effector/{wing.tilt}"][0]) for wing in wings}
 
 
-def findings(flight: SimulatedFlight) -> list[Finding]:
+def flight_findings(flight: SimulatedFlight) -> list[Finding]:
     """Return what to know of a flight first."""
     limited = {name: row for name, row in flight.excursions.items() if "limit" in row}
     beyond = listed(code(name) for name, row in limited.items() if not row["inside"])
@@ -96,7 +96,7 @@ def findings(flight: SimulatedFlight) -> list[Finding]:
     return [*said, finding("note", text, code(flight.record))]
 
 
-def facts(flight: SimulatedFlight) -> list[tuple[str, str]]:
+def flight_facts(flight: SimulatedFlight) -> list[tuple[str, str]]:
     """Return what was flown, label and text."""
     how, start = flight.how, flight.scenario.reference_of(flight.truth.reference)
     wind = np.linalg.norm(how.get("wind_m_s", (0.0, 0.0))[:2])

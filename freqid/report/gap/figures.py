@@ -152,7 +152,7 @@ def probability_bars(names: Sequence[str], chances: Array, chosen: Sequence[bool
 
 
 @styled
-def detectable_sizes(names: Sequence[str], ratio: Array, notes: Sequence[str]) -> Figure:
+def draw_detectable_sizes(names: Sequence[str], ratio: Array, notes: Sequence[str]) -> Figure:
     """Draw the smallest size that is found, over the size that is expected, on a logarithmic axis.
 
     Parameters

@@ -12,7 +12,7 @@ from freqid.report.kit.notation import shown_unit
 MOST_GROUPS = 7  # colours that readers can tell apart
 
 
-def groups_of(names: Sequence[str], vehicle: Vehicle) -> dict[str, list[int]]:
+def effector_groups(names: Sequence[str], vehicle: Vehicle) -> dict[str, list[int]]:
     """Return which effectors belong together, as places in `names` by a label such as ``de1 to de4``.
 
     Parameters

@@ -29,7 +29,7 @@ _FORM = {
 }
 
 
-def facts(model: PointModel, record: FlightRecord | None) -> list[tuple[str, str]]:
+def point_facts(model: PointModel, record: FlightRecord | None) -> list[tuple[str, str]]:
     """Return what the model is about, label and text."""
     reference = model.reference
     condition = [reference.id]
@@ -77,7 +77,7 @@ def _duration(model: PointModel) -> str:
     return f"{len(lengths)} manoeuvres of {', '.join(lengths[:-1])} and {lengths[-1]} s"
 
 
-def summary(model: PointModel, gates: Gates | None) -> dict[str, Any]:
+def fit_summary(model: PointModel, gates: Gates | None) -> dict[str, Any]:
     """Return the table that says how each response fares."""
     missed = missed_by_response(model, gates) if gates else {}
     gated = gates is not None and (gates.r2 is not None or gates.condition_number is not None)
@@ -153,7 +153,7 @@ def scores(model: PointModel, name: str) -> list[tuple[str, str]]:
     return said
 
 
-def parameters(model: PointModel, name: str) -> list[dict[str, Any]]:
+def parameter_table(model: PointModel, name: str) -> list[dict[str, Any]]:
     """Return the rows of the table of one response, the bias last; numbers in SI as the model holds them."""
     response = model[name]
     weak = crosses_zero(response)
@@ -190,7 +190,7 @@ def parameters(model: PointModel, name: str) -> list[dict[str, Any]]:
     return rows
 
 
-def channels(record: FlightRecord) -> list[dict[str, str]]:
+def channel_table(record: FlightRecord) -> list[dict[str, str]]:
     """Return the rows that say where each channel of a record comes from."""
     rows = []
     for channel in record.channels.values():

@@ -157,7 +157,7 @@ HIGH_INFLATION = 10.0
 """A variance inflation factor from which regressors are commonly called collinear."""
 
 
-def verdict(model: PointModel, gates: Gates | None = None) -> tuple[Finding, ...]:
+def point_verdict(model: PointModel, gates: Gates | None = None) -> tuple[Finding, ...]:
     """Return the findings, the headline first.
 
     Parameters

@@ -32,10 +32,10 @@ from freqid.report.kit.drawing import (
     stacked_panels,
     styled,
 )
-from freqid.report.kit.effectors import groups_of
+from freqid.report.kit.effectors import effector_groups
 from freqid.report.kit.notation import formula, number, percent, plain_symbol, short, symbol
 from freqid.report.kit.pictures import Picture, picture
-from freqid.report.study.pictures import derivative, parts
+from freqid.report.study.pictures import derivative_name, parts
 from freqid.report.study.results import densities
 
 LOOKS = ((BLUE, "o"), (ORANGE, "s"), ("#009E73", "D"), ("#CC79A7", "^"))
@@ -378,7 +378,7 @@ def _draw(results: StudyResults, response: str, names: list[str]) -> Figure:
         units |= dict(zip(p.model[response].regressors, p.model[response].regressor_units, strict=True))
     panels = [
         Panel(
-            derivative(response, name, results.form),
+            derivative_name(response, name, results.form),
             per(results.points[0].model[response].unit, units[name]),
             [_points(results, points, response, name) for points in levels.values()],
             [band.get(name) for band in bands],
@@ -444,5 +444,5 @@ def _strongest_effectors(results: StudyResults, response: str) -> list[str]:
         for n, value in zip(response_model.regressors, response_model.t_statistic.tolist(), strict=True):
             if n in t:
                 t[n].append(abs(value))
-    groups = groups_of(names, results.vehicle) if names else {}
+    groups = effector_groups(names, results.vehicle) if names else {}
     return [max((names[i] for i in places), key=lambda n: np.median(t[n])) for places in groups.values()]

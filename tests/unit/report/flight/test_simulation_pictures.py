@@ -22,9 +22,9 @@ from freqid.report.flight.aircraft import (
     SIDE,
     TOP,
     outline,
-    shaft,
     silhouette,
     three_view,
+    tilted_shaft,
 )
 from freqid.report.flight.page import FRAMES, filmstrip, largest_thrust
 from freqid.report.flight.trims import TrimCurve, moving_alike, trim_curves
@@ -89,7 +89,7 @@ def test_hubs_turn_about_the_tilt_axis(scenario):
     vehicle = scenario.aircraft()
     for rotor, (x, z) in (("n1", (0.62, -0.20)), ("n8", (-0.62, -0.35))):
         described = next(r for r in vehicle.rotors if r.name == rotor)
-        hub, ahead = shaft(vehicle, described, UPRIGHT)
+        hub, ahead = tilted_shaft(vehicle, described, UPRIGHT)
         np.testing.assert_allclose(hub, [x, described.position_m[1], z], atol=1e-12)
         np.testing.assert_allclose(ahead, [0, 0, -1], atol=1e-12)
 
@@ -129,7 +129,7 @@ def test_arrows_turn_with_the_rotors(scenario, tilt, panel, axes, sense):
     drawn = arrows(figure.axes[panel])
     assert len(drawn) == 8
     for rotor in vehicle.rotors:
-        hub = axes @ shaft(vehicle, rotor, tilt)[0]
+        hub = axes @ tilted_shaft(vehicle, rotor, tilt)[0]
         start, end = min(drawn, key=lambda ends: float(np.linalg.norm(ends[1] - hub)))
         (x, y), (dx, dy) = start - hub, end - start
         assert np.sign(x * dy - y * dx) == sense * rotor.spin

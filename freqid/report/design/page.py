@@ -38,35 +38,6 @@ Study = Sequence[tuple[Merit, Truncation]]
 _POINTS = 16  # samples per shortest period: drawn, not judged
 
 
-def write_design_page(
-    path: Path,
-    design: MultisineDesign,
-    merit: Merit,
-    truncation: Truncation,
-    *,
-    plan: FlightPlan,
-    net: NetLoads | None = None,
-    study: Study = (),
-    forecast: Forecast | None = None,
-) -> None:
-    """Write the page of a design, whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-        Of the HTML file.
-    design, merit, truncation, plan, net, study, forecast
-        As for `build_design_page`.
-
-    Raises
-    ------
-    DataError
-        Where the folder cannot be written.
-    """
-    page = build_design_page(design, merit, truncation, plan=plan, net=net, study=study, forecast=forecast)
-    write_text(path, page)
-
-
 def build_design_page(
     design: MultisineDesign,
     merit: Merit,

@@ -20,7 +20,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from scipy.signal import lfilter
 
-from freqid.core.record import Channel, FlightRecord
+import freqid as fq
+from freqid.core.record import Channel
 from freqid.flightlog.read import read_log
 from freqid.identify.sensors.kinematics import KinematicCheck, KinematicSettings, check_kinematics
 
@@ -155,7 +156,7 @@ def fly(
     dt: float = 0.04,
     arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
     gusts: float = 0.0,
-) -> FlightRecord:
+) -> fq.FlightRecord:
     """Return the record of a flight with known sensor errors, ``(1 + scale) true(t - delay) + bias``.
 
     `gusts` adds first-order noise to the air data, of so many times the standard deviation of the white one.
@@ -179,7 +180,7 @@ def fly(
             value = value + gusts * NOISE[KIND[name]] * gust
         place = arm if name in ("ax", "ay", "az") and any(arm) else None
         rows[f"{group}/{name}"] = Channel(f"{group}/{name}", "", value, 1 / dt, "made", place)
-    return FlightRecord(t, rows)
+    return fq.FlightRecord(t, rows)
 
 
 def draw(rng: np.random.Generator, names: tuple[str, ...]) -> dict[str, float]:

@@ -41,10 +41,10 @@ from _la8 import (
 )
 from joblib import Parallel, delayed
 
+import freqid as fq
 from freqid.core.channels import WRENCH
-from freqid.core.record import Maneuver
 from freqid.core.results.design import SampledInputs
-from freqid.core.results.point import Fit, PointModel
+from freqid.core.results.point import Fit
 from freqid.identify.model.line_equations import LineEquations
 from freqid.identify.point import predict_responses
 from freqid.identify.regress.two_stage import WeakInstruments
@@ -95,7 +95,7 @@ def condition(number: int, signals: list[SampledInputs]) -> list[dict[str, str]]
 
 
 def figures(
-    model: PointModel, flight: Maneuver, other: Maneuver, still: LineEquations, aim: np.ndarray
+    model: fq.PointModel, flight: fq.Maneuver, other: fq.Maneuver, still: LineEquations, aim: np.ndarray
 ) -> Figures:
     """Return the figures of a flight; `still` and `aim` are its equations and estimate without noise."""
     seen, predicted = on_harmonics(flight), predict_responses(model, other, SETTINGS)

@@ -58,7 +58,7 @@ class Mixed:
         self._bend = np.diff(self._parameters[:, 1:], axis=0)
         w = at.weights[:, None]
         self._curving = 0.5 * w[:-1] * w[1:]
-        self.factors = np.concatenate([w, _passed_on(w * self._off, -self._curving * self._gap)], axis=1)
+        self.factors = np.concatenate([w, _propagated(w * self._off, -self._curving * self._gap)], axis=1)
 
     @property
     def value(self) -> Array:
@@ -83,7 +83,7 @@ class Mixed:
         changing = np.array([one.parameters(p.s, 1) for one, p in places]) * self.factors
         moving = np.array([one.trim(p.s, 1) for one, p in places])
         weighted = self._at.weights[:, None] * self._parameters[:, 1:]
-        moving *= _passed_on(weighted, self._curving * self._bend)
+        moving *= _propagated(weighted, self._curving * self._bend)
         return changing.sum(axis=1) - moving.sum(axis=1)
 
     @property
@@ -95,7 +95,7 @@ class Mixed:
         return (slope * tangents).sum(axis=(0, 1)) + (curving * self._bend * self._gap).sum(axis=(0, 1))
 
 
-def _passed_on(by_line: Array, gain: Array) -> Array:
+def _propagated(by_line: Array, gain: Array) -> Array:
     """Return values by line where each gained something from the next, shape (line, p, n)."""
     by_line = by_line.copy()
     by_line[:-1] += gain

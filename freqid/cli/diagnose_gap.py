@@ -108,8 +108,8 @@ def command(
         try:
             found = diagnose_gap(sim[0] if sim else None, records, **asked)
         except BookkeepingMistakes as stopped:
-            said = gap_texts.bookkeeping_text(stopped.verdict, stopped.findings)
-            options.emit(json_, stopped.table, said)
+            report = gap_texts.bookkeeping_text(stopped.verdict, stopped.findings)
+            options.emit(json_, stopped.table, report)
             raise
         table = found.to_json() | {"bookkeeping": [asdict(f) for f in found.bookkeeping]}
         text = gap_texts.diagnosis_text(found.diagnosis)

@@ -48,8 +48,8 @@ def next_text(table: Mapping[str, Any]) -> str:
     lines += [f"  {group['sentence']}" for group in table.get("groups", ())]
     for test in table.get("tests", ())[:_TESTS]:
         each = [f"{' / '.join(p['rivals'])} {p['now']:.2g} to {p['after']:.3g}" for p in test["pairs"]]
-        said = ", ".join(each)
-        lines.append(f"  {test['kind']}: {test['how']} (expected separation {said}; 10.8 tells apart)")
+        listing = ", ".join(each)
+        lines.append(f"  {test['kind']}: {test['how']} (expected separation {listing}; 10.8 tells apart)")
     if table.get("design"):
         lines.append(f"  designed in {table['design']}")
     return "\n".join(lines)

@@ -35,8 +35,8 @@ def simulation(scenario: str, *, several: bool = False) -> Callable[[Command], C
             help="Recorded predictions in place of a simulation; may be repeated.",
         )(command)
         kinds = "FILE.py:NAME, MODEL.fmu, jsbsim:AIRCRAFT, SCENARIO.toml or predictions FILE.h5."
-        said = f"{kinds} Two are compared with each other." if several else kinds
-        return click.option("--sim", multiple=several, help=said)(command)
+        meaning = f"{kinds} Two are compared with each other." if several else kinds
+        return click.option("--sim", multiple=several, help=meaning)(command)
 
     return add
 

@@ -136,9 +136,9 @@ def compare_two(
     if not maneuvers:
         raise UsageError("there is no manoeuvre to compare on", remedy="name one record or more")
     if not set(pair[0].responses) & set(pair[1].responses):
-        said = [f"{s.name} predicts {' '.join(s.responses)}" for s in pair]
+        phrases = [f"{s.name} predicts {' '.join(s.responses)}" for s in pair]
         raise UsageError(
-            f"the two simulations have no response in common: {said[0]}, {said[1]}",
+            f"the two simulations have no response in common: {phrases[0]}, {phrases[1]}",
             remedy="compare simulations that predict the same responses",
         )
     sizes = _tolerances_of(pair, tolerances, library, maneuvers[0])

@@ -211,7 +211,7 @@ def design_inputs(
         raise error.at(name_of(described)) from None
 
 
-def wanted_errors(
+def required_errors(
     reach: Sequence[str] | Mapping[str, Mapping[str, float]], point: PointModel
 ) -> dict[str, dict[str, float]]:
     """Return standard errors by response and regressor from texts such as ``M.de=0.4`` or ``M.de=5%``."""
@@ -273,7 +273,7 @@ def _multisines(
 ) -> DesignedInputs:
     """Design multisines, and a second set where pairs are to be swapped."""
     excitation = excitation_of(scenario)
-    wanted = wanted_errors(reach, aircraft.point) if aircraft else {}
+    wanted = required_errors(reach, aircraft.point) if aircraft else {}
     searched = [design_multisines(excitation, scenario.effector, seed=seed, progress=progress)]
     if swap:
         searched.append(swapped(searched[0], list(swap), excitation, scenario.effector))

@@ -206,6 +206,6 @@ def _tell_alignment(name: str, found: Alignment, tell: Tell, *, taken_out: bool)
     tell(f"{name}: sensors aligned" if taken_out else f"{name}: alignment would find")
     for unknown, unit in zip(found.names, found.units, strict=True):
         value, sigma = found[unknown]
-        said = " (not told by these data)" if unknown in found.unobservable else ""
+        note = " (not told by these data)" if unknown in found.unobservable else ""
         unit = "" if unit == "1" else f" {unit}"
-        tell(f"  {unknown:16s}{value:11.4g} +- {sigma:.2g}{unit}{said}")
+        tell(f"  {unknown:16s}{value:11.4g} +- {sigma:.2g}{unit}{note}")

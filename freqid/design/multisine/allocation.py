@@ -117,7 +117,7 @@ def mirrored(sets: Sequence[ToneLines], loads: Array) -> tuple[ToneLines, ...]:
     It takes the combs with the largest common divisor of s and r, whose peaks are the lowest. Sets and
     effectors without a partner keep their order.
     """
-    pairs = list(zip(_alike(loads), _mirror_images(sets), strict=False))
+    pairs = list(zip(_equivalent_pairs(loads), _mirror_images(sets), strict=False))
     effectors = [i for pair, _ in pairs for i in pair]
     combs = [j for _, images in pairs for j in images]
     effectors += [i for i in range(len(sets)) if i not in effectors]
@@ -126,7 +126,7 @@ def mirrored(sets: Sequence[ToneLines], loads: Array) -> tuple[ToneLines, ...]:
     return tuple(sets[given[i]] for i in range(len(sets)))
 
 
-def _alike(loads: Array) -> list[EffectorPair]:
+def _equivalent_pairs(loads: Array) -> list[EffectorPair]:
     """Return disjoint pairs of effectors that do the same but for signs, the weightiest pair first."""
     total = np.sqrt(np.sum(loads**2, axis=1, keepdims=True))
     share = np.abs(loads) / np.where(total > 0.0, total, 1.0)

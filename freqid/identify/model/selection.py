@@ -165,7 +165,7 @@ def choose_terms(problem: Problem, flights: Flights) -> tuple[Problem, dict[str,
     if settings.structure == "stepwise":
         chosen = {}
         for response, model in flights.fit(problem).items():
-            found = _keep(problem, flights, model)
+            found = _select_regressors(problem, flights, model)
             terms = _with_factors(model.regressors, found)
             f = {name: _figure(value) for name, value in found.partial_f.items()}
             account[response]["kept"] = {n: f[n] for n in terms}
@@ -190,7 +190,7 @@ def _with_factors(offered: Sequence[str], found: Structure) -> tuple[str, ...]:
     return tuple(name for name in offered if name in terms or name in needed)
 
 
-def _keep(problem: Problem, flights: Flights, model: ResponseModel) -> Structure:
+def _select_regressors(problem: Problem, flights: Flights, model: ResponseModel) -> Structure:
     """Choose among the regressors of one response."""
     equations = _equations(problem, flights, problem.x)
     row = problem.settings.responses.index(model.response)

@@ -238,11 +238,11 @@ def fit_compatibility(
     """
     everything = np.array([i < INITIAL or n in wanted for i, n in enumerate(problem.names)])
     initial = everything & (np.arange(everything.size) < INITIAL)
-    guess, before = _settled_plainly(problem, initial, problem.start, plausible)
+    guess, before = _fit_unfiltered(problem, initial, problem.start, plausible)
     # Delays come last: a wave fits itself again a period later, so they have to start near.
     clocked = np.array([not n.endswith("delay") for n in problem.names])
-    guess, _ = _settled_plainly(problem, everything & clocked, guess, plausible)
-    guess, now = _settled_plainly(problem, everything, guess, plausible)
+    guess, _ = _fit_unfiltered(problem, everything & clocked, guess, plausible)
+    guess, now = _fit_unfiltered(problem, everything, guess, plausible)
 
     active, noise, steps = everything, _first_noise(problem, now, wind_walk), 0
     for turn in range(MOST_STEPS):
@@ -299,7 +299,7 @@ def fit_compatibility(
         estimate=guess.values[active],
         covariance=covariance,
         degrees_of_freedom=dof,
-        undetermined=_taken_up(problem.names, jacobian, active, everything & ~active, plausible),
+        undetermined=_absorbed_by(problem.names, jacobian, active, everything & ~active, plausible),
         before=before,
         after=now,
         noise=noise,
@@ -318,7 +318,7 @@ def _observable(jacobian: Array, active: Mask, plausible: Array) -> Mask:
         observable[np.flatnonzero(observable)[np.argmax(share)]] = False
 
 
-def _taken_up(
+def _absorbed_by(
     names: tuple[str, ...], jacobian: Array, active: Mask, held: Mask, plausible: Array
 ) -> dict[str, tuple[str, ...]]:
     """Return, by each sensor error that is held, the unknowns that would take it up."""
@@ -334,7 +334,7 @@ def _taken_up(
     }
 
 
-def _settled_plainly(
+def _fit_unfiltered(
     problem: CompatibilityProblem, active: Mask, guess: Guess, plausible: Array
 ) -> tuple[Guess, Prediction]:
     """Return the fit of least squares with weights by each channel's residual, held by plausible sizes."""

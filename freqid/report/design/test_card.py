@@ -247,9 +247,9 @@ def _band(design: MultisineDesign | ClassicDesign, band: tuple[float, float]) ->
         return True, f"{where}: PASS, less than {percent(EMPTY)} of the power of every effector"
     found = intrusions(design, band)
     if found:
-        said = ", ".join(f"{name} at {short(f)} Hz" for name, f in found[:3])
+        listing = ", ".join(f"{name} at {short(f)} Hz" for name, f in found[:3])
         more = f" and {len(found) - 3} more" if len(found) > 3 else ""
-        return False, f"{where}: FAIL, power of {said}{more}"
+        return False, f"{where}: FAIL, power of {listing}{more}"
     f = np.concatenate([s.index[s.amplitude != 0] for s in design.signals]) / design.period_s
     nearest = float(f[np.argmin(np.maximum(band[0] - f, f - band[1]))])
     return True, f"{where}: PASS, empty; the nearest line is at {short(nearest)} Hz"

@@ -146,11 +146,11 @@ def _by_wing(vehicle: Vehicle) -> dict[str, list[int]]:
 def _words(truth: FlightRecord, vehicle: Vehicle, sample: int) -> str:
     tilts = [degrees(truth[f"effector/{wing.tilt}"][sample]) for wing in vehicle.wings]
     alike = not tilts or max(tilts) - min(tilts) < 0.5
-    said = [f"{tilt:.1f}°" for tilt in (tilts[:1] if alike else tilts)]
+    phrases = [f"{tilt:.1f}°" for tilt in (tilts[:1] if alike else tilts)]
     lines = [
         f"{truth.time[sample]:.1f} s",
         f"u {truth['state/u'][sample]:.1f} m/s",
-        f"tilt {' / '.join(said)}" if said else "",
+        f"tilt {' / '.join(phrases)}" if phrases else "",
         f"pitch {degrees(truth['state/theta'][sample]):.1f}°",
     ]
     return "\n".join(line for line in lines if line).replace("-", "−")

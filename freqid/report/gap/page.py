@@ -150,11 +150,13 @@ def build_gap_page(result: GapResult) -> str:
 
 def _findings(result: GapResult) -> list[Finding]:
     d = result.diagnosis
-    said = [finding("bad" if d.gap.exists else "good", "{}", d.verdict)]
-    said += [finding("note", "Withdrawn: {}, {}.", name, why) for name, why in d.which.withdrawn.items()]
-    said += [finding("note", "These data cannot separate {}.", ", ".join(group)) for group in d.which.aliases]
-    said += [finding("note", "{}.", remark) for remark in d.remarks]
-    return said
+    findings = [finding("bad" if d.gap.exists else "good", "{}", d.verdict)]
+    findings += [finding("note", "Withdrawn: {}, {}.", name, why) for name, why in d.which.withdrawn.items()]
+    findings += [
+        finding("note", "These data cannot separate {}.", ", ".join(group)) for group in d.which.aliases
+    ]
+    findings += [finding("note", "{}.", remark) for remark in d.remarks]
+    return findings
 
 
 def _facts(result: GapResult) -> list[tuple[str, str]]:

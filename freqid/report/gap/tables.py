@@ -159,10 +159,10 @@ def _costs(c: Closure) -> list[dict[str, Any]]:
     rows = []
     for path, row in c.consequence.get("figures", {}).items():
         kind, *place, figure = path.split("/")
-        told = (_MARGIN if kind == "margins" else _MODE if kind == "closed_modes" else {}).get(figure)
-        if told is None:
+        labels = (_MARGIN if kind == "margins" else _MODE if kind == "closed_modes" else {}).get(figure)
+        if labels is None:
             continue
-        what, unit = told
+        what, unit = labels
         ends = [number(row[n]) for n in ("before", "after", "lo", "hi")]
         rows.append(
             {

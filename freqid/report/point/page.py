@@ -130,7 +130,10 @@ def fit_pictures(model: PointModel, name: str, maneuver: int = 0) -> list[Pictur
                     "In frequency, {} lines: the residual holds {} of the measured energy, half of it "
                     "below {} Hz. {}"
                 ).format(
-                    fit.axis.size, percent(_energy_left(fit)), number(_median_frequency(fit)), _hint(fit)
+                    fit.axis.size,
+                    percent(_residual_fraction(fit)),
+                    number(_median_frequency(fit)),
+                    _hint(fit),
                 ),
             )
         )
@@ -204,7 +207,7 @@ def _time_score(fit: Fit, response: ResponseModel) -> str:
     return f"R²\u00a0{share(fit.r2)}; residual rms {number(fit.rms)}{unit}{part}."
 
 
-def _energy_left(fit: Fit) -> float:
+def _residual_fraction(fit: Fit) -> float:
     total = float(np.sum(np.abs(fit.measured) ** 2))
     return float(np.sum(np.abs(fit.residual) ** 2)) / total if total else float("nan")
 

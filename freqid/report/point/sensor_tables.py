@@ -55,10 +55,12 @@ def sensor_tables(model: PointModel) -> list[dict[str, Any]]:
                     "unit": pretty_unit(error.units),
                 }
             )
-        untold = [
+        undetermined = [
             {"name": name, "with": ", ".join(others) or NONE} for name, others in account.undetermined.items()
         ]
-        tables.append({"record": record, "corrected": account.corrected, "rows": rows, "untold": untold})
+        tables.append(
+            {"record": record, "corrected": account.corrected, "rows": rows, "untold": undetermined}
+        )
     return tables
 
 

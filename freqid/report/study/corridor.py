@@ -318,7 +318,7 @@ def parameter_pictures(results: StudyResults) -> list[Picture]:
     """
     return [
         picture(
-            _draw(results, r, _telling(results, r)),
+            _draw(results, r, _main_parameters(results, r)),
             f"corridor{place}",
             f"Parameters of {plain_symbol(r, results.form)} against reference speed",
             Markup("{}: {}").format(symbol(r, results.form), _agreement(results, r)),
@@ -352,7 +352,7 @@ def remaining_pictures(results: StudyResults) -> list[Picture]:
     pictures = []
     for place, r in enumerate(results.responses if _by_density(results) else ()):
         every = dict.fromkeys(n for p in results.points for n in p.model[r].regressors)
-        names = [n for n in every if n not in _telling(results, r)]
+        names = [n for n in every if n not in _main_parameters(results, r)]
         shown = plain_symbol(r, results.form)
         if names:
             pictures.append(
@@ -366,7 +366,7 @@ def remaining_pictures(results: StudyResults) -> list[Picture]:
     return pictures
 
 
-def _telling(results: StudyResults, response: str) -> list[str]:
+def _main_parameters(results: StudyResults, response: str) -> list[str]:
     return [*_states(results, response), *_strongest_effectors(results, response), "bias"]
 
 

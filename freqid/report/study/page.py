@@ -42,24 +42,24 @@ def study_facts(results: StudyResults) -> list[tuple[str, str]]:
     references = [p.model.reference for p in results.points]
     speeds = [at.u for at in references if math.isfinite(at.u)]
     held = len(results.held_out)
-    told = [
+    facts = [
         ("Vehicle", results.vehicle.name),
         ("Sensors", f"{results.sensors}, {short(results.noise)} × their noise"),
         ("Estimator", label_of(results.estimator)),
         ("Conditions", f"{len(references)}{f', {held} held out of the global model' if held else ''}"),
     ]
     if speeds:
-        told.append(("Reference u", f"{short(min(speeds))} to {short(max(speeds))} m/s"))
+        facts.append(("Reference u", f"{short(min(speeds))} to {short(max(speeds))} m/s"))
     levels = [short(rho) for rho in densities(results.points) if math.isfinite(rho)]
     if levels:
-        told.append(("Air density", f"{' and '.join(levels)} kg/m³"))
+        facts.append(("Air density", f"{' and '.join(levels)} kg/m³"))
     design = results.design
-    told += [
+    facts += [
         ("Effectors excited", str(len(design.signals))),
         ("Manoeuvre", f"{design.periods} × {short(design.period_s)} s"),
         ("Band", f"{short(design.band_hz[0])} to {short(design.band_hz[1])} Hz"),
     ]
-    return told
+    return facts
 
 
 def heads(results: StudyResults) -> list[dict[str, Any]]:

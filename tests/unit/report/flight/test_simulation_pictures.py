@@ -27,7 +27,7 @@ from freqid.report.flight.aircraft import (
     tilted_shaft,
 )
 from freqid.report.flight.page import FRAMES, filmstrip, largest_thrust
-from freqid.report.flight.trims import TrimCurve, moving_alike, trim_curves
+from freqid.report.flight.trims import TrimCurve, effectors_with_equal_trims, trim_curves
 
 LEVEL, UPRIGHT = {"dw1": 0.0, "dw2": 0.0}, {"dw1": pi / 2, "dw2": pi / 2}
 
@@ -151,10 +151,13 @@ def curves(scenario: Scenario) -> list[TrimCurve]:
 
 def test_effectors_that_move_alike_share_a_line(scenario):
     vehicle, made = scenario.aircraft(), curves(scenario)
-    groups = moving_alike(vehicle, "surface", made)
+    groups = effectors_with_equal_trims(vehicle, "surface", made)
     assert groups == [["de1", "de2"], ["de3", "de4"], ["df1", "df2"], ["df3", "df4"], ["dr1", "dr2"]]
     made[1].positions["n3"][1] += 20.0  # at one density only
-    assert moving_alike(vehicle, "rotor", made) == [["n1", "n2", "n4", "n5", "n6", "n7", "n8"], ["n3"]]
+    assert effectors_with_equal_trims(vehicle, "rotor", made) == [
+        ["n1", "n2", "n4", "n5", "n6", "n7", "n8"],
+        ["n3"],
+    ]
 
 
 def test_trim_curves_show_values_and_margins(scenario):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from freqid.blend.line import BlendedResponse, Line
-from freqid.blend.locate import TILTS, Located, Outside, Tolerance, between, locate
+from freqid.blend.locate import TILTS, CorridorTolerance, Located, Outside, between, locate
 from freqid.blend.similarity import equivalent, goes_with_velocity
 from freqid.blend.state_space import StateSpace
 from freqid.core.arrays import Array
@@ -175,8 +175,8 @@ class GlobalModel(Viewable):
     ``rho``, and ``dw1 dw2`` where they differ along the corridor. A number stands for all n.
     """
 
-    def __init__(self, corridor: Corridor, tolerance: Tolerance | None = None):
-        self.corridor, self.tolerance = corridor, tolerance or Tolerance()
+    def __init__(self, corridor: Corridor, tolerance: CorridorTolerance | None = None):
+        self.corridor, self.tolerance = corridor, tolerance or CorridorTolerance()
         self.lines = [
             Line(corridor, np.flatnonzero(corridor.line == i)) for i in range(corridor.line.max() + 1)
         ]

@@ -23,7 +23,7 @@ from freqid.gap.stack.trial import Trial
 from freqid.simulate.effects.effect import Effect
 
 BandHz = tuple[float, float]
-Columns = dict[str, Complex]
+NamedColumns = dict[str, Complex]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class SharedBlock:
     covariance: Complex
     noise: tuple[Complex, Complex]
     louder: Complex
-    tolerances: tuple[Columns, Columns]
+    tolerances: tuple[NamedColumns, NamedColumns]
     own: tuple[Complex, Complex]
     form: tuple[Complex, Complex]
     actuators: tuple[Complex, Complex]

@@ -131,13 +131,13 @@ def frequency_sweep(
     return np.sin(2 * np.pi * cycles) * np.sin(0.5 * np.pi * inside) ** 2
 
 
-Waveform = Literal["doublet", "3-2-1-1", "sweep"]
+ClassicWaveform = Literal["doublet", "3-2-1-1", "sweep"]
 
 ROUNDING = 1e-9
 
 
 def design_classic(
-    waveform: Waveform, excitation: Excitation, vehicle: Vehicle, trim: Mapping[str, float]
+    waveform: ClassicWaveform, excitation: Excitation, vehicle: Vehicle, trim: Mapping[str, float]
 ) -> ClassicDesign:
     """Design the classic inputs that a scenario asks for.
 

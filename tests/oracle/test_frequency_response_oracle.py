@@ -11,7 +11,7 @@ import pytest
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.identify.response.frequency_response import estimate_frequency_response, window_response
 from freqid.identify.response.injected_lines import injected_lines
-from freqid.identify.response.local_response import Lines, local_response
+from freqid.identify.response.local_response import ResponseLines, local_response
 
 sys.path.insert(0, str(Path(__file__).parent))
 import closed_loop_plant as plant
@@ -70,7 +70,7 @@ def test_injected_signals_leave_no_bias_where_ratios_of_measured_spectra_have_on
         m = plant.fly(amplitude=0.5, gust=0.2, sensor=0.2, seed=seed)
         lines = injected_lines(m, 0, plant.INPUTS, "effector", plant.OUTPUTS, plant.PERIOD)
         # inputs in place of the injected signals are their own instruments: least squares
-        naive = Lines(lines.hz, lines.record, lines.excited, lines.u, lines.u, lines.y)
+        naive = ResponseLines(lines.hz, lines.record, lines.excited, lines.u, lines.u, lines.y)
         by_instruments.append([local_response(lines, f, 2, 4).value for f in at])
         plain.append([local_response(naive, f, 2, 4).value for f in at])
 

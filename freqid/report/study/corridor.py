@@ -70,7 +70,7 @@ class Points:
 
 
 @dataclass(frozen=True, eq=False)
-class Band:
+class ParameterBand:
     """A quantity of the global model at one density.
 
     Attributes
@@ -99,7 +99,7 @@ class Panel:
     label: str
     unit: str
     points: Sequence[Points]
-    bands: Sequence[Band | None]
+    bands: Sequence[ParameterBand | None]
 
 
 @styled
@@ -397,7 +397,7 @@ def _points(results: StudyResults, points: list[StudiedPoint], response: str, na
     return Points(u, found[:, 0], 2 * found[:, 1], np.array(known), np.array([p.id in ids for p in have]))
 
 
-def _bands(model: GlobalModel | None, response: str, points: list[StudiedPoint]) -> dict[str, Band]:
+def _bands(model: GlobalModel | None, response: str, points: list[StudiedPoint]) -> dict[str, ParameterBand]:
     """Return the blended parameters at one density by regressor, as far as the corridor goes there."""
     rho = points[0].model.reference.rho
     if model is None or response not in model.names or not np.isfinite(rho):
@@ -412,7 +412,7 @@ def _bands(model: GlobalModel | None, response: str, points: list[StudiedPoint])
     u = np.linspace(low, high, _CURVE)
     blended = model.parameters(response, model.reference(u, rho))
     return {
-        name: Band(u, value, 2 * error)
+        name: ParameterBand(u, value, 2 * error)
         for name, value, error in zip(blended.names, blended.estimate, blended.std_error, strict=True)
     }
 

@@ -17,8 +17,8 @@ from freqid.gap.model.candidates import Candidate, Place
 from freqid.gap.next.excitations import STRONGEST, largest_scale, unflown
 from freqid.gap.next.ground_tests import TESTS, UNTESTABLE, distance
 from freqid.gap.next.next_test import ground_tables, propose_test
-from freqid.gap.next.predicted_flight import Surroundings, fly, predict_columns
-from freqid.gap.next.rivals import APART, Rivals, rivals_of
+from freqid.gap.next.predicted_flight import FlightContext, fly_alone, predict_columns
+from freqid.gap.next.rivals import APART, RivalExplanations, rivals_of
 from freqid.simulate.effects import library
 
 
@@ -38,7 +38,7 @@ def rivals(columns, estimates, tolerances=()):
     system = System(found, np.arange(len(x) + 1), tuple(f"t{i}" for i in range(len(t))), [block])
     sizes = {n: np.array([s]) for n, s in zip(names, estimates, strict=True)}
     places = {n: (i,) for i, n in enumerate(names)}
-    return Rivals((names,), (names,), system, places, sizes, Form(0.0, 0.0))
+    return RivalExplanations((names,), (names,), system, places, sizes, Form(0.0, 0.0))
 
 
 def test_separation_is_what_the_other_effect_leaves_in_the_full_covariance():
@@ -89,7 +89,7 @@ def leave(found, names):
 def around(found, question, simulation):
     both = rivals_of(found)
     assert both is not None
-    return Surroundings(
+    return FlightContext(
         simulation, both, question.candidates, question.tolerances, (0.1, 2.0), found.blocks, found.columns
     )
 
@@ -128,7 +128,7 @@ def test_the_proposed_flight_adds_separation_within_limits_and_can_be_flown(unsu
     for name, values in zip(signals.names, signals.values, strict=True):
         assert np.std(values) == pytest.approx(test["rms"][name], rel=0.02)
         assert np.std(values) <= 1.01 * STRONGEST * np.std(flown[f"excitation/{name}"])
-    record = fly(Pitching(), design, "c1", found.blocks[0])
+    record = fly_alone(Pitching(), design, "c1", found.blocks[0])
     assert record is not None
     assert largest_scale(record, VEHICLE, {}) >= 0.99
 

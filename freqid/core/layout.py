@@ -275,7 +275,7 @@ def _put(file: h5py.File, slot: Any, value: Any, scopes: tuple[Any, ...], hint: 
                 put_fields(file, part, slot.layout, ({slot.key: key}, *scopes))
         case Rows():
             columns = {names: [_row(one, names.split()) for one in value] for names in slot.layout}
-            put_fields(file, columns, slot.layout)
+            put_fields(file, columns, slot.layout, scopes)
 
 
 def _get(file: h5py.File, slot: Any, scopes: tuple[Any, ...], hint: Any) -> Any:

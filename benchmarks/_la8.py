@@ -20,9 +20,7 @@ from freqid.core.channels import WRENCH
 from freqid.core.estimators import EstimatorName
 from freqid.core.excitation import Excitation
 from freqid.core.identification import Identification
-from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.design import SampledInputs
-from freqid.core.results.point import PointModel
 from freqid.core.scenario import Reference
 from freqid.identify.model.line_equations import LineEquations, on_lines
 from freqid.identify.model.problem import Problem
@@ -34,7 +32,7 @@ from freqid.simulate.fly import fly, sortie
 from freqid.simulate.truth import truth_of
 
 RATE_HZ = 50.0  # of the log
-Truth = tuple[FlightRecord, np.ndarray]
+Truth = tuple[fq.FlightRecord, np.ndarray]
 
 
 PATH = "la8"  # comes with the package
@@ -67,24 +65,24 @@ def flown(at: Reference, signals: SampledInputs, scale: float = 1.0, wake: float
     return truth_of(SCENARIO, flight, excited=signals.names, reference=at.id)
 
 
-def logged(truth: Truth, noise: float, seed: int = 0, suite: str = "research") -> Maneuver:
+def logged(truth: Truth, noise: float, seed: int = 0, suite: str = "research") -> fq.Maneuver:
     """Return what is logged of a flight with a multiple of a suite's noise; none of its errors at zero."""
-    carried = sensors.scaled(sensors.suite(SCENARIO, suite), noise)
-    return Maneuver.of(sensors.measure(*truth, carried, RATE_HZ, seed))
+    carried = sensors.with_scaled_noise(sensors.suite(SCENARIO, suite), noise)
+    return fq.Maneuver.of(sensors.measure(*truth, carried, RATE_HZ, seed))
 
 
-def on_harmonics(maneuver: Maneuver) -> LineEquations:
+def on_harmonics(maneuver: fq.Maneuver) -> LineEquations:
     """Return what is regressed: all regressors and responses on the harmonics of the multisines."""
     problem = Problem.of([maneuver], SETTINGS)
     lines = harmonics(EXCITATION.period_s, EXCITATION.band_hz)
     return on_lines(problem.x, problem.wrench, problem.dt, lines)
 
 
-def identified(maneuver: Maneuver, at: Reference, estimator: EstimatorName | None = None) -> PointModel:
+def identified(maneuver: fq.Maneuver, at: Reference, estimator: EstimatorName | None = None) -> fq.PointModel:
     return identify_point(maneuver, SETTINGS, excitation=EXCITATION, reference=at, estimator=estimator)
 
 
-def table(model: PointModel) -> tuple[np.ndarray, np.ndarray]:
+def table(model: fq.PointModel) -> tuple[np.ndarray, np.ndarray]:
     """Return estimates and standard errors, shape (6, regressor)."""
     rows = [model[r] for r in WRENCH]
     return np.array([r.estimate for r in rows]), np.array([r.std_error for r in rows])

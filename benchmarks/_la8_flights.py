@@ -16,8 +16,8 @@ import msgspec
 import numpy as np
 from _la8 import PATH, SCENARIO, SHA256
 
+import freqid as fq
 from freqid.core.errors import DataError
-from freqid.core.record import FlightRecord
 from freqid.core.results.design import read_inputs
 from freqid.core.scenario import Reference
 from freqid.simulate import runner, sensors
@@ -97,10 +97,10 @@ def _loop(corridor: str):
     return close_loop(msgspec.structs.replace(SCENARIO, reference=along), along[0])
 
 
-def flights(ids: Sequence[str], seed: int = 0, jobs: int = 2) -> dict[str, FlightRecord]:
+def flights(ids: Sequence[str], seed: int = 0, jobs: int = 2) -> dict[str, fq.FlightRecord]:
     """Return truths by condition; `seed` is that of the multisines."""
     shared = [{"scenario": PATH, "seed": seed}]
-    design = runner.run(units.design, shared, FOLDER, scenario_sha256=SHA256, suffix=".h5")[0]
+    design = runner.run_units(units.design, shared, FOLDER, scenario_sha256=SHA256, suffix=".h5")[0]
     inputs = [
         {
             "reference": at.id,
@@ -112,14 +112,14 @@ def flights(ids: Sequence[str], seed: int = 0, jobs: int = 2) -> dict[str, Fligh
         for at in along
         if at.id in ids
     ]
-    paths = runner.run(fly, inputs, FOLDER, scenario_sha256=SHA256, suffix=".truth.h5", jobs=jobs)
+    paths = runner.run_units(fly, inputs, FOLDER, scenario_sha256=SHA256, suffix=".truth.h5", jobs=jobs)
     found = {str(i["reference"]): path for i, path in zip(inputs, paths, strict=True)}
     return {i: read_truth(found[i]) for i in ids}
 
 
 def measured(
-    truth: FlightRecord, seed: int, noise: float = 1.0, suite: str = "research", **changed: sensors.Sensor
-) -> FlightRecord:
+    truth: fq.FlightRecord, seed: int, noise: float = 1.0, suite: str = "research", **changed: sensors.Sensor
+) -> fq.FlightRecord:
     """Return what a suite logs of a flight, some of its sensors changed.
 
     With ``"owner"`` on a day of its own for each seed, with ``"owner, still air"`` without wind.
@@ -128,10 +128,10 @@ def measured(
     wind = np.zeros((3, truth.time.size))
     if suite == "owner":
         wind = blowing(truth, steady_wind(SCENARIO, suite, seed))
-    return sensors.measure(truth, wind, sensors.scaled(described, noise), LOG_RATE, seed)
+    return sensors.measure(truth, wind, sensors.with_scaled_noise(described, noise), LOG_RATE, seed)
 
 
-def blowing(truth: FlightRecord, wind: np.ndarray) -> np.ndarray:
+def blowing(truth: fq.FlightRecord, wind: np.ndarray) -> np.ndarray:
     """Return a level wind north, east in the body axes of a flight, shape (3, sample)."""
     phi, theta, psi = truth.matrix(f"state/{n}" for n in ("phi", "theta", "psi"))
     along = np.cos(psi) * wind[0] + np.sin(psi) * wind[1]

@@ -17,10 +17,8 @@ from scipy.linalg import solve_continuous_are
 
 import freqid as fq
 from freqid.core.channels import WRENCH
-from freqid.core.record import Channel, FlightRecord, Maneuver
-from freqid.core.results.design import MultisineDesign
+from freqid.core.record import Channel
 from freqid.core.units import STANDARD_GRAVITY
-from freqid.core.vehicle import Vehicle
 from freqid.dynamics.small_motion import equations_of_motion
 
 Flights = dict[str, np.ndarray]
@@ -29,7 +27,7 @@ DT, DURATION, SPEED = 0.02, 120.0, 13.72
 SCENARIO = fq.read_scenario("la8")
 LA8 = SCENARIO.aircraft()
 # The linear wrench holds no spinning rotors and no tilting wings.
-VEHICLE = Vehicle(name="Unstable, linear", mass_properties=LA8.mass_properties, effectors=LA8.effectors)
+VEHICLE = fq.Vehicle(name="Unstable, linear", mass_properties=LA8.mass_properties, effectors=LA8.effectors)
 EXCITED = [e for e in VEHICLE.effectors if e.kind != "tilt"]
 EFFECTORS = [e.name for e in EXCITED]
 STATES = ["u", "v", "w", "p", "q", "r"]
@@ -103,13 +101,13 @@ def step(slope: Callable[[np.ndarray, int], np.ndarray], y: np.ndarray, h: float
     return y + h / 6 * (k1 + 2 * k2 + 2 * k3 + slope(y + h * k3, 2))
 
 
-def injected(design: MultisineDesign, times: np.ndarray) -> np.ndarray:
+def injected(design: fq.MultisineDesign, times: np.ndarray) -> np.ndarray:
     angle = 2 * np.pi * times / design.period_s
     rows = [s.amplitude @ np.sin(np.outer(s.index, angle) + s.phase[:, None]) for s in design.signals]
     return np.array(rows)
 
 
-def fly_static(design: MultisineDesign, gains: np.ndarray) -> Flights:
+def fly_static(design: fq.MultisineDesign, gains: np.ndarray) -> Flights:
     """Return one flight without noise; arrays of shape (channel, sample, 1)."""
     count, substeps = round(DURATION / DT) + 1, 2
     h = DT / substeps
@@ -129,7 +127,7 @@ def fly_static(design: MultisineDesign, gains: np.ndarray) -> Flights:
     return collected(states, positions, states)
 
 
-def fly_lagged(design: MultisineDesign, gains: np.ndarray, flights: int, noise: float) -> Flights:
+def fly_lagged(design: fq.MultisineDesign, gains: np.ndarray, flights: int, noise: float) -> Flights:
     """Return flights with noise fed back; arrays of shape (channel, sample, flight)."""
     rng = np.random.default_rng(1)
     count, substeps = round(DURATION / DT) + 1, 2
@@ -156,7 +154,7 @@ def collected(states: np.ndarray, positions: np.ndarray, seen: np.ndarray) -> Fl
     return {"x": states, "d": positions, "force": applied.transpose(1, 0, 2) / MASS, "seen": seen}
 
 
-def logged(flown: Flights, e: np.ndarray, flight: int, seed: int, *, fed_back: bool) -> Maneuver:
+def logged(flown: Flights, e: np.ndarray, flight: int, seed: int, *, fed_back: bool) -> fq.Maneuver:
     """Return one flight as it was logged; a loop that feeds noise back logs the very samples that it used."""
     rng = np.random.default_rng(10_000 + seed)
     x, d, force = (flown[k][:, :, flight] for k in ("x", "d", "force"))
@@ -171,4 +169,4 @@ def logged(flown: Flights, e: np.ndarray, flight: int, seed: int, *, fed_back: b
         rows[f"effector/{effector.name}"] = (effector.unit, level + values)
         rows[f"excitation/{effector.name}"] = (effector.unit, signal)
     channels = {n: Channel(n, unit, values, 1 / DT, "benchmark") for n, (unit, values) in rows.items()}
-    return Maneuver(FlightRecord(DT * np.arange(x.shape[1]), channels), VEHICLE)
+    return fq.Maneuver(fq.FlightRecord(DT * np.arange(x.shape[1]), channels), VEHICLE)

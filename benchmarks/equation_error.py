@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from freqid.core.record import Channel, FlightRecord
+import freqid as fq
+from freqid.core.record import Channel
 from freqid.flightlog.read import read_log
 from freqid.identify.regress.covariance_corrections import correct_coloured_lines, correct_coloured_samples
 from freqid.identify.regress.regression import LeastSquares, least_squares
@@ -58,7 +59,7 @@ class Equation(NamedTuple):
     dt: float
 
 
-def records_of(aircraft: str, folder: Path = DATA) -> list[FlightRecord]:
+def records_of(aircraft: str, folder: Path = DATA) -> list[fq.FlightRecord]:
     """Read the manoeuvres of one aircraft by its column map."""
     files, column_map = {
         "ATTAS": (("fAttasElv1.mat", "fAttasElv2.mat"), "attas.toml"),
@@ -76,7 +77,7 @@ def references(folder: Path = DATA) -> dict[str, dict[str, float]]:
     return found
 
 
-def attas(records: Sequence[FlightRecord], *, recorded: bool = False) -> list[Equation]:
+def attas(records: Sequence[fq.FlightRecord], *, recorded: bool = False) -> list[Equation]:
     """Return alpha' and q' on alpha, q and elevator, linear and about zero as the reference is."""
     x = [r.matrix(("air/alpha", "state/q", "effector/de")) for r in records]
     alpha = [(a, 0 * a[:1], a[:1]) for a in x]
@@ -90,7 +91,7 @@ def attas(records: Sequence[FlightRecord], *, recorded: bool = False) -> list[Eq
     ]
 
 
-def hfb(records: Sequence[FlightRecord], *, recorded: bool = False) -> list[Equation]:
+def hfb(records: Sequence[fq.FlightRecord], *, recorded: bool = False) -> list[Equation]:
     """Return drag, lift and pitching moment coefficients, in stability axes as the reference is."""
     (record,) = records
     v, alpha, q = (record[n] for n in ("air/V", "air/alpha", "state/q"))
@@ -114,7 +115,7 @@ def hfb(records: Sequence[FlightRecord], *, recorded: bool = False) -> list[Equa
     ]
 
 
-def kinematics(records: Sequence[FlightRecord]) -> Equation:
+def kinematics(records: Sequence[fq.FlightRecord]) -> Equation:
     """Return measured alpha' on the alpha' of gyroscopes and accelerometers; the factor should be 1."""
     flights = []
     for r in records:
@@ -188,8 +189,8 @@ def fit_lines(equation: Equation, band: Band, *, instruments: bool = False, wind
 
 
 def shifted(
-    records: Sequence[FlightRecord], channel: str, advance: float, factor: float = 1.0
-) -> list[FlightRecord]:
+    records: Sequence[fq.FlightRecord], channel: str, advance: float, factor: float = 1.0
+) -> list[fq.FlightRecord]:
     """Return records with one channel brought forward by some s, and divided by a factor about its mean."""
     moved = []
     for record in records:
@@ -201,7 +202,7 @@ def shifted(
     return moved
 
 
-def sensor_noise(records: Sequence[FlightRecord], channels: Sequence[str]) -> tuple[Array, Array]:
+def sensor_noise(records: Sequence[fq.FlightRecord], channels: Sequence[str]) -> tuple[Array, Array]:
     """Return each channel's white noise and its signal-to-noise ratio, means over the flights."""
     levels = [smooth(r.matrix(channels), r.dt).noise_std for r in records]
     spreads = [r.matrix(channels).std(axis=1) for r in records]
@@ -223,11 +224,11 @@ def added_noise(equation: Equation, noise: Array, band: Band) -> Array:
     return -np.linalg.solve(normal + own, own @ theta) / theta
 
 
-def noisy(records: Sequence[FlightRecord], levels: dict[str, float], seed: int) -> list[FlightRecord]:
+def noisy(records: Sequence[fq.FlightRecord], levels: dict[str, float], seed: int) -> list[fq.FlightRecord]:
     """Return records with white noise of the stated standard deviations added."""
     rng = np.random.default_rng(seed)
 
-    def more(record: FlightRecord, name: str, level: float) -> Channel:
+    def more(record: fq.FlightRecord, name: str, level: float) -> Channel:
         noise = level * rng.standard_normal(record.time.size)
         return replace(record.channel(name), values=record[name] + noise)
 
@@ -235,7 +236,7 @@ def noisy(records: Sequence[FlightRecord], levels: dict[str, float], seed: int) 
 
 
 def best_advance(
-    build: Callable[[list[FlightRecord]], Equation], records: Sequence[FlightRecord], band: Band
+    build: Callable[[list[fq.FlightRecord]], Equation], records: Sequence[fq.FlightRecord], band: Band
 ) -> tuple[float, LeastSquares]:
     """Return the advance of alpha, s, that an equation fits best with, and that fit."""
     fits = {
@@ -245,11 +246,13 @@ def best_advance(
     return float(best), fits[best]
 
 
-def cases(aircraft: str, records: list[FlightRecord]) -> dict[str, list[LeastSquares]]:
+def cases(aircraft: str, records: list[fq.FlightRecord]) -> dict[str, list[LeastSquares]]:
     """Return the fits by case, of those equations that the case changes."""
     build, (low, step, high) = EQUATIONS[aircraft], BAND[aircraft]
 
-    def on_lines(flown: Sequence[FlightRecord], bottom: float = low, top: float = high) -> list[LeastSquares]:
+    def on_lines(
+        flown: Sequence[fq.FlightRecord], bottom: float = low, top: float = high
+    ) -> list[LeastSquares]:
         return [fit_lines(e, (bottom, step, top)) for e in build(flown)]
 
     recorded = build(records, recorded=True)[-1]
@@ -282,7 +285,7 @@ def cases(aircraft: str, records: list[FlightRecord]) -> dict[str, list[LeastSqu
     return found
 
 
-def causes(aircraft: str, records: list[FlightRecord]) -> None:
+def causes(aircraft: str, records: list[fq.FlightRecord]) -> None:
     """Print sensor noise and what five times as much does, and how late alpha is."""
     build, band, channels = EQUATIONS[aircraft], BAND[aircraft], ("air/alpha", "state/q", "effector/de")
     noise, ratio = sensor_noise(records, channels)

@@ -22,7 +22,7 @@ sys.path.insert(0, str(PROJECT / "tests" / "oracle"))
 import closed_loop_plant as plant  # noqa: E402
 
 from freqid.identify.response.injected_lines import injected_lines  # noqa: E402
-from freqid.identify.response.local_response import Lines, local_response  # noqa: E402
+from freqid.identify.response.local_response import ResponseLines, local_response  # noqa: E402
 
 AT = np.array([0.1, 0.3, 0.6, 1.0])
 CONDITIONS = ((1.0, 0.1), (1.0, 0.3), (0.5, 0.3))  # amplitude of the signals, noise
@@ -33,7 +33,7 @@ def flown(amplitude, noise, seed):
     """Return estimates, their variances and degrees of freedom, and least squares, at `AT`."""
     m = plant.fly(amplitude=amplitude, gust=noise, sensor=noise, seed=seed)
     lines = injected_lines(m, 0, plant.INPUTS, "effector", plant.OUTPUTS, plant.PERIOD)
-    naive = Lines(lines.hz, lines.record, lines.excited, lines.u, lines.u, lines.y)
+    naive = ResponseLines(lines.hz, lines.record, lines.excited, lines.u, lines.u, lines.y)
     found = [local_response(lines, f, 2, 4) for f in AT]
     value = np.stack([one.value for one in found], axis=-1)
     variance = np.stack([one.variance for one in found], axis=-1)

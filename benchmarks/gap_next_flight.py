@@ -28,7 +28,7 @@ from freqid.gap.infer.evidence import Evidence
 from freqid.gap.model.tolerance import stated
 from freqid.gap.next.next_flight import next_flight
 from freqid.gap.next.next_test import ground_tables
-from freqid.gap.next.predicted_flight import Surroundings
+from freqid.gap.next.predicted_flight import FlightContext
 from freqid.gap.next.rivals import rivals_of
 from freqid.simulate.effects import library
 from freqid.simulate.maneuver import Conditions, fly_maneuver, with_effects
@@ -115,7 +115,7 @@ def row_of(at: str, truth: str, parameter: str, size: float, rival: str) -> dict
         "promised_now": f"{norm.cdf(np.sqrt(now) / 2):.2f}",
         "right_now": f"{sum(prefers(f.evidence, pair) for f in alone)}/{SEEDS}",
     }
-    around = Surroundings(
+    around = FlightContext(
         SIMULATION, rivals, question.candidates, TOLERANCES, BAND_HZ, found.blocks, found.columns
     )
     start = time.perf_counter()

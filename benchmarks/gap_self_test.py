@@ -29,7 +29,7 @@ from freqid.gap.connect import connect
 from freqid.gap.diagnose import Findings, Question, diagnose
 from freqid.gap.model.tolerance import DERIVATIVES as SHARED
 from freqid.gap.model.tolerance import UNDECLARED, stated
-from freqid.gap.self_test.answers import Draws, Weighed
+from freqid.gap.self_test.answers import DrawnData, Weighed
 from freqid.gap.self_test.smallest import smallest_sizes
 from freqid.simulate.effects import library
 
@@ -69,7 +69,7 @@ def diagnosed(folder: Path, seed: int, surface: str, loss: float) -> Findings:
     return diagnose(simulation, flown, question, names=["flight"])
 
 
-def predicted(findings: Findings, draws: Draws, surface: str, size: float) -> float:
+def predicted(findings: Findings, draws: DrawnData, surface: str, size: float) -> float:
     """Return how often a loss is called a gap in draws."""
     system = findings.evidence.system
     index = next(k for k, c in enumerate(system.candidates) if c.name == f"surface_effectiveness@{surface}")
@@ -84,7 +84,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         first = diagnosed(folder, seed, "", 0.0)
-        draws = Draws.of(first.evidence, first.evidence.system, DRAWS, 1)
+        draws = DrawnData.of(first.evidence, first.evidence.system, DRAWS, 1)
         every = smallest_sizes(first.evidence, draws, first.threshold, every=True)
         lost = [s for s in every if s.effect == "surface_effectiveness" and s.place in SURFACES]
         sizes = {s.place: s.size for s in lost}

@@ -18,12 +18,10 @@ from pathlib import Path
 import numpy as np
 
 import freqid as fq
-from freqid.blend.global_model import GlobalModel
 from freqid.blend.line_up import line_up
 from freqid.core.identification import Identification
-from freqid.core.record import Channel, FlightRecord, Maneuver
+from freqid.core.record import Channel
 from freqid.core.results.corridor import Corridor, KnotResponse
-from freqid.core.results.point import PointModel
 from freqid.core.scenario import Reference
 from freqid.identify.point import identify_point
 from freqid.simulate.control.trim import trim
@@ -61,7 +59,7 @@ SETTINGS = Identification(
 @jax.jit
 def _loads(velocity, rates, rho, surface, tilt, speed):
     def one(velocity, rates, rho, surface, tilt, speed):
-        centre = multibody.centre_of_gravity(PARAMETERS.mass, tilt)
+        centre = multibody.traced_centre_of_gravity(PARAMETERS.mass, tilt)
         flow = Flow(velocity - cross(rates, centre), rates, rho, jnp.asarray(100.0))
         force, moment = airframe.wrench(
             PARAMETERS.airframe, flow, Positions(surface, tilt, jnp.zeros(2), speed)
@@ -103,7 +101,7 @@ def moved(at: dict[str, float], seed: int) -> tuple[np.ndarray, dict[str, np.nda
 
 
 @cache
-def point(u: float, rho: float, seed: int) -> PointModel:
+def point(u: float, rho: float, seed: int) -> fq.PointModel:
     """Identify a point model at a condition."""
     at = trimmed(u, rho)
     time, inputs = moved(at, seed)
@@ -120,15 +118,17 @@ def point(u: float, rho: float, seed: int) -> PointModel:
         key = f"{group}/{name}"
         channels[key] = Channel(key, unit, values, RATE, "simulated")
     reference = Reference(id=f"u{u:.4g}", u=u, rho=rho, dw1=at["dw1"], dw2=at["dw2"])
-    return identify_point(Maneuver(FlightRecord(time, channels), VEHICLE), SETTINGS, reference=reference)
+    return identify_point(
+        fq.Maneuver(fq.FlightRecord(time, channels), VEHICLE), SETTINGS, reference=reference
+    )
 
 
-def blended(conditions: list[tuple[float, float]]) -> GlobalModel:
+def blended(conditions: list[tuple[float, float]]) -> fq.GlobalModel:
     points = [point(u, rho, seed) for seed, (u, rho) in enumerate(conditions)]
-    return GlobalModel(line_up(points, [p.reference.id for p in points]))
+    return fq.GlobalModel(line_up(points, [p.reference.id for p in points]))
 
 
-def errors(model: GlobalModel, u: float, rho: float, seed: int) -> np.ndarray:
+def errors(model: fq.GlobalModel, u: float, rho: float, seed: int) -> np.ndarray:
     """Return rms errors of the wrench, blended and identified there, shape (2, 6), means and all."""
     _, inputs = moved(trimmed(u, rho), seed)
     truth, there = loads(inputs), point(u, rho, seed + 1)
@@ -147,13 +147,13 @@ def drawn(knots: KnotResponse, rng: np.random.Generator) -> KnotResponse:
 
 def error_ratios(corridor: Corridor, draws: int = 400) -> dict[str, np.ndarray]:
     """Return stated over empirical standard errors, of parameters along the corridor and of the wrench."""
-    rng, model = np.random.default_rng(0), GlobalModel(corridor)
+    rng, model = np.random.default_rng(0), fq.GlobalModel(corridor)
     middle = (corridor.u[1:] + corridor.u[:-1]) / 2
     at = model.reference(middle, SEA)
     mean_square, scatter, wrench = [], [], []
     for _ in range(draws):
         responses = {name: drawn(knots, rng) for name, knots in corridor.responses.items()}
-        again = GlobalModel(replace(corridor, responses=responses))
+        again = fq.GlobalModel(replace(corridor, responses=responses))
         found = [again.parameters(r, at) for r in RESPONSES]
         scatter.append([f.estimate for f in found])
         mean_square.append([f.std_error for f in found])

@@ -28,8 +28,7 @@ from scipy.linalg import solve_continuous_are
 
 import freqid as fq
 from freqid.core.channels import WRENCH
-from freqid.core.results.design import Multisine, MultisineDesign
-from freqid.core.scenario import Scenario
+from freqid.core.results.design import Multisine
 from freqid.design.forecast.closed_loop import STATES, PerturbedAircraft
 from freqid.design.forecast.modelled import perturbed_aircraft
 from freqid.design.forecast.standard_errors import Forecast, forecast
@@ -50,7 +49,7 @@ NOISE |= dict.fromkeys(("ax", "ay", "az"), 0.01 * 9.80665)
 SURFACE_NOISE, ROTOR_NOISE = np.radians(0.05), 0.002  # rad; share of the speed
 
 
-def regulated(scenario: Scenario, reference: str = "u45") -> tuple[PerturbedAircraft, dict[str, float]]:
+def regulated(scenario: fq.Scenario, reference: str = "u45") -> tuple[PerturbedAircraft, dict[str, float]]:
     """Return the aircraft in small motions under its regulator, and the trim of its effectors."""
     parameters = motion.parameters(scenario)
     at = trim(scenario, parameters, scenario.reference_of(reference))
@@ -82,7 +81,7 @@ def regulated(scenario: Scenario, reference: str = "u45") -> tuple[PerturbedAirc
     return loop, positions
 
 
-def design(scenario: Scenario, sets, amplitudes, phases, rpf) -> MultisineDesign:
+def design(scenario: fq.Scenario, sets, amplitudes, phases, rpf) -> fq.MultisineDesign:
     """Return signals, given at rms 1, whose half range is `rpf` sines of the scenario's amplitudes high."""
     excitation = scenario.excitation
     signals = []
@@ -97,7 +96,7 @@ def design(scenario: Scenario, sets, amplitudes, phases, rpf) -> MultisineDesign
         scale = excitation.amplitude[e.name] * factor / relative_peak_factor(index, amplitude, phase)
         size = amplitude / np.sqrt(np.sum(amplitude**2)) * scale
         signals.append(Multisine(e.name, e.unit, index, size, phase))
-    return MultisineDesign(
+    return fq.MultisineDesign(
         tuple(signals), excitation.period_s, excitation.periods, excitation.band_hz, excitation.dt_s, 0
     )
 

@@ -41,9 +41,9 @@ from _unstable_aircraft import (
     regulator,
 )
 
+import freqid as fq
 from freqid.core.channels import WRENCH
 from freqid.core.identification import Identification
-from freqid.core.record import Maneuver
 from freqid.design.multisine.orthogonal_set import design_multisines
 from freqid.identify.instruments.driven import driven_maneuvers
 from freqid.identify.instruments.loop_model import LoopModel
@@ -103,7 +103,7 @@ def doubled(equations: LineEquations, driven: np.ndarray) -> np.ndarray:
 
 
 def estimates(
-    flight: Maneuver, alone: np.ndarray, e: np.ndarray, owner: np.ndarray, gains: np.ndarray
+    flight: fq.Maneuver, alone: np.ndarray, e: np.ndarray, owner: np.ndarray, gains: np.ndarray
 ) -> dict[str, Found]:
     """Return what each estimator finds in one flight."""
     model = identify_point(flight, SETTINGS, estimator="instruments")

@@ -20,7 +20,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from scipy.signal import lfilter
 
-from freqid.core.record import Channel, FlightRecord
+import freqid as fq
+from freqid.core.record import Channel
 from freqid.flightlog.read import read_log
 from freqid.identify.sensors.kinematics import KinematicCheck, KinematicSettings, check_kinematics
 
@@ -34,7 +35,7 @@ NOISE = {"rate": np.deg2rad(0.1), "force": 0.01 * G, "attitude": np.deg2rad(0.1)
 NOISE |= {"angle": np.deg2rad(0.15), "height": 0.3}
 # Standard deviations of the errors that are injected, by the second word of a parameter, or by the whole.
 INJECTED = {"rate": 0.004, "force": 0.1, "attitude": 0.005, "angle": 0.02, "velocity": 0.5}
-INJECTED |= {"scale": 0.05, "skew": 0.06, "wind": 3.0}
+INJECTED |= {"scale": 0.05, "delay": 0.06, "wind": 3.0}
 CHANNELS = {
     "rate": ("p", "q", "r"),
     "force": ("ax", "ay", "az"),
@@ -51,12 +52,12 @@ ERRORS = {
     AIR_DATA: (
         *(f"{n} bias" for n in ("p", "q", "r", "ax", "ay", "az", "alpha", "beta", "phi")),
         *(f"{n} scale" for n in ("V", "alpha", "beta")),
-        *(f"{n} skew" for n in ("V", "alpha", "beta", "attitude")),
+        *(f"{n} delay" for n in ("V", "alpha", "beta", "attitude")),
     ),
     WITH_GROUND: (
         *(f"{n} bias" for n in ("p", "q", "r", "ax", "ay", "az", "u", "v", "w", "phi", "theta")),
         *(f"{n} scale" for n in ("u", "v", "w")),
-        *(f"{n} skew" for n in ("u", "v", "w", "attitude", "ground")),
+        *(f"{n} delay" for n in ("u", "v", "w", "attitude", "ground")),
         *(f"wind {a}" for a in ("north", "east", "down")),
     ),
 }
@@ -155,8 +156,8 @@ def fly(
     dt: float = 0.04,
     arm: tuple[float, float, float] = (0.0, 0.0, 0.0),
     gusts: float = 0.0,
-) -> FlightRecord:
-    """Return the record of a flight with known sensor errors, ``(1 + scale) true(t - skew) + bias``.
+) -> fq.FlightRecord:
+    """Return the record of a flight with known sensor errors, ``(1 + scale) true(t - delay) + bias``.
 
     `gusts` adds first-order noise to the air data, of so many times the standard deviation of the white one.
     """
@@ -167,7 +168,7 @@ def fly(
     rows = {}
     for name in ("p", "q", "r", "ax", "ay", "az", *channels):
         seen = motion.quantity(
-            name, t - errors.get(f"{clock.get(name, name)} skew", 0.0), wind, np.array(arm)
+            name, t - errors.get(f"{clock.get(name, name)} delay", 0.0), wind, np.array(arm)
         )
         value = (1 + errors.get(f"{name} scale", 0.0)) * seen + errors.get(f"{name} bias", 0.0)
         value = value + noise * NOISE[KIND[name]] * rng.standard_normal(t.size)
@@ -179,7 +180,7 @@ def fly(
             value = value + gusts * NOISE[KIND[name]] * gust
         place = arm if name in ("ax", "ay", "az") and any(arm) else None
         rows[f"{group}/{name}"] = Channel(f"{group}/{name}", "", value, 1 / dt, "made", place)
-    return FlightRecord(t, rows)
+    return fq.FlightRecord(t, rows)
 
 
 def draw(rng: np.random.Generator, names: tuple[str, ...]) -> dict[str, float]:

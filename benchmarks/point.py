@@ -16,9 +16,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
+import freqid as fq
 from freqid.core.identification import Identification
-from freqid.core.record import Channel, FlightRecord, Maneuver
-from freqid.core.vehicle import Inertia, MassProperties, Vehicle
+from freqid.core.record import Channel
+from freqid.core.vehicle import Inertia, MassProperties
 from freqid.identify.point import identify_point
 
 REPEATS = 200
@@ -27,7 +28,7 @@ STATES = ("u", "w", "q")
 EFFECTORS = tuple(f"e{i + 1}" for i in range(18))
 
 
-def maneuver() -> tuple[Maneuver, np.ndarray, np.ndarray]:
+def maneuver() -> tuple[fq.Maneuver, np.ndarray, np.ndarray]:
     """Return a manoeuvre of 27 channels, and regressors and responses as arrays."""
     rng = np.random.default_rng(0)
     time_s = np.arange(6001) * 0.01
@@ -40,7 +41,11 @@ def maneuver() -> tuple[Maneuver, np.ndarray, np.ndarray]:
     rows |= {f"response/{r}": (v, "N") for r, v in zip(RESPONSES, z, strict=True)}
     channels = {n: Channel(n, unit, v, 100.0, "benchmark") for n, (v, unit) in rows.items()}
     body = MassProperties(mass_kg=1.0, inertia=Inertia(xx=1, yy=1, zz=1))
-    return Maneuver(FlightRecord(time_s, channels), Vehicle(name="bench", mass_properties=body)), x, z
+    return (
+        fq.Maneuver(fq.FlightRecord(time_s, channels), fq.Vehicle(name="bench", mass_properties=body)),
+        x,
+        z,
+    )
 
 
 def floor(x: np.ndarray, z: np.ndarray, matrix: np.ndarray) -> np.ndarray:

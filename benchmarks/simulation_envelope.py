@@ -20,7 +20,7 @@ import numpy as np
 
 import freqid as fq
 from freqid.core.results.design import SampledInputs
-from freqid.core.scenario import Reference, Scenario
+from freqid.core.scenario import Reference
 from freqid.design.finish import finish
 from freqid.design.multisine.orthogonal_set import design_multisines, sampled
 from freqid.simulate.air import dryden as turbulence
@@ -40,7 +40,7 @@ CASES = {
 
 
 def flights(
-    scenario: Scenario,
+    scenario: fq.Scenario,
     inputs: SampledInputs,
     *,
     feedback: bool = True,

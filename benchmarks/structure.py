@@ -21,12 +21,11 @@ import msgspec
 import numpy as np
 
 import freqid as fq
-from freqid.core.record import Maneuver
 from freqid.design.finish import finish
 from freqid.design.multisine.orthogonal_set import design_multisines, sampled
 from freqid.flightlog.read import read_log
 from freqid.identify.model import selection
-from freqid.identify.point import identify_point, predict
+from freqid.identify.point import identify_point, predict_responses
 from freqid.simulate.control import lq
 from freqid.simulate.maneuver import Conditions, fly_maneuver
 
@@ -53,14 +52,14 @@ def la8() -> list[dict[str, object]]:
         inputs = sampled(finish(found, scenario.excitation, scenario.effector).design)
         for noise in (0.0, 1.0):
             flown = fly_maneuver(scenario, at, inputs, Conditions(noise=noise, seed=seed + 1), loop=loop)
-            flights[seed, noise] = Maneuver.of(flown.record)
+            flights[seed, noise] = fq.Maneuver.of(flown.record)
     rows = []
     for noise in (0.0, 1.0):
         for choice, changes in CHOICES.items():
             settings = msgspec.structs.replace(scenario.identification, **changes)
             model = identify_point(flights[0, noise], settings, excitation=scenario.excitation, reference=at)
-            held_out = predict(model, flights[1, noise], settings)
-            without = predict(model, flights[1, 0.0], settings)
+            held_out = predict_responses(model, flights[1, noise], settings)
+            without = predict_responses(model, flights[1, 0.0], settings)
             for name, response in model.responses.items():
                 products = [n for n in response.regressors if "*" in n]
                 row = {"case": "la8 u45", "noise": noise, "choice": choice, "response": name}
@@ -85,7 +84,7 @@ def linear() -> list[dict[str, object]]:
         log = Path(folder) / "log.csv"
         example.fly(seed=3, noise=0.0).to_csv(log, index=False)
         maps = ROOT / "scenarios" / "maps" / "linear.toml"
-        clean = Maneuver.of(read_log(log, maps, vehicle=scenario.aircraft()))
+        clean = fq.Maneuver.of(read_log(log, maps, vehicle=scenario.aircraft()))
     names = ("u", "w", "q", "v", "p", "r", "de", "da", "dr", "n1")
     settings = msgspec.structs.replace(
         scenario.identification, regressors=names, residuals="noise-lines", **CHOICES["both"]
@@ -112,7 +111,7 @@ def linear() -> list[dict[str, object]]:
     return rows
 
 
-def _noisy(maneuver: Maneuver, seed: int) -> Maneuver:
+def _noisy(maneuver: fq.Maneuver, seed: int) -> fq.Maneuver:
     rng = np.random.default_rng(seed)
     channels = {}
     for name, channel in maneuver.record.channels.items():

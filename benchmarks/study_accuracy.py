@@ -41,12 +41,12 @@ from _la8 import (
 )
 from joblib import Parallel, delayed
 
+import freqid as fq
 from freqid.core.channels import WRENCH
-from freqid.core.record import Maneuver
 from freqid.core.results.design import SampledInputs
-from freqid.core.results.point import Fit, PointModel
+from freqid.core.results.point import Fit
 from freqid.identify.model.line_equations import LineEquations
-from freqid.identify.point import predict
+from freqid.identify.point import predict_responses
 from freqid.identify.regress.two_stage import WeakInstruments
 
 SEEDS = int(sys.argv[1]) if len(sys.argv) > 1 else 10
@@ -95,10 +95,10 @@ def condition(number: int, signals: list[SampledInputs]) -> list[dict[str, str]]
 
 
 def figures(
-    model: PointModel, flight: Maneuver, other: Maneuver, still: LineEquations, aim: np.ndarray
+    model: fq.PointModel, flight: fq.Maneuver, other: fq.Maneuver, still: LineEquations, aim: np.ndarray
 ) -> Figures:
     """Return the figures of a flight; `still` and `aim` are its equations and estimate without noise."""
-    seen, predicted = on_harmonics(flight), predict(model, other, SETTINGS)
+    seen, predicted = on_harmonics(flight), predict_responses(model, other, SETTINGS)
     left = seen.z - still.z - aim @ (seen.x - still.x)
     estimate, std_error = table(model)
     responses = [model[r] for r in WRENCH]

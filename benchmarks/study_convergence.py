@@ -17,7 +17,7 @@ from _la8 import EXCITATION, write
 from _la8 import SETTINGS as STATED
 from _la8_flights import flights, measured
 
-from freqid.core.record import Maneuver
+import freqid as fq
 from freqid.identify.in_flight.parameter_history import parameter_history
 from freqid.identify.in_flight.running import InFlight
 from freqid.identify.loads.explanatory import history
@@ -31,7 +31,7 @@ TIMES = (60.0, 80.0, 90.0, 100.0, 110.0)
 SETTINGS = msgspec.structs.replace(STATED, estimator="least-squares", residuals="coloured")
 
 
-def in_flight(maneuver: Maneuver) -> dict[str, np.ndarray]:
+def in_flight(maneuver: fq.Maneuver) -> dict[str, np.ndarray]:
     """Return the estimates at the end of a manoeuvre that is taken in sample by sample."""
     record, vehicle = maneuver.record, maneuver.vehicle
     flight = InFlight(
@@ -57,7 +57,7 @@ def main() -> None:
     rows = []
     for at, truth in flights(CONDITIONS).items():
         for seed in range(SEEDS):
-            maneuver = Maneuver.of(measured(truth, seed))
+            maneuver = fq.Maneuver.of(measured(truth, seed))
             found = parameter_history(maneuver, SETTINGS, excitation=EXCITATION)
             batch = identify_point(maneuver, SETTINGS, excitation=EXCITATION)
             beside = in_flight(maneuver)

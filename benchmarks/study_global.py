@@ -25,14 +25,12 @@ import numpy as np
 from _la8 import EXCITATION, SCENARIO, SETTINGS
 from _la8_flights import BETWEEN, REFERENCES, corridors, flights, measured, reference_of
 
-from freqid.blend.global_model import GlobalModel
+import freqid as fq
 from freqid.blend.line_up import line_up
 from freqid.blend.predict import replay
-from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.corridor import Corridor
-from freqid.core.results.point import PointModel
 from freqid.identify.loads.explanatory import history
-from freqid.identify.point import identify_point, predict
+from freqid.identify.point import identify_point, predict_responses
 from freqid.identify.spectra.trend import up_to
 from freqid.simulate.sensors import suite
 
@@ -52,12 +50,12 @@ def at_height(ids: Sequence[str], height: str) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=2)
-def flown(seed: int) -> dict[str, FlightRecord]:
+def flown(seed: int) -> dict[str, fq.FlightRecord]:
     """Return all flights with one set of multisines."""
     return flights(ALL, seed)
 
 
-def logged(design: int, at: str, seed: int, noise: float = 1.0, bias: float = 1.0) -> FlightRecord:
+def logged(design: int, at: str, seed: int, noise: float = 1.0, bias: float = 1.0) -> fq.FlightRecord:
     """Return what is logged of a flight with multiples of the research suite's noise and of its biases.
 
     Each condition has noise of its own: with the same everywhere, errors would
@@ -68,10 +66,10 @@ def logged(design: int, at: str, seed: int, noise: float = 1.0, bias: float = 1.
     return measured(flown(design)[at], 1000 * seed + ALL.index(at), noise, "research", **carried)
 
 
-def identified(at: str, seed: int = 0, noise: float = 1.0, bias: float = 1.0) -> PointModel:
+def identified(at: str, seed: int = 0, noise: float = 1.0, bias: float = 1.0) -> fq.PointModel:
     """Return the point model of a condition, from the first multisines."""
     record = logged(0, at, seed, noise, bias)
-    return identify_point(Maneuver.of(record), SETTINGS, excitation=EXCITATION, reference=reference_of(at))
+    return identify_point(fq.Maneuver.of(record), SETTINGS, excitation=EXCITATION, reference=reference_of(at))
 
 
 def corridor(ids: Sequence[str], seed: int, noise: float = 1.0) -> Corridor:
@@ -82,16 +80,16 @@ def corridor(ids: Sequence[str], seed: int, noise: float = 1.0) -> Corridor:
 point = lru_cache(maxsize=None)(identified)
 
 
-def blended(ids: Sequence[str], bias: float = 1.0) -> GlobalModel:
+def blended(ids: Sequence[str], bias: float = 1.0) -> fq.GlobalModel:
     """Return the global model of some conditions."""
-    return GlobalModel(line_up([point(i, bias=bias) for i in ids], list(ids)))
+    return fq.GlobalModel(line_up([point(i, bias=bias) for i in ids], list(ids)))
 
 
-def errors(model: GlobalModel, at: str, bias: float = 1.0) -> dict[str, np.ndarray]:
+def errors(model: fq.GlobalModel, at: str, bias: float = 1.0) -> dict[str, np.ndarray]:
     """Return rms errors on a held-out flight, global model and one identified there, shape (2, 6)."""
     truth, there = flown(1)[at], point(at, bias=bias)
-    maneuver = Maneuver.of(logged(1, at, 1000, bias=bias))
-    everywhere, local = replay(model, maneuver, outside="hold"), predict(there, maneuver, SETTINGS)
+    maneuver = fq.Maneuver.of(logged(1, at, 1000, bias=bias))
+    everywhere, local = replay(model, maneuver, outside="hold"), predict_responses(there, maneuver, SETTINGS)
     dt, highest = maneuver.record.dt, model.corridor.highest_hz
     step = round(maneuver.record.dt / truth.dt)
     loads = up_to(truth.matrix(f"response/{n}" for n in RESPONSES)[:, ::step], dt, highest)

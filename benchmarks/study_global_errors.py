@@ -29,7 +29,7 @@ from joblib import Parallel, delayed
 from scipy.special import erf
 from study_global import POINTS, RESPONSES, corridor
 
-from freqid.blend.global_model import GlobalModel
+import freqid as fq
 from freqid.core.results.corridor import Corridor
 
 SEEDS = int(sys.argv[1]) if len(sys.argv) > 1 else 200
@@ -45,7 +45,7 @@ def at_points(corridors: Sequence[Corridor]) -> tuple[np.ndarray, np.ndarray]:
     return estimate, np.sqrt(variance)
 
 
-def between(model: GlobalModel) -> tuple[np.ndarray, np.ndarray]:
+def between(model: fq.GlobalModel) -> tuple[np.ndarray, np.ndarray]:
     """Return the same of a global model halfway between points, shape (response, regressor, place)."""
     u = np.array([reference_of(i).u for i in POINTS])
     at = model.reference(0.5 * (u[1:] + u[:-1]), SEA)
@@ -63,7 +63,7 @@ def ratios(corridors: Sequence[Corridor], quiet: Corridor) -> dict[str, np.ndarr
     knots, said = at_points(corridors)
     scatter, stated = knots.std(axis=0, ddof=1), rms(said)
     motion = at_points([quiet])[1][0]
-    blends = [between(GlobalModel(c)) for c in corridors]
+    blends = [between(fq.GlobalModel(c)) for c in corridors]
     halfway, said_there = (np.array(part) for part in zip(*blends, strict=True))
     scatter_there = halfway.std(axis=0, ddof=1)
     as_found = {
@@ -74,7 +74,7 @@ def ratios(corridors: Sequence[Corridor], quiet: Corridor) -> dict[str, np.ndarr
         )
         for i, r in enumerate(RESPONSES)
     }
-    propagated = between(GlobalModel(replace(quiet, responses=as_found)))[1]
+    propagated = between(fq.GlobalModel(replace(quiet, responses=as_found)))[1]
     return {
         "stated, at the points": stated / scatter,
         "stated without distortion": np.sqrt(np.maximum(stated**2 - motion**2, 0)) / scatter,

@@ -20,29 +20,28 @@ import numpy as np
 from _la8 import EXCITATION, SCENARIO, SETTINGS, write
 from _la8_flights import REFERENCES, flights, measured
 
+import freqid as fq
 from freqid.core.frames import turn_about_y
-from freqid.core.record import FlightRecord, Maneuver
-from freqid.core.results.point import PointModel
-from freqid.core.vehicle import Inertia, Vehicle
+from freqid.core.vehicle import Inertia
 from freqid.identify.point import identify_point
 
 LARGE = 2.0  # standard errors from which a parameter is listed
 
 
-def still_rotors(vehicle: Vehicle, tilt: float) -> Vehicle:
+def still_rotors(vehicle: fq.Vehicle, tilt: float) -> fq.Vehicle:
     """Return a vehicle whose rotors have no inertia."""
     rotors = tuple(msgspec.structs.replace(r, inertia=0.0) for r in vehicle.rotors)
     return msgspec.structs.replace(vehicle, rotors=rotors)
 
 
-def frozen(vehicle: Vehicle, tilt: float) -> Vehicle:
+def frozen(vehicle: fq.Vehicle, tilt: float) -> fq.Vehicle:
     """Return a vehicle whose wings have no mass of their own: all of it is where it is stated."""
     light = Inertia(xx=0.0, yy=0.0, zz=0.0)
     wings = tuple(msgspec.structs.replace(w, mass_kg=0.0, inertia=light) for w in vehicle.wings)
     return msgspec.structs.replace(vehicle, wings=wings)
 
 
-def frozen_inertia(vehicle: Vehicle, tilt: float) -> Vehicle:
+def frozen_inertia(vehicle: fq.Vehicle, tilt: float) -> fq.Vehicle:
     """Return the same with the centre of gravity where it is at this tilt."""
     stated = vehicle.mass_properties
     moved = np.zeros(3)
@@ -61,9 +60,9 @@ POORER = {
 }
 
 
-def identified(record: FlightRecord, vehicle: Vehicle) -> PointModel:
+def identified(record: fq.FlightRecord, vehicle: fq.Vehicle) -> fq.PointModel:
     """Identify as the scenario says, with another vehicle."""
-    return identify_point(Maneuver.of(record, vehicle), SETTINGS, excitation=EXCITATION)
+    return identify_point(fq.Maneuver.of(record, vehicle), SETTINGS, excitation=EXCITATION)
 
 
 def main() -> None:

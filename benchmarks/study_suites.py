@@ -16,12 +16,11 @@ import numpy as np
 from _la8 import EXCITATION, SCENARIO, SETTINGS, write
 from _la8_flights import flights, measured, reference_of
 
+import freqid as fq
 from freqid.core.channels import WRENCH
-from freqid.core.record import FlightRecord, Maneuver
-from freqid.core.results.point import PointModel
 from freqid.identify.point import identify_point
 from freqid.identify.sensors.alignment import Alignment, identify_aligned
-from freqid.identify.sensors.misaligned import Misaligned
+from freqid.identify.sensors.alignment_motion import Misaligned
 from freqid.simulate import sensors
 from freqid.simulate.air.dryden import steady_wind
 
@@ -41,15 +40,15 @@ DELAYS = {
 }
 
 
-def identified(record: FlightRecord, at: str) -> PointModel:
+def identified(record: fq.FlightRecord, at: str) -> fq.PointModel:
     """Identify as the scenario says."""
-    return identify_point(Maneuver.of(record), SETTINGS, excitation=EXCITATION, reference=reference_of(at))
+    return identify_point(fq.Maneuver.of(record), SETTINGS, excitation=EXCITATION, reference=reference_of(at))
 
 
-def aligned(record: FlightRecord, at: str) -> tuple[PointModel, Alignment]:
+def aligned(record: fq.FlightRecord, at: str) -> tuple[fq.PointModel, Alignment]:
     """Identify as with `--align fit`."""
     model, found = identify_aligned(
-        [Maneuver.of(record)], SETTINGS, excitation=EXCITATION, reference=reference_of(at)
+        [fq.Maneuver.of(record)], SETTINGS, excitation=EXCITATION, reference=reference_of(at)
     )
     return model, found[0]
 
@@ -75,7 +74,9 @@ def of_condition(at: str) -> list[dict[str, object]]:
     models = {
         "research": [identified(measured(truth, s), at) for s in range(SEEDS)],
         # as if nobody had said that the air moves
-        "owner, wind ignored": [identified(Misaligned(Maneuver.of(r), {}).at({}).record, at) for r in owner],
+        "owner, wind ignored": [
+            identified(Misaligned(fq.Maneuver.of(r), {}).at({}).record, at) for r in owner
+        ],
         "owner, aligned": [model for model, _ in both],
     }
     rows: list[dict[str, object]] = []

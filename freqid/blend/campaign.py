@@ -157,10 +157,10 @@ class StudyResults(Viewable):
     def followed(self) -> list[StudiedPoint]:
         """Return up to three points to show in detail, by ascending speed.
 
-        Of those with a history, or of all where none has one, as `spread` takes them.
+        Of those with a history, or of all where none has one, as `spanning_conditions` takes them.
         """
         points = [p for p in self.points if p.history] or self.points
-        return [points[i] for i in spread([p.model.reference for p in points])]
+        return [points[i] for i in spanning_conditions([p.model.reference for p in points])]
 
 
 def rmse_inside(fit: Fit, highest_hz: float = float("inf")) -> float:
@@ -182,13 +182,13 @@ def rmse_inside(fit: Fit, highest_hz: float = float("inf")) -> float:
     return float(np.std(inside if inside.size > 2 * ends else fit.residual))
 
 
-def spread(references: Sequence[Reference]) -> list[int]:
+def spanning_conditions(references: Sequence[Reference]) -> list[int]:
     """Return which of some conditions stand for all: up to three, by ascending speed.
 
     The slowest, the middle and the fastest at the densest air, so that speed alone tells them apart; of
     all where fewer than three are there.
     """
-    dense = density_levels(at.rho for at in references)[0]
+    dense = distinct_densities(at.rho for at in references)[0]
     among = [i for i, at in enumerate(references) if same_density(at.rho, dense)]
     if len(among) < 3:
         among = list(range(len(references)))
@@ -196,7 +196,7 @@ def spread(references: Sequence[Reference]) -> list[int]:
     return [among[k] for k in dict.fromkeys((0, len(among) // 2, len(among) - 1))]
 
 
-def density_levels(rhos: Iterable[float]) -> list[float]:
+def distinct_densities(rhos: Iterable[float]) -> list[float]:
     """Return densities, the densest first; those within 2 % are one. kg/m3."""
     levels: list[float] = []
     for rho in sorted(rhos, reverse=True):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from freqid.blend.line import BlendedResponse, Line
-from freqid.blend.locate import TILTS, Located, Outside, Tolerance, between, locate
+from freqid.blend.locate import TILTS, CorridorTolerance, Located, Outside, between, locate
 from freqid.blend.similarity import equivalent, goes_with_velocity
 from freqid.blend.state_space import StateSpace
 from freqid.core.arrays import Array
@@ -58,7 +58,7 @@ class Mixed:
         self._bend = np.diff(self._parameters[:, 1:], axis=0)
         w = at.weights[:, None]
         self._curving = 0.5 * w[:-1] * w[1:]
-        self.factors = np.concatenate([w, _passed_on(w * self._off, -self._curving * self._gap)], axis=1)
+        self.factors = np.concatenate([w, _propagated(w * self._off, -self._curving * self._gap)], axis=1)
 
     @property
     def value(self) -> Array:
@@ -83,7 +83,7 @@ class Mixed:
         changing = np.array([one.parameters(p.s, 1) for one, p in places]) * self.factors
         moving = np.array([one.trim(p.s, 1) for one, p in places])
         weighted = self._at.weights[:, None] * self._parameters[:, 1:]
-        moving *= _passed_on(weighted, self._curving * self._bend)
+        moving *= _propagated(weighted, self._curving * self._bend)
         return changing.sum(axis=1) - moving.sum(axis=1)
 
     @property
@@ -95,7 +95,7 @@ class Mixed:
         return (slope * tangents).sum(axis=(0, 1)) + (curving * self._bend * self._gap).sum(axis=(0, 1))
 
 
-def _passed_on(by_line: Array, gain: Array) -> Array:
+def _propagated(by_line: Array, gain: Array) -> Array:
     """Return values by line where each gained something from the next, shape (line, p, n)."""
     by_line = by_line.copy()
     by_line[:-1] += gain
@@ -175,8 +175,8 @@ class GlobalModel(Viewable):
     ``rho``, and ``dw1 dw2`` where they differ along the corridor. A number stands for all n.
     """
 
-    def __init__(self, corridor: Corridor, tolerance: Tolerance | None = None):
-        self.corridor, self.tolerance = corridor, tolerance or Tolerance()
+    def __init__(self, corridor: Corridor, tolerance: CorridorTolerance | None = None):
+        self.corridor, self.tolerance = corridor, tolerance or CorridorTolerance()
         self.lines = [
             Line(corridor, np.flatnonzero(corridor.line == i)) for i in range(corridor.line.max() + 1)
         ]

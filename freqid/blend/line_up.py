@@ -52,10 +52,10 @@ def line_up(points: Sequence[PointModel], files: Sequence[str], densities: Densi
         )
     for point, file in zip(points, files, strict=True):
         _check_alone(point, file)
-        _check_alike(points[0], files[0], point, file)
+        _check_compatible(points[0], files[0], point, file)
     rho = np.array([p.reference.rho for p in points])
     level = density_levels(rho)
-    _check_carried(points[0], rho, files)
+    _check_density_laws(points[0], rho, files)
     line = level if densities == "apart" else np.zeros_like(level)
     speed = np.array([p.reference.u for p in points]) * equivalent(rho)
     order = np.lexsort((speed, line))
@@ -108,7 +108,7 @@ def _check_alone(point: PointModel, file: str) -> None:
             raise DataError(f"response '{response.response}' holds numbers that are not finite", where=file)
 
 
-def _check_alike(first: PointModel, first_file: str, point: PointModel, file: str) -> None:
+def _check_compatible(first: PointModel, first_file: str, point: PointModel, file: str) -> None:
     """Refuse points that are not the same function of the same variables of the same aircraft."""
 
     def differ(what: str, found: Any, expected: Any) -> DataError:
@@ -149,7 +149,7 @@ def density_levels(rho: Array) -> NDArray[np.int64]:
     return level
 
 
-def _check_carried(point: PointModel, rho: Array, files: Sequence[str]) -> None:
+def _check_density_laws(point: PointModel, rho: Array, files: Sequence[str]) -> None:
     """Refuse several densities where a regressor has no law that carries it from one to another."""
     if np.ptp(rho) <= ALIKE * rho.max():
         return

@@ -21,7 +21,7 @@ TILTS: tuple[str, str] = ("dw1", "dw2")
 
 
 @dataclass(frozen=True)
-class Tolerance:
+class CorridorTolerance:
     """How far from a line its models may be used.
 
     Attributes
@@ -76,7 +76,7 @@ def locate(
     lines: Sequence[Line],
     inputs: Mapping[str, ArrayLike],
     needed: Sequence[str],
-    tolerance: Tolerance,
+    tolerance: CorridorTolerance,
     outside: Outside,
 ) -> Located:
     """Place states on the lines of a corridor.
@@ -165,7 +165,7 @@ def _checked(corridor: Corridor, inputs: Mapping[str, ArrayLike], needed: Sequen
     return {name: np.broadcast_to(v, size) for name, v in given.items()}
 
 
-def _distance(at: Located, tilt: Array, i: int, tolerance: Tolerance) -> str:
+def _distance(at: Located, tilt: Array, i: int, tolerance: CorridorTolerance) -> str:
     """Return in words how far one sample is from the line that counts most."""
     p = at.positions[int(at.weights[:, i].argmax())]
     if abs(p.speed_off[i]) > tolerance.speed:

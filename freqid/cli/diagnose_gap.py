@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from freqid.cli.options import FILE
 @options.simulation("Vehicle, tolerances and band; without --sim, the simulation.", several=True)
 @click.option(
     "--holdout",
+    "held_out",
     multiple=True,
     type=FILE,
     help="Flight on which closures are scored; may be repeated. Without it, RECORDs take turns.",
@@ -30,9 +30,10 @@ from freqid.cli.options import FILE
 @options.band("the scenario's, else what the injected signals drive")
 @click.option(
     "--tolerance",
-    "given",
+    "tolerances",
     multiple=True,
     metavar="NAME=SIGMA",
+    callback=options.parsed(options.sigma),
     help="One sigma of what is no gap, over the scenario's [tolerance]; may be repeated.",
 )
 @click.option(
@@ -62,16 +63,14 @@ from freqid.cli.options import FILE
     help="Try the diagnosis on each effect inserted into this simulation and these flights.",
 )
 @click.option("--anyway", is_flag=True, help="Go on where mistakes of bookkeeping are found.")
-@options.page("the diagnosis")
+@options.page_option("the diagnosis")
 @options.as_json
 def command(
     records: tuple[Path, ...],
     destination: Path | None,
     sim: tuple[str, ...],
     predictions: tuple[Path, ...],
-    holdout: tuple[Path, ...],
-    band: str | None,
-    given: tuple[str, ...],
+    held_out: tuple[Path, ...],
     page: bool,
     json_: bool,
     **asked: Any,
@@ -87,34 +86,30 @@ def command(
     """
     from freqid.cli import gap_texts, progress, rivals_texts
     from freqid.views.page import page as page_of
-    from freqid.workflows.compare import compare_simulations
-    from freqid.workflows.connect import connect
+    from freqid.workflows.compare import compare_simulations, pair_of
     from freqid.workflows.diagnose import BookkeepingMistakes, diagnose_gap
     from freqid.workflows.files import save
 
-    two = _two(sim, predictions, holdout, asked["effects"])
-    default = f"{records[0].stem}-{'rivals' if two else 'gap'}.h5"
+    pair = pair_of(sim, predictions, held_out, asked["effects"])
+    default = f"{records[0].stem}-{'rivals' if pair else 'gap'}.h5"
     destination = destination or records[0].with_name(default)
     drawn = destination.with_suffix(".html") if page else None
     design = destination.with_name(f"{destination.stem}-next.h5")
-    sources = (*records, *holdout, *predictions, asked["scenario"], asked["own_effects"])
+    sources = (*records, *held_out, *predictions, asked["scenario"], asked["own_effects"])
     options.keep_inputs((destination, drawn, design), *sources)
     tell = progress.line()
-    asked |= {"band_hz": options.band_hz(band), "tolerances": _sigmas(given), "tell": tell}
-    if two:
-        pair = [*sim, *([connect(predictions=predictions)] if predictions else [])]
+    asked |= {"tolerances": dict(asked["tolerances"]), "tell": tell}
+    if pair:
         shared = ("scenario", "own_effects", "band_hz", "tolerances", "level", "seed", "tell")
-        found = compare_simulations(pair[0], pair[1], records, **{name: asked[name] for name in shared})
+        found = compare_simulations(*pair, records, **{name: asked[name] for name in shared})
         table, text = found.to_json(), rivals_texts.rivals_text(found)
     else:
-        one = sim[0] if sim else None
+        asked |= {"held_out": held_out, "predictions": predictions, "next_design": design}
         try:
-            found = diagnose_gap(
-                one, records, held_out=holdout, predictions=predictions, next_design=design, **asked
-            )
+            found = diagnose_gap(sim[0] if sim else None, records, **asked)
         except BookkeepingMistakes as stopped:
-            said = gap_texts.bookkeeping_text(stopped.verdict, stopped.findings)
-            options.emit(json_, stopped.table, said)
+            report = gap_texts.bookkeeping_text(stopped.verdict, stopped.findings)
+            options.emit(json_, stopped.table, report)
             raise
         table = found.to_json() | {"bookkeeping": [asdict(f) for f in found.bookkeeping]}
         text = gap_texts.diagnosis_text(found.diagnosis)
@@ -125,39 +120,3 @@ def command(
     tell("")
     table |= {"file": str(destination), "page": str(drawn or "")}
     options.emit(json_, table, f"{text}\n\n{destination}" + (f"\n{drawn}" if drawn else ""))
-
-
-def _two(
-    sims: Sequence[str], predictions: Sequence[Path], holdout: Sequence[Path], effects: Sequence[str]
-) -> bool:
-    """Say whether two simulations are compared; refuse more, and what is asked of one alone."""
-    from freqid.core.errors import UsageError
-
-    count = len(sims) + bool(predictions)
-    if count > 2:
-        raise UsageError(f"{count} simulations are given", remedy="compare two at a time")
-    if count == 2 and holdout:
-        raise UsageError(
-            "--holdout is for closures, and two simulations are compared as they are",
-            remedy="name all flights as records",
-        )
-    if count == 2 and effects:
-        raise UsageError(
-            "--effect is for one simulation, and two are given",
-            remedy="diagnose each by itself with --effect",
-        )
-    return count == 2
-
-
-def _sigmas(given: Sequence[str]) -> dict[str, float]:
-    """Return the tolerances of ``--tolerance`` by name."""
-    from freqid.core.errors import UsageError
-
-    found = {}
-    for word in given:
-        name, _, value = word.partition("=")
-        try:
-            found[name.strip()] = float(value)
-        except ValueError:
-            raise UsageError(f"--tolerance is NAME=SIGMA such as mass=0.01, not '{word}'") from None
-    return found

@@ -5,20 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from freqid.simulate.truth import beside
+from freqid.simulate.truth import truth_path
 from freqid.workflows.fly import SimulatedManeuver
 
 
 def files_of(record: Path, *, page: bool) -> list[Path]:
     """Return the files of a flight: record, truth, and the page where it is drawn."""
-    return [record, beside(record), *([record.with_suffix(".html")] if page else [])]
+    return [record, truth_path(record), *([record.with_suffix(".html")] if page else [])]
 
 
 def flight_result(found: SimulatedManeuver, destination: Path) -> dict[str, Any]:
     """Return what is worth knowing of a flight."""
     return {
         "record": str(destination),
-        "truth": str(beside(destination)),
+        "truth": str(truth_path(destination)),
         "reference": found.truth.reference,
         "duration_s": found.truth.duration,
         "excursions": found.excursions,

@@ -46,12 +46,11 @@ from freqid.cli.options import FILE
     is_flag=True,
     help="For sweeps and doublets: one input and one output by overlapped windows; needs --band.",
 )
-@options.page("the responses")
+@options.page_option("the responses")
 @options.as_json
 def command(
     records: tuple[Path, ...],
     destination: Path | None,
-    band: str | None,
     page: bool,
     json_: bool,
     **asked: Any,
@@ -66,7 +65,7 @@ def command(
     from freqid.workflows.files import save
     from freqid.workflows.frequency_response import frequency_response
 
-    response = frequency_response(records, band_hz=options.band_hz(band), **asked)
+    response = frequency_response(records, **asked)
     destination = destination or records[0].with_name(f"{records[0].stem}-response.h5")
     drawn = destination.with_suffix(".html") if page else None
     options.keep_inputs((destination, drawn), *records, asked["scenario"])

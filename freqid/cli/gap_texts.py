@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
-from freqid.cli.columns import table
+from freqid.cli.columns import text_table
 from freqid.cli.self_test_text import self_test_text
 
 if TYPE_CHECKING:
@@ -26,9 +26,9 @@ _SOURCES = {
 
 def bookkeeping_text(verdict: str, findings: Sequence[Finding]) -> str:
     """Return what is said where a diagnosis stops at mistakes of bookkeeping."""
-    from freqid.workflows.connect import said
+    from freqid.workflows.connect import finding_line
 
-    return "\n".join([verdict, *map(said, findings)])
+    return "\n".join([verdict, *map(finding_line, findings)])
 
 
 def diagnosis_text(d: GapDiagnosis) -> str:
@@ -48,8 +48,8 @@ def next_text(table: Mapping[str, Any]) -> str:
     lines += [f"  {group['sentence']}" for group in table.get("groups", ())]
     for test in table.get("tests", ())[:_TESTS]:
         each = [f"{' / '.join(p['rivals'])} {p['now']:.2g} to {p['after']:.3g}" for p in test["pairs"]]
-        said = ", ".join(each)
-        lines.append(f"  {test['kind']}: {test['how']} (expected separation {said}; 10.8 tells apart)")
+        listing = ", ".join(each)
+        lines.append(f"  {test['kind']}: {test['how']} (expected separation {listing}; 10.8 tells apart)")
     if table.get("design"):
         lines.append(f"  designed in {table['design']}")
     return "\n".join(lines)
@@ -84,7 +84,7 @@ def _where(d: GapDiagnosis) -> str:
         )
         for p in d.where
     ]
-    return "Where:\n" + table(("response", "band", "share", "regime", "coherent with", "phase"), rows)
+    return "Where:\n" + text_table(("response", "band", "share", "regime", "coherent with", "phase"), rows)
 
 
 def _sensors(d: GapDiagnosis) -> str:
@@ -92,7 +92,7 @@ def _sensors(d: GapDiagnosis) -> str:
         (s.fault, s.channel, f"{_with_unit(s.estimate, s.unit)} ({s.lo:.3g} to {s.hi:.3g})")
         for s in d.sensors
     ]
-    return "Your sensors:\n" + table(("fault", "channel", "estimate (90 %)"), rows) if rows else ""
+    return "Your sensors:\n" + text_table(("fault", "channel", "estimate (90 %)"), rows) if rows else ""
 
 
 def _which(d: GapDiagnosis) -> str:
@@ -103,7 +103,7 @@ def _which(d: GapDiagnosis) -> str:
         if p >= _LISTED
     ]
     lines = ["Which (* in the set that holds the truth with the stated confidence):"]
-    lines.append(table(("effect", "probability", "set", "place"), rows))
+    lines.append(text_table(("effect", "probability", "set", "place"), rows))
     if w.pair:
         lines.append(f"  together: {' and '.join(w.pair)}")
     lines += [f"  withdrawn: {name}, {why}" for name, why in w.withdrawn.items()]
@@ -122,7 +122,7 @@ def _parameters(d: GapDiagnosis) -> str:
         for name, x in values.items()
     ]
     head = ("effect", "parameter", "estimate (90 %)")
-    return "Parameters, as changes of the simulation:\n" + table(head, rows) if rows else ""
+    return "Parameters, as changes of the simulation:\n" + text_table(head, rows) if rows else ""
 
 
 def _reach(d: GapDiagnosis) -> str:
@@ -144,7 +144,7 @@ def _closure(c: Closure) -> str:
         ("tolerances alone", _share(c.tolerances_only)),
         ("both", _share(c.wrench)),
     ]
-    lines.append(table(("fitted", "G: share of the gap that goes (90 %)"), rows))
+    lines.append(text_table(("fitted", "G: share of the gap that goes (90 %)"), rows))
     if c.strained:
         off = ", ".join(f"{name} {x:+.1f}" for name, x in c.strained.items())
         lines.append(f"  tolerances alone would be off by, in sigmas: {off}")
@@ -158,7 +158,7 @@ def _closure(c: Closure) -> str:
     ]
     if rows:
         head = ("response", "RMSE", "after", "no change", "Theil", "after", "J", "after")
-        lines.append(table(head if c.J else head[:-2], rows if c.J else [row[:-2] for row in rows]))
+        lines.append(text_table(head if c.J else head[:-2], rows if c.J else [row[:-2] for row in rows]))
     if c.consequence.get("sentence"):
         lines.append(f"  {c.consequence['sentence']}")
     if c.note:

@@ -24,16 +24,27 @@ _CHOICES = {
 @click.option("--at", default="", help="Id of the reference condition; the record's own where absent.")
 @click.option(
     "--cut",
-    "cuts",
     multiple=True,
+    callback=options.parsed(options.span),
     help="Use START:STOP only, seconds on the record's clock; several make several manoeuvres of one record.",
 )
-@click.option("--responses", help="Some of X,Y,Z,L,M,N, in place of the scenario's.")
-@click.option("--regressors", help="Regressors of all responses, as u,w,q,de1, in place of the scenario's.")
+@click.option(
+    "--responses",
+    callback=options.parsed(options.names),
+    help="Some of X,Y,Z,L,M,N, in place of the scenario's.",
+)
+@click.option(
+    "--regressors",
+    callback=options.parsed(options.names),
+    help="Regressors of all responses, as u,w,q,de1, in place of the scenario's.",
+)
 @options.choices(_CHOICES, "In place of the scenario's.")
 @options.estimator
 @click.option(
-    "--select", is_flag=True, help="Keep, for each response, only the regressors that explain something."
+    "--select",
+    "structure",
+    flag_value="stepwise",
+    help="Keep, for each response, only the regressors that explain something.",
 )
 @click.option(
     "--nonlinear",
@@ -62,10 +73,6 @@ def command(
     records: tuple[Path, ...],
     destination: Path | None,
     scenario: Path,
-    cuts: tuple[str, ...],
-    responses: str | None,
-    regressors: str | None,
-    select: bool,
     held_out: Path | None,
     json_: bool,
     **asked: Any,
@@ -76,7 +83,6 @@ def command(
     misses a gate of the scenario.
     """
     from freqid.cli.point_texts import point_result, point_table
-    from freqid.core.record import parse_span
     from freqid.workflows.files import save
     from freqid.workflows.identify import identify_point, refuse_missed_gates
     from freqid.workflows.inputs import scenario_of
@@ -85,10 +91,6 @@ def command(
     model = identify_point(
         records,
         described,
-        cut=[parse_span(cut) for cut in cuts],
-        responses=options.names(responses) if responses is not None else None,
-        regressors=options.names(regressors) if regressors is not None else None,
-        structure="stepwise" if select else None,
         held_out=held_out,
         tell=lambda text: click.echo(text, err=True),
         **asked,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -17,7 +18,11 @@ from freqid.cli.options import FILE
 @click.option("--scenario", type=FILE, help="Scenario that describes the vehicle.")
 @click.option("--at", default="", help="Id of the reference condition that was flown.")
 @click.option("--resample", "resample_hz", type=float, help="Put all channels on this rate, Hz.")
-@click.option("--cut", help="Keep START:STOP, seconds on the log's clock, for example 12.5:72.5.")
+@click.option(
+    "--cut",
+    callback=options.parsed(options.span),
+    help="Keep START:STOP, seconds on the log's clock, for example 12.5:72.5.",
+)
 @click.option("--split", is_flag=True, help="Find the manoeuvres and write each to NAME-1.h5, NAME-2.h5, ...")
 @options.as_json
 def command(
@@ -25,25 +30,21 @@ def command(
     destination: Path | None,
     columns: Path | None,
     scenario: Path | None,
-    at: str,
-    resample_hz: float | None,
-    cut: str | None,
     split: bool,
     json_: bool,
+    **asked: Any,
 ) -> None:
     """Read LOG (CSV, MATLAB, SIDPAC columns) and write a flight record.
 
     Units are converted to SI, time is checked to be uniform, and nothing is resampled unless asked.
     """
     from freqid.cli.record_texts import records_result, records_text
-    from freqid.core.record import parse_span
     from freqid.workflows.files import save
     from freqid.workflows.import_log import read_log, split_flight
     from freqid.workflows.inputs import scenario_of
 
     described = scenario_of(scenario) if scenario else None
-    span = None if cut is None else parse_span(cut)
-    record = read_log(log, columns, scenario=described, at=at, cut=span, resample_hz=resample_hz)
+    record = read_log(log, columns, scenario=described, **asked)
     destination = destination or Path("reports") / f"{log.stem}.h5"
     pieces = {destination: record}
     if split:

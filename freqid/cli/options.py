@@ -35,29 +35,32 @@ def simulation(scenario: str, *, several: bool = False) -> Callable[[Command], C
             help="Recorded predictions in place of a simulation; may be repeated.",
         )(command)
         kinds = "FILE.py:NAME, MODEL.fmu, jsbsim:AIRCRAFT, SCENARIO.toml or predictions FILE.h5."
-        said = f"{kinds} Two are compared with each other." if several else kinds
-        return click.option("--sim", multiple=several, help=said)(command)
+        meaning = f"{kinds} Two are compared with each other." if several else kinds
+        return click.option("--sim", multiple=several, help=meaning)(command)
 
     return add
 
 
+def parsed(read: Callable[[str], Any]) -> Callable[[click.Context, click.Parameter, Any], Any]:
+    """Return a callback that reads the text of an option, each of several by itself; None stays None."""
+
+    def callback(_: click.Context, __: click.Parameter, given: Any) -> Any:
+        if isinstance(given, tuple):
+            return tuple(read(text) for text in given)
+        return None if given is None else read(given)
+
+    return callback
+
+
 def band(absent: str) -> Callable[[Command], Command]:
-    """Return ``--band``, read by `band_hz`; `absent` says in words what holds without it."""
-    return click.option("--band", help=f"LOW:HIGH, Hz; {absent}.")
+    """Return ``--band``, in Hz as ``band_hz``; `absent` says in words what holds without it."""
+    return click.option("--band", "band_hz", callback=parsed(_band), help=f"LOW:HIGH, Hz; {absent}.")
 
 
-def band_hz(text: str | None) -> tuple[float, float] | None:
-    """Return the band that ``--band`` states, Hz; None where it is not given.
-
-    Raises
-    ------
-    UsageError
-        If it is not two positive numbers, the lower one first.
-    """
+def _band(text: str) -> tuple[float, float]:
+    """Return two positive numbers, the lower one first."""
     from freqid.core.errors import UsageError
 
-    if text is None:
-        return None
     try:
         low, high = (float(part) for part in text.split(":"))
     except ValueError:
@@ -67,7 +70,7 @@ def band_hz(text: str | None) -> tuple[float, float] | None:
     return low, high
 
 
-def page(drawing: str) -> Callable[[Command], Command]:
+def page_option(drawing: str) -> Callable[[Command], Command]:
     """Return ``--page/--no-page``; `drawing` says in words what the page shows."""
     return click.option(
         "--page/--no-page", default=True, help=f"Draw {drawing}, in an HTML page beside the result."
@@ -95,9 +98,16 @@ def choices(known: dict[str, list[str]], meaning: str) -> Callable[[Command], Co
     return add
 
 
-def names(text: str | None) -> tuple[str, ...]:
+def names(text: str) -> tuple[str, ...]:
     """Return names that stand with commas between them."""
-    return tuple(part.strip() for part in (text or "").split(",") if part.strip())
+    return tuple(part.strip() for part in text.split(",") if part.strip())
+
+
+def span(text: str) -> tuple[float, float]:
+    """Return start and stop, s, of ``START:STOP``."""
+    from freqid.core.record import parse_span
+
+    return parse_span(text)
 
 
 def keep_inputs(result: Path | Iterable[Path | None], *inputs: Path | None) -> None:
@@ -123,3 +133,14 @@ def as_json(command: Command) -> Command:
 def emit(json_: bool, result: dict[str, Any], text: str) -> None:
     """Print a result to stdout, for machines or for people."""
     click.echo(json.dumps(result, indent=2, allow_nan=False) if json_ else text)
+
+
+def sigma(word: str) -> tuple[str, float]:
+    """Return name and size of a tolerance, ``NAME=SIGMA``."""
+    from freqid.core.errors import UsageError
+
+    name, _, value = word.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        raise UsageError(f"--tolerance is NAME=SIGMA such as mass=0.01, not '{word}'") from None

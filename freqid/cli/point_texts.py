@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from freqid.core.results.point import Fit, PointModel, ResponseModel, per
-from freqid.identify.model.selection import DISTORTED, F_KEPT
+from freqid.identify.model.selection import DISTORTED, F_TO_STAY
 
 
 def point_result(model: PointModel) -> dict[str, Any]:
@@ -72,10 +72,10 @@ def point_table(model: PointModel) -> str:
             lines.append(f"  {parameter:<10} {estimate:>13.6g} +- {2 * error:<11.3g} {unit}")
         beside = response.errors_in_variables
         if beside is not None and response.differing:
-            said = ", ".join(
+            listing = ", ".join(
                 f"{n} {beside.estimate[response.regressors.index(n)]:.6g}" for n in response.differing
             )
-            lines.append(f"  least squares differs beyond noise: {said}")
+            lines.append(f"  least squares differs beyond noise: {listing}")
         lines += _chosen(model.provenance.get("structure", {}).get(name, {}))
         lines += [f"  the data cannot separate {' and '.join(group)}" for group in response.inseparable]
     lines.append("(+- is two standard errors)")
@@ -86,13 +86,13 @@ def _chosen(account: dict[str, Any]) -> list[str]:
     """Return what was left out of a response and what was added to it, one line each."""
     lines = []
     if account.get("left_out"):
-        said = ", ".join(f"{name} {f:.2g}" for name, f in account["left_out"].items())
-        lines.append(f"  left out, F below {F_KEPT:g}: {said}")
+        listing = ", ".join(f"{name} {f:.2g}" for name, f in account["left_out"].items())
+        lines.append(f"  left out, F below {F_TO_STAY:g}: {listing}")
     if "products" in account:
         level = f"residual power over noise {account['distortion']:.3g}"
         if account["products"]:
-            said = ", ".join(f"{name} (F {f:.3g})" for name, f in account["products"].items())
-            lines.append(f"  not linear, {level}: added {said}")
+            listing = ", ".join(f"{name} (F {f:.3g})" for name, f in account["products"].items())
+            lines.append(f"  not linear, {level}: added {listing}")
         elif account["distortion"] > DISTORTED:
             lines.append(f"  not linear, {level}, but no product explains it")
     return lines

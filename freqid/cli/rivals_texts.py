@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from freqid.cli.columns import table
+from freqid.cli.columns import text_table
 from freqid.core.results.rivals import Contest, Rivals
 
 _LISTED = 12  # contests
@@ -21,7 +21,7 @@ def rivals_text(found: Rivals) -> str:
         blocks.append(
             "Misfit: squared residual over noise and tolerances, less what noise makes; 0 is noise. p is for "
             f"all contests together (level {found.level:g}); a difference of less than "
-            f"{100 * found.smallest_difference:g} % is not called.\n" + table(head, rows) + rest
+            f"{100 * found.smallest_difference:g} % is not called.\n" + text_table(head, rows) + rest
         )
     if found.remarks:
         blocks.append("\n".join(f"Note: {remark}." for remark in found.remarks))

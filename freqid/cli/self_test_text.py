@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING
 
-from freqid.cli.columns import table
+from freqid.cli.columns import text_table
 from freqid.core.results.gap_self_test import ENDS
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ def self_test_text(test: SelfTest) -> str:
     lines = [
         f"Self-test: each effect inserted into this simulation along these flights, {test.draws} draws of "
         "noise and tolerances each:",
-        table(
+        text_table(
             ("detectability", "found", "one name given", "the right one", "set holds it", "p of the truth"),
             [
                 (
@@ -38,7 +38,7 @@ def self_test_text(test: SelfTest) -> str:
         f"  {test.reliability.sentence()}",
         "  smallest size found in 95 of 100 draws, and what is answered at a detectability of "
         f"{test.strata[len(test.strata) // 2].detectability:g}:",
-        table(
+        text_table(
             ("effect", "smallest found", "right", "answered instead"),
             _effects(test),
             indent=4,

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import click
 
 from freqid.cli import options
-
-if TYPE_CHECKING:
-    from freqid.core.estimators import EstimatorName
 
 
 @click.command("study")
@@ -22,8 +19,19 @@ if TYPE_CHECKING:
     type=options.FILE,
     help="Folder of everything; default: the scenario's name with -study, in reports/.",
 )
-@click.option("--at", help="Conditions to fly, as u20,u45,u70; all of the scenario without it.")
-@click.option("--hold-out", help="Of them, those that the global model is judged at and not made from.")
+@click.option(
+    "--at",
+    default="",
+    callback=options.parsed(options.names),
+    help="Conditions to fly, as u20,u45,u70; all of the scenario without it.",
+)
+@click.option(
+    "--hold-out",
+    "held_out",
+    default="",
+    callback=options.parsed(options.names),
+    help="Of them, those that the global model is judged at and not made from.",
+)
 @click.option("--sensors", default="research", show_default=True, help="Sensor suite of the scenario.")
 @click.option(
     "--noise", type=click.FloatRange(min=0), default=1.0, show_default=True, help="Multiple of its noise."
@@ -35,14 +43,8 @@ if TYPE_CHECKING:
 def command(
     scenario: Path,
     folder: Path | None,
-    at: str | None,
-    hold_out: str | None,
-    sensors: str,
-    noise: float,
-    estimator: EstimatorName | None,
-    seed: int,
-    jobs: int,
     json_: bool,
+    **asked: Any,
 ) -> None:
     """Design inputs, fly and identify SCENARIO's conditions, blend a global model, and write a page of it.
 
@@ -53,17 +55,6 @@ def command(
     from freqid.workflows.study import study
 
     folder = folder or Path("reports") / f"{scenario.stem}-study"
-    results = study(
-        scenario,
-        folder,
-        at=options.names(at),
-        held_out=options.names(hold_out),
-        sensors=sensors,
-        noise=noise,
-        estimator=estimator,
-        seed=seed,
-        jobs=jobs,
-        tell=lambda text: click.echo(f"{text} ...", err=True),
-    )
+    results = study(scenario, folder, tell=lambda text: click.echo(f"{text} ...", err=True), **asked)
     drawn = page(results).save(folder / "index.html")
     options.emit(json_, study_result(results, folder), f"{study_table(results)}\nThe report is {drawn}")

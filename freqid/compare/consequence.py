@@ -13,7 +13,7 @@ import numpy as np
 from freqid.dynamics.linear_loop import LinearLoop, Margins
 from freqid.dynamics.modes import MOTION, Mode, named_modes
 
-Interval = tuple[float, float]
+Limits = tuple[float, float]
 
 MARGIN_FIGURES = ("gain_up_db", "gain_down_db", "phase_deg", "delay_s", "crossover_hz", "modulus")
 
@@ -112,8 +112,8 @@ class Consequence:
     before: Assessment
     after: Assessment
     change: dict[str, float]
-    after_intervals: dict[str, Interval]
-    change_intervals: dict[str, Interval]
+    after_intervals: dict[str, Limits]
+    change_intervals: dict[str, Limits]
     level: float
     unstable_share: float
 
@@ -233,7 +233,7 @@ def _difference(before: Mapping[str, float], after: Mapping[str, float]) -> dict
 
 def _intervals(
     draws: Sequence[Mapping[str, float]], paths: Mapping[str, float], level: float
-) -> dict[str, Interval]:
+) -> dict[str, Limits]:
     """Return quantiles of the draws for each figure that enough draws have."""
     intervals = {}
     for path in paths:

@@ -22,8 +22,8 @@ from freqid.gap.stack.noise import Draws, antithetic, covariance_of, least_power
 from freqid.gap.stack.trial import Trial
 from freqid.simulate.effects.effect import Effect
 
-Band = tuple[float, float]
-Columns = dict[str, Complex]
+BandHz = tuple[float, float]
+NamedColumns = dict[str, Complex]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class SharedBlock:
     covariance: Complex
     noise: tuple[Complex, Complex]
     louder: Complex
-    tolerances: tuple[Columns, Columns]
+    tolerances: tuple[NamedColumns, NamedColumns]
     own: tuple[Complex, Complex]
     form: tuple[Complex, Complex]
     actuators: tuple[Complex, Complex]
@@ -143,11 +143,11 @@ def shared_stack(
     names: Sequence[str],
     library: Mapping[str, Effect],
     sizes: tuple[Mapping[str, float], Mapping[str, float]],
-    band_hz: Band,
+    band_hz: BandHz,
     *,
     seed: int = 0,
     tell: Callable[[str], None] = lambda _: None,
-) -> tuple[list[SharedBlock], tuple[Band, ...]]:
+) -> tuple[list[SharedBlock], tuple[BandHz, ...]]:
     """Return two simulations on one stack, and the bands in which a diagnosis says where a gap is.
 
     Parameters

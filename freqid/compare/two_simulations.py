@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from freqid.compare.comparison_text import ALL, remarks_on, verdict_on
-from freqid.compare.shared_stack import SharedBlock, SharedForm, form_of, shared_stack
+from freqid.compare.shared_stack import BandHz, SharedBlock, SharedForm, form_of, shared_stack
 from freqid.core.arrays import Array, Complex
 from freqid.core.errors import UsageError
 from freqid.core.record import Maneuver
@@ -33,8 +33,6 @@ from freqid.gap.model.tolerance import stated
 from freqid.gap.settings import INTERVAL, LEVEL
 from freqid.gap.simulation import Simulation
 from freqid.simulate.effects.effect import Effect
-
-Band = tuple[float, float]
 
 SMALLEST_DIFFERENCE = 0.01
 """Share of the farther one's misfit: a simulation that is nearer by less is not called nearer."""
@@ -48,7 +46,7 @@ class Cell:
     """Rows, lines and conditions of one contest; an edge between bands belongs to the lower one."""
 
     response: str
-    band_hz: Band
+    band_hz: BandHz
     regime: str
 
     def numbers(self, block: SharedBlock) -> NDArray[np.bool_] | None:
@@ -98,7 +96,7 @@ def compare_two(
     names: Sequence[str],
     library: Mapping[str, Effect],
     tolerances: Mapping[str, float],
-    band_hz: Band,
+    band_hz: BandHz,
     *,
     level: float = LEVEL,
     seed: int = 0,
@@ -136,9 +134,9 @@ def compare_two(
     if not maneuvers:
         raise UsageError("there is no manoeuvre to compare on", remedy="name one record or more")
     if not set(pair[0].responses) & set(pair[1].responses):
-        said = [f"{s.name} predicts {' '.join(s.responses)}" for s in pair]
+        phrases = [f"{s.name} predicts {' '.join(s.responses)}" for s in pair]
         raise UsageError(
-            f"the two simulations have no response in common: {said[0]}, {said[1]}",
+            f"the two simulations have no response in common: {phrases[0]}, {phrases[1]}",
             remedy="compare simulations that predict the same responses",
         )
     sizes = _tolerances_of(pair, tolerances, library, maneuvers[0])
@@ -154,7 +152,7 @@ def compare_two(
 
 
 def judge(
-    blocks: Sequence[SharedBlock], bands: Sequence[Band], form: SharedForm, level: float = LEVEL
+    blocks: Sequence[SharedBlock], bands: Sequence[BandHz], form: SharedForm, level: float = LEVEL
 ) -> Rivals:
     """Return the contests of two simulations: one over all, and by response, band and regime.
 
@@ -366,7 +364,7 @@ def _decided(contest: Contest, adjusted: float, level: float) -> Contest:
     return replace(contest, p_adjusted=adjusted, nearer=nearer)
 
 
-def _cells(blocks: Sequence[SharedBlock], bands: Sequence[Band]) -> Iterator[Cell]:
+def _cells(blocks: Sequence[SharedBlock], bands: Sequence[BandHz]) -> Iterator[Cell]:
     """Yield responses as a whole, and in bands and regimes, where the two simulations differ."""
     regimes = dict.fromkeys(b.regime for b in blocks)
     for response in dict.fromkeys(row for b in blocks for row in b.rows):

@@ -54,6 +54,13 @@ RESPONSE = {
     "Cm": ("1", "coefficient of M"),
     "Cn": ("1", "coefficient of N"),
 }
+VELOCITY = ("state/u", "state/v", "state/w")
+GROUND = ("state/vn", "state/ve", "state/vd")
+ATTITUDE = ("state/phi", "state/theta", "state/psi")
+RATES = ("state/p", "state/q", "state/r")
+FORCES = ("state/ax", "state/ay", "state/az")
+FLOW = ("air/V", "air/alpha", "air/beta")
+ANGLES = {*FLOW[1:], *ATTITUDE}  # known up to whole turns
 WRENCH = ("X", "Y", "Z", "L", "M", "N")
 COEFFICIENT: dict[str, str] = dict(zip(("CX", "CY", "CZ", "Cl", "Cm", "Cn"), WRENCH, strict=True))
 KNOWN = {"state": STATE, "air": AIR, "power": POWER, "response": RESPONSE}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from freqid.core import store
 from freqid.core.channels import effector_unit, si_unit, split
 from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.layout import Attribute, get_fields, put_fields
 from freqid.core.units import to_si
 from freqid.core.vehicle import MassProperties, Vehicle
 from freqid.core.viewable import Viewable
@@ -349,6 +350,13 @@ def check_time(time: NDArray[np.float64]) -> None:
 
 
 FORMAT = "freqid-record"
+_HEADER = {
+    "reference": Attribute("@reference"),
+    **{
+        name: Attribute(f"@{name}", json=True)
+        for name in ("configuration", "provenance", "vehicle", "mass_properties")
+    },
+}
 
 
 def write_record(path: Path, record: FlightRecord, scenario_sha256: str = "", *, kind: str = FORMAT) -> None:
@@ -382,13 +390,7 @@ def write_record(path: Path, record: FlightRecord, scenario_sha256: str = "", *,
                 dataset.attrs["position_m"] = channel.position_m
         # HDF5 lists by name; the order in which the channels were logged is kept here
         store.put_json(file, "channel_order", list(record.channels))
-        file.attrs["reference"] = record.reference
-        store.put_json(file, "configuration", asdict(record.configuration))
-        store.put_json(file, "provenance", record.provenance)
-        if record.vehicle is not None:
-            store.put_json(file, "vehicle", msgspec.to_builtins(record.vehicle))
-        if record.mass_properties is not None:
-            store.put_json(file, "mass_properties", msgspec.to_builtins(record.mass_properties))
+        put_fields(file, record, _HEADER)
 
     store.write(path, kind, fill, scenario_sha256)
 
@@ -424,16 +426,10 @@ def read_record(path: Path, *, kind: str = FORMAT) -> FlightRecord:
                 source=store.get_text(dataset, "source"),
                 position_m=(position[0], position[1], position[2]) if position else None,
             )
-        vehicle = store.get_json(file, "vehicle")
-        mass = store.get_json(file, "mass_properties")
         return FlightRecord(
             time=store.array(file, "time"),
             channels=channels,
-            vehicle=None if vehicle is None else msgspec.convert(vehicle, Vehicle),
-            mass_properties=None if mass is None else msgspec.convert(mass, MassProperties),
-            reference=store.get_text(file, "reference"),
-            configuration=Configuration(**(store.get_json(file, "configuration") or {})),
-            provenance=store.get_json(file, "provenance") or {},
+            **get_fields(file, FlightRecord, _HEADER),
         )
 
 

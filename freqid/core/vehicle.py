@@ -6,8 +6,6 @@ constructor's choice. A tilt angle is positive leading edge up, that is about +y
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Iterable
 from math import inf
 from typing import Literal
 
@@ -295,65 +293,3 @@ class Vehicle(Strict, frozen=True):
             f"vehicle '{self.name}' has no effector '{name}'",
             remedy=nearest(name, (e.name for e in self.effectors)),
         )
-
-
-def proposed_groups(vehicle: Vehicle) -> tuple[Group, ...]:
-    """Return the vehicle's stated groups, or obvious ones where it states none.
-
-    Of each kind of effector: those whose names differ in a number or in left and right only, those of one
-    wing or row (rotors on one wing, or at the same x), and all of the kind.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-
-    Returns
-    -------
-    tuple of Group
-        Each set of effectors once; empty where no two effectors have anything in common.
-
-    Examples
-    --------
-    Of elevons de1 to de4 and rotors n1 to n8 on wings front and rear: ``de``, ``front rotors``,
-    ``rear rotors``, ``all rotors`` and so on.
-    """
-    if vehicle.groups:
-        return vehicle.groups
-    proposed: dict[frozenset[str], Group] = {}
-
-    def propose(name: str, members: list[str], kind: str) -> None:
-        if len(members) > 1:
-            proposed.setdefault(frozenset(members), Group(name=name, effectors=tuple(members), kind=kind))
-
-    for kind, names in _gathered((e.kind, e.name) for e in vehicle.effectors).items():
-        if kind == "rotor":
-            places = {r.name: r for r in vehicle.rotors}
-            rows = ((_row(places[n]), n) for n in names if n in places)
-            for row, members in _gathered(rows).items():
-                propose(f"{row} rotors", members, kind)
-        for stem, members in _gathered((_stem(n, names), n) for n in names).items():
-            propose(stem, members, kind)
-        propose(f"all {kind}s", names, kind)
-    return tuple(proposed.values())
-
-
-def _gathered(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
-    """Return the second of each pair by the first."""
-    out: dict[str, list[str]] = {}
-    for key, name in pairs:
-        out.setdefault(key, []).append(name)
-    return out
-
-
-def _row(rotor: Rotor) -> str:
-    return rotor.wing or f"x = {rotor.position_m[0]:.2f} m"
-
-
-def _stem(name: str, names: Collection[str]) -> str:
-    """Return a name without its number and without what sets it apart from its mirror image."""
-    side, other = name[-1], {"l": "r", "r": "l", "L": "R", "R": "L"}.get(name[-1])
-    if other and name[:-1] + other in names:
-        name = name.removesuffix(side)
-    parts = re.split(r"[_\-.\s]+|(?<=[a-z])(?=[A-Z])", re.sub(r"\d+", "", name))
-    sides = ("left", "right", "port", "starboard", "lh", "rh", "l", "r")
-    return "_".join(p.lower() for p in parts if p and p.lower() not in sides) or name

@@ -13,7 +13,7 @@ from freqid.core.errors import UsageError
 from freqid.core.excitation import MOST_SAMPLES, Excitation
 from freqid.core.results.design import ClassicDesign, SampledInputs
 from freqid.core.vehicle import Vehicle
-from freqid.design.forecast.limits import room
+from freqid.design.forecast.limits import effector_travel
 from freqid.design.multisine.orthogonal_set import amplitude_of, excited
 from freqid.design.multisine.signals import at_least, at_most
 
@@ -131,13 +131,13 @@ def frequency_sweep(
     return np.sin(2 * np.pi * cycles) * np.sin(0.5 * np.pi * inside) ** 2
 
 
-Waveform = Literal["doublet", "3-2-1-1", "sweep"]
+ClassicWaveform = Literal["doublet", "3-2-1-1", "sweep"]
 
 ROUNDING = 1e-9
 
 
 def design_classic(
-    waveform: Waveform, excitation: Excitation, vehicle: Vehicle, trim: Mapping[str, float]
+    waveform: ClassicWaveform, excitation: Excitation, vehicle: Vehicle, trim: Mapping[str, float]
 ) -> ClassicDesign:
     """Design the classic inputs that a scenario asks for.
 
@@ -277,7 +277,7 @@ def in_turn(
             f"{repeats} repeats with rests of {rest_s:g} s are asked for, expected 1 or more and 0 s or more"
         )
     units = tuple(vehicle.effector(name).unit for name in amplitude)
-    distance, rate = room(vehicle, tuple(amplitude), trim or {})
+    distance, rate = effector_travel(vehicle, tuple(amplitude), trim or {})
     peak = float(np.abs(waveform).max())
     steepest = float(np.abs(np.diff(waveform, prepend=0.0)).max()) / dt_s
     sizes = np.abs(list(amplitude.values()))

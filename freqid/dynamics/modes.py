@@ -63,12 +63,6 @@ class Mode:
         size = abs(self.eigenvalue)
         return -self.eigenvalue.real / size if size > _ZERO else float("nan")
 
-    @property
-    def time_to_double(self) -> float:
-        """Time to double the amplitude, s; negative: time to halve it; infinite for a neutral mode."""
-        growth = self.eigenvalue.real
-        return float(np.log(2) / growth) if abs(growth) > _ZERO else float("inf")
-
 
 def named_modes(A: Array, states: Sequence[str] = MOTION) -> tuple[Mode, ...]:
     """Return the modes of ``x' = A x``, named by the states that take part in them, fastest first.

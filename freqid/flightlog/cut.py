@@ -20,35 +20,6 @@ _Movements = dict[str, tuple[NDArray[np.float64], float]]
 _RATES = ("state/p", "state/q", "state/r")
 
 
-def find_trim(record: FlightRecord) -> tuple[tuple[float, float], ...]:
-    """Return the steady stretches of a record.
-
-    Parameters
-    ----------
-    record : FlightRecord
-        With effectors, commands or excitations; body rates are used where present.
-
-    Returns
-    -------
-    tuple of (start, stop), s
-        Where no effector and no rate moves, for at least `STEADY_S`.
-
-    Raises
-    ------
-    DataError
-        Where the record has no effector, command or excitation.
-
-    Notes
-    -----
-    A channel moves where its peak-to-peak within a centred window of `WINDOW_S` exceeds
-    ``max(floor, min(4 P05, max / 4))``: P05 is the 5 % quantile of that measure over the record, so
-    that turbulence and an active controller do not hide the trim; a quarter of the largest keeps a
-    record that is all manoeuvre from being taken for a quiet one. Injected signals have no floor
-    but 0.1 % of their largest value. The floors are in `FLOORS` and `SHARE`.
-    """
-    return _spans(record, *_steady(record))
-
-
 def find_maneuvers(record: FlightRecord, margin_s: float = 1.0) -> tuple[tuple[float, float], ...]:
     """Return the manoeuvres of a record, each with some trim before and after it.
 
@@ -70,6 +41,15 @@ def find_maneuvers(record: FlightRecord, margin_s: float = 1.0) -> tuple[tuple[f
     ------
     DataError
         Where the record has no effector, command or excitation, or none of them moves.
+
+    Notes
+    -----
+    Trim is where no effector and no rate moves for at least `STEADY_S`. A channel moves where its
+    peak-to-peak within a centred window of `WINDOW_S` exceeds ``max(floor, min(4 P05, max / 4))``: P05 is
+    the 5 % quantile of that measure over the record, so that turbulence and an active controller do not
+    hide the trim; a quarter of the largest keeps a record that is all manoeuvre from being taken for a
+    quiet one. Injected signals have no floor but 0.1 % of their largest value. The floors are in `FLOORS`
+    and `SHARE`.
     """
     starts, stops = _steady(record)
     first, last = np.concatenate([[0], stops]), np.concatenate([starts, [record.time.size]])

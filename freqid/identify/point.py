@@ -56,15 +56,17 @@ def refuse_without_air(maneuvers: Sequence[Maneuver], settings: Identification, 
             by_responses: dict[tuple[str, ...], list[str]] = {}
             for name, responses in wanted.items():
                 by_responses.setdefault(tuple(responses), []).append(name)
-            said = " and ".join(f"{' '.join(n)} of {' '.join(r)}" for r, n in by_responses.items())
-            raise DataError(f"parameters by {said} cannot be had: {_why(maneuver)}", remedy=_remedy(record))
+            listing = " and ".join(f"{' '.join(n)} of {' '.join(r)}" for r, n in by_responses.items())
+            raise DataError(
+                f"parameters by {listing} cannot be had: {_why(maneuver)}", remedy=_remedy(record)
+            )
         if settings.response_source == "reconstruct":
             for needed, name in (("coefficients", "qbar"), ("stability axes", "alpha")):
                 asked = settings.form == "coefficient" if name == "qbar" else settings.axes == "stability"
                 if asked and not _can_be_had(maneuver, name):
                     remedy = "ask for form 'force' and body axes, or fly with air data"
                     raise DataError(f"{needed} cannot be had: {_why(maneuver)}", remedy=remedy)
-        if estimator.needs_instruments and not _whole(record):
+        if estimator.needs_instruments and not _has_relative_wind(record):
             raise DataError(
                 f"instruments cannot be had: they are driven through the whole motion, and {_why(maneuver)}",
                 remedy=f"use --estimator least-squares, or {_remedy(record)}",
@@ -77,14 +79,14 @@ def _can_be_had(maneuver: Maneuver, name: str) -> bool:
     Airspeed and flow angles of a sensor off the centre of gravity need the whole velocity to get there.
     """
     record = maneuver.record
-    if f"state/{name}" in record or (f"air/{name}" in record and not _elsewhere(maneuver, name)):
+    if f"state/{name}" in record or (f"air/{name}" in record and not _off_centre(maneuver, name)):
         return True
     if name in (*VELOCITY, *FLOW):
-        return _whole(record)
+        return _has_relative_wind(record)
     return name not in _FROM_SPEED or _can_be_had(maneuver, "V")
 
 
-def _elsewhere(maneuver: Maneuver, name: str) -> bool:
+def _off_centre(maneuver: Maneuver, name: str) -> bool:
     """Tell whether a flow sensor is not at the centre of gravity."""
     if name not in FLOW:
         return False
@@ -92,7 +94,7 @@ def _elsewhere(maneuver: Maneuver, name: str) -> bool:
     return place is not None and tuple(place) != tuple(maneuver.vehicle.mass_properties.cg_m)
 
 
-def _whole(record: FlightRecord) -> bool:
+def _has_relative_wind(record: FlightRecord) -> bool:
     return all(f"state/{n}" in record for n in VELOCITY) or all(f"air/{n}" in record for n in FLOW)
 
 
@@ -257,7 +259,7 @@ def identify_point(
     )
 
 
-def predict(model: PointModel, maneuver: Maneuver, settings: Identification) -> dict[str, Fit]:
+def predict_responses(model: PointModel, maneuver: Maneuver, settings: Identification) -> dict[str, Fit]:
     """Predict the responses of another manoeuvre, in the time domain.
 
     Parameters

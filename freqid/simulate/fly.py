@@ -309,7 +309,7 @@ def _sample(
 ) -> Sample:
     """Return what is kept of one instant."""
     body = moving.body
-    centre = multibody.centre_of_gravity(parameters.mass, moving.tilt)
+    centre = multibody.traced_centre_of_gravity(parameters.mass, moving.tilt)
     turning = attitude.cross(body.rates, body.velocity)
     return Sample(
         moving,

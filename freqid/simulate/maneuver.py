@@ -128,7 +128,7 @@ def fly_maneuver(
         Where the flight diverges before there is anything to log.
     """
     c = conditions
-    suite = sensors.scaled(sensors.suite(scenario, c.sensors), c.noise)
+    suite = sensors.with_scaled_noise(sensors.suite(scenario, c.sensors), c.noise)
     if c.turbulence:
         scenario = with_effects(scenario, {"turbulence": c.turbulence})
         loop = None

@@ -100,7 +100,7 @@ def plan(
     return units
 
 
-def run(
+def run_units(
     work: Work,
     inputs: Sequence[Inputs],
     folder: Path,

@@ -118,7 +118,7 @@ def suite(scenario: Scenario, name: str) -> Suite:
     return sensors
 
 
-def scaled(sensors: Suite, noise: float) -> Suite:
+def with_scaled_noise(sensors: Suite, noise: float) -> Suite:
     """Return sensors with their noise multiplied; at zero, without any error and as fast as the log."""
     if noise == 0:
         kept = ("channels", "position_m", "senses")

@@ -89,7 +89,7 @@ def _by_name(scenario: Scenario, found: Commands) -> dict[str, Array]:
     return {effector.name: rows[i] for i, effector in enumerate(effectors)}
 
 
-def beside(record: Path) -> Path:
+def truth_path(record: Path) -> Path:
     """Return where the truth of a record is kept."""
     return record.with_suffix(".truth.h5")
 

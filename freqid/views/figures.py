@@ -19,8 +19,7 @@ from freqid.core.results.diagnosis import GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.results.point import PointModel
 from freqid.core.results.rivals import Rivals
-from freqid.identify.sensors.alignment import Alignment
-from freqid.identify.sensors.kinematics import KinematicCheck
+from freqid.identify.sensors.errors import SensorErrors
 from freqid.report.design.figures import GROUP_COLOURS, signal_rows
 from freqid.report.gap.figures import probability_bars
 from freqid.report.kit.figures import channel_strips
@@ -144,7 +143,7 @@ def _of_rivals(found: Rivals) -> Figure:
 
 
 @figure_of.register
-def _of_estimates(found: KinematicCheck | Alignment) -> Figure:
+def _of_estimates(found: SensorErrors) -> Figure:
     """Draw sensor errors in their standard errors."""
     figure, (axes,) = _stacked(1, 0.8 + 0.3 * len(found.names))
     axes.errorbar(found.estimate / found.std_error, found.names, xerr=2, fmt="o", markersize=3)

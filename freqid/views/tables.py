@@ -19,8 +19,7 @@ from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.results.point import PointModel, per
 from freqid.core.results.rivals import Rivals
 from freqid.design.multisine.orthogonal_set import sampled
-from freqid.identify.sensors.alignment import Alignment
-from freqid.identify.sensors.kinematics import KinematicCheck
+from freqid.identify.sensors.errors import SensorErrors
 
 
 @singledispatch
@@ -156,6 +155,6 @@ def _of_study(results: StudyResults) -> pd.DataFrame:
 
 
 @frame_of.register
-def _of_estimates(found: KinematicCheck | Alignment) -> pd.DataFrame:
+def _of_estimates(found: SensorErrors) -> pd.DataFrame:
     columns = {"error": found.names, "estimate": found.estimate, "std_error": found.std_error}
     return pd.DataFrame(columns | {"unit": found.units})

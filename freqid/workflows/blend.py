@@ -130,6 +130,6 @@ def predict(
             form=model.form,
             axes=model.axes,
         )
-        return point.predict(model, maneuver, settings)
+        return point.predict_responses(model, maneuver, settings)
     except DataError as error:
         raise error.at(names_of([flight])[0]) from None

@@ -2,19 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from freqid import __version__
 from freqid.compare.two_simulations import compare_two
+from freqid.core.errors import UsageError
 from freqid.core.record import Maneuver
 from freqid.core.results.rivals import Rivals
 from freqid.core.scenario import Scenario
 from freqid.gap import flights as gap_flights
 from freqid.gap.bookkeeping.check import check
 from freqid.workflows import diagnose
-from freqid.workflows.connect import Connected, simulation_of
+from freqid.workflows.connect import Connected, connect, resolve_simulation
 from freqid.workflows.inputs import File, Flight, Tell, names_of, record_of, several, silent, source_of
+
+
+def pair_of(
+    sims: Sequence[Connected], predictions: Sequence[File], held_out: Sequence[Flight], effects: Sequence[str]
+) -> tuple[Connected, Connected] | None:
+    """Return the two simulations where two are given, and None for one.
+
+    Raises
+    ------
+    UsageError
+        For more than two, and for what is asked of one simulation alone.
+    """
+    pair = [*sims, *([connect(predictions=predictions)] if predictions else [])]
+    if len(pair) < 2:
+        return None
+    if len(pair) > 2:
+        raise UsageError(f"{len(pair)} simulations are given", remedy="compare two at a time")
+    if held_out:
+        raise UsageError(
+            "--holdout is for closures, and two simulations are compared as they are",
+            remedy="name all flights as records",
+        )
+    if effects:
+        raise UsageError(
+            "--effect is for one simulation, and two are given",
+            remedy="diagnose each by itself with --effect",
+        )
+    return pair[0], pair[1]
 
 
 def compare_simulations(
@@ -80,7 +109,7 @@ def compare_simulations(
     sigmas = {**(described.tolerance if described else {}), **(tolerances or {})}
     records = [record_of(flight) for flight in given]
     names = names_of(given)
-    pair = tuple(simulation_of(one, scenario=described, record=records[0])[0] for one in (first, second))
+    pair = tuple(resolve_simulation(one, scenario=described, record=records[0])[0] for one in (first, second))
     stated = described.aircraft() if described else None
     remarks: list[str] = []
     every: list[Maneuver] = []

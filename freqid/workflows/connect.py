@@ -101,7 +101,7 @@ def connect(
     return ConnectedSimulation(found, described)
 
 
-def simulation_of(
+def resolve_simulation(
     given: Connected | None,
     *,
     scenario: Scenario | None = None,
@@ -158,7 +158,7 @@ def check_simulation(
     given = several(flights)
     records = [record_of(flight) for flight in given]
     described = scenario_of(scenario) if scenario is not None else None
-    found, its = simulation_of(
+    found, its = resolve_simulation(
         simulation, scenario=described, predictions=several(predictions), record=records[0]
     )
     stated = described or (its if isinstance(simulation, ConnectedSimulation) else None)
@@ -194,7 +194,7 @@ class BookkeepingCheck:
         return not self.findings
 
     def __str__(self) -> str:
-        lines = [f"{self.simulation} predicts {' '.join(self.responses)}.", *map(said, self.findings)]
+        lines = [f"{self.simulation} predicts {' '.join(self.responses)}.", *map(finding_line, self.findings)]
         return "\n".join(lines if self.findings else [*lines, "No mistake of bookkeeping was found."])
 
     def refuse(self) -> None:
@@ -212,7 +212,7 @@ class BookkeepingCheck:
             )
 
 
-def said(finding: Finding) -> str:
+def finding_line(finding: Finding) -> str:
     """Return a finding as an indented line."""
     share = f" ({100 * finding.explained:.0f} % of the residual)" if finding.explained else ""
     return f"  {finding.fault}: {finding.sentence}{share}; {finding.remedy}."

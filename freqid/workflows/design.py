@@ -14,7 +14,7 @@ from freqid.core.results.point import PointModel
 from freqid.core.scenario import Scenario
 from freqid.core.toml import overridden
 from freqid.design import export
-from freqid.design.classic import Extent, Waveform, design_classic, extent
+from freqid.design.classic import ClassicWaveform, Extent, design_classic, extent
 from freqid.design.finish import FinishedSet, finish, swapped
 from freqid.design.forecast.modelled import Criterion, ModelledAircraft, about
 from freqid.design.forecast.standard_errors import Forecast
@@ -121,7 +121,7 @@ class DesignedInputs:
 def design_inputs(
     scenario: Scenario | File,
     *,
-    waveform: Literal["multisine"] | Waveform = "multisine",
+    waveform: Literal["multisine"] | ClassicWaveform = "multisine",
     seed: int = 0,
     model: PointModel | File | None = None,
     optimal: Criterion | None = None,
@@ -211,7 +211,7 @@ def design_inputs(
         raise error.at(name_of(described)) from None
 
 
-def wanted_errors(
+def required_errors(
     reach: Sequence[str] | Mapping[str, Mapping[str, float]], point: PointModel
 ) -> dict[str, dict[str, float]]:
     """Return standard errors by response and regressor from texts such as ``M.de=0.4`` or ``M.de=5%``."""
@@ -273,7 +273,7 @@ def _multisines(
 ) -> DesignedInputs:
     """Design multisines, and a second set where pairs are to be swapped."""
     excitation = excitation_of(scenario)
-    wanted = wanted_errors(reach, aircraft.point) if aircraft else {}
+    wanted = required_errors(reach, aircraft.point) if aircraft else {}
     searched = [design_multisines(excitation, scenario.effector, seed=seed, progress=progress)]
     if swap:
         searched.append(swapped(searched[0], list(swap), excitation, scenario.effector))
@@ -304,7 +304,10 @@ def _multisines(
 
 
 def _classic(
-    scenario: Scenario, waveform: Waveform, aircraft: ModelledAircraft | None, provenance: dict[str, Any]
+    scenario: Scenario,
+    waveform: ClassicWaveform,
+    aircraft: ModelledAircraft | None,
+    provenance: dict[str, Any],
 ) -> DesignedInputs:
     """Design doublets, 3-2-1-1 or sweeps."""
     vehicle = scenario.aircraft()

@@ -30,7 +30,7 @@ from freqid.gap.verdict import tolerances_used
 from freqid.simulate.effects import library, register
 from freqid.simulate.effects.effect import Effect
 from freqid.simulate.effects.files import load_file
-from freqid.workflows.connect import Connected, ConnectedSimulation, simulation_of
+from freqid.workflows.connect import Connected, ConnectedSimulation, resolve_simulation
 from freqid.workflows.inputs import (
     File,
     Flight,
@@ -194,7 +194,7 @@ def diagnose_gap(
     sigmas = {**(described.tolerance if described else {}), **(tolerances or {})}
     read = [record_of(flight) for flight in (*used, *kept)]
     names = [*names_of(used), *names_of(kept, len(used) + 1)]
-    found, described = simulation_of(
+    found, described = resolve_simulation(
         simulation, scenario=described, predictions=several(predictions), record=read[0]
     )
     vehicle = gap_flights.vehicle_of(read, found, described.aircraft() if described else None)
@@ -327,7 +327,7 @@ def _proposed(
 ) -> dict[str, Any]:
     file = Path(design) if design is not None else None
     sha256 = scenario.sha256 if scenario else ""
-    return proposing.next_test(
+    return proposing.propose_test(
         findings, simulation, question, scenario, file, scenario_sha256=sha256, tell=tell
     )
 

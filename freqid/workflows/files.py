@@ -10,29 +10,8 @@ from freqid.core import record as record_file
 from freqid.core import scenario, store
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord
-from freqid.core.results import (
-    corridor as global_file,
-)
-from freqid.core.results import (
-    design as design_file,
-)
-from freqid.core.results import (
-    frequency_response as frequency_response_file,
-)
-from freqid.core.results import (
-    gap as gap_file,
-)
-from freqid.core.results import (
-    point as point_file,
-)
-from freqid.core.results import (
-    rivals as rivals_file,
-)
+from freqid.core.results import corridor, design, frequency_response, gap, point, rivals
 from freqid.core.results.design import ClassicDesign, MultisineDesign
-from freqid.core.results.frequency_response import FrequencyResponse
-from freqid.core.results.gap import GapResult
-from freqid.core.results.point import PointModel
-from freqid.core.results.rivals import Rivals
 from freqid.core.scenario import Scenario
 from freqid.workflows.inputs import File, scenario_of
 
@@ -143,12 +122,12 @@ def save(result: Any, path: File, *, scenario: Scenario | File | None = None) ->
     if write is not None:
         write(path, result, sha256)
         return path
-    corridor = getattr(result, "corridor", None)
-    if corridor is None:
+    knots = getattr(result, "corridor", None)  # of a global model
+    if knots is None:
         raise UsageError(
             f"found {type(result).__name__}, expected a result", remedy="save what a verb of freqid returns"
         )
-    global_file.write_global(path, corridor)
+    corridor.FILE.write(path, knots)
     return path
 
 
@@ -160,41 +139,36 @@ def _sha256_of(result: Any) -> str:
 
 def _read_design(path: Path) -> Any:
     try:
-        return design_file.read_design(path)
+        return design.read_design(path)
     except DataError as error:
         if "expected multisines" not in error.message:
             raise
-        return design_file.read_inputs(path)
+        return design.read_inputs(path)
 
 
 def _read_global(path: Path) -> Any:
     from freqid.blend.global_model import GlobalModel
 
-    return GlobalModel(global_file.read_global(path))
+    return GlobalModel(corridor.FILE.read(path))
 
 
-def _write_design(path: Path, design: MultisineDesign | ClassicDesign, sha256: str) -> None:
+def _write_design(path: Path, planned: MultisineDesign | ClassicDesign, sha256: str) -> None:
     from freqid.design.multisine.orthogonal_set import sampled
 
-    inputs = sampled(design) if isinstance(design, MultisineDesign) else design.inputs
-    design_file.write_design(path, design, inputs, sha256)
+    inputs = sampled(planned) if isinstance(planned, MultisineDesign) else planned.inputs
+    design.write_design(path, planned, inputs, sha256)
 
 
+_FILES = (point.FILE, frequency_response.FILE, gap.FILE, rivals.FILE)
 _READERS: dict[str, Callable[[Path], Any]] = {
     record_file.FORMAT: record_file.read_record,
-    design_file.FORMAT: _read_design,
-    point_file.FORMAT: point_file.read_point,
-    global_file.FORMAT: _read_global,
-    frequency_response_file.FORMAT: frequency_response_file.read_frequency_response,
-    gap_file.FORMAT: gap_file.read_gap,
-    rivals_file.FORMAT: rivals_file.read_rivals,
+    design.FORMAT: _read_design,
+    corridor.FILE.format: _read_global,
+    **{file.format: file.read for file in _FILES},
 }
 _WRITERS: dict[type, Callable[[Path, Any, str], None]] = {
     FlightRecord: record_file.write_record,
     MultisineDesign: _write_design,
     ClassicDesign: _write_design,
-    PointModel: point_file.write_point,
-    FrequencyResponse: frequency_response_file.write_frequency_response,
-    GapResult: gap_file.write_gap,
-    Rivals: rivals_file.write_rivals,
+    **{file.of: file.write for file in _FILES},
 }

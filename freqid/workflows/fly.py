@@ -19,7 +19,7 @@ from freqid.simulate import effects as library
 from freqid.simulate.control.lq import ClosedLoop, close_loop
 from freqid.simulate.effects.files import load_file
 from freqid.simulate.maneuver import Conditions, Flown, fly_maneuver, with_effects
-from freqid.simulate.truth import beside, write_truth
+from freqid.simulate.truth import truth_path, write_truth
 from freqid.workflows.design import DesignedInputs
 from freqid.workflows.inputs import File, name_of, scenario_of
 
@@ -96,7 +96,7 @@ class SimulatedManeuver:
     def save(self, path: File) -> Path:
         """Write the record, and the truth beside it in a file that no other command reads."""
         write_record(Path(path), self.record, self.scenario.sha256)
-        write_truth(beside(Path(path)), self.truth, self.scenario.sha256)
+        write_truth(truth_path(Path(path)), self.truth, self.scenario.sha256)
         return Path(path)
 
     def refuse_divergence(self, where: str) -> None:
@@ -187,7 +187,7 @@ def simulate(
     """
     described = scenario_of(scenario)
     start = start_of(described, at)
-    inputs = samples_of(design)
+    inputs = design_samples(design)
     settings = effect_settings(effects, own_effects)
     if turbulence:
         settings["turbulence"] = turbulence
@@ -224,7 +224,7 @@ def start_of(scenario: Scenario, at: str | None = "") -> Reference:
     return scenario.reference_of(at or identifiers[0])
 
 
-def samples_of(design: Design | None) -> SampledInputs | None:
+def design_samples(design: Design | None) -> SampledInputs | None:
     """Return the samples of a design, read where a path is given."""
     if isinstance(design, str | Path):
         return read_inputs(Path(design))

@@ -102,7 +102,7 @@ def frequency_response(
                 raise UsageError("--windows needs one --input, one --output and --band")
             found = _by_windows(maneuvers, driven[0], wanted[0], band_hz)
         else:
-            found = estimate.frequency_response(
+            found = estimate.estimate_frequency_response(
                 maneuvers,
                 driven or None,
                 wanted,

@@ -32,7 +32,7 @@ from freqid.workflows.inputs import (
 )
 from freqid.workflows.sensors import checked, identified
 
-Span = tuple[float, float]
+TimeSpan = tuple[float, float]
 Names = Sequence[str] | Mapping[str, Sequence[str]]
 
 
@@ -41,7 +41,7 @@ def identify_point(
     scenario: Scenario | File,
     *,
     at: str = "",
-    cut: Span | Sequence[Span] = (),
+    cut: TimeSpan | Sequence[TimeSpan] = (),
     align: Literal["off", "report", "fit"] = "off",
     kinematics: Literal["off", "report", "correct"] = "off",
     held_out: Flight | None = None,
@@ -170,7 +170,7 @@ def identify_point(
             other = maneuver_of(held_out, described)
             if align == "fit":
                 other, _ = align_maneuver(other, settings, lines_of(settings, described.excitation))
-            predicted = point.predict(model, other, settings)
+            predicted = point.predict_responses(model, other, settings)
         except DataError as error:
             raise error.at(name) from None
         sources["predicted"] = name
@@ -186,7 +186,7 @@ def refuse_missed_gates(model: PointModel, scenario: Scenario, where: str) -> No
         With every figure of merit that is missed; `where` is the model's file.
     """
     missed = [
-        f"{m.figure} of {m.response} is {m.found:.5g}, the gate is {m.gate:g}"
+        f"{m.figure} of {m.response} is {m.value:.5g}, the gate is {m.gate:g}"
         for m in missed_gates(model, scenario.gates)
     ]
     if missed:
@@ -198,7 +198,7 @@ def _refuse_unknown(option: str, value: str, known: Sequence[str]) -> None:
         raise UsageError(f"{option} is '{value}'", remedy=nearest(value, known))
 
 
-def _spans(cut: Span | Sequence[Span]) -> list[Span]:
+def _spans(cut: TimeSpan | Sequence[TimeSpan]) -> list[TimeSpan]:
     """Return the stretches asked for: one pair of numbers is one stretch."""
     spans = list(cut)
     if len(spans) == 2 and all(isinstance(bound, int | float) for bound in spans):
@@ -206,14 +206,14 @@ def _spans(cut: Span | Sequence[Span]) -> list[Span]:
     return spans  # type: ignore[return-value]
 
 
-def _words(span: Span | None) -> str | None:
+def _words(span: TimeSpan | None) -> str | None:
     """Return a span as `freqid.core.record.parse_span` reads it."""
     return None if span is None else f"{span[0]:.12g}:{span[1]:.12g}"
 
 
 def _stretches(
-    flights: Sequence[tuple[Flight, str]], spans: Sequence[Span]
-) -> list[tuple[Flight, str, Span | None]]:
+    flights: Sequence[tuple[Flight, str]], spans: Sequence[TimeSpan]
+) -> list[tuple[Flight, str, TimeSpan | None]]:
     """Return the manoeuvres asked for: whole flights, one cut of each, or several cuts of one."""
     if not spans:
         return [(flight, name, None) for flight, name in flights]
@@ -225,7 +225,7 @@ def _stretches(
     return [(flight, name, span) for (flight, name), span in zip(of, spans, strict=True)]
 
 
-def _cut(flight: FlightRecord | Maneuver, scenario: Scenario, span: Span | None) -> Maneuver:
+def _cut(flight: FlightRecord | Maneuver, scenario: Scenario, span: TimeSpan | None) -> Maneuver:
     if isinstance(flight, Maneuver):
         return Maneuver(flight.record.cut(*span), flight.vehicle) if span else flight
     return Maneuver.of(flight, scenario.aircraft(), span)

@@ -14,18 +14,7 @@ from freqid.core.results.point import PointModel
 from freqid.core.scenario import Reference, Scenario
 from freqid.identify import point
 from freqid.identify.point import lines_of
-from freqid.identify.sensors import (
-    alignment as delays,
-)
-from freqid.identify.sensors import (
-    alignment as delays_point,
-)
-from freqid.identify.sensors import (
-    kinematics,
-)
-from freqid.identify.sensors import (
-    kinematics as kinematic_correction,
-)
+from freqid.identify.sensors import alignment, kinematics
 from freqid.identify.sensors.alignment import Alignment
 from freqid.identify.sensors.kinematics import KinematicCheck, KinematicSettings
 from freqid.workflows.inputs import File, Flight, Tell, flight_of, identification_of, maneuver_of, scenario_of
@@ -67,7 +56,7 @@ def check_sensors(
     Examples
     --------
     >>> check = check_sensors("flight.h5")  # doctest: +SKIP
-    >>> check["alpha skew"]  # doctest: +SKIP
+    >>> check["alpha delay"]  # doctest: +SKIP
     (0.041, 0.003)
     """
     flown = flight_of(flight)
@@ -101,7 +90,7 @@ def correct_sensors(flight: Flight, check: KinematicCheck) -> FlightRecord | Man
     --------
     >>> flight = correct_sensors("flight.h5", check_sensors("flight.h5"))  # doctest: +SKIP
     """
-    return kinematic_correction.corrected(flight_of(flight), check)
+    return kinematics.corrected(flight_of(flight), check)
 
 
 def align_sensors(flight: Flight, scenario: Scenario | File) -> tuple[Maneuver, Alignment]:
@@ -134,7 +123,7 @@ def align_sensors(flight: Flight, scenario: Scenario | File) -> tuple[Maneuver, 
     """
     described = scenario_of(scenario)
     settings = identification_of(described)
-    return delays.align(maneuver_of(flight, described), settings, lines_of(settings, described.excitation))
+    return alignment.align(maneuver_of(flight, described), settings, lines_of(settings, described.excitation))
 
 
 def checked(
@@ -157,17 +146,13 @@ def checked(
     for maneuver, name in zip(maneuvers, names, strict=True):
         try:
             check = kinematics.check_kinematics(maneuver)
-            kept.append(kinematic_correction.corrected(maneuver, check) if correct else maneuver)
+            kept.append(kinematics.corrected(maneuver, check) if correct else maneuver)
         except DataError as error:
             raise error.at(name) from None
         _tell_errors(name, check, tell, corrected=correct)
-        errors = zip(check.names, check.estimate, check.std_error, check.units, strict=True)
         account[name] = {
             "corrected": correct,
-            "errors": {
-                n: {"estimate": float(value), "std_error": float(sigma), "units": unit}
-                for n, value, sigma, unit in errors
-            },
+            "errors": check.account(),
             "undetermined": {n: list(others) for n, others in check.undetermined.items()},
         }
     return kept, account
@@ -203,14 +188,14 @@ def identified(
     named = {"excitation": excitation, "reference": reference}
     found: tuple[Alignment, ...] = ()
     if align_by == "fit":
-        model, found = delays_point.identify_aligned(maneuvers, settings, **named, estimator=estimator)
+        model, found = alignment.identify_aligned(maneuvers, settings, **named, estimator=estimator)
     else:
         if align_by == "report":
             lines_hz = lines_of(settings, excitation)
-            found = tuple(delays.align(m, settings, lines_hz)[1] for m in maneuvers)
+            found = tuple(alignment.align(m, settings, lines_hz)[1] for m in maneuvers)
         model = None
-    for name, alignment in zip(names, found, strict=False):
-        _tell_alignment(name, alignment, tell, taken_out=align_by == "fit")
+    for name, one in zip(names, found, strict=False):
+        _tell_alignment(name, one, tell, taken_out=align_by == "fit")
     if model is None:
         model = point.identify_point(maneuvers, settings, **named, estimator=estimator)
     return model, {name: a.account() for name, a in zip(names, found, strict=False)}
@@ -221,6 +206,6 @@ def _tell_alignment(name: str, found: Alignment, tell: Tell, *, taken_out: bool)
     tell(f"{name}: sensors aligned" if taken_out else f"{name}: alignment would find")
     for unknown, unit in zip(found.names, found.units, strict=True):
         value, sigma = found[unknown]
-        said = " (not told by these data)" if unknown in found.untold else ""
+        note = " (not told by these data)" if unknown in found.unobservable else ""
         unit = "" if unit == "1" else f" {unit}"
-        tell(f"  {unknown:16s}{value:11.4g} +- {sigma:.2g}{unit}{said}")
+        tell(f"  {unknown:16s}{value:11.4g} +- {sigma:.2g}{unit}{note}")

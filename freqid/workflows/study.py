@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults, rmse_inside, spread
+from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults, rmse_inside, spanning_conditions
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.predict import replay
 from freqid.core.errors import UsageError
@@ -23,7 +23,7 @@ from freqid.core.scenario import Scenario
 from freqid.core.store import replacing
 from freqid.identify.in_flight.convergence import validation_rmse
 from freqid.identify.in_flight.parameter_history import parameter_history
-from freqid.identify.point import predict
+from freqid.identify.point import predict_responses
 from freqid.simulate import runner
 from freqid.simulate import sensors as suites
 from freqid.workflows import units
@@ -145,7 +145,7 @@ def study(
     model = blend(campaign.folder / "points" / f"{i}.h5" for i in used)
     save(model, campaign.folder / "model.h5")
     tell("page")
-    shown = {used[k] for k in spread([described.reference_of(i) for i in used])}
+    shown = {used[k] for k in spanning_conditions([described.reference_of(i) for i in used])}
     return StudyResults(
         vehicle=described.aircraft(),
         sensors=sensors,
@@ -217,7 +217,7 @@ def _linearise(campaign: _Campaign, ids: Sequence[str]) -> dict[str, dict[str, d
 
 def _run(campaign: _Campaign, unit: runner.Work, inputs: Sequence[runner.Inputs], suffix: str) -> list[Path]:
     folder = campaign.folder / "units" / unit.__name__
-    return runner.run(
+    return runner.run_units(
         unit, inputs, folder, scenario_sha256=campaign.scenario.sha256, suffix=suffix, jobs=campaign.jobs
     )
 
@@ -264,7 +264,7 @@ def _held_out(
     settings = scenario.identification
     assert settings is not None
     maneuver = Maneuver.of(read_record(flights.validating[identifier]))
-    there = predict(point, maneuver, settings)
+    there = predict_responses(point, maneuver, settings)
     everywhere = replay(model, maneuver, outside="hold")
     highest = model.corridor.highest_hz
     return HeldOut(

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.identify.response.frequency_response import frequency_response, window_response
+from freqid.identify.response.frequency_response import estimate_frequency_response, window_response
 from freqid.identify.response.injected_lines import injected_lines
-from freqid.identify.response.local_response import Lines, local_response
+from freqid.identify.response.local_response import ResponseLines, local_response
 
 sys.path.insert(0, str(Path(__file__).parent))
 import closed_loop_plant as plant
@@ -24,7 +24,7 @@ FLIGHTS = 24
 def noisy():
     """Many flights of one multisine through noise, their estimates on every line, and the truth."""
     flights = [plant.fly(seed=seed, **NOISE) for seed in range(FLIGHTS)]
-    found = [frequency_response([m], None, plant.OUTPUTS) for m in flights]
+    found = [estimate_frequency_response([m], None, plant.OUTPUTS) for m in flights]
     return flights, found, plant.response(found[0].frequencies_hz)
 
 
@@ -35,7 +35,7 @@ def relative(error, truth):
 def test_without_noise_only_curvature_is_left_and_a_higher_order_leaves_less():
     errors = []
     for order in (1, 2, 3):
-        found = frequency_response([plant.fly()], None, plant.OUTPUTS, order=order)
+        found = estimate_frequency_response([plant.fly()], None, plant.OUTPUTS, order=order)
         errors.append(np.median(relative(found.value - plant.response(found.frequencies_hz), found.value)))
     assert errors[1] < 5e-4
     assert errors[0] > 5 * errors[1] > 15 * errors[2]
@@ -46,7 +46,7 @@ def test_a_shared_denominator_follows_the_plant_where_polynomials_do_not():
     m = plant.fly()
     errors = {}
     for poles in (0, 2):
-        found = frequency_response([m], None, plant.OUTPUTS, order=1, poles=poles, lines=5)
+        found = estimate_frequency_response([m], None, plant.OUTPUTS, order=1, poles=poles, lines=5)
         truth = plant.response(found.frequencies_hz)
         errors[poles] = relative(found.value - truth, truth)
     assert np.median(errors[2]) < 0.05 * np.median(errors[0])
@@ -54,8 +54,8 @@ def test_a_shared_denominator_follows_the_plant_where_polynomials_do_not():
 
 
 def test_a_start_far_from_trim_is_told_from_the_response():
-    found = frequency_response([plant.fly(state=(2.0, -1.0, 1.0))], None, plant.OUTPUTS)
-    still = frequency_response([plant.fly()], None, plant.OUTPUTS)
+    found = estimate_frequency_response([plant.fly(state=(2.0, -1.0, 1.0))], None, plant.OUTPUTS)
+    still = estimate_frequency_response([plant.fly()], None, plant.OUTPUTS)
     truth = plant.response(found.frequencies_hz)
     assert np.median(relative(found.value - truth, truth)) < 2e-3
     assert np.median(relative(still.value - truth, truth)) < 5e-4
@@ -70,7 +70,7 @@ def test_injected_signals_leave_no_bias_where_ratios_of_measured_spectra_have_on
         m = plant.fly(amplitude=0.5, gust=0.2, sensor=0.2, seed=seed)
         lines = injected_lines(m, 0, plant.INPUTS, "effector", plant.OUTPUTS, plant.PERIOD)
         # inputs in place of the injected signals are their own instruments: least squares
-        naive = Lines(lines.hz, lines.record, lines.excited, lines.u, lines.u, lines.y)
+        naive = ResponseLines(lines.hz, lines.record, lines.excited, lines.u, lines.u, lines.y)
         by_instruments.append([local_response(lines, f, 2, 4).value for f in at])
         plain.append([local_response(naive, f, 2, 4).value for f in at])
 
@@ -122,7 +122,10 @@ def test_coherence_is_the_share_of_power_that_flights_have_in_common(noisy):
 
 def test_repeats_lower_the_error_as_their_number_says(noisy):
     flights, found, truth = noisy
-    four = [frequency_response(flights[i : i + 4], None, plant.OUTPUTS).value for i in range(0, FLIGHTS, 4)]
+    four = [
+        estimate_frequency_response(flights[i : i + 4], None, plant.OUTPUTS).value
+        for i in range(0, FLIGHTS, 4)
+    ]
     one = np.mean(np.abs(np.array([g.value for g in found]) - truth) ** 2, axis=0)
     several = np.mean(np.abs(np.array(four) - truth) ** 2, axis=0)
     assert np.median(one / several) == pytest.approx(4.0, rel=0.3)
@@ -141,7 +144,9 @@ def test_partial_coherence_gives_the_random_error_that_the_books_have(noisy):
 
 @pytest.mark.parametrize("periods", [1, 2])
 def test_one_period_does_without_noise_lines(periods):
-    found = frequency_response([plant.fly(periods=periods)], None, plant.OUTPUTS, period_s=plant.PERIOD)
+    found = estimate_frequency_response(
+        [plant.fly(periods=periods)], None, plant.OUTPUTS, period_s=plant.PERIOD
+    )
     truth = plant.response(found.frequencies_hz)
     assert np.median(relative(found.value - truth, truth)) < 2e-3
     assert np.isnan(found.misfit).all() == (periods == 1)
@@ -197,4 +202,6 @@ def test_inputs_that_no_signal_moves_apart_are_refused():
     from freqid.core.errors import DataError
 
     with pytest.raises(DataError, match="apart"):
-        frequency_response([Maneuver(FlightRecord(same.time, same.channels), m.vehicle)], None, ["q"])
+        estimate_frequency_response(
+            [Maneuver(FlightRecord(same.time, same.channels), m.vehicle)], None, ["q"]
+        )

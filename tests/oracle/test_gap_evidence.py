@@ -17,7 +17,7 @@ from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.infer.null_draws import drawn, effects_of
 from freqid.gap.infer.system import BlockMatrices, Form, System
 from freqid.gap.model.candidates import Candidate, Place
-from freqid.gap.self_test.answers import Draws
+from freqid.gap.self_test.answers import DrawnData
 
 NUMBERS = (30, 42)  # real numbers of each block
 NONE = Form(0.0, 0.0)
@@ -211,7 +211,7 @@ def test_an_effect_added_to_draws_is_one_that_was_drawn_with_them(dense):
     weights = np.r_[0.7, np.zeros(7), 0.4, -0.5]
     bare = drawn(dense.system, all_at(FORMS[-1], 4), np.random.default_rng(1))
     with_it = drawn(dense.system, all_at(FORMS[-1], 4), np.random.default_rng(1), mean=weights)
-    added = Draws(dense.system, bare).with_effect(weights, range(4))
+    added = DrawnData(dense.system, bare).with_effect(weights, range(4))
     for f in FORMS:
         assert added[f][0] == pytest.approx(with_it[f][0], rel=1e-8)
         between = added[f][1] - with_it[f][1] - (added[NONE][1] - with_it[NONE][1])

@@ -95,22 +95,22 @@ def test_attas_vanes_are_late_as_equation_error_found_and_both_flights_agree(att
     """Equation error on alpha': late by 110 ms, factor 0.937 (docs/theory/equation-error.md)."""
     one, two = attas_checks.values()
     for check in (one, two):
-        late, error = check["alpha skew"]
+        late, error = check["alpha delay"]
         assert abs(late - 0.110) < 0.012
         assert error < 0.01
         assert abs(check["alpha scale"][0] + 0.063) < 2.5 * check["alpha scale"][1] < 0.03
-        assert check["beta skew"][0] == pytest.approx(0.09, abs=0.03)
+        assert check["beta delay"][0] == pytest.approx(0.09, abs=0.03)
         assert check.rms_after["air/alpha"] < 0.1 * check.rms_before["air/alpha"]
         # Level flight holds accelerometers and attitude together: only one of the two can be told.
         assert "ax bias" in check.undetermined["theta bias"]
-    for name in ("p bias", "q bias", "r bias", "alpha skew", "beta skew", "attitude skew", "alpha scale"):
+    for name in ("p bias", "q bias", "r bias", "alpha delay", "beta delay", "attitude delay", "alpha scale"):
         apart = one[name][0] - two[name][0]
         assert abs(apart) < 2.6 * np.hypot(one[name][1], two[name][1]), name
 
 
 def test_attas_once_corrected_is_on_time(attas, attas_checks):
     again = check_kinematics(corrected(attas["Elv1"], attas_checks["Elv1"]))
-    assert abs(again["alpha skew"][0]) < 0.01
+    assert abs(again["alpha delay"][0]) < 0.01
     assert abs(again["alpha scale"][0]) < 0.015
     assert abs(again["q bias"][0]) < 3e-4
 
@@ -119,10 +119,10 @@ def test_hfb_measures_alpha_late_too(shared_data):
     """Equation error: lift fits best at 170 ms, kinematics at 250 ms, blurred by gusts."""
     record = read_log(shared_data / "fvsysid" / "hfb320_1_10.asc", MAPS / "hfb320.toml")
     check = check_kinematics(record)
-    late, error = check["alpha skew"]
+    late, error = check["alpha delay"]
     assert 0.17 < late < 0.27
     assert 0.01 < error < 0.05
     assert check.rms_after["air/alpha"] < check.rms_before["air/alpha"]
-    assert "V skew" in check.undetermined  # airspeed moves too slowly, and in gusts
+    assert "V delay" in check.undetermined  # airspeed moves too slowly, and in gusts
     gusts = check_kinematics(record, KinematicSettings(parameters=check.names, wind_walk=0.5))
-    assert abs(gusts["alpha skew"][0] - late) < 3 * np.hypot(gusts["alpha skew"][1], error)
+    assert abs(gusts["alpha delay"][0] - late) < 3 * np.hypot(gusts["alpha delay"][1], error)

@@ -83,7 +83,7 @@ def test_accelerations_equal_those_of_point_masses():
     @jax.jit
     @jax.vmap
     def turn(configuration, rate, body, wrench):
-        at = multibody.centre_of_gravity(model, configuration.tilt)
+        at = multibody.traced_centre_of_gravity(model, configuration.tilt)
         about_origin = Wrench(wrench[:3], wrench[3:] + jnp.cross(at, wrench[:3]))
         return rigid_body.accelerations(model, configuration, rate, body, about_origin)
 
@@ -132,7 +132,7 @@ def test_momentum_without_air_is_kept_with_spinning_rotors_and_moving_wings(tumb
     @jax.vmap
     def in_space(body, inner):
         linear, angular = multibody.momentum(model, inner, body.velocity, body.rates)
-        angular -= jnp.cross(multibody.centre_of_gravity(model, inner.tilt), linear)
+        angular -= jnp.cross(multibody.traced_centre_of_gravity(model, inner.tilt), linear)
         return attitude.to_ground(body.attitude, linear), attitude.to_ground(body.attitude, angular)
 
     linear, angular = in_space(body, inner)

@@ -15,7 +15,7 @@ import pytest
 from freqid.core.identification import FrequencyGrid, Identification
 from freqid.core.record import Maneuver
 from freqid.flightlog.read import read_log
-from freqid.identify.point import identify_point, predict
+from freqid.identify.point import identify_point, predict_responses
 
 COEFFICIENT = {"Y": "CY", "L": "Cl", "N": "Cn"}
 REGRESSORS = {
@@ -119,7 +119,7 @@ def test_every_parameter_of_example_5_1(flight, stored, response):
 @pytest.mark.parametrize("source", ["record", "reconstruct"])
 def test_a_manoeuvre_that_was_not_used_is_predicted(flight, shared_data, source):
     chosen = settings(response_source=source)
-    fits = predict(identify_point(flight, chosen), maneuver(shared_data, "f1_014"), chosen)
+    fits = predict_responses(identify_point(flight, chosen), maneuver(shared_data, "f1_014"), chosen)
     assert fits["N"].r2 >= 0.99
     assert fits["Y"].r2 >= 0.98
     assert fits["L"].r2 >= 0.95

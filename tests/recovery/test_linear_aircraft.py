@@ -9,7 +9,7 @@ from freqid.core.record import Maneuver
 from freqid.core.scenario import read_scenario
 from freqid.core.toml import overridden
 from freqid.flightlog.read import read_log
-from freqid.identify.point import identify_point, predict
+from freqid.identify.point import identify_point, predict_responses
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 
@@ -94,7 +94,7 @@ def paths(response):
 
 def test_a_flight_that_was_not_used_is_predicted(scenario, flown):
     model = identify_point(flown["noisy"], scenario.identification, excitation=scenario.excitation)
-    for name, fit in predict(model, flown["clean"], scenario.identification).items():
+    for name, fit in predict_responses(model, flown["clean"], scenario.identification).items():
         assert fit.r2 > 0.98, name
 
 

@@ -14,7 +14,7 @@ from freqid.core.record import Maneuver, write_record
 from freqid.core.scenario import read_scenario
 from freqid.core.toml import overridden
 from freqid.flightlog.read import read_log
-from freqid.identify.point import identify_point, predict
+from freqid.identify.point import identify_point, predict_responses
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 SCENARIO = SCENARIOS / "linear.toml"
@@ -79,7 +79,10 @@ def test_products_that_flew_are_found_and_no_others(flights, scenario, estimator
     found = {r: tuple(account["products"]) for r, account in model.provenance["structure"].items()}
     assert found == {"X": ("n1*n1",), "M": ("w*de",), "Y": (), "Z": (), "L": (), "N": ()}
     other = noisy(flights["other"], 1)
-    with_products, without = predict(model, other, settings), predict(plain, other, settings)
+    with_products, without = (
+        predict_responses(model, other, settings),
+        predict_responses(plain, other, settings),
+    )
     for response, (name, truth) in PRODUCTS.items():
         estimate, error = model[response][name]
         assert abs(estimate - truth) < 3.5 * error

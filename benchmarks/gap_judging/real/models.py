@@ -11,7 +11,7 @@ from records import Flight
 
 from freqid.core.identification import FrequencyGrid, Identification
 from freqid.core.record import Maneuver
-from freqid.identify.point import identify_point, predict
+from freqid.identify.point import identify_point, predict_responses
 
 RELATIVE = 0.08  # one sigma of a derivative that its owner states, as a fraction
 LOADS = {"CX": "X", "CY": "Y", "CZ": "Z", "Cl": "L", "Cm": "M", "Cn": "N"}
@@ -186,7 +186,7 @@ def quality(model: Mapping[str, Any], flight: Flight, shape: Shape) -> dict[str,
         unit = [model["speed_mps"] if x == "V" else 1.0 for x in names]
         value = np.array([model["derivatives"][c][x] for x in names]) / unit
         known[LOADS[c]] = replace(row, estimate=value)
-    fits = predict(replace(pattern, responses=known), maneuver, settings)
+    fits = predict_responses(replace(pattern, responses=known), maneuver, settings)
     found = {}
     for c in shape.regressors:
         measured, simulated = fits[LOADS[c]].measured, fits[LOADS[c]].modelled

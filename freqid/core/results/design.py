@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import h5py
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from freqid.core import store
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError
+from freqid.core.layout import Attribute, Dataset, NestedSeries, get_fields, put_fields
 from freqid.core.viewable import Viewable
 
 
@@ -69,6 +70,7 @@ class ClassicDesign(Viewable):
     band_hz: tuple[float, float]
     dt_s: float
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    seed: ClassVar[int] = 0  # nothing is drawn
 
     def __repr__(self) -> str:
         return (
@@ -149,6 +151,7 @@ class MultisineDesign(Viewable):
     dt_s: float
     seed: int
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    waveform: ClassVar[str] = "multisine"
 
     def __repr__(self) -> str:
         low, high = self.band_hz
@@ -174,6 +177,25 @@ class MultisineDesign(Viewable):
 
 
 FORMAT = "freqid-design"
+_SAMPLES = {
+    "names": Attribute("@effector_order", json=True),
+    "time": Dataset("time", "s", ("sample",)),
+    "values": Dataset("excitation/{names}", "{units}", ("names", "sample")),
+    "units": Attribute("excitation/{names}@units"),
+}
+_TONES = {
+    "index": Dataset("harmonic/{name}/index", axes=("tone",)),
+    "amplitude": Dataset("harmonic/{name}/amplitude", "{unit}", ("tone",)),
+    "unit": Attribute("harmonic/{name}/amplitude@units"),
+    "phase": Dataset("harmonic/{name}/phase", "rad", ("tone",)),
+}
+_HEADER = {
+    **{
+        name: Attribute(f"@{name}") for name in ("waveform", "seed", "period_s", "periods", "band_hz", "dt_s")
+    },
+    "provenance": Attribute("@provenance", json=True),
+}
+_MULTISINE = {**_HEADER, "signals": NestedSeries(Multisine, _TONES, "name", "@effector_order")}
 
 
 def write_design(
@@ -196,27 +218,12 @@ def write_design(
     """
 
     def fill(file: h5py.File) -> None:
-        scale = store.put(file, "time", inputs.time, "s")
+        put_fields(file, design, _MULTISINE if isinstance(design, MultisineDesign) else _HEADER)
+        put_fields(file, inputs, _SAMPLES)
+        scale = store.dataset(file, "time")
         scale.make_scale("time")
-        for name, unit, samples in zip(inputs.names, inputs.units, inputs.values, strict=True):
-            store.put(file, f"excitation/{name}", samples, unit).dims[0].attach_scale(scale)
-        if isinstance(design, MultisineDesign):
-            file.attrs["waveform"] = "multisine"
-            file.attrs["seed"] = design.seed
-            for signal in design.signals:
-                group = file.create_group(f"harmonic/{signal.name}")
-                store.put(group, "index", signal.index, "1")
-                store.put(group, "amplitude", signal.amplitude, signal.unit)
-                store.put(group, "phase", signal.phase, "rad")
-        else:
-            file.attrs["waveform"] = design.waveform
-            file.attrs["seed"] = 0  # nothing is drawn
-        file.attrs["period_s"] = design.period_s
-        file.attrs["periods"] = design.periods
-        file.attrs["band_hz"] = design.band_hz
-        file.attrs["dt_s"] = design.dt_s
-        store.put_json(file, "effector_order", inputs.names)
-        store.put_json(file, "provenance", dict(design.provenance))
+        for name in inputs.names:
+            store.dataset(file, f"excitation/{name}").dims[0].attach_scale(scale)
 
     store.write(path, FORMAT, fill, scenario_sha256)
 
@@ -230,14 +237,7 @@ def read_inputs(path: Path) -> SampledInputs:
         Where the file is no intact design.
     """
     with store.reading(path, FORMAT) as file:
-        names = tuple(store.get_json(file, "effector_order"))
-        rows = [store.dataset(file, f"excitation/{name}") for name in names]
-        return SampledInputs(
-            names=names,
-            units=tuple(store.get_text(row, "units") for row in rows),
-            time=store.array(file, "time"),
-            values=np.array([store.array(file, f"excitation/{name}") for name in names]),
-        )
+        return SampledInputs(**get_fields(file, SampledInputs, _SAMPLES))
 
 
 def read_design(path: Path) -> MultisineDesign:
@@ -254,25 +254,4 @@ def read_design(path: Path) -> MultisineDesign:
             raise DataError(
                 f"holds a {waveform}, expected multisines", remedy="design them with design-inputs"
             )
-        signals = []
-        for name in store.get_json(file, "effector_order"):
-            group = store.subgroup(file, f"harmonic/{name}")
-            signals.append(
-                Multisine(
-                    name=name,
-                    unit=store.get_text(store.dataset(group, "amplitude"), "units"),
-                    index=store.array(group, "index").astype(np.int64),
-                    amplitude=store.array(group, "amplitude"),
-                    phase=store.array(group, "phase"),
-                )
-            )
-        low, high = store.floats(file, "band_hz")
-        return MultisineDesign(
-            signals=tuple(signals),
-            period_s=store.floats(file, "period_s")[0],
-            periods=int(store.floats(file, "periods")[0]),
-            band_hz=(low, high),
-            dt_s=store.floats(file, "dt_s")[0],
-            seed=int(store.floats(file, "seed")[0]),
-            provenance=store.get_json(file, "provenance") or {},
-        )
+        return MultisineDesign(**get_fields(file, MultisineDesign, _MULTISINE))

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
-import h5py
 import numpy as np
 
-from freqid.core import store
 from freqid.core.arrays import Array, Complex
+from freqid.core.layout import Attribute, Dataset, Nested, NestedSeries, ResultFile, Rows, Table
 from freqid.core.results.diagnosis import Closure, Existence, GapDiagnosis, Place, SensorFault, Which
 
 LISTED = 0.1  # share of the energy from which a cell is listed
@@ -200,6 +197,7 @@ class GapResult:
     before_after: tuple[BeforeAfter, ...] = ()
     expected: dict[str, float] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
+    level: ClassVar[float] = 0.95  # of the increments' intervals
 
     def __repr__(self) -> str:
         return repr(self.diagnosis)
@@ -260,157 +258,53 @@ class GapResult:
         return self.diagnosis.to_json()
 
 
-FORMAT = "freqid-gap"
-_LEVEL = 0.95  # of the increments' intervals
 _DENSITY = "unit of the row times s^0.5"  # of spectra
-
-
-def write_gap(path: Path, result: GapResult, scenario_sha256: str = "") -> None:
-    """Write a diagnosis and its pictures' numbers, whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-    result : GapResult
-    scenario_sha256 : str
-
-    Raises
-    ------
-    DataError
-        Where the folder cannot be written.
-    """
-
-    def fill(file: h5py.File) -> None:
-        # too long for an attribute, which holds 64 KiB
-        _put_table(file, "diagnosis", result.diagnosis.to_json())
-        _put_table(file, "provenance", result.provenance)
-        store.put_json(file, "expected", result.expected)
-        _put_cells(file.create_group("map"), result)
-        for i, one in enumerate(result.spectra):
-            _put_spectra(file.create_group(f"spectra/{i}"), one)
-        for i, one in enumerate(result.before_after):
-            _put_before_after(file.create_group(f"before_after/{i}"), one)
-        group = file.create_group("increment")
-        store.put_json(group, "response", [i.response for i in result.increments])
-        store.put_json(group, "input", [i.input for i in result.increments])
-        group.attrs["level"] = _LEVEL
-        values = np.array([(i.percent, i.lo, i.hi) for i in result.increments]).reshape(-1, 3)
-        store.put(group, "percent", values, "%")
-
-    store.write(path, FORMAT, fill, scenario_sha256)
-
-
-def read_gap(path: Path) -> GapResult:
-    """Read a diagnosis.
-
-    Raises
-    ------
-    DataError
-        Where the file is no intact diagnosis.
-    """
-    with store.reading(path, FORMAT) as file:
-        cells = store.subgroup(file, "map")
-        group = store.subgroup(file, "increment")
-        pairs = zip(store.get_json(group, "response"), store.get_json(group, "input"), strict=True)
-        values = store.array(group, "percent").tolist()
-        return GapResult(
-            diagnosis=GapDiagnosis.from_json(_table(file, "diagnosis")),
-            cells=_cells(cells),
-            spectra=tuple(_spectra(g) for g in _numbered(file, "spectra")),
-            coherence=store.get_json(cells, "coherence"),
-            increments=tuple(Increment(r, i, *v) for (r, i), v in zip(pairs, values, strict=True)),
-            before_after=tuple(_before_after(g) for g in _numbered(file, "before_after")),
-            expected=store.get_json(file, "expected"),
-            provenance=_table(file, "provenance"),
-        )
-
-
-def _put_table(file: h5py.File, name: str, table: dict[str, Any]) -> None:
-    text = file.create_dataset(name, data=json.dumps(table, allow_nan=False))
-    text.attrs["units"] = "JSON"
-
-
-def _table(file: h5py.File, name: str) -> dict[str, Any]:
-    return json.loads(store.dataset(file, name)[()])
-
-
-def _put_cells(group: h5py.Group, result: GapResult) -> None:
-    for name in ("rows", "regimes", "inputs"):
-        store.put_json(group, name, getattr(result.cells, name))
-    store.put_json(group, "coherence", result.coherence)
-    store.put(group, "bands", np.array(result.cells.bands_hz), "Hz")
-    store.put(group, "energy", result.cells.energy, "1")
-    store.put(group, "phase", result.cells.phase, "1")
-
-
-def _cells(group: h5py.Group) -> GapMap:
-    rows, regimes, inputs = _names(group, "rows", "regimes", "inputs")
-    bands, energy = store.array(group, "bands"), store.array(group, "energy")
-    expected = (len(rows), len(bands), len(regimes), len(inputs))
-    if energy.shape != expected:
-        raise ValueError(f"the map has shape {energy.shape}, expected {expected}")
-    pairs = tuple((float(low), float(high)) for low, high in bands)
-    return GapMap(rows, regimes, inputs, pairs, energy, store.array(group, "phase"))
-
-
-def _put_spectra(group: h5py.Group, one: ResidualSpectra) -> None:
-    group.attrs["maneuver"] = one.maneuver
-    for name in ("rows", "units", "inputs"):
-        store.put_json(group, name, getattr(one, name))
-    store.put(group, "hz", one.hz, "Hz")
-    store.put(group, "owner", one.owner, "1")
-    store.put(group, "noise", one.noise, _DENSITY)
-    store.put_complex(group, "residual", one.residual, _DENSITY)
-    store.put_complex(group, "explained", one.explained, _DENSITY)
-
-
-def _spectra(group: h5py.Group) -> ResidualSpectra:
-    rows, units, inputs = _names(group, "rows", "units", "inputs")
-    hz = store.array(group, "hz")
-    residual, explained = (store.complex_array(group, name) for name in ("residual", "explained"))
-    noise = store.array(group, "noise")
-    for found in (residual, explained, noise):
-        if found.shape != (len(rows), hz.size):
-            raise ValueError(f"a spectrum has shape {found.shape}, expected {(len(rows), hz.size)}")
-    maneuver, owner = store.get_text(group, "maneuver"), store.array(group, "owner")
-    return ResidualSpectra(maneuver, rows, units, hz, inputs, owner, residual, explained, noise)
-
-
-def _put_before_after(group: h5py.Group, one: BeforeAfter) -> None:
-    group.attrs["maneuver"] = one.maneuver
-    group.attrs["held_out"] = one.held_out
-    for name in ("responses", "units"):
-        store.put_json(group, name, getattr(one, name))
-    store.put(group, "time", one.time, "s")
-    store.put(group, "hz", one.hz, "Hz")
-    store.put(group, "noise", one.noise, _DENSITY)
-    for name in ("measured", "before", "after"):
-        store.put(group, name, getattr(one, name), "unit of the response")
-        store.put_complex(group, f"{name}_hz", getattr(one, f"{name}_hz"), _DENSITY)
-
-
-def _before_after(group: h5py.Group) -> BeforeAfter:
-    responses, units = _names(group, "responses", "units")
-    time, hz, noise = (store.array(group, name) for name in ("time", "hz", "noise"))
-    measured, before, after = (store.array(group, name) for name in ("measured", "before", "after"))
-    z, y, better = (store.complex_array(group, f"{name}_hz") for name in ("measured", "before", "after"))
-    for found in (measured, before, after):
-        if found.shape != (len(responses), time.size):
-            raise ValueError(f"a history has shape {found.shape}, expected {(len(responses), time.size)}")
-    held_out = bool(group.attrs["held_out"])
-    maneuver = store.get_text(group, "maneuver")
-    return BeforeAfter(
-        maneuver, held_out, responses, units, time, measured, before, after, hz, z, y, better, noise
-    )
-
-
-def _names(group: h5py.Group, *names: str) -> tuple[tuple[str, ...], ...]:
-    return tuple(tuple(store.get_json(group, name)) for name in names)
-
-
-def _numbered(file: h5py.File, name: str) -> list[h5py.Group]:
-    """Return the groups 0, 1, 2 below a name; none where it is absent."""
-    if name not in file:
-        return []
-    inside = store.subgroup(file, name)
-    return [store.subgroup(inside, str(i)) for i in range(len(inside))]
+_MAP = {
+    **{name: Attribute(f"map@{name}", json=True) for name in ("rows", "regimes", "inputs")},
+    "bands_hz": Dataset("map/bands", "Hz", ("band", 2)),
+    "energy": Dataset("map/energy", "1", ("rows", "band", "regimes", "inputs")),
+    "phase": Dataset("map/phase", "1", ("rows", 3)),
+}
+_SPECTRA = {
+    "maneuver": Attribute("spectra/{i}@maneuver"),
+    **{name: Attribute(f"spectra/{{i}}@{name}", json=True) for name in ("rows", "units", "inputs")},
+    "hz": Dataset("spectra/{i}/hz", "Hz", ("line",)),
+    "owner": Dataset("spectra/{i}/owner", "1", ("line",)),
+    **{
+        name: Dataset(f"spectra/{{i}}/{name}", _DENSITY, ("rows", "line"))
+        for name in ("noise", "residual", "explained")
+    },
+}
+_HISTORIES = {
+    "maneuver": Attribute("before_after/{i}@maneuver"),
+    "held_out": Attribute("before_after/{i}@held_out"),
+    **{name: Attribute(f"before_after/{{i}}@{name}", json=True) for name in ("responses", "units")},
+    "time": Dataset("before_after/{i}/time", "s", ("sample",)),
+    "hz": Dataset("before_after/{i}/hz", "Hz", ("line",)),
+    **{
+        name: Dataset(f"before_after/{{i}}/{name}", "unit of the response", ("responses", "sample"))
+        for name in ("measured", "before", "after")
+    },
+    **{
+        name: Dataset(f"before_after/{{i}}/{name}", _DENSITY, ("responses", "line"))
+        for name in ("measured_hz", "before_hz", "after_hz", "noise")
+    },
+}
+_INCREMENTS = {
+    "response": Attribute("increment@response", json=True),
+    "input": Attribute("increment@input", json=True),
+    "percent lo hi": Dataset("increment/percent", "%"),
+}
+_RESULT = {
+    "diagnosis": Table("diagnosis"),
+    "provenance": Table("provenance"),
+    "expected": Attribute("@expected", json=True),
+    "cells": Nested(GapMap, _MAP),
+    "coherence": Attribute("map@coherence", json=True),
+    "spectra": NestedSeries(ResidualSpectra, _SPECTRA, "i", "spectra"),
+    "before_after": NestedSeries(BeforeAfter, _HISTORIES, "i", "before_after"),
+    "increments": Rows(Increment, _INCREMENTS),
+    "level": Attribute("increment@level"),
+}
+FILE = ResultFile("freqid-gap", GapResult, _RESULT)
+write_gap, read_gap = FILE.write, FILE.read

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any
 
-import h5py
 import msgspec
-import numpy as np
 
-from freqid.core import store
+from freqid.core.layout import Attribute, Dataset, ResultFile, Rows
 from freqid.core.viewable import Viewable
 
 
@@ -114,9 +110,14 @@ class Rivals(Viewable):
         return f"<Rivals {' and '.join(self.simulations)} on {len(self.records)} flights: {self.verdict}>"
 
     @property
+    def every(self) -> tuple[Contest, ...]:
+        """Over all responses, then by response, band and regime."""
+        return (self.overall, *self.contests)
+
+    @property
     def nearer(self) -> str:
         """``A``, ``B``, ``both`` where each is nearer somewhere, or empty where the flights cannot tell."""
-        found = {c.nearer for c in (self.overall, *self.contests)} - {""}
+        found = {c.nearer for c in self.every} - {""}
         return "both" if len(found) > 1 else "".join(found)
 
     def to_json(self) -> dict[str, Any]:
@@ -143,41 +144,11 @@ class Rivals(Viewable):
             raise ValueError(str(error)) from None
 
 
-FORMAT = "freqid-rivals"
-
-
-def write_rivals(path: Path, found: Rivals, scenario_sha256: str = "") -> None:
-    """Write a comparison, whole or not at all.
-
-    Raises
-    ------
-    DataError
-        Where the folder cannot be written.
-    """
-
-    def fill(file: h5py.File) -> None:
-        text = file.create_dataset("comparison", data=json.dumps(found.to_json(), allow_nan=False))
-        text.attrs["units"] = "JSON"
-        group = file.create_group("contest")
-        every = (found.overall, *found.contests)
-        store.put_json(group, "response", [c.response for c in every])
-        store.put_json(group, "regime", [c.regime for c in every])
-        store.put(group, "bands", np.array([c.band_hz for c in every]), "Hz")
-        for name in ("misfit_a", "misfit_b", "difference"):
-            spans = [getattr(c, name) for c in every]
-            store.put(group, name, np.array([(s.value, s.lo, s.hi) for s in spans]), "1")
-        store.put(group, "p_adjusted", np.array([c.p_adjusted for c in every]), "1")
-
-    store.write(path, FORMAT, fill, scenario_sha256)
-
-
-def read_rivals(path: Path) -> Rivals:
-    """Read a comparison.
-
-    Raises
-    ------
-    DataError
-        Where the file is no intact comparison.
-    """
-    with store.reading(path, FORMAT) as file:
-        return Rivals.from_json(json.loads(store.dataset(file, "comparison")[()]))
+_CONTESTS = {
+    "response": Attribute("contest@response", json=True),
+    "regime": Attribute("contest@regime", json=True),
+    "band_hz": Dataset("contest/bands", "Hz"),
+    **{name: Dataset(f"contest/{name}") for name in ("misfit_a", "misfit_b", "difference", "p_adjusted")},
+}
+FILE = ResultFile("freqid-rivals", Rivals, {"every": Rows(Contest, _CONTESTS)}, table="comparison")
+write_rivals, read_rivals = FILE.write, FILE.read

@@ -138,7 +138,7 @@ class PerturbedAircraft:
         return self._solve(self._drive(excited) @ tones, np.asarray(frequencies_hz, dtype=float))
 
     def _drive(self, excited: Sequence[str]) -> Array:
-        return self.B[:, [position(name, self.effectors, "excited effector") for name in excited]]
+        return self.B[:, [index_of(name, self.effectors, "excited effector") for name in excited]]
 
     def _solve(self, drive: NDArray[Any], frequencies: Array) -> Complex:
         """Solve ``(j w E - A) x = drive`` by frequency, the last axis; one at a time, to spare memory."""
@@ -192,7 +192,7 @@ class PerturbedAircraft:
         return rows
 
 
-def position(name: str, known: Sequence[str], what: str) -> int:
+def index_of(name: str, known: Sequence[str], what: str) -> int:
     """Return where a name stands among those known, or raise what it was meant to be."""
     if name not in known:
         raise UsageError(f"{what} '{name}' is unknown", remedy=nearest(name, known))

@@ -15,7 +15,7 @@ from freqid.design.forecast.closed_loop import PerturbedAircraft
 from freqid.design.multisine.signals import PEAK_POINTS, band_lines, sample, samples_per_period, tones
 
 
-def room(
+def effector_travel(
     vehicle: Vehicle, names: Sequence[str], trim: Mapping[str, float]
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Return how far effectors may go from their trim, and how fast.

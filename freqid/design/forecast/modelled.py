@@ -19,8 +19,8 @@ from freqid.core.results.point import PointModel
 from freqid.core.scenario import Scenario
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.core.vehicle import Vehicle
-from freqid.design.forecast.closed_loop import STATES, PerturbedAircraft, position
-from freqid.design.forecast.limits import room
+from freqid.design.forecast.closed_loop import STATES, PerturbedAircraft, index_of
+from freqid.design.forecast.limits import effector_travel
 from freqid.design.forecast.optimal import Optimum, optimal_amplitudes
 from freqid.design.forecast.standard_errors import Forecast, forecast, shortest
 from freqid.dynamics.small_motion import equations_of_motion, rotor_spin
@@ -87,14 +87,14 @@ def perturbed_aircraft(
     wrench = np.zeros((6, n))
     columns = {name: j for j, name in enumerate((*STATES, *names)) if name not in ("phi", "theta")}
     for response, row in derivatives.items():
-        i = position(response, WRENCH, "response")
+        i = index_of(response, WRENCH, "response")
         for regressor, value in row.items():
-            position(regressor, tuple(columns), f"regressor of '{response}'")
+            index_of(regressor, tuple(columns), f"regressor of '{response}'")
             wrench[i, columns[regressor]] = value
 
     positions = dict(trim or {})
     for name in positions:
-        position(name, names, "trimmed effector")
+        index_of(name, names, "trimmed effector")
     spin = rotor_spin(vehicle, names, positions)
     momentum = spin @ np.array([positions.get(name, 0.0) for name in names])
     velocity = np.array([u, 0.0, u * np.tan(theta) if w is None else w])
@@ -102,7 +102,7 @@ def perturbed_aircraft(
     E, A, B = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, len(names)))
     E[:8], A[:8] = equations_of_motion(wrench, vehicle, velocity, theta, spin, momentum, gravity)
     for name, lag in (lag_s or {}).items():
-        i = position(name, names, "effector with a lag")
+        i = index_of(name, names, "effector with a lag")
         if not lag >= 0:
             raise UsageError(f"lag of '{name}' is {lag:g} s, expected zero or more")
         E[8 + i, 8 + i] = lag
@@ -166,9 +166,9 @@ def _feedback(gains: Mapping[str, Mapping[str, float]] | ArrayLike | None, names
         return table
     table = np.zeros(shape)
     for effector, row in gains.items():
-        i = position(effector, names, "effector with gains")
+        i = index_of(effector, names, "effector with gains")
         for state, gain in row.items():
-            table[i, position(state, STATES, f"state fed back to '{effector}'")] = gain
+            table[i, index_of(state, STATES, f"state fed back to '{effector}'")] = gain
     return table
 
 
@@ -280,7 +280,7 @@ class ModelledAircraft:
             As for `optimal_amplitudes`.
         """
         settings, vehicle = self._identified(), self.loop.vehicle
-        allowed, rates = room(vehicle, design.names, about(vehicle, self.trim))
+        allowed, rates = effector_travel(vehicle, design.names, about(vehicle, self.trim))
         allowed |= {x: ABORT_SHARE * limit for x, limit in excitation.abort.items() if x in STATES}
         allowed |= excitation.excursions
         return optimal_amplitudes(

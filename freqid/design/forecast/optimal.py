@@ -71,7 +71,7 @@ def optimal_amplitudes(
         As for `freqid.design.forecast.standard_errors.forecast`.
     allowed : mapping of str to float
         Largest deviation from the trim by channel of `PerturbedAircraft.rows`, SI, feedback included:
-        effectors (`freqid.design.forecast.limits.room`), states, ``X`` to ``N`` for net loads.
+        effectors (`freqid.design.forecast.limits.effector_travel`), states, ``X`` to ``N`` for net loads.
     allowed_rate : mapping of str to float, optional
         Largest rate of change by channel, SI per s.
     criterion : {"A", "D"}

@@ -57,11 +57,6 @@ class ResponseForecast:
         log_det = np.linalg.slogdet(self.correlation)[1] + 2 * np.log(self.std_error).sum()
         return float(np.exp(-log_det / len(self.std_error)))
 
-    @property
-    def trace_figure(self) -> float:
-        """``trace(F^-1) / p``: mean variance of the parameters, own units."""
-        return float(np.mean(self.std_error**2))
-
 
 @dataclass(frozen=True, eq=False)
 class Forecast:

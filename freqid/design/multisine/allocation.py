@@ -90,13 +90,13 @@ def fractions(
     return power / power.sum()
 
 
-Lines = NDArray[np.int64]
-Pair = tuple[int, int]
+ToneLines = NDArray[np.int64]
+EffectorPair = tuple[int, int]
 
 _ALIKE = 0.9  # cosine of the angle between what two effectors do, signs aside
 
 
-def mirrored(sets: Sequence[Lines], loads: Array) -> tuple[Lines, ...]:
+def mirrored(sets: Sequence[ToneLines], loads: Array) -> tuple[ToneLines, ...]:
     """Hand the same combs to other effectors.
 
     Parameters
@@ -117,7 +117,7 @@ def mirrored(sets: Sequence[Lines], loads: Array) -> tuple[Lines, ...]:
     It takes the combs with the largest common divisor of s and r, whose peaks are the lowest. Sets and
     effectors without a partner keep their order.
     """
-    pairs = list(zip(_alike(loads), _mirror_images(sets), strict=False))
+    pairs = list(zip(_equivalent_pairs(loads), _mirror_images(sets), strict=False))
     effectors = [i for pair, _ in pairs for i in pair]
     combs = [j for _, images in pairs for j in images]
     effectors += [i for i in range(len(sets)) if i not in effectors]
@@ -126,7 +126,7 @@ def mirrored(sets: Sequence[Lines], loads: Array) -> tuple[Lines, ...]:
     return tuple(sets[given[i]] for i in range(len(sets)))
 
 
-def _alike(loads: Array) -> list[Pair]:
+def _equivalent_pairs(loads: Array) -> list[EffectorPair]:
     """Return disjoint pairs of effectors that do the same but for signs, the weightiest pair first."""
     total = np.sqrt(np.sum(loads**2, axis=1, keepdims=True))
     share = np.abs(loads) / np.where(total > 0.0, total, 1.0)
@@ -139,7 +139,7 @@ def _alike(loads: Array) -> list[Pair]:
     return _disjoint(found)
 
 
-def _mirror_images(sets: Sequence[Lines]) -> list[Pair]:
+def _mirror_images(sets: Sequence[ToneLines]) -> list[EffectorPair]:
     """Return disjoint pairs of combs that mirror each other, those with the lowest peaks first."""
     strides = [int(np.gcd.reduce(np.diff(s))) if s.size > 1 else 0 for s in sets]
     found = [
@@ -150,9 +150,9 @@ def _mirror_images(sets: Sequence[Lines]) -> list[Pair]:
     return _disjoint(found)
 
 
-def _disjoint(ranked: Sequence[tuple[float, Pair]]) -> list[Pair]:
+def _disjoint(ranked: Sequence[tuple[float, EffectorPair]]) -> list[EffectorPair]:
     """Return pairs that share no member, the highest rank first."""
-    chosen: list[Pair] = []
+    chosen: list[EffectorPair] = []
     for _, pair in sorted(ranked, key=lambda entry: -entry[0]):
         if not any(set(pair) & set(other) for other in chosen):
             chosen.append(pair)
@@ -164,7 +164,7 @@ _FEWEST_TONES = 4  # with fewer, peaks rise (1.16 for 4 tones, 1.37 for 2, power
 _MOST_CHOICES = 2000  # ways to hand residue classes to the two groups, by layout
 
 
-def lines_in_band(period_s: float, band_hz: tuple[float, float]) -> Lines:
+def lines_in_band(period_s: float, band_hz: tuple[float, float]) -> ToneLines:
     """Return the harmonics of 1/T inside a band, its ends included.
 
     Parameters
@@ -194,7 +194,7 @@ def lines_in_band(period_s: float, band_hz: tuple[float, float]) -> Lines:
     return lines.astype(np.int64)
 
 
-def interleave(lines: ArrayLike, effectors: int, *, empty: int = 0) -> tuple[Lines, ...]:
+def interleave(lines: ArrayLike, effectors: int, *, empty: int = 0) -> tuple[ToneLines, ...]:
     """Deal harmonics out in turn, so that every effector has a comb across the band.
 
     Parameters
@@ -224,7 +224,7 @@ def interleave(lines: ArrayLike, effectors: int, *, empty: int = 0) -> tuple[Lin
     return tuple(lines[j::stride] for j in range(effectors))
 
 
-def check_sets(sets: Mapping[str, ArrayLike], lines: ArrayLike) -> tuple[Lines, ...]:
+def check_sets(sets: Mapping[str, ArrayLike], lines: ArrayLike) -> tuple[ToneLines, ...]:
     """Check sets of harmonics that a user wrote down.
 
     Parameters
@@ -271,8 +271,8 @@ class _Layout:
 
     modulus: int
     low_classes: int  # residue classes of the low group; the others belong to the rest
-    low: tuple[Lines, ...]  # by first line: progressions that end at the ceiling
-    rest: tuple[Lines, ...]  # by first line: progressions across the band
+    low: tuple[ToneLines, ...]  # by first line: progressions that end at the ceiling
+    rest: tuple[ToneLines, ...]  # by first line: progressions across the band
 
 
 def search(
@@ -284,7 +284,7 @@ def search(
     starts: int = 8,
     seed: int = 0,
     progress: Callable[[int, int], None] | None = None,
-) -> tuple[Lines, ...]:
+) -> tuple[ToneLines, ...]:
     """Choose the allocation whose signals, phases and free powers included, have the lowest peaks.
 
     The criterion is the mean of ``log RPF``: at equal peaks the information matrix of an input grows
@@ -335,7 +335,7 @@ def search(
         )
     known: dict[tuple[int, ...], float] = {}
 
-    def cost(index: Lines) -> float:
+    def cost(index: ToneLines) -> float:
         shape = tuple(
             (index // np.gcd.reduce(index)).tolist()
         )  # waves that differ by a factor of time are one
@@ -355,7 +355,7 @@ def search(
     return tuple(next(low_sets) if is_low else next(rest_sets) for is_low in low)
 
 
-def _layouts(lines: Lines, lows: int, rests: int, ceiling: int) -> Iterator[_Layout]:
+def _layouts(lines: ToneLines, lows: int, rests: int, ceiling: int) -> Iterator[_Layout]:
     """Yield the layouts in which everybody has enough tones."""
     fewest = min(_FEWEST_TONES, lines.size // (lows + rests))
     strides: set[tuple[int, int, int, int]] = set()
@@ -375,14 +375,14 @@ def _layouts(lines: Lines, lows: int, rests: int, ceiling: int) -> Iterator[_Lay
             yield _Layout(modulus, classes, low, rest)
 
 
-def _progressions(lines: Lines, first: int, stride: int) -> tuple[Lines, ...]:
+def _progressions(lines: ToneLines, first: int, stride: int) -> tuple[ToneLines, ...]:
     """Return the lines of every residue of `stride`, counted from `first`."""
     return tuple(lines[(lines - first) % stride == j] for j in range(stride))
 
 
 def _choose(
-    layout: _Layout, lows: int, rests: int, cost: Callable[[Lines], float]
-) -> tuple[float, tuple[tuple[Lines, ...], tuple[Lines, ...]]]:
+    layout: _Layout, lows: int, rests: int, cost: Callable[[ToneLines], float]
+) -> tuple[float, tuple[tuple[ToneLines, ...], tuple[ToneLines, ...]]]:
     """Return the cheapest choice of a layout: total cost, and the sets of both groups by first line."""
     low_cost = np.array([cost(s) for s in layout.low])
     rest_cost = np.array([cost(s) for s in layout.rest])

@@ -50,7 +50,7 @@ _SCALES = {  # what a prediction in other units has to be multiplied by
 _STATE_SCALES = {"in degrees": 1 / RADIAN, "in radians twice converted": RADIAN}
 
 
-def candidates(comparisons: Sequence[Comparison]) -> Iterator[Fault]:
+def possible_faults(comparisons: Sequence[Comparison]) -> Iterator[Fault]:
     """Yield the mistakes that are tried; those in what goes in are ranked by derivatives along a record."""
     first = comparisons[0]
     # the same mistake is made of every record by its own closure where it uses the record's signals

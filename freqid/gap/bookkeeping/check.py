@@ -17,7 +17,7 @@ from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.core.vehicle import Vehicle
-from freqid.gap.bookkeeping.candidates import candidates
+from freqid.gap.bookkeeping.candidates import possible_faults
 from freqid.gap.bookkeeping.comparison import Comparison, bench_of, energy
 from freqid.gap.bookkeeping.correction import Correction
 from freqid.gap.bookkeeping.fault import Bench, Fault
@@ -140,7 +140,7 @@ def _not_its_own(comparisons: Sequence[Comparison]) -> list[Finding]:
 def _next(comparisons: Sequence[Comparison]) -> tuple[Fault, float] | None:
     """Return the mistake that explains most, if one explains sharply enough, with the share it explains."""
     likely = []
-    for fault in candidates(comparisons):
+    for fault in possible_faults(comparisons):
         mended = [comparison.without(fault) for comparison in comparisons]
         there = [p for p in mended if p is not None]
         if len(there) == len(comparisons):

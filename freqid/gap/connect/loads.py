@@ -122,7 +122,7 @@ def _piece(values: Array, first: int, size: int) -> Array:
 
 
 def _about_centre(aero: Aero, mass: MassModel, tilt: jax.Array) -> jax.Array:
-    return aero.wrench.about(multibody.centre_of_gravity(mass, tilt))
+    return aero.wrench.about(multibody.traced_centre_of_gravity(mass, tilt))
 
 
 def _steady(parameters: airframe.Parameters, at: Along) -> Aero:

@@ -155,15 +155,15 @@ def _designed(
         amplitude={n: _GENTLE * amplitude[n] for n in names},
         allocation=stated.allocation if mixed else "interleaved",
     )
-    return scaled(design_multisines(asked, vehicle.effectors), 1 / _GENTLE)
+    return scaled_signals(design_multisines(asked, vehicle.effectors), 1 / _GENTLE)
 
 
-def scaled(design: MultisineDesign, factor: float) -> MultisineDesign:
+def scaled_signals(design: MultisineDesign, factor: float) -> MultisineDesign:
     """Return a design with all amplitudes multiplied."""
     return replace(design, signals=tuple(replace(s, amplitude=factor * s.amplitude) for s in design.signals))
 
 
-def room(record: FlightRecord, vehicle: Vehicle, abort: Mapping[str, float]) -> float:
+def largest_scale(record: FlightRecord, vehicle: Vehicle, abort: Mapping[str, float]) -> float:
     """Return by how much all signals of a flight may be scaled until a limit is reached.
 
     States may go to 80 % of their abort limits, effectors to 90 % of their travel and rate.

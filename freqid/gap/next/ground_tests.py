@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from freqid.gap.next.rivals import Rivals
+from freqid.gap.next.rivals import RivalExplanations
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,7 @@ UNTESTABLE: dict[str, str] = {
 
 
 def distance(
-    test: GroundTest, rivals: Rivals, pair: tuple[str, str], tolerances: Mapping[str, float]
+    test: GroundTest, rivals: RivalExplanations, pair: tuple[str, str], tolerances: Mapping[str, float]
 ) -> tuple[float, tuple[str, ...]]:
     """Return how far a test sets two effects apart, and what it measures of them.
 

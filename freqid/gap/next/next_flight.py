@@ -17,14 +17,14 @@ from freqid.gap.next.excitations import (
     Plan,
     amplitudes_flown,
     halves,
-    room,
-    scaled,
+    largest_scale,
+    scaled_signals,
     stated_excitation,
     tilting,
     unflown,
     whole,
 )
-from freqid.gap.next.predicted_flight import PredictedFlight, Surroundings, fly, predict
+from freqid.gap.next.predicted_flight import FlightContext, PredictedFlight, fly_alone, predict_columns
 from freqid.gap.next.rivals import APART, Pair
 from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
@@ -66,7 +66,7 @@ class NextFlight:
 
 
 def next_flight(
-    around: Surroundings, scenario: Scenario | None, tell: Callable[[str], None] = lambda _: None
+    around: FlightContext, scenario: Scenario | None, tell: Callable[[str], None] = lambda _: None
 ) -> tuple[NextFlight | None, str]:
     """Return the flight that separates the rivals best together with those at hand.
 
@@ -117,7 +117,7 @@ def next_flight(
 
 
 def _judged(
-    around: Surroundings,
+    around: FlightContext,
     plans: Sequence[Plan],
     conditions: Mapping[str, Block],
     stated: Excitation,
@@ -139,7 +139,7 @@ def _judged(
     return [one for one in side_by_side(around.simulation, judge, plans) if one is not None]
 
 
-def _conditions(around: Surroundings, scenario: Scenario | None) -> Iterator[tuple[str, Block]]:
+def _conditions(around: FlightContext, scenario: Scenario | None) -> Iterator[tuple[str, Block]]:
     """Yield conditions to be tried, each with the block at hand that is nearest to it in speed."""
     blocks = {b.maneuvers[0].record.reference: b for b in around.blocks}
     if scenario is None or around.simulation.kind != "scenario":
@@ -157,14 +157,14 @@ def _conditions(around: Surroundings, scenario: Scenario | None) -> Iterator[tup
 
 
 def _tried(
-    around: Surroundings, plan: Plan, like: Block, stated: Excitation
+    around: FlightContext, plan: Plan, like: Block, stated: Excitation
 ) -> tuple[Plan, PredictedFlight] | None:
     """Return a plan as strong as its limits allow, and its columns; None where it cannot be flown."""
     vehicle, factor = like.trial.maneuver.vehicle, STRONGEST
     record: FlightRecord | None = None
     for _ in range(_TRIES):
-        record = fly(around.simulation, scaled(plan.design, factor), plan.at, like)
-        slack = room(record, vehicle, stated.abort) if record else 0.5
+        record = fly_alone(around.simulation, scaled_signals(plan.design, factor), plan.at, like)
+        slack = largest_scale(record, vehicle, stated.abort) if record else 0.5
         if slack >= 1:
             break
         factor, record = 0.98 * slack * factor, None
@@ -172,12 +172,12 @@ def _tried(
             return None
     if record is None:
         return None
-    predicted = predict(around, record, like, plan.design.periods)
-    strong = Plan(plan.at, plan.effectors, scaled(plan.design, factor))
+    predicted = predict_columns(around, record, like, plan.design.periods)
+    strong = Plan(plan.at, plan.effectors, scaled_signals(plan.design, factor))
     return None if predicted is None else (strong, predicted)
 
 
-def _flights(around: Surroundings, predicted: PredictedFlight) -> dict[Pair, int | None]:
+def _flights(around: FlightContext, predicted: PredictedFlight) -> dict[Pair, int | None]:
     """Return how many of such flights tell each pair apart."""
     rivals = around.rivals
     found: dict[Pair, int | None] = dict.fromkeys(rivals.pairs)

@@ -12,15 +12,15 @@ from freqid.core.scenario import Scenario
 from freqid.gap.diagnose import Findings, Question
 from freqid.gap.next.ground_tests import TESTS, UNTESTABLE, distance
 from freqid.gap.next.next_flight import MOST_FLIGHTS, NextFlight, next_flight
-from freqid.gap.next.predicted_flight import Surroundings
-from freqid.gap.next.rivals import APART, Pair, Rivals, rivals_of
+from freqid.gap.next.predicted_flight import FlightContext
+from freqid.gap.next.rivals import APART, Pair, RivalExplanations, rivals_of
 from freqid.gap.simulation import Simulation
 
 _CLEARLY = 1.0  # of a pair's expected separation: what a ground test adds at least to be listed
 _ENOUGH = 20 * APART  # beyond it more separation is worth nothing
 
 
-def next_test(
+def propose_test(
     findings: Findings,
     simulation: Simulation,
     question: Question,
@@ -61,7 +61,7 @@ def next_test(
     if rivals is None:
         return {}
     tell("looking for the next flight")
-    around = Surroundings(
+    around = FlightContext(
         simulation=simulation,
         rivals=rivals,
         candidates=question.candidates,
@@ -85,7 +85,7 @@ def next_test(
     }
 
 
-def ground_tables(rivals: Rivals, tolerances: Mapping[str, float]) -> list[dict[str, Any]]:
+def ground_tables(rivals: RivalExplanations, tolerances: Mapping[str, float]) -> list[dict[str, Any]]:
     """Return the ground tests that add to what flights say of the pairs, as tables.
 
     Parameters
@@ -165,7 +165,7 @@ def _separated(now: Mapping[Pair, float], after: Mapping[Pair, float]) -> list[P
 
 def _group(
     group: Sequence[str],
-    rivals: Rivals,
+    rivals: RivalExplanations,
     flight: NextFlight | None,
     why_none: str,
     tests: Sequence[Mapping[str, Any]],
@@ -191,7 +191,9 @@ def _group(
     }
 
 
-def _by_flight(pair: Pair, rivals: Rivals, flight: NextFlight | None, why_none: str, same: set[Pair]) -> str:
+def _by_flight(
+    pair: Pair, rivals: RivalExplanations, flight: NextFlight | None, why_none: str, same: set[Pair]
+) -> str:
     """Return what flights say of a pair."""
     now = rivals.now[pair]
     if flight is not None and flight.after[pair] >= APART:

@@ -20,7 +20,7 @@ from freqid.gap.model.changes import change
 from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms, load_terms
 from freqid.gap.model.testable import in_force_of, untestable
 from freqid.gap.model.tolerance import record_columns, tolerance_columns
-from freqid.gap.next.rivals import Rivals
+from freqid.gap.next.rivals import RivalExplanations
 from freqid.gap.simulation import Departures, Simulation
 from freqid.gap.stack.block import Block
 from freqid.gap.stack.histories import Histories
@@ -35,7 +35,7 @@ _VELOCITY = ("state/u", "state/v", "state/w")
 
 
 @dataclass(frozen=True, eq=False)
-class Surroundings:
+class FlightContext:
     """What a predicted flight has in common with those at hand.
 
     Attributes
@@ -53,7 +53,7 @@ class Surroundings:
     """
 
     simulation: Simulation
-    rivals: Rivals
+    rivals: RivalExplanations
     candidates: Mapping[str, Effect]
     sizes: Mapping[str, float]
     band_hz: tuple[float, float]
@@ -114,7 +114,7 @@ class PredictedFlight:
         )
 
 
-def fly(simulation: Simulation, design: MultisineDesign, at: str, like: Block) -> FlightRecord | None:
+def fly_alone(simulation: Simulation, design: MultisineDesign, at: str, like: Block) -> FlightRecord | None:
     """Return one period of a design as the simulation flies it.
 
     Parameters
@@ -185,14 +185,16 @@ def _air_channels(record: FlightRecord) -> list[Channel]:
     return [replace(record.channel(n), values=x) for n, x in found.items() if n in record]
 
 
-def predict(around: Surroundings, record: FlightRecord, like: Block, periods: int) -> PredictedFlight | None:
+def predict_columns(
+    around: FlightContext, record: FlightRecord, like: Block, periods: int
+) -> PredictedFlight | None:
     """Return the columns along a simulated flight, with the noise of one that was flown.
 
     Parameters
     ----------
     around : Surroundings
     record : FlightRecord
-        Of `fly`: one period.
+        Of `fly_alone`: one period.
     like : Block
         Whose noise is taken, row by row and line by line.
     periods : int
@@ -210,7 +212,7 @@ def predict(around: Surroundings, record: FlightRecord, like: Block, periods: in
         return None
 
 
-def _block(around: Surroundings, record: FlightRecord, like: Block, periods: int) -> Block | None:
+def _block(around: FlightContext, record: FlightRecord, like: Block, periods: int) -> Block | None:
     maneuver = Maneuver(record, like.trial.maneuver.vehicle)
     plain = Trial.of(around.simulation, maneuver, carries=False)
     trial = _QuickTrial(
@@ -243,7 +245,7 @@ def _block(around: Surroundings, record: FlightRecord, like: Block, periods: int
     )
 
 
-def _columns(around: Surroundings, block: Block, like: Block) -> PredictedFlight:
+def _columns(around: FlightContext, block: Block, like: Block) -> PredictedFlight:
     """Return the whitened columns of a block."""
     rivals = around.rivals
     none = np.zeros((len(block.rows), block.lines.hz.size), dtype=complex)

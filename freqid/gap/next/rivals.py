@@ -37,7 +37,7 @@ _SAME = 1e-4  # share of a change's energy: two changes that differ by less are 
 
 
 @dataclass(frozen=True, eq=False)
-class Rivals:
+class RivalExplanations:
     """What is to be told apart.
 
     Attributes
@@ -163,7 +163,7 @@ class Rivals:
         return max(whole - copied, 0.0), whole
 
 
-def rivals_of(findings: Findings) -> Rivals | None:
+def rivals_of(findings: Findings) -> RivalExplanations | None:
     """Return what a diagnosis leaves to be told apart; None where one effect remains or no gap is called.
 
     Groups are its groups of effects that the data cannot tell apart, and its set. *Other* cannot be
@@ -192,7 +192,7 @@ def rivals_of(findings: Findings) -> Rivals | None:
     likeliest = {n: _likely_places(evidence, n) for n in names}
     every = [i for places in likeliest.values() for i in places]
     estimates = {i: estimate(evidence, i, INTERVAL) for i in every}
-    return Rivals(
+    return RivalExplanations(
         tuple(groups),
         tuple(pairs),
         _part(evidence.system, {i: _columns_about(e) for i, e in estimates.items()}),

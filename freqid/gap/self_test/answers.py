@@ -81,7 +81,7 @@ class Answer:
 
 
 @dataclass(frozen=True, eq=False)
-class Draws:
+class DrawnData:
     """Data without an effect, each with an error of form of its posterior.
 
     Attributes
@@ -95,7 +95,7 @@ class Draws:
     data: Data
 
     @classmethod
-    def of(cls, evidence: Evidence, system: System, count: int, seed: int) -> Draws:
+    def of(cls, evidence: Evidence, system: System, count: int, seed: int) -> DrawnData:
         """Draw noise, tolerances and errors of form."""
         rng = np.random.default_rng([seed, 79])
         weights = evidence.form_weights()

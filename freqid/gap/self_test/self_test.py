@@ -31,7 +31,7 @@ from freqid.gap.diagnose import Findings
 from freqid.gap.infer.evidence import NONE
 from freqid.gap.infer.null_draws import threshold_of
 from freqid.gap.model.candidates import OTHER
-from freqid.gap.self_test.answers import Answer, Draws, Weighed, answers
+from freqid.gap.self_test.answers import Answer, DrawnData, Weighed, answers
 from freqid.gap.self_test.insertions import Inserted, insert
 from freqid.gap.self_test.smallest import smallest_sizes
 from freqid.simulate.effects.effect import Effect
@@ -80,7 +80,7 @@ def self_test(
     inserted = insert(evidence, f.blocks, f.columns, library, DETECTABILITIES, _SEED)
     if not inserted.insertions:
         raise DataError("no effect can be inserted into these manoeuvres, so there is no self-test")
-    pool = Draws.of(evidence, inserted.system, _NULL_DRAWS, _SEED)
+    pool = DrawnData.of(evidence, inserted.system, _NULL_DRAWS, _SEED)
     tell("weighing draws with effects")
     nothing = Weighed.of(evidence, pool.data)
     null = answers(nothing, NONE, [-1] * pool.count, f.threshold)
@@ -136,7 +136,7 @@ def with_self_test(diagnosis: GapDiagnosis, test: SelfTest) -> GapDiagnosis:
 
 
 def _weighed(
-    findings: Findings, inserted: Inserted, pool: Draws, effect: str, goal: float, draws: int
+    findings: Findings, inserted: Inserted, pool: DrawnData, effect: str, goal: float, draws: int
 ) -> tuple[Weighed | None, list[int]]:
     """Return draws with an effect in them, weighed, its places in turn; and the insertion of each."""
     system = findings.evidence.system

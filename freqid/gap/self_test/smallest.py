@@ -9,7 +9,7 @@ import numpy as np
 from freqid.core.results.gap_self_test import SmallestSize
 from freqid.gap.infer.evidence import Evidence
 from freqid.gap.model.candidates import OTHER
-from freqid.gap.self_test.answers import Draws, Weighed, only_candidates
+from freqid.gap.self_test.answers import DrawnData, Weighed, only_candidates
 from freqid.gap.self_test.insertions import size_at
 
 POWER = 0.95
@@ -21,7 +21,7 @@ _DRAWS = 200
 
 
 def smallest_sizes(
-    evidence: Evidence, draws: Draws, threshold: float, *, every: bool = False
+    evidence: Evidence, draws: DrawnData, threshold: float, *, every: bool = False
 ) -> list[SmallestSize]:
     """Return the smallest sizes found, of each effect at its most and its least visible place.
 
@@ -73,7 +73,7 @@ class _Search:
 
     evidence: Evidence
     alone: Evidence
-    draws: Draws
+    draws: DrawnData
     needed: float
 
     def smallest(self, index: int) -> SmallestSize:

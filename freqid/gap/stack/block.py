@@ -125,10 +125,6 @@ class Block:
         real = self.lines.real(found)
         return real.reshape(*real.shape[:-2], real.shape[-2] * real.shape[-1])
 
-    def unwhite(self, y: Array) -> Complex:
-        """Return what `white` made real, shape (..., number), as rows on lines again, still whitened."""
-        return self.lines.complex(y.reshape(*y.shape[:-1], len(self.rows), 2 * self.lines.hz.size - 1))
-
     def transform(self, histories: Histories) -> Complex:
         """Return histories of the motion without noise on the lines, shape (row, line)."""
         return self.grid.transform(histories)

@@ -40,7 +40,7 @@ class Quiet:
     cutoff_hz: dict[str, float]
 
 
-def quiet(
+def without_sensor_noise(
     record: FlightRecord,
     names: Sequence[str],
     expected: Mapping[str, Array] | None = None,
@@ -138,7 +138,7 @@ def _floor(left: Array, native_hz: float, dt: float, cutoff_hz: float) -> float 
 
 def sensor_noise(record: FlightRecord, names: Sequence[str]) -> dict[str, float]:
     """Return the standard deviation of white noise of channels, by name: what their spectra level off at."""
-    return quiet(record, names).sigma
+    return without_sensor_noise(record, names).sigma
 
 
 def noisy_channels(record: FlightRecord) -> list[str]:

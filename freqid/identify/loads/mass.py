@@ -51,7 +51,7 @@ class MovingMass:
     ----------
     mass : float
         Of the whole aircraft, kg.
-    still_inertia : ndarray, shape (3, 3)
+    fixed_inertia : ndarray, shape (3, 3)
         Of all that does not tilt, about the vehicle's stated centre of gravity, kg m2.
     wings : tuple of WingMass
         Empty for a rigid vehicle.
@@ -62,7 +62,7 @@ class MovingMass:
     """
 
     mass: float
-    still_inertia: Array
+    fixed_inertia: Array
     wings: tuple[WingMass, ...]
     cg: Array
     cg_rate: Array
@@ -104,5 +104,5 @@ def moving_mass(maneuver: Maneuver, differentiate: Differentiate, *, wings: bool
         moving.append(WingMass(wing.mass_kg, wing.inertia.matrix, tilt, rate, position, velocity))
         cg = cg + wing.mass_kg / stated.mass_kg * (arm - stated_arm(vehicle, wing)[:, None])
         cg_rate = cg_rate + wing.mass_kg / stated.mass_kg * velocity
-    _, still_inertia = without_wings(vehicle, heavy, stated.cg_m)
-    return MovingMass(stated.mass_kg, still_inertia, tuple(moving), cg, cg_rate)
+    _, fixed_inertia = without_wings(vehicle, heavy, stated.cg_m)
+    return MovingMass(stated.mass_kg, fixed_inertia, tuple(moving), cg, cg_rate)

@@ -30,7 +30,7 @@ def airframe_momentum(mass: MovingMass, rates: Array) -> Array:
     the angular velocity ``w + tilt_rate y`` and the moment of its momentum; ``- m d x (w x d + d')``
     moves the sum from O to the centre of gravity at d (docs/theory/wrench.md, eq. 7).
     """
-    momentum = mass.still_inertia @ rates
+    momentum = mass.fixed_inertia @ rates
     for wing in mass.wings:
         in_wing = turn_about_y(rates + wing.tilt_rate * ALONG_Y, -wing.tilt)
         momentum += turn_about_y(wing.inertia @ in_wing, wing.tilt)

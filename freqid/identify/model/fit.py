@@ -115,7 +115,7 @@ def fit_lines(
             bias=(problem.share @ mean, np.sqrt(problem.share**2 @ np.array(error))),
             rmse=np.sqrt(problem.share @ np.array(square)),
             fits=_fits(problem, rows, columns, found.fit, equations, mean, noise),
-            noise=None if noise is None else _beside_noise(found.fit, noise),
+            noise=None if noise is None else _relative_to_noise(found.fit, noise),
         )
     return models
 
@@ -168,7 +168,7 @@ class _NoiseEquations:
         return np.concatenate(noise, axis=1) * np.maximum(1 - fit.leverage / 2, 0.1)
 
 
-def _beside_noise(fit: LeastSquares, noise: Array) -> tuple[Array, Array]:
+def _relative_to_noise(fit: LeastSquares, noise: Array) -> tuple[Array, Array]:
     """Return how much more the residual is than noise, and the R2 that noise allows, shape (R,)."""
     with np.errstate(divide="ignore", invalid="ignore"):  # a response that is zero throughout
         ratio = np.mean(np.abs(fit.residual) ** 2 / noise, axis=1)

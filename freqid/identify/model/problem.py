@@ -19,7 +19,7 @@ from freqid.identify.regress.estimators import Estimate
 from freqid.identify.spectra.trend import remove_trend
 
 # A regressor that moves by less than this share of its mean is constant but for rounding.
-STILL = 1e-9
+STILL_RMS = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +199,7 @@ def _trim_of_factors(maneuvers: Sequence[Maneuver], names: Sequence[str], share:
 
 def _refuse_still(names: tuple[str, ...], rms: Array, trim: Array) -> None:
     """Refuse regressors that, but for a straight line, move by no more than their rounding."""
-    still = np.flatnonzero(rms <= STILL * np.abs(trim))
+    still = np.flatnonzero(rms <= STILL_RMS * np.abs(trim))
     if still.size:
         name, level = names[still[0]], trim[still[0]]
         raise DataError(

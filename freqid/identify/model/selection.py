@@ -34,8 +34,8 @@ from freqid.identify.regress.structure import (
 )
 from freqid.identify.regress.two_stage import two_stage_least_squares
 
-FLOW = frozenset(("u", "v", "w", "V", "alpha", "beta"))
-RATES = frozenset(("p", "q", "r", "phat", "qhat", "rhat"))
+FLOW_REGRESSORS = frozenset(("u", "v", "w", "V", "alpha", "beta"))
+RATE_REGRESSORS = frozenset(("p", "q", "r", "phat", "qhat", "rhat"))
 
 
 def candidate_products(units: Mapping[str, str]) -> tuple[str, ...]:
@@ -71,14 +71,14 @@ def _act_together(a: str, b: str, units: Mapping[str, str]) -> bool:
 
 
 def _kind(name: str, unit: str) -> str:
-    if name in FLOW:
+    if name in FLOW_REGRESSORS:
         return "flow"
-    if name in RATES:
+    if name in RATE_REGRESSORS:
         return "rate"
     return "surface" if unit == "rad" else "propulsor"
 
 
-F_KEPT = 10.0
+F_TO_STAY = 10.0
 """F that a term must keep to stay: one of 24 that do nothing has it by chance in 4 % of responses."""
 DISTORTED = 1.5
 """Distortion from which a response is taken to be bent: of a linear one it is 1.1 +- 0.17 on 106 lines."""
@@ -165,7 +165,7 @@ def choose_terms(problem: Problem, flights: Flights) -> tuple[Problem, dict[str,
     if settings.structure == "stepwise":
         chosen = {}
         for response, model in flights.fit(problem).items():
-            found = _keep(problem, flights, model)
+            found = _select_regressors(problem, flights, model)
             terms = _with_factors(model.regressors, found)
             f = {name: _figure(value) for name, value in found.partial_f.items()}
             account[response]["kept"] = {n: f[n] for n in terms}
@@ -190,7 +190,7 @@ def _with_factors(offered: Sequence[str], found: Structure) -> tuple[str, ...]:
     return tuple(name for name in offered if name in terms or name in needed)
 
 
-def _keep(problem: Problem, flights: Flights, model: ResponseModel) -> Structure:
+def _select_regressors(problem: Problem, flights: Flights, model: ResponseModel) -> Structure:
     """Choose among the regressors of one response."""
     equations = _equations(problem, flights, problem.x)
     row = problem.settings.responses.index(model.response)
@@ -205,7 +205,7 @@ def _keep(problem: Problem, flights: Flights, model: ResponseModel) -> Structure
         z,
         names=model.regressors,
         nuisance=nuisance,
-        f_enter=F_KEPT,
+        f_enter=F_TO_STAY,
         start="everything",
         independent_share=_share(flights),
     )
@@ -251,7 +251,7 @@ def _bend(problem: Problem, flights: Flights, model: ResponseModel, offered: _Pr
     families = [[j for j, n in enumerate(names) if factor in factors_of(n)] for factor in problem.names]
     response = equations.z[problem.settings.responses.index(model.response)] * weight
     arithmetic = RESOLVED * float(np.sum(np.abs(response) ** 2))
-    chosen = enter_families(candidates, families, F_KEPT, arithmetic)
+    chosen = enter_families(candidates, families, F_TO_STAY, arithmetic)
     f = partial_f_of_all(candidates, chosen)
     return {names[j]: _figure(f[j]) for j in sorted(chosen)}
 

@@ -171,10 +171,10 @@ def _refuse_weak(names: Sequence[str], strength: Array) -> None:
     """Name the regressors that the injected signals do not move enough."""
     weak = [(name, f) for name, f in zip(names, strength, strict=True) if f < LEAST_STRENGTH]
     if weak:
-        said = " and ".join(f"'{name}' (first-stage F {f:.2g})" for name, f in weak)
+        weakest = " and ".join(f"'{name}' (first-stage F {f:.2g})" for name, f in weak)
         error = WeakInstruments(
-            f"the injected signals hardly move {said} apart from the other regressors, expected an F of at "
-            f"least {LEAST_STRENGTH:g}",
+            f"the injected signals hardly move {weakest} apart from the other regressors, expected an F of "
+            f"at least {LEAST_STRENGTH:g}",
             remedy="excite it more, drop it from the regressors, or use the estimator 'least-squares'",
         )
         error.weakest = names[int(np.argmin(strength))]

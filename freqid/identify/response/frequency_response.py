@@ -29,14 +29,14 @@ from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.identify.loads.explanatory import unit_of
 from freqid.identify.response.injected_lines import injected_lines, injected_signals, period_of
-from freqid.identify.response.local_response import Lines, local_response
+from freqid.identify.response.local_response import ResponseLines, local_response
 from freqid.identify.spectra.fourier import FourierPlan
 
 ORDER = 2
 """Degree of the polynomials in frequency; two follow a resonance that spans a few lines."""
 
 
-def frequency_response(
+def estimate_frequency_response(
     maneuvers: Sequence[Maneuver],
     inputs: Sequence[str] | None,
     outputs: Sequence[str],
@@ -90,7 +90,7 @@ def frequency_response(
         injected_lines(m, i, excited, group, outputs, period_s or period_of(m.record))
         for i, m in enumerate(maneuvers)
     ]
-    joined = Lines(
+    joined = ResponseLines(
         *(
             np.concatenate([getattr(part, name) for part in parts], axis=-1)
             for name in ("hz", "record", "excited", "r", "u", "y")

@@ -14,7 +14,7 @@ from freqid.core.record import FlightRecord, Maneuver
 from freqid.identify.loads.explanatory import history
 from freqid.identify.loads.wrench import applied_wrench
 from freqid.identify.model.line_equations import plan_of
-from freqid.identify.response.local_response import Lines
+from freqid.identify.response.local_response import ResponseLines
 from freqid.identify.spectra.fourier import FourierPlan
 from freqid.identify.spectra.trend import remove_trend
 
@@ -90,7 +90,7 @@ def injected_lines(
     group: str,
     outputs: Sequence[str],
     period_s: float,
-) -> Lines:
+) -> ResponseLines:
     """Return one record's transforms on the lines of whole periods, the last ones that are excited.
 
     Parameters
@@ -150,7 +150,7 @@ def injected_lines(
     member = np.zeros((len(excited), f.size), dtype=bool)
     for row, power in zip(member, large, strict=True):
         row[:] = np.isin(lines, numbers[power])
-    return Lines(
+    return ResponseLines(
         hz=f,
         record=np.full(f.size, number),
         excited=member,

@@ -28,7 +28,7 @@ SINGULAR = 1e-7  # of the largest: combinations of inputs that the signals move 
 
 
 @dataclass(frozen=True, eq=False)
-class Lines:
+class ResponseLines:
     """Transforms of S records on K lines altogether, in any order.
 
     Attributes
@@ -73,7 +73,9 @@ class LocalResponse:
     misfit: Array
 
 
-def local_response(lines: Lines, at_hz: float, order: int, count: int, poles: int = 0) -> LocalResponse:
+def local_response(
+    lines: ResponseLines, at_hz: float, order: int, count: int, poles: int = 0
+) -> LocalResponse:
     """Solve for the responses at one frequency.
 
     Parameters
@@ -180,7 +182,7 @@ def _solved(y: Complex, columns: Complex, instruments: Complex, at_hz: float) ->
     return _Solution(y @ dual, dual, columns, *_remainder(y, columns, dual))
 
 
-def _window(lines: Lines, at_hz: float, order: int, count: int) -> tuple[NDArray[np.int64], Array]:
+def _window(lines: ResponseLines, at_hz: float, order: int, count: int) -> tuple[NDArray[np.int64], Array]:
     """Return the lines near a frequency, and their distance, at most one in size."""
     distance = np.abs(lines.hz - at_hz)
     mine = [

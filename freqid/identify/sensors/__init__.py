@@ -2,6 +2,7 @@
 
 The loads are modelled here only as far as a delay has to be told apart from them.
 
-Read flight_path, kinematic_model, kinematic_fit and kinematics (biases, scale factors, wind, in time); then
-misaligned, delays_loads and alignment (delays by group, on lines).
+Read errors (how a channel reads); flight_path, kinematic_model, kinematic_fit and kinematics (biases, scale
+factors, delays and wind, in time); then alignment_motion, alignment_loads and alignment (delays by group, on
+lines).
 """

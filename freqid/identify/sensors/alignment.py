@@ -1,15 +1,14 @@
 """Sensors brought into line before a point model: delays, biases of attitude, a steady wind; and the model.
 
-Velocity and attitude are brought to the clock of the inertial sensors by kinematics (`misaligned`),
+Velocity and attitude are brought to the clock of the inertial sensors by kinematics (`alignment_motion`),
 effectors to that of the responses, together with the wind where velocity is known over the ground only
-(`delays_loads`; docs/theory/kinematics.md).
+(`alignment_loads`; docs/theory/kinematics.md).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -22,34 +21,28 @@ from freqid.core.identification import Identification, factors_of
 from freqid.core.record import Maneuver
 from freqid.core.results.point import PointModel, ResponseModel, per
 from freqid.core.scenario import Reference
-from freqid.core.viewable import Viewable
 from freqid.identify.point import identify_point, lines_of
 from freqid.identify.regress.covariance_corrections import independent_share
 from freqid.identify.regress.estimators import find_estimator
-from freqid.identify.sensors.delays_loads import Changes, fit_loads, loads_unknowns
-from freqid.identify.sensors.misaligned import Misaligned, fit_motion, motion_unknowns, sensor_kind
+from freqid.identify.sensors.alignment_loads import Changes, fit_loads, loads_unknowns
+from freqid.identify.sensors.alignment_motion import Misaligned, fit_motion, motion_unknowns
+from freqid.identify.sensors.errors import SensorErrors, error_kind
 
 # One sigma of each kind of unknown before anything was measured, SI units.
 PLAUSIBLE = {"delay": 0.1, "bias": 0.03, "scale": 0.01, "wind": 5.0}
-UNITS = {"delay": "s", "bias": "rad", "scale": "1", "wind": "m/s"}
 # Beyond this share of what was known beforehand an unknown is not told by the data.
 LARGEST_SHARE = 0.5
 _ORDER = 1.96  # normal, 95 %
 
 
-@dataclass(frozen=True, eq=False)
-class Alignment(Viewable):
+@dataclass(frozen=True, eq=False, repr=False)
+class Alignment(SensorErrors):
     """What stands between a record's clocks, its attitude and its velocity, with its uncertainty.
 
     Attributes
     ----------
-    names : tuple of str, length k
-        ``"velocity delay"``, ``"surface delay"``, ``"theta bias"``, ``"wind north"`` ... A positive delay is
-        a channel later than the inertial sensors.
-    units : tuple of str, length k
-    estimate : ndarray, shape (k,)
-        SI units.
-    covariance : ndarray, shape (k, k)
+    names, estimate, covariance
+        As in `SensorErrors`: ``"velocity delay"``, ``"surface delay"``, ``"theta bias"``, ``"wind north"``.
     plausible : ndarray, shape (k,)
         One sigma of each beforehand.
     disagreement : mapping of str to float
@@ -61,24 +54,10 @@ class Alignment(Viewable):
         Regressors and responses of the aligned manoeuvre, and their derivatives by the unknowns.
     """
 
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    estimate: Array
-    covariance: Array
     plausible: Array
     disagreement: Mapping[str, float]
     flown: Misaligned
     changes: Changes
-
-    def __repr__(self) -> str:
-        rows = zip(self.names, self.estimate, self.std_error, self.units, strict=True)
-        listed = ", ".join(f"{n} {e:.3g} +- {s:.2g}" + (f" {u}" if u != "1" else "") for n, e, s, u in rows)
-        return f"<Alignment: {listed}>"
-
-    @property
-    def std_error(self) -> Array:
-        """Standard errors, shape (k,)."""
-        return np.sqrt(np.diag(self.covariance))
 
     @property
     def lower(self) -> Array:
@@ -91,27 +70,10 @@ class Alignment(Viewable):
         return self.estimate + _ORDER * self.std_error
 
     @property
-    def untold(self) -> tuple[str, ...]:
+    def unobservable(self) -> tuple[str, ...]:
         """Unknowns that the data hardly tell more about than was known beforehand."""
         share = self.std_error / self.plausible
         return tuple(n for n, s in zip(self.names, share, strict=True) if s > LARGEST_SHARE)
-
-    def __getitem__(self, name: str) -> tuple[float, float]:
-        """Return estimate and standard error of one unknown."""
-        if name not in self.names:
-            raise UsageError(f"the alignment has no '{name}'", remedy=nearest(name, self.names))
-        i = self.names.index(name)
-        return float(self.estimate[i]), float(self.std_error[i])
-
-    @property
-    def errors(self) -> dict[str, float]:
-        """Estimates by name."""
-        return dict(zip(self.names, self.estimate.tolist(), strict=True))
-
-    def account(self) -> dict[str, Any]:
-        """Return names, estimates and errors, JSON-compatible."""
-        rows = zip(self.names, self.estimate, self.std_error, self.units, strict=True)
-        return {n: {"estimate": float(e), "std_error": float(s), "units": u} for n, e, s, u in rows}
 
 
 @dataclass(frozen=True)
@@ -173,14 +135,13 @@ def align(
     for name in known.plausible:
         if name not in names:
             raise UsageError(f"the alignment has no '{name}'", remedy=nearest(name, names))
-    sizes = {n: known.plausible.get(n, PLAUSIBLE[sensor_kind(n)]) for n in names}
+    sizes = {n: known.plausible.get(n, PLAUSIBLE[error_kind(n)]) for n in names}
     moved, spread = fit_motion(flown, lines_hz, sizes) if by_kinematics else (np.empty(0), np.empty((0, 0)))
     motion = dict(zip(by_kinematics, moved.tolist(), strict=True))
     loads = fit_loads(flown, motion, settings, lines_hz, sizes)
     passed_on = loads.by_motion @ spread
     alignment = Alignment(
         names=names,
-        units=tuple(UNITS[sensor_kind(n)] for n in names),
         estimate=np.concatenate([moved, loads.estimate]),
         covariance=np.block(
             [[spread, passed_on.T], [passed_on, loads.covariance + passed_on @ loads.by_motion.T]]
@@ -194,7 +155,7 @@ def align(
 
 
 # A parameter is named where an unknown of the alignment adds more than this many of its standard errors.
-TOLD = 2.0
+DOMINANT = 2.0
 
 
 def identify_aligned(
@@ -317,10 +278,10 @@ def _remarks(
                 open_ += [
                     f"{name} by {n} (+- {2 * a:.2g} {per(response.unit, unit)})"
                     for n, unit, a, s in rows
-                    if a > TOLD * s
+                    if a > DOMINANT * s
                 ]
             if open_:
-                what = "not told by these data" if unknown in alignment.untold else "uncertain"
+                what = "not told by these data" if unknown in alignment.unobservable else "uncertain"
                 where = f" of manoeuvre {m + 1}" if len(alignments) > 1 else ""
                 size = f"+- {2 * sigma:.2g} {alignment.units[i]}"
                 remarks.append(

@@ -152,18 +152,18 @@ Mask = NDArray[np.bool_]
 
 # A parameter is held at zero where its standard error is beyond this share of the size that it may well have:
 # the data then tell less about it than is known without them.
-LARGEST_SHARE = 0.5
+LARGEST_ERROR_SHARE = 0.5
 # Nor is one believed that comes out this many plausible sizes away: a channel that shows noise and hardly
 # any motion fits best with a scale of -1.
 FARTHEST = 3.0
 # Columns whose neighbours make up for them are kept apart from rounding by this much prior knowledge.
 FAINT = 1e-3
 HELD_STEPS = 3  # in which prior knowledge still holds the estimates
-FULL_STEPS = 12  # after which half steps end the swinging of an unknown that is hardly told
+FULL_STEPS = 12  # after which half steps end the swinging of an unknown that is hardly observable
 # Steps after which an unknown that still moves is held: the data tell it along a curve only, as the scale of
 # an airspeed that a wind would explain as well, and Gauss-Newton creeps along that.
 PATIENCE = 25
-STEPS = 200
+MOST_STEPS = 200
 # Steps this small beside the standard errors let unknowns be judged, and end the iteration.
 NEARLY, SETTLED = 0.5, 0.02
 # Noise levels that change by less than this are steady.
@@ -238,22 +238,22 @@ def fit_compatibility(
     """
     everything = np.array([i < INITIAL or n in wanted for i, n in enumerate(problem.names)])
     initial = everything & (np.arange(everything.size) < INITIAL)
-    guess, before = _settled_plainly(problem, initial, problem.start, plausible)
+    guess, before = _fit_unfiltered(problem, initial, problem.start, plausible)
     # Delays come last: a wave fits itself again a period later, so they have to start near.
-    clocked = np.array([not n.endswith("skew") for n in problem.names])
-    guess, _ = _settled_plainly(problem, everything & clocked, guess, plausible)
-    guess, now = _settled_plainly(problem, everything, guess, plausible)
+    clocked = np.array([not n.endswith("delay") for n in problem.names])
+    guess, _ = _fit_unfiltered(problem, everything & clocked, guess, plausible)
+    guess, now = _fit_unfiltered(problem, everything, guess, plausible)
 
     active, noise, steps = everything, _first_noise(problem, now, wind_walk), 0
-    for turn in range(STEPS):
+    for turn in range(MOST_STEPS):
         free = turn >= HELD_STEPS
         now = problem.predict(guess)
         columns = np.concatenate((now.residual[None], now.jacobian))
         white = whiten(now.path, problem.window, now.seen, noise, columns)
         residual, jacobian = white[0], white[1:]
-        told = _told(jacobian, active, plausible) if free else active
-        if not np.array_equal(told, active):
-            guess, active, steps = guess.back(active & ~told, problem.start), told, 0
+        observable = _observable(jacobian, active, plausible) if free else active
+        if not np.array_equal(observable, active):
+            guess, active, steps = guess.back(active & ~observable, problem.start), observable, 0
             continue
         size, away = plausible[active], (guess.values - problem.start.values)[active]
         fit = _solve(jacobian[active], residual, size, FAINT if free else 1.0, away)
@@ -267,16 +267,16 @@ def fit_compatibility(
             beyond = np.abs(guess.values - problem.start.values) > FARTHEST * plausible
             share[beyond & active & (np.arange(active.size) >= INITIAL)] = np.inf
             worst = blocked[0] if blocked else int(np.argmax(share))
-            if share[worst] > LARGEST_SHARE:
-                untold = np.arange(active.size) == worst
-                guess, active, steps = guess.back(untold, problem.start), active & ~untold, 0
+            if share[worst] > LARGEST_ERROR_SHARE:
+                unobservable = np.arange(active.size) == worst
+                guess, active, steps = guess.back(unobservable, problem.start), active & ~unobservable, 0
                 continue
             if fit.largest < SETTLED:
                 break
             if blocked:
                 raise DataError(
                     f"'{problem.names[worst]}' runs to {guess.values[worst]:.3g} s, the limit of delays",
-                    remedy="raise longest_skew_s, or align the log's clocks first",
+                    remedy="raise longest_delay_s, or align the log's clocks first",
                 )
         if free and steps >= PATIENCE:
             share = np.zeros(active.size)
@@ -291,7 +291,7 @@ def fit_compatibility(
         steps += 1
     else:
         raise DataError(
-            f"the compatibility check has not settled in {STEPS} steps",
+            f"the compatibility check has not settled in {MOST_STEPS} steps",
             remedy="look for jumps in the record, cut it, or ask for fewer parameters",
         )
     return CompatibilityFit(
@@ -299,26 +299,26 @@ def fit_compatibility(
         estimate=guess.values[active],
         covariance=covariance,
         degrees_of_freedom=dof,
-        undetermined=_taken_up(problem.names, jacobian, active, everything & ~active, plausible),
+        undetermined=_absorbed_by(problem.names, jacobian, active, everything & ~active, plausible),
         before=before,
         after=now,
         noise=noise,
     )
 
 
-def _told(jacobian: Array, active: Mask, plausible: Array) -> Mask:
-    """Return those unknowns that white residuals would tell, the worst told one left out again and again."""
-    told = active.copy()
+def _observable(jacobian: Array, active: Mask, plausible: Array) -> Mask:
+    """Return the unknowns that are observable in white residuals; the worst is left out, one at a time."""
+    observable = active.copy()
     while True:
-        size = plausible[told]
-        columns = np.concatenate((_columns(jacobian[told], size), FAINT * np.eye(size.size)))
+        size = plausible[observable]
+        columns = np.concatenate((_columns(jacobian[observable], size), FAINT * np.eye(size.size)))
         share = np.sqrt((np.linalg.inv(np.linalg.qr(columns, mode="r")) ** 2).sum(axis=1))
-        if share.max() <= LARGEST_SHARE:
-            return told
-        told[np.flatnonzero(told)[np.argmax(share)]] = False
+        if share.max() <= LARGEST_ERROR_SHARE:
+            return observable
+        observable[np.flatnonzero(observable)[np.argmax(share)]] = False
 
 
-def _taken_up(
+def _absorbed_by(
     names: tuple[str, ...], jacobian: Array, active: Mask, held: Mask, plausible: Array
 ) -> dict[str, tuple[str, ...]]:
     """Return, by each sensor error that is held, the unknowns that would take it up."""
@@ -334,12 +334,12 @@ def _taken_up(
     }
 
 
-def _settled_plainly(
+def _fit_unfiltered(
     problem: CompatibilityProblem, active: Mask, guess: Guess, plausible: Array
 ) -> tuple[Guess, Prediction]:
     """Return the fit of least squares with weights by each channel's residual, held by plausible sizes."""
     now = problem.predict(guess)
-    for _ in range(STEPS):
+    for _ in range(MOST_STEPS):
         weight = 1 / np.maximum(now.residual.std(axis=1), _floor(now))[:, None]
         away = (guess.values - problem.start.values)[active]
         columns, target = now.jacobian[active] * weight, now.residual * weight

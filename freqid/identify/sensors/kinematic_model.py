@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
+from freqid.core.channels import ANGLES, ATTITUDE, FLOW, FORCES, GROUND, RATES, VELOCITY
 from freqid.core.errors import DataError
 from freqid.core.frames import body_velocity, cross, specific_force_at
 from freqid.core.record import FlightRecord
+from freqid.identify.sensors.errors import Reading, error_name
 from freqid.identify.sensors.flight_path import (
     CAUSES,
     FlightPath,
@@ -23,12 +25,6 @@ from freqid.identify.sensors.flight_path import (
 )
 from freqid.identify.spectra.smoothing import local_derivative
 
-FLOW = ("air/V", "air/alpha", "air/beta")
-VELOCITY = ("state/u", "state/v", "state/w")
-ATTITUDE = ("state/phi", "state/theta", "state/psi")
-GROUND = ("state/vn", "state/ve", "state/vd")
-INERTIAL = ("state/p", "state/q", "state/r", "state/ax", "state/ay", "state/az")
-ANGLES = {*FLOW[1:], *ATTITUDE}
 # Beyond this pitch angle Euler angles lose their meaning, and with them what they could tell.
 STEEPEST = np.deg2rad(80.0)
 
@@ -80,7 +76,7 @@ def sensors_of(record: FlightRecord, cg_m: tuple[float, float, float] | None) ->
         A rate or a specific force is missing, nothing is there to compare them with, positions cannot be
         referred to a centre of gravity, or the aircraft pitches beyond 80 deg.
     """
-    rates, force = record.matrix(INERTIAL[:3]), record.matrix(INERTIAL[3:])
+    rates, force = record.matrix(RATES), record.matrix(FORCES)
     # Where both were logged one is computed from the other; u v w mean something at rest too.
     air = FLOW if any(n in record for n in FLOW) and not all(n in record for n in VELOCITY) else VELOCITY
     others = (*air, *ATTITUDE, "state/alt", *GROUND)
@@ -97,9 +93,9 @@ def sensors_of(record: FlightRecord, cg_m: tuple[float, float, float] | None) ->
             "angles are lost",
             remedy="cut the record around it",
         )
-    places = {n: _place(record, n, cg_m) for n in (*INERTIAL[3:], *names)}
+    places = {n: _place(record, n, cg_m) for n in (*FORCES, *names)}
     home = places["state/ax"]
-    for row, name in enumerate(INERTIAL[4:], start=1):
+    for row, name in enumerate(FORCES[1:], start=1):
         offset = home - places[name]
         if offset.any():  # bring it to where ax is; the only place where a rate is differentiated
             force[row] = specific_force_at(force, rates, local_derivative(rates, record.dt), offset)[row]
@@ -252,12 +248,12 @@ class Prediction:
 class CompatibilityProblem:
     """Sensors of one record as a least-squares problem in their errors.
 
-    A channel is modelled as ``(1 + scale) true(t - skew) + bias``.
+    A channel is modelled as ``(1 + scale) true(t - delay) + bias``.
 
     Parameters
     ----------
     sensors : Sensors
-    longest_skew : float
+    longest_delay : float
         Longest delay that is tried, s; as much is left out at both ends of the record.
 
     Attributes
@@ -277,23 +273,23 @@ class CompatibilityProblem:
         The record is too short.
     """
 
-    def __init__(self, sensors: Sensors, longest_skew: float):
-        margin = int(np.ceil(longest_skew / sensors.dt)) + 3  # three more to interpolate and differentiate
+    def __init__(self, sensors: Sensors, longest_delay: float):
+        margin = int(np.ceil(longest_delay / sensors.dt)) + 3  # three more to interpolate and differentiate
         samples = sensors.values.shape[1]
         least = 2 * margin + 200
         if samples < least:
             raise DataError(
                 f"the record has {samples} samples, expected at least {least} for a compatibility check with "
-                f"delays up to {longest_skew:g} s",
-                remedy="use a longer record, or lower longest_skew_s",
+                f"delays up to {longest_delay:g} s",
+                remedy="use a longer record, or lower longest_delay_s",
             )
         self.sensors, self.window = sensors, slice(margin, samples - margin)
         self.names = (*CAUSES, *_other_unknowns(sensors.names))
         self._index = {name: i for i, name in enumerate(self.names)}
         self._winds = [axis for axis, name in enumerate(WINDS) if name in self._index]
         self.start = self._initial()
-        self._skews = np.array([name.endswith("skew") for name in self.names])
-        self._longest_skew = longest_skew
+        self._delays = np.array([name.endswith("delay") for name in self.names])
+        self._longest_delay = longest_delay
 
     def moved(self, guess: Guess, unknowns: NDArray[np.bool_], step: Array) -> Guess:
         """Return a guess after a step of some unknowns, of which the first three turn the attitude.
@@ -302,9 +298,9 @@ class CompatibilityProblem:
         """
         whole = np.zeros(len(self.names))
         whole[unknowns] = step
-        whole[self._skews] = np.clip(whole[self._skews], -LARGEST_MOVE, LARGEST_MOVE)
+        whole[self._delays] = np.clip(whole[self._delays], -LARGEST_MOVE, LARGEST_MOVE)
         values = guess.values + whole
-        values[self._skews] = np.clip(values[self._skews], -self._longest_skew, self._longest_skew)
+        values[self._delays] = np.clip(values[self._delays], -self._longest_delay, self._longest_delay)
         values[:3] = 0.0
         return Guess(turned_by(whole[:3]) @ guess.attitude, values)
 
@@ -312,9 +308,9 @@ class CompatibilityProblem:
         """Return the delays that a step would carry beyond the longest one."""
         whole = np.zeros(len(self.names))
         whole[unknowns] = step
-        beyond = np.abs(guess.values + whole) > self._longest_skew
-        at_limit = np.abs(guess.values) >= self._longest_skew * (1 - 1e-9)
-        return np.flatnonzero(self._skews & at_limit & beyond).tolist()
+        beyond = np.abs(guess.values + whole) > self._longest_delay
+        at_limit = np.abs(guess.values) >= self._longest_delay * (1 - 1e-9)
+        return np.flatnonzero(self._delays & at_limit & beyond).tolist()
 
     def predict(self, guess: Guess) -> Prediction:
         """Integrate the inertial sensors less their biases, and compare the other channels with that."""
@@ -330,27 +326,23 @@ class CompatibilityProblem:
         by_cause = np.einsum("ksn,scn->kcn", by_state, error_growth(path))
         slope = np.gradient(ideal, sensors.dt, axis=1)
 
+        errors = dict(zip(self.names, value.tolist(), strict=True))
         k, n, m = len(ideal), self.window.stop - self.window.start, len(CAUSES)
         modelled, jacobian = np.empty((k, n)), np.zeros((len(self.names), k, n))
         seen = np.empty((k, by_state.shape[1] + 3, n))
         for row, name in enumerate(sensors.names):
-            at = {kind: self._index.get(unknown(name, kind)) for kind in ("scale", "bias", "skew")}
-            gain, offset, delay = 1.0, 0.0, 0.0
-            if at["scale"] is not None:
-                gain += value[at["scale"]]
-            if at["bias"] is not None:
-                offset = value[at["bias"]]
-            if at["skew"] is not None:
-                delay = value[at["skew"]]
+            reading = Reading.of(name, errors)
+            gain = 1 + reading.scale
             rows = (ideal[row, None], slope[row, None], by_cause[row], by_state[row], by_wind[row])
-            rows = self._delayed(np.concatenate(rows), delay)
-            modelled[row], seen[row] = gain * rows[0] + offset, gain * rows[2 + m :]
+            rows = self._delayed(np.concatenate(rows), reading.delay)
+            modelled[row], seen[row] = gain * rows[0] + reading.bias, gain * rows[2 + m :]
             jacobian[:m, row] = gain * rows[2 : 2 + m]
             for axis in self._winds:
                 jacobian[self._index[WINDS[axis]], row] = seen[row, axis - 3]
-            for kind, column in (("scale", rows[0]), ("bias", 1.0), ("skew", -gain * rows[1])):
-                if at[kind] is not None:
-                    jacobian[at[kind], row] = column
+            for kind, column in (("scale", rows[0]), ("bias", 1.0), ("delay", -gain * rows[1])):
+                at = self._index.get(error_name(name, kind))
+                if at is not None:
+                    jacobian[at, row] = column
         residual = sensors.values[:, self.window] - modelled
         for row, name in enumerate(sensors.names):
             if name in ANGLES:  # whole turns apart where each was unwound by itself
@@ -410,17 +402,8 @@ def _other_unknowns(channels: tuple[str, ...]) -> list[str]:
             names += WINDS[2:]
     for channel in channels:
         if channel in air:
-            names.append(unknown(channel, "scale"))
+            names.append(error_name(channel, "scale"))
         if channel in air or channel in ATTITUDE[:2]:  # of heading and altitude the start stands for a bias
-            names.append(unknown(channel, "bias"))
-        names.append(unknown(channel, "skew"))
+            names.append(error_name(channel, "bias"))
+        names.append(error_name(channel, "delay"))
     return list(dict.fromkeys(names))
-
-
-def unknown(channel: str, kind: str) -> str:
-    """Return the name of a channel's scale, bias or skew; attitudes share a clock, ground velocities too."""
-    if kind == "skew":
-        for group, name in ((ATTITUDE, "attitude"), (GROUND, "ground")):
-            if channel in group:
-                return f"{name} skew"
-    return f"{channel.partition('/')[2]} {kind}"

@@ -7,27 +7,17 @@ from dataclasses import dataclass, field, replace
 from typing import overload
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.special import stdtrit
 
 from freqid.core.arrays import Array
-from freqid.core.channels import AIR, STATE
+from freqid.core.channels import FLOW, FORCES, RATES, VELOCITY
 from freqid.core.errors import UsageError, nearest
 from freqid.core.frames import flow_angles
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import Fit
-from freqid.core.viewable import Viewable
+from freqid.identify.sensors.errors import Reading, SensorErrors, spline_of
 from freqid.identify.sensors.kinematic_fit import fit_compatibility
-from freqid.identify.sensors.kinematic_model import (
-    ANGLES,
-    FLOW,
-    INERTIAL,
-    INITIAL,
-    VELOCITY,
-    CompatibilityProblem,
-    sensors_of,
-    unknown,
-)
+from freqid.identify.sensors.kinematic_model import INITIAL, CompatibilityProblem, sensors_of
 
 # Size that each error may well have, SI units: for weighing what the data tell against what is known anyway.
 PLAUSIBLE = {
@@ -35,7 +25,7 @@ PLAUSIBLE = {
     "start": 30.0,
     "height": 1000.0,
     "wind": 20.0,
-    "skew": 0.3,
+    "delay": 0.3,
     "p q r bias": 0.02,
     "ax ay az bias": 0.5,
     "phi theta bias": 0.03,
@@ -45,8 +35,6 @@ PLAUSIBLE = {
     "V u v w scale": 0.2,
 }
 
-_CLEAR = 3.0  # standard errors from which an error is in the short text
-
 
 @dataclass(frozen=True)
 class KinematicSettings:
@@ -55,11 +43,11 @@ class KinematicSettings:
     Attributes
     ----------
     parameters : tuple of str, optional
-        Sensor errors to estimate, such as ``"alpha skew"``, ``"ax bias"``, ``"V scale"``; where absent, all
+        Sensor errors to estimate, such as ``"alpha delay"``, ``"ax bias"``, ``"V scale"``; where absent, all
         that the channels of the record allow. Those that the data do not tell are held at zero and named.
     wind_walk : float
         Intensity of a random walk of the wind, m/s per square root of a second: 0 for a constant wind.
-    longest_skew_s : float
+    longest_delay_s : float
         Longest delay that is tried, s; as much of the record is left out at both ends.
     plausible : mapping of str to float
         Size that an error may well have, SI units, by parameter; replaces the built-in sizes.
@@ -69,26 +57,20 @@ class KinematicSettings:
 
     parameters: tuple[str, ...] | None = None
     wind_walk: float = 0.0
-    longest_skew_s: float = 1.0
+    longest_delay_s: float = 1.0
     plausible: Mapping[str, float] = field(default_factory=dict)
     confidence: float = 0.95
 
 
-@dataclass(frozen=True, eq=False)
-class KinematicCheck(Viewable):
+@dataclass(frozen=True, eq=False, repr=False)
+class KinematicCheck(SensorErrors):
     """What a record's kinematics say of its sensors.
-
-    A channel reads ``(1 + scale) true(t - skew) + bias``: a positive skew is a late channel.
 
     Attributes
     ----------
-    names : tuple of str, length p
-        Sensor errors that the data tell, and wind: ``"ax bias"``, ``"alpha scale"``, ``"attitude skew"``,
-        ``"wind east"``.
-    units : tuple of str, length p
-    estimate, std_error : ndarray, shape (p,)
-        SI units; standard errors allow for drift by sensor noise and for coloured residuals.
-    covariance : ndarray, shape (p, p)
+    names, estimate, covariance
+        As in `SensorErrors`: of the errors that the data tell. Standard errors allow for drift by sensor
+        noise and for coloured residuals.
     lower, upper : ndarray, shape (p,)
         Confidence limits.
     undetermined : mapping of str to tuple of str
@@ -103,11 +85,6 @@ class KinematicCheck(Viewable):
         White noise by channel that the weights rest on.
     """
 
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    estimate: Array
-    std_error: Array
-    covariance: Array
     lower: Array
     upper: Array
     undetermined: Mapping[str, tuple[str, ...]]
@@ -115,23 +92,6 @@ class KinematicCheck(Viewable):
     rms_after: Mapping[str, float]
     fit: Mapping[str, Fit]
     noise_std: Mapping[str, float]
-
-    def __repr__(self) -> str:
-        rows = zip(self.names, self.estimate, self.std_error, self.units, strict=True)
-        beyond = [f"{n} {e:.3g} +- {s:.2g} {u}" for n, e, s, u in rows if abs(e) > _CLEAR * s]
-        return (
-            f"<KinematicCheck: {len(self.names)} sensor errors, beyond {_CLEAR:g} standard errors: "
-            f"{', '.join(beyond) or 'none'}>"
-        )
-
-    def __getitem__(self, parameter: str) -> tuple[float, float]:
-        """Return estimate and standard error of one parameter."""
-        if parameter not in self.names:
-            raise UsageError(
-                f"the check did not estimate '{parameter}'", remedy=nearest(parameter, self.names)
-            )
-        i = self.names.index(parameter)
-        return float(self.estimate[i]), float(self.std_error[i])
 
 
 def check_kinematics(
@@ -168,13 +128,13 @@ def check_kinematics(
     Klein & Morelli, Aircraft System Identification, 2nd ed., ch. 10; Jategaonkar, Flight Vehicle System
     Identification, 2nd ed., ch. 10.
     """
-    if not (settings.longest_skew_s > 0 and settings.wind_walk >= 0):
+    if not (settings.longest_delay_s > 0 and settings.wind_walk >= 0):
         raise UsageError(
-            f"longest_skew_s is {settings.longest_skew_s:g} and wind_walk {settings.wind_walk:g}, expected a "
-            "positive time and an intensity of zero or more"
+            f"longest_delay_s is {settings.longest_delay_s:g} and wind_walk {settings.wind_walk:g}, expected "
+            "a positive time and an intensity of zero or more"
         )
     record = flown.record if isinstance(flown, Maneuver) else flown
-    problem = CompatibilityProblem(sensors_of(record, _centre_of_gravity(flown)), settings.longest_skew_s)
+    problem = CompatibilityProblem(sensors_of(record, _centre_of_gravity(flown)), settings.longest_delay_s)
     possible = problem.names[INITIAL:]
     wanted = possible if settings.parameters is None else settings.parameters
     for name in (*wanted, *settings.plausible):
@@ -194,9 +154,7 @@ def check_kinematics(
     measured = found.after.modelled + found.after.residual
     return KinematicCheck(
         names=names,
-        units=tuple(_unit(n) for n in names),
         estimate=estimate,
-        std_error=std_error,
         covariance=covariance,
         lower=estimate - half,
         upper=estimate + half,
@@ -206,7 +164,7 @@ def check_kinematics(
         fit={n: Fit(time, *both) for n, *both in zip(channels, measured, found.after.modelled, strict=True)},
         noise_std=dict(
             zip(
-                (*INERTIAL, *channels),
+                (*RATES, *FORCES, *channels),
                 (*found.noise.rates, *found.noise.force, *found.noise.outputs),
                 strict=True,
             )
@@ -227,19 +185,9 @@ def _plausible(name: str) -> float:
     first, _, kind = name.partition(" ")
     if kind.endswith("start") or name == "alt start":
         return PLAUSIBLE["turn" if first == "turn" else "height" if first == "alt" else "start"]
-    if first == "wind" or kind == "skew":
-        return PLAUSIBLE["wind" if first == "wind" else "skew"]
+    if first == "wind" or kind == "delay":
+        return PLAUSIBLE["wind" if first == "wind" else "delay"]
     return next(v for k, v in PLAUSIBLE.items() if k.endswith(f" {kind}") and first in k.split())
-
-
-def _unit(name: str) -> str:
-    """Return the SI unit of a sensor error."""
-    first, _, kind = name.partition(" ")
-    if first == "wind":
-        return "m/s"
-    if kind != "bias":
-        return {"scale": "1", "skew": "s"}[kind]
-    return (STATE | AIR)[first][0]
 
 
 def _rms(channels: tuple[str, ...], residual: Array) -> dict[str, float]:
@@ -262,28 +210,24 @@ def corrected(flown: FlightRecord | Maneuver, check: KinematicCheck) -> FlightRe
     Returns
     -------
     FlightRecord or Maneuver
-        Channels ``(measured(t + skew) - bias) / (1 + scale)``, cut to the time that all of them cover.
+        Channels ``(measured(t + delay) - bias) / (1 + scale)``, cut to the time that all of them cover.
         Airspeed and flow angles follow corrected ``u v w``, dynamic pressure a corrected airspeed. The
         provenance lists the corrections.
     """
     record = flown.record if isinstance(flown, Maneuver) else flown
-    error = dict(zip(check.names, check.estimate.tolist(), strict=True))
-    changed, skews = [], [0.0]
+    error = check.errors
+    changed, delays = [], [0.0]
     for channel in record.channels.values():
-        if not channel.name.startswith(("state/", "air/")):
-            continue
-        scale, bias = (error.get(unknown(channel.name, kind), 0.0) for kind in ("scale", "bias"))
-        skew = error.get(unknown(channel.name, "skew"), 0.0)
-        if scale or bias or skew:
-            values = np.unwrap(channel.values) if channel.name in ANGLES else channel.values
-            values = CubicSpline(record.time, values)(record.time + skew) if skew else values
+        reading = Reading.of(channel.name, error)
+        if reading and channel.name.startswith(("state/", "air/")):
+            later = spline_of(record.time, channel)(record.time + reading.delay)
             source = f"{channel.source}, corrected by kinematics"
-            changed.append(replace(channel, values=(values - bias) / (1 + scale), source=source))
-            skews.append(skew)
+            changed.append(replace(channel, values=reading.undone(later), source=source))
+            delays.append(reading.delay)
     there = _air_data_following(record.with_channels(*changed), record)
     # A channel brought forward has no samples for the last stretch, one put back none for the first.
-    first = int(np.ceil(max(0.0, -min(skews)) / record.dt - 1e-9))
-    last = record.time.size - 1 - int(np.ceil(max(skews) / record.dt - 1e-9))
+    first = int(np.ceil(max(0.0, -min(delays)) / record.dt - 1e-9))
+    last = record.time.size - 1 - int(np.ceil(max(delays) / record.dt - 1e-9))
     there = there.cut(record.time[first], record.time[last])
     there = replace(there, provenance={**there.provenance, "kinematics": error})
     if isinstance(flown, Maneuver):

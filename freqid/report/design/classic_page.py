@@ -14,7 +14,7 @@ from freqid.report.design.flight_plan import EMPTY, FlightPlan, power_in_band
 from freqid.report.design.page import write_cards
 from freqid.report.design.signal_pictures import signal_pictures
 from freqid.report.design.test_card import build_card
-from freqid.report.kit.effectors import groups_of
+from freqid.report.kit.effectors import effector_groups
 from freqid.report.kit.findings import Finding, code, finding
 from freqid.report.kit.notation import percent, short
 from freqid.report.kit.pictures import Picture, picture
@@ -82,31 +82,33 @@ def build_classic_page(design: ClassicDesign, judged: Extent, plan: FlightPlan) 
 
 
 def _findings(design: ClassicDesign, rows: list[dict], plan: FlightPlan) -> list[Finding]:
-    kind, limits = tables.limits_kept(rows)
-    said = [finding(kind, "{}, {}: {}.", PLURAL[design.waveform], f"{short(design.duration_s)} s", limits)]
+    kind, limits = tables.judge_limits(rows)
+    findings = [
+        finding(kind, "{}, {}: {}.", PLURAL[design.waveform], f"{short(design.duration_s)} s", limits)
+    ]
     for band in plan.forbidden_hz:
         share, name = power_in_band(design, band)
         where = f"{short(band[0])} to {short(band[1])} Hz"
         if share > EMPTY:
             text = "The forbidden band {} is not empty: it has {} of the power of {}."
-            said.append(finding("bad", text, where, percent(share), code(name)))
+            findings.append(finding("bad", text, where, percent(share), code(name)))
         else:
-            said.append(finding("good", "Nothing to speak of is put into the forbidden band {}.", where))
+            findings.append(finding("good", "Nothing to speak of is put into the forbidden band {}.", where))
     if plan.motion is not None and plan.abort:
-        said.append(tables.aborts(plan))
-    return said
+        findings.append(tables.aborts(plan))
+    return findings
 
 
 def _facts(design: ClassicDesign, plan: FlightPlan) -> list[tuple[str, str]]:
-    told = [
-        ("Effectors", ", ".join(groups_of(design.names, plan.vehicle))),
+    facts = [
+        ("Effectors", ", ".join(effector_groups(design.names, plan.vehicle))),
         ("Condition", plan.condition),
         ("Manoeuvre", f"{design.periods} times all effectors, {short(design.duration_s)} s"),
         ("Band", f"{short(design.band_hz[0])} to {short(design.band_hz[1])} Hz"),
         ("Sampled at", f"{short(1 / design.dt_s)} Hz"),
         ("File", plan.source),
     ]
-    return [(label, text) for label, text in told if text]
+    return [(label, text) for label, text in facts if text]
 
 
 def _spectrum(design: ClassicDesign, plan: FlightPlan) -> Picture:

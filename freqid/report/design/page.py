@@ -27,7 +27,7 @@ from freqid.report.design import figures, tables
 from freqid.report.design.flight_plan import FlightPlan
 from freqid.report.design.signal_pictures import signal_pictures
 from freqid.report.design.test_card import Card, build_card, test_card_text, write_test_card
-from freqid.report.kit.effectors import groups_of
+from freqid.report.kit.effectors import effector_groups
 from freqid.report.kit.notation import short
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.kit.rendering import render, write_text
@@ -36,35 +36,6 @@ NetLoads = tuple[Sequence[str], Array, Array]
 Study = Sequence[tuple[Merit, Truncation]]
 
 _POINTS = 16  # samples per shortest period: drawn, not judged
-
-
-def write_design_page(
-    path: Path,
-    design: MultisineDesign,
-    merit: Merit,
-    truncation: Truncation,
-    *,
-    plan: FlightPlan,
-    net: NetLoads | None = None,
-    study: Study = (),
-    forecast: Forecast | None = None,
-) -> None:
-    """Write the page of a design, whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-        Of the HTML file.
-    design, merit, truncation, plan, net, study, forecast
-        As for `build_design_page`.
-
-    Raises
-    ------
-    DataError
-        Where the folder cannot be written.
-    """
-    page = build_design_page(design, merit, truncation, plan=plan, net=net, study=study, forecast=forecast)
-    write_text(path, page)
 
 
 def build_design_page(
@@ -102,8 +73,8 @@ def build_design_page(
         title=plan.vehicle.name,
         what=f"Orthogonal multisines for {len(design.signals)} effectors.",
         version=__version__,
-        findings=tables.findings(design, merit, truncation, plan, net),
-        facts=tables.facts(design, plan),
+        findings=tables.design_findings(design, merit, truncation, plan, net),
+        facts=tables.design_facts(design, plan),
         effectors=tables.effectors(design, merit, plan),
         spectra=_spectra(design, plan),
         signals=_signals(design, merit, plan),
@@ -131,7 +102,7 @@ def _spectra(design: MultisineDesign, plan: FlightPlan) -> Picture:
     inside = any(a < high and b > low for a, b in plan.forbidden_hz)
     shaded = " Shaded: forbidden bands, which have to be empty." if inside else ""
     return picture(
-        figures.harmonic_map(design, groups_of(design.names, plan.vehicle), plan.forbidden_hz),
+        figures.harmonic_map(design, effector_groups(design.names, plan.vehicle), plan.forbidden_hz),
         "spectra",
         "Spectra of all effectors, and which effector has which harmonic",
         f"{whose} Look for lines that are missing, and for effectors without power where the aircraft has "

@@ -10,7 +10,7 @@ from freqid.core.arrays import Array
 from freqid.core.results.design import ClassicDesign, MultisineDesign
 from freqid.core.vehicle import Vehicle
 from freqid.report.design import figures
-from freqid.report.kit.effectors import engineering, groups_of
+from freqid.report.kit.effectors import effector_groups, engineering
 from freqid.report.kit.notation import number, pretty_unit
 from freqid.report.kit.pictures import Picture, picture
 
@@ -41,7 +41,9 @@ def signal_pictures(
     """
     peak = np.abs(values).max(axis=1)
     rows, scale, colours, notes = [], {}, {}, {}
-    for colour, places in zip(figures.GROUP_COLOURS, groups_of(design.names, vehicle).values(), strict=False):
+    for colour, places in zip(
+        figures.GROUP_COLOURS, effector_groups(design.names, vehicle).values(), strict=False
+    ):
         rows += places
         for i in places:
             unit, factor = engineering(design.units[i])

@@ -29,7 +29,7 @@ def multisine_summary(
     forecast : Forecast, optional
     """
     design = finished.design
-    said: dict[str, Any] = {
+    summary: dict[str, Any] = {
         "waveform": "multisine",
         "effectors": {
             signal.name: {
@@ -47,20 +47,20 @@ def multisine_summary(
         "duration_s": design.duration_s,
     }
     if finished.optimum is not None:
-        said["amplitudes"] = {
+        summary["amplitudes"] = {
             "criterion": finished.optimum.criterion,
             "scale": dict(zip(design.names, finished.optimum.scale.tolist(), strict=True)),
             "binding": list(finished.optimum.binding),
         }
     if forecast is not None:
-        said["forecast"] = {
+        summary["forecast"] = {
             name: {
                 regressor: {"parameter": float(value), "std_error": float(error)}
                 for regressor, value, error in zip(r.regressors, r.parameter, r.std_error, strict=True)
             }
             for name, r in forecast.responses.items()
         }
-    return said | _motion(plan)
+    return summary | _motion(plan)
 
 
 def classic_summary(design: ClassicDesign, judged: Extent, plan: FlightPlan) -> dict[str, Any]:
@@ -120,8 +120,8 @@ def _motion(plan: FlightPlan) -> dict[str, Any]:
     """Return expected excursions by channel; the spread is missing where it is not known."""
     if plan.motion is None:
         return {}
-    said = {}
+    summary = {}
     for name in plan.motion.names:
         rms, peak, spread = plan.expected(name) or (math.nan,) * 3
-        said[name] = {"rms": rms, "peak": peak} | ({} if math.isnan(spread) else {"spread": spread})
-    return {"expected": said}
+        summary[name] = {"rms": rms, "peak": peak} | ({} if math.isnan(spread) else {"spread": spread})
+    return {"expected": summary}

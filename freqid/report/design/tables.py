@@ -15,7 +15,7 @@ from freqid.design.classic import Extent
 from freqid.design.forecast.standard_errors import Forecast
 from freqid.design.multisine.merit import Merit, Truncation
 from freqid.report.design.flight_plan import FlightPlan, intrusions
-from freqid.report.kit.effectors import engineering, groups_of, reach, runs
+from freqid.report.kit.effectors import effector_groups, engineering, reach, runs
 from freqid.report.kit.findings import Finding, code, finding, listed
 from freqid.report.kit.notation import (
     NONE,
@@ -38,22 +38,22 @@ NO_PARAMETER = 1e-6
 """A parameter smaller than this share of its error is not in the model: what is left is rounding."""
 
 
-def findings(
+def design_findings(
     design: MultisineDesign, merit: Merit, truncation: Truncation, plan: FlightPlan, net: Any | None
 ) -> list[Finding]:
     """Return what a reviewer should know first, the headline first."""
-    said = [_orthogonal(design, merit, truncation)]
-    said += [_empty(design, plan)] if plan.forbidden_hz else []
+    findings = [_orthogonal(design, merit, truncation)]
+    findings += [_empty(design, plan)] if plan.forbidden_hz else []
     if net is not None:
         gain = 1 - np.abs(net[1]).max(axis=1) / np.abs(net[2]).max(axis=1)
         text = "With starts and senses chosen, net peaks change by {} ({}) to {} ({})."
         best, worst = int(gain.argmax()), int(gain.argmin())
         parts = (_change(-gain[best]), net[0][best], _change(-gain[worst]), net[0][worst])
-        said.append(finding("good" if gain.mean() > 0 else "note", text, *parts))
+        findings.append(finding("good" if gain.mean() > 0 else "note", text, *parts))
     if plan.motion is not None and plan.abort:
-        said.append(aborts(plan))
-    said.sort(key=lambda f: ("bad", "note", "good").index(f.kind))
-    return [_headline(merit, effectors(design, merit, plan)), *said]
+        findings.append(aborts(plan))
+    findings.sort(key=lambda f: ("bad", "note", "good").index(f.kind))
+    return [_headline(merit, effectors(design, merit, plan)), *findings]
 
 
 def effectors(design: MultisineDesign, merit: Merit, plan: FlightPlan) -> list[dict[str, Any]]:
@@ -96,12 +96,12 @@ def movements(
     return rows
 
 
-def facts(design: MultisineDesign, plan: FlightPlan) -> list[tuple[str, str]]:
+def design_facts(design: MultisineDesign, plan: FlightPlan) -> list[tuple[str, str]]:
     """Return what the design is, label and text."""
     lines = np.unique(np.concatenate([s.index for s in design.signals]))
     band = " to ".join(short(f) for f in design.band_hz)
-    told = [
-        ("Effectors", ", ".join(groups_of(design.names, plan.vehicle))),
+    facts = [
+        ("Effectors", ", ".join(effector_groups(design.names, plan.vehicle))),
         ("Condition", plan.condition),
         ("Manoeuvre", f"{design.periods} periods of {short(design.period_s)} s"),
         ("Band", f"{band} Hz"),
@@ -111,7 +111,7 @@ def facts(design: MultisineDesign, plan: FlightPlan) -> list[tuple[str, str]]:
         ("Seed", str(design.seed)),
         ("File", plan.source),
     ]
-    return [(label, text) for label, text in told if text]
+    return [(label, text) for label, text in facts if text]
 
 
 def net_rows(axes: Sequence[str], loads: Array, before: Array) -> list[dict[str, Any]]:
@@ -216,7 +216,7 @@ def motion_rows(plan: FlightPlan) -> list[dict[str, Any]]:
     return rows
 
 
-def limits_kept(rows: Sequence[Mapping[str, Any]]) -> tuple[Literal["good", "note", "bad"], Markup]:
+def judge_limits(rows: Sequence[Mapping[str, Any]]) -> tuple[Literal["good", "note", "bad"], Markup]:
     """Return kind and words of what the rows of `movements` say about limits."""
     over = [code(row["name"]) for row in rows if max(row["shares"]) > 1 + ROUNDING]
     unknown = [code(row["name"]) for row in rows if math.isnan(row["shares"][0])]
@@ -239,7 +239,7 @@ def _first(names: Sequence[Markup]) -> list[Markup]:
 def _headline(merit: Merit, rows: Sequence[Mapping[str, Any]]) -> Finding:
     low, middle, high = merit.rpf.min(), np.median(merit.rpf), merit.rpf.max()
     spread = f"{low:.3f}, {middle:.3f}, {high:.3f}"
-    kind, limits = limits_kept(rows)
+    kind, limits = judge_limits(rows)
     text = (
         "Relative peak factor {} (lowest, median, highest); largest correlation {}; condition number {}; {}."
     )
@@ -264,17 +264,17 @@ def _empty(design: MultisineDesign, plan: FlightPlan) -> Finding:
     bands = listed(Markup("{} to {} Hz").format(short(a), short(b)) for a, b in plan.forbidden_hz)
     if not found:
         return finding("good", "Nothing is put into the forbidden bands, {}.", bands)
-    said = [Markup("{} at {} Hz").format(code(name), short(f)) for name, f in found[:4]]
-    said += [Markup("{} more").format(len(found) - 4)] if len(found) > 4 else []
-    return finding("bad", "Forbidden bands, {}, are not empty: {}.", bands, listed(said))
+    phrases = [Markup("{} at {} Hz").format(code(name), short(f)) for name, f in found[:4]]
+    phrases += [Markup("{} more").format(len(found) - 4)] if len(found) > 4 else []
+    return finding("bad", "Forbidden bands, {}, are not empty: {}.", bands, listed(phrases))
 
 
 def aborts(plan: FlightPlan) -> Finding:
     """Return whether expected peaks stay within the limits at which a run is broken off."""
     over = [row["name"] for row in motion_rows(plan) if row["missed"]]
     if over:
-        said = listed(map(code, over))
-        return finding("bad", "Expected peaks of {} are beyond their abort limits.", said)
+        listing = listed(map(code, over))
+        return finding("bad", "Expected peaks of {} are beyond their abort limits.", listing)
     return finding("good", "Expected peaks stay within every abort limit that is predicted.")
 
 

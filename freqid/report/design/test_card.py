@@ -16,7 +16,7 @@ from freqid.core.results.design import ClassicDesign, MultisineDesign
 from freqid.design.classic import Extent
 from freqid.design.multisine.merit import Merit
 from freqid.report.design.flight_plan import EMPTY, FlightPlan, intrusions, power_in_band
-from freqid.report.kit.effectors import engineering, groups_of, reach
+from freqid.report.kit.effectors import effector_groups, engineering, reach
 from freqid.report.kit.notation import measured_values, number, percent, pretty_unit, short, shown_unit
 from freqid.report.kit.rendering import render, write_text
 
@@ -171,7 +171,7 @@ def _multisine_run(design: MultisineDesign, plan: FlightPlan) -> tuple[tuple[str
 def _classic_run(design: ClassicDesign, plan: FlightPlan) -> tuple[tuple[str, str], ...]:
     low, high = design.band_hz
     what = f"sweep, {short(low)} to {short(high)} Hz" if design.waveform == "sweep" else design.waveform
-    order = ", ".join(groups_of(design.names, plan.vehicle))
+    order = ", ".join(effector_groups(design.names, plan.vehicle))
     return (
         ("Inputs", f"{what}: {len(design.names)} effectors, one after the other: {order}"),
         ("Each run", f"{design.periods} times all effectors, {short(design.duration_s)} s"),
@@ -182,7 +182,7 @@ def _inputs(
     design: MultisineDesign | ClassicDesign, merit: Merit | Extent, plan: FlightPlan
 ) -> tuple[CardRow, ...]:
     rows = []
-    for label, places in groups_of(design.names, plan.vehicle).items():
+    for label, places in effector_groups(design.names, plan.vehicle).items():
         unit, factor = engineering(design.units[places[0]])
         rms, peak = factor * merit.rms[places].max(), factor * merit.peak[places].max()
         rooms = [reach(plan.vehicle, design.names[i], plan.trim) for i in places]
@@ -247,9 +247,9 @@ def _band(design: MultisineDesign | ClassicDesign, band: tuple[float, float]) ->
         return True, f"{where}: PASS, less than {percent(EMPTY)} of the power of every effector"
     found = intrusions(design, band)
     if found:
-        said = ", ".join(f"{name} at {short(f)} Hz" for name, f in found[:3])
+        listing = ", ".join(f"{name} at {short(f)} Hz" for name, f in found[:3])
         more = f" and {len(found) - 3} more" if len(found) > 3 else ""
-        return False, f"{where}: FAIL, power of {said}{more}"
+        return False, f"{where}: FAIL, power of {listing}{more}"
     f = np.concatenate([s.index[s.amplitude != 0] for s in design.signals]) / design.period_s
     nearest = float(f[np.argmin(np.maximum(band[0] - f, f - band[1]))])
     return True, f"{where}: PASS, empty; the nearest line is at {short(nearest)} Hz"

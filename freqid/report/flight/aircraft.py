@@ -134,7 +134,7 @@ def silhouette(part: Solid, axes: Array) -> Array:
     return flat[:, [int(along.argmin()), int(along.argmax())]]
 
 
-def shaft(vehicle: Vehicle, rotor: Rotor, tilt: Mapping[str, float]) -> tuple[Array, Array]:
+def tilted_shaft(vehicle: Vehicle, rotor: Rotor, tilt: Mapping[str, float]) -> tuple[Array, Array]:
     """Return hub and shaft direction of a rotor with wings tilted, vehicle axes, m and 1, shape (3,) each."""
     hub = np.array(rotor.position_m)
     wing = next((w for w in vehicle.wings if w.name == rotor.wing), None)
@@ -291,7 +291,7 @@ def three_view(scenario: Scenario, tilt: Mapping[str, float]) -> Figure:
         panel.yaxis.set_label_coords(-0.47 / (scale * np.ptp(panel.get_xlim())), 0.5)
     _name_from_above(top, parts)
     for rotor in vehicle.rotors:
-        upright = abs(shaft(vehicle, rotor, tilt)[1][2]) > 0.5**0.5
+        upright = abs(tilted_shaft(vehicle, rotor, tilt)[1][2]) > 0.5**0.5
         _show_spin(top if upright else rear, TOP if upright else REAR, vehicle, rotor, tilt)
     _name_tilts(side, vehicle, tilt, parts)
     return figure
@@ -351,8 +351,8 @@ def _show_spin(panel: Axes, axes: Array, vehicle: Vehicle, rotor: Rotor, tilt: M
     """Draw which way a rotor turns, on the half of its disc that rotors of other wings leave free."""
     if not rotor.diameter_m:
         return
-    hub, ahead = shaft(vehicle, rotor, tilt)
-    others = [shaft(vehicle, r, tilt)[0] for r in vehicle.rotors]
+    hub, ahead = tilted_shaft(vehicle, rotor, tilt)
+    others = [tilted_shaft(vehicle, r, tilt)[0] for r in vehicle.rotors]
     middle = np.mean([axes @ other for other in others], axis=0)
     upper = (axes @ hub)[1] >= middle[1]
     turn = np.linspace(-0.9, 0.9, 21) * rotor.spin

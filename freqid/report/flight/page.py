@@ -20,7 +20,7 @@ from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Vehicle
 from freqid.report.design.figures import GROUP_COLOURS, signal_rows
 from freqid.report.flight import figures, tables
-from freqid.report.flight.aircraft import SIDE, Solid, draw_parts, outline, shaft, three_view
+from freqid.report.flight.aircraft import SIDE, Solid, draw_parts, outline, three_view, tilted_shaft
 from freqid.report.flight.figures import draw_wide_enough
 from freqid.report.flight.tables import SimulatedFlight
 from freqid.report.flight.trims import name_lines, trim_curves
@@ -34,7 +34,7 @@ from freqid.report.kit.drawing import (
     stacked_panels,
     styled,
 )
-from freqid.report.kit.effectors import engineering, groups_of
+from freqid.report.kit.effectors import effector_groups, engineering
 from freqid.report.kit.notation import number, pretty_unit, short
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.kit.rendering import render
@@ -127,7 +127,7 @@ def _scene(
     longest = _LONGEST / largest_thrust(vehicle, thrust)
     arrows = []
     for name, rows in _by_wing(vehicle).items():
-        hubs, ahead = zip(*(shaft(vehicle, vehicle.rotors[i], tilt) for i in rows), strict=True)
+        hubs, ahead = zip(*(tilted_shaft(vehicle, vehicle.rotors[i], tilt) for i in rows), strict=True)
         hub = np.mean(hubs, axis=0)
         tip = hub + longest * thrust[rows, sample].sum() * ahead[0]
         arrows.append(Solid("arrow", name, np.stack([hub, tip], axis=1)))
@@ -146,11 +146,11 @@ def _by_wing(vehicle: Vehicle) -> dict[str, list[int]]:
 def _words(truth: FlightRecord, vehicle: Vehicle, sample: int) -> str:
     tilts = [degrees(truth[f"effector/{wing.tilt}"][sample]) for wing in vehicle.wings]
     alike = not tilts or max(tilts) - min(tilts) < 0.5
-    said = [f"{tilt:.1f}°" for tilt in (tilts[:1] if alike else tilts)]
+    phrases = [f"{tilt:.1f}°" for tilt in (tilts[:1] if alike else tilts)]
     lines = [
         f"{truth.time[sample]:.1f} s",
         f"u {truth['state/u'][sample]:.1f} m/s",
-        f"tilt {' / '.join(said)}" if said else "",
+        f"tilt {' / '.join(phrases)}" if phrases else "",
         f"pitch {degrees(truth['state/theta'][sample]):.1f}°",
     ]
     return "\n".join(line for line in lines if line).replace("-", "−")
@@ -193,8 +193,8 @@ def build_simulation_page(flight: SimulatedFlight) -> str:
         title=flight.scenario.vehicle.name,
         what=_what(flight),
         version=__version__,
-        findings=tables.findings(flight),
-        facts=tables.facts(flight),
+        findings=tables.flight_findings(flight),
+        facts=tables.flight_facts(flight),
         film=_film(flight) if flight.to else None,
         excursions=tables.excursion_rows(flight),
         states=_states(flight),
@@ -316,7 +316,7 @@ class _Rows:
         """Return it for signals, shape (row, sample), SI: groups keep together and share scale and colour."""
         peak, order = np.abs(values).max(axis=1), []
         scale, notes, colours = {}, {}, {}
-        groups = list(groups_of(names, flight.scenario.aircraft()).values())
+        groups = list(effector_groups(names, flight.scenario.aircraft()).values())
         for colour, places in zip(GROUP_COLOURS, groups, strict=False):
             order += places
             for i in places:

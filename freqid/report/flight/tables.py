@@ -70,33 +70,35 @@ class SimulatedFlight:
         return {wing.tilt: float(self.truth[f"effector/{wing.tilt}"][0]) for wing in wings}
 
 
-def findings(flight: SimulatedFlight) -> list[Finding]:
+def flight_findings(flight: SimulatedFlight) -> list[Finding]:
     """Return what to know of a flight first."""
     limited = {name: row for name, row in flight.excursions.items() if "limit" in row}
     beyond = listed(code(name) for name, row in limited.items() if not row["inside"])
     where = f"from {flight.truth.reference} to {flight.to}" if flight.to else f"at {flight.truth.reference}"
     flown = f"Flew {short(flight.truth.duration)} s {where}"
     if flight.diverged:
-        said = [finding("bad", "The flight diverged: {}.", flight.diverged)]
+        findings = [finding("bad", "The flight diverged: {}.", flight.diverged)]
     elif beyond:
-        said = [finding("bad", "{}, beyond the abort limit of {}.", flown, beyond)]
+        findings = [finding("bad", "{}, beyond the abort limit of {}.", flown, beyond)]
     else:
-        said = [finding("good", "{}.", flown)]
+        findings = [finding("good", "{}.", flown)]
     if limited and not beyond:
         nearest = max(limited, key=lambda name: limited[name]["largest"] / limited[name]["limit"])
         used = limited[nearest]["largest"] / limited[nearest]["limit"]
         text = "All deviations are inside the abort limits; {} comes nearest, to {} of its limit."
-        said.append(finding("good", text, code(nearest), percent(used)))
+        findings.append(finding("good", text, code(nearest), percent(used)))
     stuck = [row["name"] for row in effector_rows(flight) if row["saturated"]]
     if stuck:
-        said.append(finding("note", "At a limit for some of the time: {}.", listed(code(n) for n in stuck)))
+        findings.append(
+            finding("note", "At a limit for some of the time: {}.", listed(code(n) for n in stuck))
+        )
     else:
-        said.append(finding("good", "No effector reached a position or rate limit."))
+        findings.append(finding("good", "No effector reached a position or rate limit."))
     text = "This page shows the simulation's truth; what the aircraft logged of it is in {}."
-    return [*said, finding("note", text, code(flight.record))]
+    return [*findings, finding("note", text, code(flight.record))]
 
 
-def facts(flight: SimulatedFlight) -> list[tuple[str, str]]:
+def flight_facts(flight: SimulatedFlight) -> list[tuple[str, str]]:
     """Return what was flown, label and text."""
     how, start = flight.how, flight.scenario.reference_of(flight.truth.reference)
     wind = np.linalg.norm(how.get("wind_m_s", (0.0, 0.0))[:2])
@@ -108,7 +110,7 @@ def facts(flight: SimulatedFlight) -> list[tuple[str, str]]:
         for i, (parameter, value) in enumerate(values.items())
     ]
     tilts = ", ".join(f"{name} {np.degrees(angle):.1f}°" for name, angle in flight.tilt.items())
-    told = [
+    facts = [
         ("From", f"{start.id}: u {short(start.u)} m/s, ρ {short(start.rho)} kg/m³, {tilts}"),
         ("To", flight.to),
         ("Duration", f"{short(flight.truth.duration)} s"),
@@ -120,7 +122,7 @@ def facts(flight: SimulatedFlight) -> list[tuple[str, str]]:
         ("Seed", str(how.get("seed", NONE))),
         ("Effects", ", ".join(strengths).replace("_", " ")),
     ]
-    return [(label, text) for label, text in told if text]
+    return [(label, text) for label, text in facts if text]
 
 
 def excursion_rows(flight: SimulatedFlight) -> list[dict[str, Any]]:

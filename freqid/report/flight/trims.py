@@ -87,7 +87,7 @@ def trim_curves(vehicle: Vehicle, curves: Sequence[TrimCurve]) -> Figure:
 
 def _draw_kind(panel: Axes, vehicle: Vehicle, kind: str, words: str, curves: Sequence[TrimCurve]) -> None:
     unit, factor = engineering(next(e.unit for e in vehicle.effectors if e.kind == kind))
-    for names, colour in zip(moving_alike(vehicle, kind, curves), GROUP_COLOURS, strict=False):
+    for names, colour in zip(effectors_with_equal_trims(vehicle, kind, curves), GROUP_COLOURS, strict=False):
         for curve, dash in zip(curves, _DASHES, strict=False):
             values = factor * curve.positions[names[0]]
             panel.plot(
@@ -112,7 +112,7 @@ def _draw_kind(panel: Axes, vehicle: Vehicle, kind: str, words: str, curves: Seq
     name_lines(panel)
 
 
-def moving_alike(vehicle: Vehicle, kind: str, curves: Sequence[TrimCurve]) -> list[list[str]]:
+def effectors_with_equal_trims(vehicle: Vehicle, kind: str, curves: Sequence[TrimCurve]) -> list[list[str]]:
     """Return effectors of a kind in lists whose members have the same trims, in the vehicle's order.
 
     Parameters

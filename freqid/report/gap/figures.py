@@ -152,7 +152,7 @@ def probability_bars(names: Sequence[str], chances: Array, chosen: Sequence[bool
 
 
 @styled
-def detectable_sizes(names: Sequence[str], ratio: Array, notes: Sequence[str]) -> Figure:
+def draw_detectable_sizes(names: Sequence[str], ratio: Array, notes: Sequence[str]) -> Figure:
     """Draw the smallest size that is found, over the size that is expected, on a logarithmic axis.
 
     Parameters
@@ -232,7 +232,7 @@ def before_after_time(one: BeforeAfter, rows: Sequence[int]) -> Figure:
     rows : sequence of int
     """
     figure, panels = stacked_panels([0.95] * len(rows), legend=1)
-    at = _telling(one, rows)
+    at = _largest_change(one, rows)
     time = one.time[at]
     lines: list[Any] = []
     for axes, i in zip(panels, rows, strict=True):
@@ -277,7 +277,7 @@ def before_after_frequency(one: BeforeAfter, rows: Sequence[int]) -> Figure:
     return figure
 
 
-def _telling(one: BeforeAfter, rows: Sequence[int]) -> slice:
+def _largest_change(one: BeforeAfter, rows: Sequence[int]) -> slice:
     """Return the stretch of a manoeuvre in which the effects change most: what fits on half a page."""
     dt = float(one.time[-1] - one.time[0]) / (one.time.size - 1)
     count = min(one.time.size, max(2, round(_STRETCH / dt)))

@@ -32,7 +32,7 @@ def confusions(test: SelfTest | None) -> list[Picture]:
     return [_confusion(test, s, k) for k, s in enumerate(test.strata) if s.detected.share > 0.05]
 
 
-def summary(test: SelfTest | None) -> dict[str, Any] | None:
+def gap_summary(test: SelfTest | None) -> dict[str, Any] | None:
     """Return the tables of a self-test."""
     if test is None:
         return None
@@ -138,7 +138,7 @@ def build_gap_page(result: GapResult) -> str:
         pair=d.which.pair,
         aliases=d.which.aliases,
         untested=gap_tables.untested_rows(d),
-        self_test=summary(d.self_test),
+        self_test=gap_summary(d.self_test),
         confusions=confusions(d.self_test),
         closures=gap_tables.closures(d),
         next_tests=gap_tables.next_rows(d.next_flight),
@@ -150,11 +150,13 @@ def build_gap_page(result: GapResult) -> str:
 
 def _findings(result: GapResult) -> list[Finding]:
     d = result.diagnosis
-    said = [finding("bad" if d.gap.exists else "good", "{}", d.verdict)]
-    said += [finding("note", "Withdrawn: {}, {}.", name, why) for name, why in d.which.withdrawn.items()]
-    said += [finding("note", "These data cannot separate {}.", ", ".join(group)) for group in d.which.aliases]
-    said += [finding("note", "{}.", remark) for remark in d.remarks]
-    return said
+    findings = [finding("bad" if d.gap.exists else "good", "{}", d.verdict)]
+    findings += [finding("note", "Withdrawn: {}, {}.", name, why) for name, why in d.which.withdrawn.items()]
+    findings += [
+        finding("note", "These data cannot separate {}.", ", ".join(group)) for group in d.which.aliases
+    ]
+    findings += [finding("note", "{}.", remark) for remark in d.remarks]
+    return findings
 
 
 def _facts(result: GapResult) -> list[tuple[str, str]]:
@@ -319,7 +321,7 @@ def _detectable(result: GapResult) -> list[Picture]:
     seen = "is found" if gap.exists else "would have been called a gap"
     return [
         picture(
-            gap_figures.detectable_sizes(names, np.array([r for _, r in known]), notes),
+            gap_figures.draw_detectable_sizes(names, np.array([r for _, r in known]), notes),
             "detectable",
             "Smallest size of each effect that would be found",
             f"What these flights can see: the size of each effect that {seen} in 95 of 100 cases, over the "

@@ -52,8 +52,8 @@ def build_rivals_page(found: Rivals) -> str:
 
 
 def _findings(found: Rivals) -> list[Finding]:
-    said = [finding("good" if found.nearer in ("A", "B") else "note", "{}", found.verdict)]
-    return said + [finding("note", "{}.", remark) for remark in found.remarks]
+    findings = [finding("good" if found.nearer in ("A", "B") else "note", "{}", found.verdict)]
+    return findings + [finding("note", "{}.", remark) for remark in found.remarks]
 
 
 def _facts(found: Rivals) -> list[tuple[str, str]]:

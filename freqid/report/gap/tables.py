@@ -93,13 +93,13 @@ def closures(d: GapDiagnosis) -> list[dict[str, Any]]:
                 for n, x in values.items()
             ],
             "shares": [
-                ("The effect alone", share(c.effect_only)),
-                ("Tolerances alone", share(c.tolerances_only)),
-                ("Both", share(c.wrench)),
+                ("The effect alone", closed_share(c.effect_only)),
+                ("Tolerances alone", closed_share(c.tolerances_only)),
+                ("Both", closed_share(c.wrench)),
             ],
             "strained": ", ".join(f"{n} {x:+.1f}".replace("-", "−") for n, x in c.strained.items()),
             "log_score": f"{c.log_score:+.1f} nats".replace("-", "−") if math.isfinite(c.log_score) else "",
-            "response": share(c.response) if math.isfinite(c.response.G) else "",
+            "response": closed_share(c.response) if math.isfinite(c.response.G) else "",
             "with_cost": bool(c.rmse.keys() & c.J),
             "flown_cost": ", ".join(
                 f"{n} {number(x.before, 2)} to {number(x.after, 2)}"
@@ -124,7 +124,7 @@ def interval(x: Interval) -> str:
     return f"{number(x.estimate)} ({number(x.lo)} to {number(x.hi)}){unit}"
 
 
-def share(s: Share) -> str:
+def closed_share(s: Share) -> str:
     """Return a share of the gap with its interval, or why it is undefined."""
     if not math.isfinite(s.G):
         return f"undefined: {s.why_undefined}" if s.why_undefined else "undefined"
@@ -159,10 +159,10 @@ def _costs(c: Closure) -> list[dict[str, Any]]:
     rows = []
     for path, row in c.consequence.get("figures", {}).items():
         kind, *place, figure = path.split("/")
-        told = (_MARGIN if kind == "margins" else _MODE if kind == "closed_modes" else {}).get(figure)
-        if told is None:
+        labels = (_MARGIN if kind == "margins" else _MODE if kind == "closed_modes" else {}).get(figure)
+        if labels is None:
             continue
-        what, unit = told
+        what, unit = labels
         ends = [number(row[n]) for n in ("before", "after", "lo", "hi")]
         rows.append(
             {

@@ -12,7 +12,7 @@ from freqid.report.kit.notation import shown_unit
 MOST_GROUPS = 7  # colours that readers can tell apart
 
 
-def groups_of(names: Sequence[str], vehicle: Vehicle) -> dict[str, list[int]]:
+def effector_groups(names: Sequence[str], vehicle: Vehicle) -> dict[str, list[int]]:
     """Return which effectors belong together, as places in `names` by a label such as ``de1 to de4``.
 
     Parameters
@@ -49,11 +49,11 @@ def runs(numbers: Sequence[int]) -> str:
     steps = {b - a for a, b in pairwise(numbers)}
     if len(numbers) > 3 and len(steps) == 1 and steps != {1}:
         return f"{numbers[0]} to {numbers[-1]} by {steps.pop()}"
-    said = []
+    phrases = []
     for _, run in groupby(enumerate(numbers), key=lambda pair: pair[1] - pair[0]):
         block = [value for _, value in run]
-        said.append(f"{block[0]} to {block[-1]}" if len(block) > 2 else ", ".join(map(str, block)))
-    return ", ".join(said)
+        phrases.append(f"{block[0]} to {block[-1]}" if len(block) > 2 else ", ".join(map(str, block)))
+    return ", ".join(phrases)
 
 
 def engineering(unit: str) -> tuple[str, float]:

@@ -33,8 +33,8 @@ from freqid.report.kit.notation import (
 from freqid.report.kit.pictures import Picture, collinearity_pictures, data_pictures, key_of, picture
 from freqid.report.kit.rendering import render
 from freqid.report.point.sensor_tables import longest_cut, sensor_accounts, sensor_tables
-from freqid.report.point.tables import channels, facts, parameters, scores, summary
-from freqid.report.point.verdict import verdict
+from freqid.report.point.tables import channel_table, fit_summary, parameter_table, point_facts, scores
+from freqid.report.point.verdict import point_verdict
 
 
 def difference_table(model: PointModel) -> dict[str, Any] | None:
@@ -130,7 +130,10 @@ def fit_pictures(model: PointModel, name: str, maneuver: int = 0) -> list[Pictur
                     "In frequency, {} lines: the residual holds {} of the measured energy, half of it "
                     "below {} Hz. {}"
                 ).format(
-                    fit.axis.size, percent(_energy_left(fit)), number(_median_frequency(fit)), _hint(fit)
+                    fit.axis.size,
+                    percent(_residual_fraction(fit)),
+                    number(_median_frequency(fit)),
+                    _hint(fit),
                 ),
             )
         )
@@ -204,7 +207,7 @@ def _time_score(fit: Fit, response: ResponseModel) -> str:
     return f"R²\u00a0{share(fit.r2)}; residual rms {number(fit.rms)}{unit}{part}."
 
 
-def _energy_left(fit: Fit) -> float:
+def _residual_fraction(fit: Fit) -> float:
     total = float(np.sum(np.abs(fit.measured) ** 2))
     return float(np.sum(np.abs(fit.residual) ** 2)) / total if total else float("nan")
 
@@ -244,11 +247,11 @@ def build_page(model: PointModel, record: FlightRecord | None = None, *, gates: 
         title=model.vehicle or "Unnamed vehicle",
         reference=model.reference.id,
         version=__version__,
-        findings=verdict(model, gates),
-        facts=facts(model, record),
-        summary=summary(model, gates),
+        findings=point_verdict(model, gates),
+        facts=point_facts(model, record),
+        summary=fit_summary(model, gates),
         data=data_pictures(model, record) if record is not None else [],
-        channels=channels(record) if record is not None else [],
+        channels=channel_table(record) if record is not None else [],
         responses=[
             {
                 "name": name,
@@ -260,7 +263,7 @@ def build_page(model: PointModel, record: FlightRecord | None = None, *, gates: 
                     {"number": m + 1, "pictures": fit_pictures(model, name, m)}
                     for m in range(1, maneuvers_of(model))
                 ],
-                "parameters": parameters(model, name),
+                "parameters": parameter_table(model, name),
                 "bars": parameter_picture(model, name),
             }
             for name in model.responses

@@ -55,10 +55,12 @@ def sensor_tables(model: PointModel) -> list[dict[str, Any]]:
                     "unit": pretty_unit(error.units),
                 }
             )
-        untold = [
+        undetermined = [
             {"name": name, "with": ", ".join(others) or NONE} for name, others in account.undetermined.items()
         ]
-        tables.append({"record": record, "corrected": account.corrected, "rows": rows, "untold": untold})
+        tables.append(
+            {"record": record, "corrected": account.corrected, "rows": rows, "untold": undetermined}
+        )
     return tables
 
 
@@ -89,5 +91,6 @@ def sensor_findings(model: PointModel) -> list[Finding]:
 
 def longest_cut(errors: Mapping[str, _Error]) -> float:
     """Return by how much a correction for delays shortens a record, s."""
-    skews = [error.estimate for name, error in errors.items() if name.endswith("skew")]
-    return max(0.0, -min(skews, default=0.0)) + max(0.0, max(skews, default=0.0))
+    # models of earlier versions say "skew"
+    delays = [error.estimate for name, error in errors.items() if name.endswith(("delay", "skew"))]
+    return max(0.0, -min(delays, default=0.0)) + max(0.0, max(delays, default=0.0))

@@ -29,7 +29,7 @@ _FORM = {
 }
 
 
-def facts(model: PointModel, record: FlightRecord | None) -> list[tuple[str, str]]:
+def point_facts(model: PointModel, record: FlightRecord | None) -> list[tuple[str, str]]:
     """Return what the model is about, label and text."""
     reference = model.reference
     condition = [reference.id]
@@ -41,12 +41,12 @@ def facts(model: PointModel, record: FlightRecord | None) -> list[tuple[str, str
     ):
         if math.isfinite(value) and not (label.startswith("dw") and value == 0):
             condition.append(f"{label} = {notation.short(value)} {unit}")
-    told = [("Vehicle", model.vehicle or notation.NONE)]
+    facts = [("Vehicle", model.vehicle or notation.NONE)]
     if record is not None:
         for label, text in asdict(record.configuration).items():
             if text:
-                told.append((label.replace("_", " ").capitalize(), text))
-    told += [
+                facts.append((label.replace("_", " ").capitalize(), text))
+    facts += [
         ("Reference", ", ".join(condition)),
         ("Method", _METHOD.get(model.method, model.method)),
         ("Responses", f"{_FORM.get(model.form, model.form)}, {model.axes} axes"),
@@ -54,18 +54,18 @@ def facts(model: PointModel, record: FlightRecord | None) -> list[tuple[str, str
         ("Duration", _duration(model)),
     ]
     if any(r.distortion is not None for r in model.responses.values()):
-        told.append(("Standard errors", "of noise alone, from lines between the harmonics"))
+        facts.append(("Standard errors", "of noise alone, from lines between the harmonics"))
     lines = [r.fit["frequency"].axis for r in model.responses.values() if "frequency" in r.fit]
     if lines:
         low, high = notation.short(lines[0][0]), notation.short(lines[0][-1])
-        told.append(("Lines", f"{lines[0].size}, from {low} to {high} Hz"))
+        facts.append(("Lines", f"{lines[0].size}, from {low} to {high} Hz"))
     if record is not None:
-        told.append(("Samples", f"{record.time.size} at {notation.short(1 / record.dt)} Hz"))
+        facts.append(("Samples", f"{record.time.size} at {notation.short(1 / record.dt)} Hz"))
     for label, key in (("Record", "record"), ("Predicted record", "predicted")):
         source = model.provenance.get(key)
         if isinstance(source, str):
-            told.append((label, source))
-    return told
+            facts.append((label, source))
+    return facts
 
 
 def _duration(model: PointModel) -> str:
@@ -77,7 +77,7 @@ def _duration(model: PointModel) -> str:
     return f"{len(lengths)} manoeuvres of {', '.join(lengths[:-1])} and {lengths[-1]} s"
 
 
-def summary(model: PointModel, gates: Gates | None) -> dict[str, Any]:
+def fit_summary(model: PointModel, gates: Gates | None) -> dict[str, Any]:
     """Return the table that says how each response fares."""
     missed = missed_by_response(model, gates) if gates else {}
     gated = gates is not None and (gates.r2 is not None or gates.condition_number is not None)
@@ -138,22 +138,22 @@ def scores(model: PointModel, name: str) -> list[tuple[str, str]]:
     response = model[name]
     unit = "" if response.unit == "1" else f" {notation.pretty_unit(response.unit)}"
     squared = f" ({unit.strip()} s)²" if model.method == "frequency" else f" ({unit.strip()})²"
-    said = [
+    phrases = [
         ("R²", notation.share(response.r2)),
         ("residual rms", notation.number(response.rmse) + unit),
         ("PSE", notation.number(response.pse) + (squared if unit else "")),
         ("condition number", notation.number(response.condition_number)),
     ]
     if name in model.prediction:
-        said.insert(1, ("predicted R²", notation.share(model.prediction[name].r2)))
+        phrases.insert(1, ("predicted R²", notation.share(model.prediction[name].r2)))
     if response.r2_ceiling is not None:
-        said.insert(1, ("noise allows", notation.share(response.r2_ceiling)))
+        phrases.insert(1, ("noise allows", notation.share(response.r2_ceiling)))
     if response.distortion is not None:
-        said.append(("residual over noise", notation.number(response.distortion)))
-    return said
+        phrases.append(("residual over noise", notation.number(response.distortion)))
+    return phrases
 
 
-def parameters(model: PointModel, name: str) -> list[dict[str, Any]]:
+def parameter_table(model: PointModel, name: str) -> list[dict[str, Any]]:
     """Return the rows of the table of one response, the bias last; numbers in SI as the model holds them."""
     response = model[name]
     weak = crosses_zero(response)
@@ -190,7 +190,7 @@ def parameters(model: PointModel, name: str) -> list[dict[str, Any]]:
     return rows
 
 
-def channels(record: FlightRecord) -> list[dict[str, str]]:
+def channel_table(record: FlightRecord) -> list[dict[str, str]]:
     """Return the rows that say where each channel of a record comes from."""
     rows = []
     for channel in record.channels.values():

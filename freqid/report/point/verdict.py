@@ -35,12 +35,12 @@ def _estimators(model: PointModel) -> list[Finding]:
         return [finding("good", text, total)]
     count = sum(map(len, differing.values()))
     if count <= _NAMED:
-        said = [
+        phrases = [
             Markup("{}: {}").format(symbol(r, model.form), listed(map(code, names)))
             for r, names in differing.items()
         ]
     else:
-        said = [
+        phrases = [
             Markup("{} of {} in {}").format(len(names), len(both[r].regressors), symbol(r, model.form))
             for r, names in differing.items()
         ]
@@ -53,7 +53,7 @@ def _estimators(model: PointModel) -> list[Finding]:
             "errors.",
             count,
             total,
-            Markup("; ").join(said),
+            Markup("; ").join(phrases),
             code(regressor),
             symbol(response, model.form),
             number(farthest, 2),
@@ -104,7 +104,7 @@ def _distortion(model: PointModel) -> list[Finding]:
     if not more:
         text = "What the model leaves on the harmonics is noise: at most {} times the power between them."
         return [finding("good", text, number(max(known.values())))]
-    said = listed(
+    listing = listed(
         Markup("{} ({} times)").format(symbol(name, model.form), number(ratio))
         for name, ratio in more.items()
     )
@@ -113,7 +113,7 @@ def _distortion(model: PointModel) -> list[Finding]:
             "note",
             "On the harmonics the model leaves more power than noise has between them in {}: motion that is "
             "not linear in the regressors, or lags behind them.",
-            said,
+            listing,
         )
     ]
 
@@ -124,12 +124,12 @@ def _ceiling(model: PointModel) -> list[Finding]:
         return []
     short = {name: at for name, at in known.items() if not reaches_ceiling(model[name])}
     if short:
-        said = listed(
+        listing = listed(
             Markup("{} ({} of {})").format(symbol(name, model.form), share(r2), share(ceiling))
             for name, (r2, ceiling) in short.items()
         )
         text = "R² falls short of what noise allows by more than {:g} and more than by chance in {}."
-        return [finding("note", text, NEAR_CEILING, said)]
+        return [finding("note", text, NEAR_CEILING, listing)]
     least = min(known, key=lambda name: known[name][1])
     text = "R² reaches what noise allows in every response, but for {:g} or chance; the least is {} in {}."
     allowed = share(float(np.clip(known[least][1], -np.inf, 1.0)))
@@ -157,7 +157,7 @@ HIGH_INFLATION = 10.0
 """A variance inflation factor from which regressors are commonly called collinear."""
 
 
-def verdict(model: PointModel, gates: Gates | None = None) -> tuple[Finding, ...]:
+def point_verdict(model: PointModel, gates: Gates | None = None) -> tuple[Finding, ...]:
     """Return the findings, the headline first.
 
     Parameters
@@ -177,17 +177,17 @@ def verdict(model: PointModel, gates: Gates | None = None) -> tuple[Finding, ...
 
 def missed_by_response(model: PointModel, gates: Gates) -> dict[str, tuple[Markup, ...]]:
     """Return by response what it should have reached; responses that reach everything are absent."""
-    said: dict[str, tuple[Markup, ...]] = {}
+    summary: dict[str, tuple[Markup, ...]] = {}
     for miss in missed_gates(model, gates):
         if miss.figure == "R2":
-            text = Markup("R² {} where {:g} is asked").format(share(miss.found), miss.gate)
+            text = Markup("R² {} where {:g} is asked").format(share(miss.value), miss.gate)
             allowed = model[miss.response].r2_ceiling
             if allowed is not None and allowed < miss.gate:
                 text += Markup(" and noise allows {}").format(share(allowed))
         else:
-            text = Markup("{} {} where {:g} is allowed").format(miss.figure, number(miss.found), miss.gate)
-        said[miss.response] = (*said.get(miss.response, ()), text)
-    return said
+            text = Markup("{} {} where {:g} is allowed").format(miss.figure, number(miss.value), miss.gate)
+        summary[miss.response] = (*summary.get(miss.response, ()), text)
+    return summary
 
 
 def crosses_zero(response: ResponseModel) -> np.ndarray:
@@ -203,7 +203,7 @@ def _headline(model: PointModel, gates: Gates | None) -> Finding:
     missed = missed_by_response(model, gates)
     if not missed:
         return finding("good", "Every response reaches its gate: R² is {}.", spread)
-    said = [
+    phrases = [
         Markup("{} ({})").format(symbol(name, model.form), Markup(", ").join(what))
         for name, what in missed.items()
     ]
@@ -213,7 +213,7 @@ def _headline(model: PointModel, gates: Gates | None) -> Finding:
         len(missed),
         len(scores),
         "misses" if len(missed) == 1 else "miss",
-        listed(said),
+        listed(phrases),
         spread,
     )
 
@@ -262,8 +262,8 @@ def _collinear(model: PointModel) -> list[Finding]:
                 largest[name] = max(value, largest.get(name, 0.0))
     if largest:
         names = sorted(largest, key=lambda name: -largest[name])
-        said = listed(Markup("{} ({})").format(code(name), number(largest[name])) for name in names)
-        findings.append(finding("note", "Variance inflation is above {:g} for {}.", HIGH_INFLATION, said))
+        listing = listed(Markup("{} ({})").format(code(name), number(largest[name])) for name in names)
+        findings.append(finding("note", "Variance inflation is above {:g} for {}.", HIGH_INFLATION, listing))
     return findings
 
 

@@ -144,10 +144,10 @@ def _findings(response: FrequencyResponse, rows: list[dict[str, Any]]) -> list[F
     doubtful = [r for r in rows if r["coherence"] < BELIEVED]
     text = "{} of {} responses have a median coherence below {}."
     kind = "note" if doubtful else "good"
-    said = [finding(kind, text, len(doubtful) or "None", len(rows), BELIEVED)]
+    findings = [finding(kind, text, len(doubtful) or "None", len(rows), BELIEVED)]
     rough = sorted({r["output"] for r in rows if (r["misfit"] or 0.0) > SMOOTH})
     if rough:
-        said.append(
+        findings.append(
             finding(
                 "note",
                 "More is left on excited lines than noise explains, in {}: not linear, or not smooth across "
@@ -155,8 +155,8 @@ def _findings(response: FrequencyResponse, rows: list[dict[str, Any]]) -> list[F
                 ", ".join(rough),
             )
         )
-    said += [finding("note", "{}", remark) for remark in response.remarks]
-    return said
+    findings += [finding("note", "{}", remark) for remark in response.remarks]
+    return findings
 
 
 def _pictures(response: FrequencyResponse, rows: list[dict[str, Any]]) -> list[Picture]:

@@ -32,10 +32,10 @@ from freqid.report.kit.drawing import (
     stacked_panels,
     styled,
 )
-from freqid.report.kit.effectors import groups_of
+from freqid.report.kit.effectors import effector_groups
 from freqid.report.kit.notation import formula, number, percent, plain_symbol, short, symbol
 from freqid.report.kit.pictures import Picture, picture
-from freqid.report.study.pictures import derivative, parts
+from freqid.report.study.pictures import derivative_name, parts
 from freqid.report.study.results import densities
 
 LOOKS = ((BLUE, "o"), (ORANGE, "s"), ("#009E73", "D"), ("#CC79A7", "^"))
@@ -70,7 +70,7 @@ class Points:
 
 
 @dataclass(frozen=True, eq=False)
-class Band:
+class ParameterBand:
     """A quantity of the global model at one density.
 
     Attributes
@@ -99,7 +99,7 @@ class Panel:
     label: str
     unit: str
     points: Sequence[Points]
-    bands: Sequence[Band | None]
+    bands: Sequence[ParameterBand | None]
 
 
 @styled
@@ -318,7 +318,7 @@ def parameter_pictures(results: StudyResults) -> list[Picture]:
     """
     return [
         picture(
-            _draw(results, r, _telling(results, r)),
+            _draw(results, r, _main_parameters(results, r)),
             f"corridor{place}",
             f"Parameters of {plain_symbol(r, results.form)} against reference speed",
             Markup("{}: {}").format(symbol(r, results.form), _agreement(results, r)),
@@ -352,7 +352,7 @@ def remaining_pictures(results: StudyResults) -> list[Picture]:
     pictures = []
     for place, r in enumerate(results.responses if _by_density(results) else ()):
         every = dict.fromkeys(n for p in results.points for n in p.model[r].regressors)
-        names = [n for n in every if n not in _telling(results, r)]
+        names = [n for n in every if n not in _main_parameters(results, r)]
         shown = plain_symbol(r, results.form)
         if names:
             pictures.append(
@@ -366,7 +366,7 @@ def remaining_pictures(results: StudyResults) -> list[Picture]:
     return pictures
 
 
-def _telling(results: StudyResults, response: str) -> list[str]:
+def _main_parameters(results: StudyResults, response: str) -> list[str]:
     return [*_states(results, response), *_strongest_effectors(results, response), "bias"]
 
 
@@ -378,7 +378,7 @@ def _draw(results: StudyResults, response: str, names: list[str]) -> Figure:
         units |= dict(zip(p.model[response].regressors, p.model[response].regressor_units, strict=True))
     panels = [
         Panel(
-            derivative(response, name, results.form),
+            derivative_name(response, name, results.form),
             per(results.points[0].model[response].unit, units[name]),
             [_points(results, points, response, name) for points in levels.values()],
             [band.get(name) for band in bands],
@@ -397,7 +397,7 @@ def _points(results: StudyResults, points: list[StudiedPoint], response: str, na
     return Points(u, found[:, 0], 2 * found[:, 1], np.array(known), np.array([p.id in ids for p in have]))
 
 
-def _bands(model: GlobalModel | None, response: str, points: list[StudiedPoint]) -> dict[str, Band]:
+def _bands(model: GlobalModel | None, response: str, points: list[StudiedPoint]) -> dict[str, ParameterBand]:
     """Return the blended parameters at one density by regressor, as far as the corridor goes there."""
     rho = points[0].model.reference.rho
     if model is None or response not in model.names or not np.isfinite(rho):
@@ -412,7 +412,7 @@ def _bands(model: GlobalModel | None, response: str, points: list[StudiedPoint])
     u = np.linspace(low, high, _CURVE)
     blended = model.parameters(response, model.reference(u, rho))
     return {
-        name: Band(u, value, 2 * error)
+        name: ParameterBand(u, value, 2 * error)
         for name, value, error in zip(blended.names, blended.estimate, blended.std_error, strict=True)
     }
 
@@ -444,5 +444,5 @@ def _strongest_effectors(results: StudyResults, response: str) -> list[str]:
         for n, value in zip(response_model.regressors, response_model.t_statistic.tolist(), strict=True):
             if n in t:
                 t[n].append(abs(value))
-    groups = groups_of(names, results.vehicle) if names else {}
+    groups = effector_groups(names, results.vehicle) if names else {}
     return [max((names[i] for i in places), key=lambda n: np.median(t[n])) for places in groups.values()]

@@ -14,7 +14,7 @@ from freqid.design.multisine.signals import sample, samples_per_period
 from freqid.identify.regress.estimators import label_of
 from freqid.report.design import figures as design_figures
 from freqid.report.design.signal_pictures import signal_pictures
-from freqid.report.kit.effectors import groups_of
+from freqid.report.kit.effectors import effector_groups
 from freqid.report.kit.notation import NONE, exact, number, percent, pretty_unit, share, short, symbol
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.kit.rendering import render
@@ -37,29 +37,29 @@ from freqid.report.study.verdict import (
 )
 
 
-def facts(results: StudyResults) -> list[tuple[str, str]]:
+def study_facts(results: StudyResults) -> list[tuple[str, str]]:
     """Return what the study is about, label and text."""
     references = [p.model.reference for p in results.points]
     speeds = [at.u for at in references if math.isfinite(at.u)]
     held = len(results.held_out)
-    told = [
+    facts = [
         ("Vehicle", results.vehicle.name),
         ("Sensors", f"{results.sensors}, {short(results.noise)} × their noise"),
         ("Estimator", label_of(results.estimator)),
         ("Conditions", f"{len(references)}{f', {held} held out of the global model' if held else ''}"),
     ]
     if speeds:
-        told.append(("Reference u", f"{short(min(speeds))} to {short(max(speeds))} m/s"))
+        facts.append(("Reference u", f"{short(min(speeds))} to {short(max(speeds))} m/s"))
     levels = [short(rho) for rho in densities(results.points) if math.isfinite(rho)]
     if levels:
-        told.append(("Air density", f"{' and '.join(levels)} kg/m³"))
+        facts.append(("Air density", f"{' and '.join(levels)} kg/m³"))
     design = results.design
-    told += [
+    facts += [
         ("Effectors excited", str(len(design.signals))),
         ("Manoeuvre", f"{design.periods} × {short(design.period_s)} s"),
         ("Band", f"{short(design.band_hz[0])} to {short(design.band_hz[1])} Hz"),
     ]
-    return told
+    return facts
 
 
 def heads(results: StudyResults) -> list[dict[str, Any]]:
@@ -195,7 +195,7 @@ def build_study_page(results: StudyResults) -> str:
         count=len(results.points),
         version=__version__,
         findings=study_verdict(results),
-        facts=facts(results),
+        facts=study_facts(results),
         heads=heads(results),
         conditions=condition_rows(results),
         errors=error_rows(results),
@@ -231,7 +231,7 @@ def _inputs(results: StudyResults) -> list[Picture]:
     values = np.array([sample(s.index, s.amplitude, s.phase, samples) for s in design.signals])
     values = np.append(values, values[:, :1], axis=1)  # a period ends as it starts
     spectra = picture(
-        design_figures.harmonic_map(design, groups_of(design.names, vehicle), ()),
+        design_figures.harmonic_map(design, effector_groups(design.names, vehicle), ()),
         "spectra",
         "Spectra of all effectors, and which effector has which harmonic",
         f"{len(design.signals)} effectors at once. A line that one effector has alone tells its effect from "

@@ -12,7 +12,7 @@ from freqid.blend.campaign import StudiedPoint, StudyResults
 from freqid.core.results.point import Fit, per
 from freqid.core.vehicle import Vehicle
 from freqid.identify.in_flight.parameter_history import ParameterHistory
-from freqid.report.kit.effectors import groups_of
+from freqid.report.kit.effectors import effector_groups
 from freqid.report.kit.notation import formula, number, percent, plain_symbol, short, symbol
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.study import figures
@@ -76,7 +76,7 @@ def history_pictures(results: StudyResults, point: StudiedPoint) -> list[Picture
         strongest = [max(places, key=lambda j: t[j]) for places in groups][:_STRONGEST]
         courses = [
             figures.Course(
-                derivative(r, history.regressors[j], results.form),
+                derivative_name(r, history.regressors[j], results.form),
                 per(history.unit, history.regressor_units[j]),
                 history.time,
                 history.estimate[:, j],
@@ -169,7 +169,7 @@ def several_pictures(results: StudyResults) -> list[Picture]:
     ]
 
 
-def derivative(response: str, regressor: str, form: str) -> str:
+def derivative_name(response: str, regressor: str, form: str) -> str:
     """Return what a figure calls a parameter."""
     symbol = plain_symbol(response, form)
     return f"{symbol} at the trim" if regressor == "bias" else f"{symbol} per {regressor}"
@@ -186,7 +186,7 @@ def _kinds(names: Sequence[str], vehicle: Vehicle) -> list[list[int]]:
     kinds = vehicle.effector_kinds
     moved = [i for i, n in enumerate(names) if n in kinds]
     states = [i for i, n in enumerate(names) if n not in kinds]
-    groups = groups_of([names[i] for i in moved], vehicle) if moved else {}
+    groups = effector_groups([names[i] for i in moved], vehicle) if moved else {}
     return [group for group in (states, *([moved[k] for k in g] for g in groups.values())) if group]
 
 

@@ -7,14 +7,14 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.blend.campaign import StudiedPoint, density_levels
+from freqid.blend.campaign import StudiedPoint, distinct_densities
 from freqid.core.arrays import Array
 from freqid.identify.in_flight.parameter_history import ParameterHistory
 
 
 def densities(points: tuple[StudiedPoint, ...]) -> list[float]:
     """Return the air densities of some points, the densest first; those within 2 % are one. kg/m3."""
-    return density_levels(p.model.reference.rho for p in points)
+    return distinct_densities(p.model.reference.rho for p in points)
 
 
 def settled(history: ParameterHistory) -> NDArray[np.bool_]:

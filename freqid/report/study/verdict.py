@@ -63,7 +63,7 @@ def _headline(results: StudyResults) -> Finding:
     good = sum(score >= GOOD_R2 for score in scores.values())
     count = len(results.points)
     text = Markup("{} condition{}: {} of {} responses are modelled with R² of {:g} or more (lowest: {}, {}).")
-    said = text.format(
+    sentence = text.format(
         count,
         "s" * (count > 1),
         good,
@@ -75,7 +75,7 @@ def _headline(results: StudyResults) -> Finding:
     ratios = {(r, p.id): p.validation_ratio(r) for p in results.points for r in results.responses}
     ratios = {at: ratio for at, ratio in ratios.items() if math.isfinite(ratio)}
     if not ratios:
-        return finding("note", "{} No manoeuvre was predicted.", said)
+        return finding("note", "{} No manoeuvre was predicted.", sentence)
     worst = max(ratios, key=lambda at: ratios[at])
     beyond = sum(not ratio <= MOST_VALIDATION for ratio in ratios.values())
     over = f"; {beyond} of {len(ratios)} above {MOST_VALIDATION:g}" if beyond else ""
@@ -83,7 +83,7 @@ def _headline(results: StudyResults) -> Finding:
         "bad" if beyond else "good" if good == len(scores) else "note",
         "{} Manoeuvres that were not used are predicted with {} to {} times the error of the fit "
         "(largest: {}{}).",
-        said,
+        sentence,
         number(min(ratios.values())),
         number(ratios[worst]),
         _at(results, *worst),
@@ -104,7 +104,7 @@ def _held_out(results: StudyResults) -> list[Finding]:
     beyond = sum(ratio > most for ratio, most in ratios.values())
     values = [ratio for ratio, _ in ratios.values()]
     count = len({identifier for _, identifier in ratios})
-    said = finding(
+    one = finding(
         "bad" if beyond else "good",
         "At {} that it was not made from, the global model errs {} to {} times as much as a point model "
         "identified there (farthest from what is asked: {}, {}).",
@@ -116,10 +116,8 @@ def _held_out(results: StudyResults) -> list[Finding]:
     )
     if beyond:
         text = Markup("{} {} of {} are beyond {:g}, or {:g} at a density it was not made at.")
-        said = Finding(
-            said.kind, text.format(said.text, beyond, len(ratios), MOST_HELD_OUT, MOST_NEW_DENSITY)
-        )
-    return [said]
+        one = Finding(one.kind, text.format(one.text, beyond, len(ratios), MOST_HELD_OUT, MOST_NEW_DENSITY))
+    return [one]
 
 
 def _settled(results: StudyResults) -> list[Finding]:
@@ -141,11 +139,11 @@ def _separable(results: StudyResults) -> list[Finding]:
         group: p.id for p in results.points for r in p.model.responses.values() for group in r.inseparable
     }
     if confused:
-        said = listed(
+        listing = listed(
             Markup("{} at {}").format(Markup(", ").join(map(code, group)), code(at))
             for group, at in confused.items()
         )
-        return [finding("bad", "The data cannot separate {}.", said)]
+        return [finding("bad", "The data cannot separate {}.", listing)]
     numbers = {p.id: max(r.condition_number for r in p.model.responses.values()) for p in results.points}
     worst = max(numbers, key=lambda i: numbers[i])
     return [
@@ -166,7 +164,7 @@ def _low(results: StudyResults) -> list[Finding]:
     }
     if not low:
         return []
-    said = listed(Markup("{} ({})").format(symbol(r, results.form), n) for r, n in low.items())
+    listing = listed(Markup("{} ({})").format(symbol(r, results.form), n) for r, n in low.items())
     at = [(p, r) for p in results.points for r in low if not p.model[r].r2 >= GOOD_R2]
     if all(p.model[r].r2_ceiling is not None for p, r in at):
         short = [_at(results, r, p.id) for p, r in at if not reaches_ceiling(p.model[r])]
@@ -175,7 +173,7 @@ def _low(results: StudyResults) -> list[Finding]:
                 "note",
                 "R² is below {:g} for {}, the number of conditions in brackets; noise allows no more{}.",
                 GOOD_R2,
-                said,
+                listing,
                 Markup(", except in {}").format(listed(short)) if short else "",
             )
         ]
@@ -185,7 +183,7 @@ def _low(results: StudyResults) -> list[Finding]:
             "R² is below {:g} for {}, the number of conditions in brackets: a response that hardly moves "
             "has little but noise to explain.",
             GOOD_R2,
-            said,
+            listing,
         )
     ]
 

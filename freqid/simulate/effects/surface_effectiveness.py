@@ -15,7 +15,7 @@ from freqid.simulate.effects.places import spread
 Signals = dict[str, NDArray[np.float64]]
 
 
-def felt(settings: dict[str, jax.Array], order: jax.Array, surface: jax.Array) -> jax.Array:
+def effective_deflections(settings: dict[str, jax.Array], order: jax.Array, surface: jax.Array) -> jax.Array:
     """Return the deflections that the air feels, rad, shape (surface,); `order` as in `places.spread`."""
     return (1 - spread(settings, "loss", order)) * surface
 

@@ -23,7 +23,7 @@ def kinds(effect: Effect) -> tuple[str, ...]:
     return KINDS[:1] if effect.add else ()
 
 
-def table() -> str:
+def effects_table() -> str:
     """Return all effects as two tables in Markdown: what they are, and their parameters."""
     rows = ["| effect | stage | meaning | needs | tested in |", "|---|---|---|---|---|"]
     for identifier, effect in sorted(shipped().items()):
@@ -52,7 +52,7 @@ def _row(identifier: str, name: str, of: Parameter) -> str:
 def renewed(page: str) -> str:
     """Return a page with the table between its markers written anew."""
     before, _, rest = page.partition(START)
-    return f"{before}{START}\n\n{table()}\n{STOP}{rest.partition(STOP)[2]}"
+    return f"{before}{START}\n\n{effects_table()}\n{STOP}{rest.partition(STOP)[2]}"
 
 
 if __name__ == "__main__":

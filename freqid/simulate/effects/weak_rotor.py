@@ -15,7 +15,7 @@ from freqid.simulate.effects.places import spread
 Signals = dict[str, NDArray[np.float64]]
 
 
-def felt(settings: dict[str, jax.Array], order: jax.Array, speed: jax.Array) -> jax.Array:
+def sound_speeds(settings: dict[str, jax.Array], order: jax.Array, speed: jax.Array) -> jax.Array:
     """Return the speeds at which sound propellers would do what these do, rad/s, shape (rotor,).
 
     Thrust goes with the square of the speed, so half of the loss. `order` as in `places.spread`.

@@ -153,10 +153,10 @@ def steady_memories(parameters: Parameters, flow: Flow, positions: Positions) ->
 def _situation(parameters: Parameters, flow: Flow, positions: Positions, arriving: Wake | None) -> Situation:
     """Return the loads on the airframe as it feels the effectors, before any effect is added."""
     effects, geometry = parameters.effects, parameters.geometry
-    surface = surface_effectiveness.felt(
+    surface = surface_effectiveness.effective_deflections(
         effects["surface_effectiveness"], geometry.surfaces, positions.surface
     )
-    speed = weak_rotor.felt(effects["weak_rotor"], geometry.rotors, positions.speed)
+    speed = weak_rotor.sound_speeds(effects["weak_rotor"], geometry.rotors, positions.speed)
     return _loads(parameters, flow, positions._replace(surface=surface, speed=speed), arriving)
 
 

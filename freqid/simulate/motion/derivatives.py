@@ -87,7 +87,7 @@ def small_motion(
     positions = split(parameters, effectors)
     velocity, rates, (phi, theta, psi) = state[:3], state[3:6], state[6:]
     mass = gyroscopic.spinning(parameters.airframe.effects["gyroscopic"], parameters.mass)
-    centre = multibody.centre_of_gravity(mass, positions.tilt)
+    centre = multibody.traced_centre_of_gravity(mass, positions.tilt)
     place = jnp.stack([jnp.zeros(()), jnp.zeros(()), -HEIGHT - around.ground])
     turned = attitude.from_euler(phi, theta, psi)
     body = BodyState(place, turned, velocity - cross(rates, centre), rates)
@@ -124,7 +124,7 @@ def derivatives(
         return found, (found, more)
 
     slopes, (found, (body, aero, commands)) = jax.jacfwd(of, argnums=(0, 1), has_aux=True)(state, effectors)
-    centre = multibody.centre_of_gravity(parameters.mass, split(parameters, effectors).tilt)
+    centre = multibody.traced_centre_of_gravity(parameters.mass, split(parameters, effectors).tilt)
     (wrench_x, wrench_d), (rate_x, rate_d) = slopes
     return Derivatives(
         found, SmallMotion(wrench_x, rate_x), SmallMotion(wrench_d, rate_d), centre, body, aero, commands

@@ -158,7 +158,7 @@ def momentum(
     return linear, angular
 
 
-def centre_of_gravity(model: MassModel, tilt: jax.Array) -> jax.Array:
+def traced_centre_of_gravity(model: MassModel, tilt: jax.Array) -> jax.Array:
     """Return the centre of gravity at given tilts, vehicle axes, m, shape (3,)."""
     return moments_of_mass(model, tilt)[0] / model.mass
 

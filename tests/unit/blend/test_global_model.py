@@ -9,7 +9,7 @@ import tilt_wing
 
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.line_up import line_up
-from freqid.blend.locate import Tolerance
+from freqid.blend.locate import CorridorTolerance
 from freqid.core.errors import DataError, UsageError
 
 SPEEDS = (0.0, 2.0, 5.0, 9.0, 13.0, 18.0, 25.0)
@@ -225,7 +225,7 @@ def test_off_the_corridor_is_refused_or_held_and_flagged(one):
     fast = tilt_wing.trim(25.0, SEA) | {"u": 30.0}
     with pytest.raises(DataError, match=r"u = 30 m/s, the corridor at its tilt 25 m/s"):
         one.gradient(fast)
-    assert GlobalModel(one.corridor, Tolerance(speed=6.0)).wrench(fast).outside.tolist() == [False]
+    assert GlobalModel(one.corridor, CorridorTolerance(speed=6.0)).wrench(fast).outside.tolist() == [False]
 
 
 def test_beyond_the_end_parameters_are_held(one):

@@ -2,7 +2,7 @@ import pytest
 
 from freqid.core.errors import DataError, UsageError
 from freqid.core.scenario import Scenario, read_scenario
-from freqid.core.vehicle import Group, proposed_groups
+from freqid.core.vehicle import Group
 
 GOOD = """
 [vehicle]
@@ -115,17 +115,10 @@ kind = "one servo bus"
 """
 
 
-def test_groups_are_stated_or_proposed(scenario):
-    stated = proposed_groups(scenario(GOOD + ROTORS + GROUP).aircraft())
+def test_groups_are_stated(scenario):
+    stated = scenario(GOOD + ROTORS + GROUP).aircraft().groups
     assert stated == (Group(name="pair", effectors=("elevon_left", "elevon_right"), kind="one servo bus"),)
-    proposed = {g.name: g.effectors for g in proposed_groups(scenario(GOOD + ROTORS).aircraft())}
-    assert proposed == {
-        "elevon": ("elevon_left", "elevon_right"),
-        "all surfaces": ("de", "elevon_left", "elevon_right"),
-        "x = 0.50 m rotors": ("n1", "n2"),
-        "n": ("n1", "n2", "n3"),
-    }
-    assert proposed_groups(scenario(GOOD).aircraft()) == ()
+    assert scenario(GOOD).aircraft().groups == ()
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,6 @@ def test_states_of_a_controller_are_not_of_the_vehicle():
     assert [m.name for m in named_modes(A, ("w", "p", "filter"))] == ["control", "roll", "heave"]
 
 
-def test_growth_is_told_by_the_time_to_double():
+def test_a_real_eigenvalue_that_grows_has_damping_minus_one():
     (mode,) = named_modes(np.array([[0.5]]), ("w",))
-    assert mode.time_to_double == pytest.approx(np.log(2) / 0.5)
     assert mode.damping == -1

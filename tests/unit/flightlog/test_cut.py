@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 
 from freqid.core.errors import DataError
 from freqid.core.record import Channel, FlightRecord
-from freqid.flightlog.cut import find_maneuvers, find_trim
+from freqid.flightlog.cut import find_maneuvers
 
 RATE = 50.0
 T = 10.0 + np.arange(0, 60, 1 / RATE)
@@ -51,10 +49,6 @@ def test_two_manoeuvres_are_found_with_their_trims():
         # half a window and one second of trim come before the first movement
         assert start == pytest.approx(put - 1.5, abs=0.1)
         assert put + 2.0 + 1.5 <= stop < put + 12.0
-    trims = find_trim(record)
-    assert len(trims) == 3
-    assert trims[0] == (pytest.approx(10.0), pytest.approx(19.5, abs=0.1))
-    assert all(a[1] < b[0] for a, b in pairwise(trims))
     assert find_maneuvers(record) == spans
 
 
@@ -76,7 +70,6 @@ def test_a_gust_is_neither_trim_nor_manoeuvre():
     record = record_of(effector__de=doublet(20), state__q=decay(20) + decay(45))
     (span,) = find_maneuvers(record)
     assert span[1] < 40
-    assert all(not (start < 45.5 < stop) for start, stop in find_trim(record))
 
 
 def test_turbulence_does_not_hide_the_trim():
@@ -99,7 +92,6 @@ def test_a_record_that_is_all_manoeuvre_is_kept_whole():
     record = record_of(
         effector__de=0.05 * np.sin(2 * np.pi * 0.7 * T), state__q=0.2 * np.cos(2 * np.pi * 0.7 * T)
     )
-    assert find_trim(record) == ()
     assert find_maneuvers(record) == ((T[0], T[-1]),)
 
 

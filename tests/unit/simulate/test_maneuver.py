@@ -11,7 +11,7 @@ from freqid.core.scenario import read_scenario
 from freqid.identify.sensors.flight_path import attitude_matrix
 from freqid.simulate.control.lq import close_loop
 from freqid.simulate.maneuver import Conditions, fly_maneuver, with_effects
-from freqid.simulate.sensors import scaled, suite
+from freqid.simulate.sensors import suite, with_scaled_noise
 
 SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]
 REFERENCE = SCENARIO.reference_of("u45")
@@ -97,14 +97,14 @@ def test_noise_scales_with_its_multiple(flown):
 
 
 def test_a_suite_scaled_to_nothing_has_no_error_and_keeps_its_places():
-    found = scaled(suite(SCENARIO, "owner"), 0.0)
+    found = with_scaled_noise(suite(SCENARIO, "owner"), 0.0)
     assert {
         s.noise + s.bias + s.scale + s.latency_s + s.quantum + s.blind_below + s.upwash
         for s in found.values()
     } == {0}
     assert found["accelerometer"].position_m == (0.05, 0.02, 0.03)
     assert found["velocity"].senses == "ground"
-    assert scaled(suite(SCENARIO, "owner"), 1.0) == suite(SCENARIO, "owner")
+    assert with_scaled_noise(suite(SCENARIO, "owner"), 1.0) == suite(SCENARIO, "owner")
 
 
 def test_the_same_seed_repeats_the_record_and_another_changes_it(flown, loop):

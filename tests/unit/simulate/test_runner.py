@@ -36,7 +36,7 @@ def units(numbers, log=None):
 
 
 def test_results_come_in_the_order_of_the_inputs_and_are_listed(tmp_path):
-    paths = runner.run(square, units([3, 1, 2, 1]), tmp_path)
+    paths = runner.run_units(square, units([3, 1, 2, 1]), tmp_path)
     assert results(paths) == [9, 1, 4, 1]
     listing = json.loads((tmp_path / "units.json").read_text())
     assert {name: inputs["number"] for name, inputs in listing.items()} == {
@@ -46,8 +46,8 @@ def test_results_come_in_the_order_of_the_inputs_and_are_listed(tmp_path):
 
 def test_nothing_is_done_twice_and_new_inputs_are_added(tmp_path):
     log = tmp_path / "log"
-    runner.run(square, units([1, 2], log), tmp_path / "r")
-    assert results(runner.run(square, units([1, 2, 3, 3], log), tmp_path / "r")) == [1, 4, 9, 9]
+    runner.run_units(square, units([1, 2], log), tmp_path / "r")
+    assert results(runner.run_units(square, units([1, 2, 3, 3], log), tmp_path / "r")) == [1, 4, 9, 9]
     assert log.read_text().split() == ["1", "2", "3"]
 
 
@@ -66,33 +66,33 @@ def test_failed_units_are_named_leave_nothing_and_are_tried_again(tmp_path):
     with pytest.raises(
         DataError, match=r'2 of 4 units failed, first \{"number": -1, .*number is -1'
     ) as caught:
-        runner.run(square, units([1, -1, -2, 2], log), tmp_path / "r")
+        runner.run_units(square, units([1, -1, -2, 2], log), tmp_path / "r")
     assert "finished units are kept" in str(caught.value)
     assert sorted(p.suffix for p in (tmp_path / "r").iterdir()) == [".json"] * 3  # two results and the list
     with pytest.raises(DataError):
-        runner.run(square, units([1, -1, 2], log), tmp_path / "r")
+        runner.run_units(square, units([1, -1, 2], log), tmp_path / "r")
     assert log.read_text().split() == ["1", "-1", "-2", "2", "-1"]
 
 
 def test_a_bug_in_a_unit_is_named_with_its_line(tmp_path):
     with pytest.raises(DataError, match=r"ZeroDivisionError: division by zero \(test_runner.py:\d+\)"):
-        runner.run(divide, units([0]), tmp_path)
+        runner.run_units(divide, units([0]), tmp_path)
 
 
 def test_several_processes_do_the_same_and_report_progress(tmp_path):
     seen = []
-    paths = runner.run(square, units(range(6)), tmp_path, jobs=2, progress=lambda *x: seen.append(x))
+    paths = runner.run_units(square, units(range(6)), tmp_path, jobs=2, progress=lambda *x: seen.append(x))
     assert results(paths) == [0, 1, 4, 9, 16, 25]
     assert seen == [(k, 6) for k in range(1, 7)]
 
 
 def test_work_without_a_lasting_name_or_with_inputs_that_are_no_json_is_refused(tmp_path):
     with pytest.raises(UsageError, match=r"<lambda>' has no lasting name"):
-        runner.run(lambda path: None, [{}], tmp_path)
+        runner.run_units(lambda path: None, [{}], tmp_path)
     with pytest.raises(UsageError, match=r"inputs of unit 1 are no JSON values"):
-        runner.run(square, [{"number": 1}, {"number": float("nan")}], tmp_path)
+        runner.run_units(square, [{"number": 1}, {"number": float("nan")}], tmp_path)
     with pytest.raises(UsageError, match=r"inputs of unit 0 are no JSON values"):
-        runner.run(square, [{"number": {1, 2}}], tmp_path)
+        runner.run_units(square, [{"number": {1, 2}}], tmp_path)
 
 
 def test_a_killed_run_resumes_with_what_is_missing(tmp_path):

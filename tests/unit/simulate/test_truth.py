@@ -10,7 +10,7 @@ from freqid.core.record import read_record, write_record
 from freqid.core.scenario import read_scenario
 from freqid.simulate.control.lq import close_loop
 from freqid.simulate.fly import fly, sortie
-from freqid.simulate.truth import beside, read_truth, truth_of, write_truth
+from freqid.simulate.truth import read_truth, truth_of, truth_path, write_truth
 
 SCENARIO = read_scenario(Path(__file__).parents[3] / "scenarios" / "la8.toml")[0]
 G = 9.80665
@@ -99,7 +99,7 @@ def test_effectors_keep_their_names(flown, loop):
 
 def test_a_truth_goes_to_a_file_of_its_own_and_back(flown, tmp_path):
     truth = flown[1]
-    path = beside(tmp_path / "flight.h5")
+    path = truth_path(tmp_path / "flight.h5")
     assert path.name == "flight.truth.h5"
     write_truth(path, truth, "abc")
     back = read_truth(path)

@@ -85,5 +85,5 @@ def test_what_is_damaged_is_refused(tmp_path):
     with h5py.File(path, "r+") as file:
         del file["map/energy"]
         file["map/energy"] = np.ones((1, 2))
-    with pytest.raises(DataError, match="the map has shape"):
+    with pytest.raises(DataError, match=r"'energy' has shape \(1, 2\), expected \(2, 3, 2, 2\)"):
         read_gap(path)

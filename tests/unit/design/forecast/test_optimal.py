@@ -9,7 +9,7 @@ from linear_design import AMPLITUDE, GAINS, NOISE, SCENARIO, VEHICLE, design
 from freqid.core.errors import UsageError
 from freqid.core.toml import overridden
 from freqid.design.forecast.excursions import excursions
-from freqid.design.forecast.limits import room
+from freqid.design.forecast.limits import effector_travel
 from freqid.design.forecast.modelled import perturbed_aircraft
 from freqid.design.forecast.optimal import optimal_amplitudes
 from freqid.design.forecast.standard_errors import forecast
@@ -27,7 +27,7 @@ def loop(linear_aircraft):
 
 
 def limits():
-    allowed, rates = room(VEHICLE, tuple(AMPLITUDE), TRIM)
+    allowed, rates = effector_travel(VEHICLE, tuple(AMPLITUDE), TRIM)
     return allowed | {"theta": 0.08, "phi": 0.12, "w": 1.5, "Z": 150.0}, rates | {"de": 0.6}
 
 
@@ -102,11 +102,11 @@ def test_wanted_errors_weigh_the_parameters(loop):
 
 
 def test_room_is_the_distance_to_the_nearer_limit():
-    allowed, rates = room(VEHICLE, tuple(AMPLITUDE), TRIM)
+    allowed, rates = effector_travel(VEHICLE, tuple(AMPLITUDE), TRIM)
     assert allowed == pytest.approx({"de": 0.48, "da": 0.5, "dr": 0.5, "n1": 420.0})
     assert rates == {}
     with pytest.raises(UsageError, match=r"trim of 'de' is 0\.7 rad, expected -0\.5 to 0\.5"):
-        room(VEHICLE, ("de",), {"de": 0.7})
+        effector_travel(VEHICLE, ("de",), {"de": 0.7})
 
 
 def test_what_cannot_be_optimised_is_named(loop):

@@ -14,11 +14,11 @@ from freqid.core.scenario import Reference
 from freqid.gap.diagnose import Question, diagnose
 from freqid.gap.infer.system import BlockMatrices, Form, System
 from freqid.gap.model.candidates import Candidate, Place
-from freqid.gap.next.excitations import STRONGEST, room, unflown
+from freqid.gap.next.excitations import STRONGEST, largest_scale, unflown
 from freqid.gap.next.ground_tests import TESTS, UNTESTABLE, distance
-from freqid.gap.next.next_test import ground_tables, next_test
-from freqid.gap.next.predicted_flight import Surroundings, fly, predict
-from freqid.gap.next.rivals import APART, Rivals, rivals_of
+from freqid.gap.next.next_test import ground_tables, propose_test
+from freqid.gap.next.predicted_flight import FlightContext, fly_alone, predict_columns
+from freqid.gap.next.rivals import APART, RivalExplanations, rivals_of
 from freqid.simulate.effects import library
 
 
@@ -38,7 +38,7 @@ def rivals(columns, estimates, tolerances=()):
     system = System(found, np.arange(len(x) + 1), tuple(f"t{i}" for i in range(len(t))), [block])
     sizes = {n: np.array([s]) for n, s in zip(names, estimates, strict=True)}
     places = {n: (i,) for i, n in enumerate(names)}
-    return Rivals((names,), (names,), system, places, sizes, Form(0.0, 0.0))
+    return RivalExplanations((names,), (names,), system, places, sizes, Form(0.0, 0.0))
 
 
 def test_separation_is_what_the_other_effect_leaves_in_the_full_covariance():
@@ -89,7 +89,7 @@ def leave(found, names):
 def around(found, question, simulation):
     both = rivals_of(found)
     assert both is not None
-    return Surroundings(
+    return FlightContext(
         simulation, both, question.candidates, question.tolerances, (0.1, 2.0), found.blocks, found.columns
     )
 
@@ -102,7 +102,7 @@ def test_a_flight_flown_again_is_predicted_as_it_was(unsure):
     again = Pitching().fly(record)
     assert again is not None
     channels = [replace(record.channel(n), values=x) for n, x in again.items()]
-    predicted = predict(here, record.with_channels(*channels), like, 1)
+    predicted = predict_columns(here, record.with_channels(*channels), like, 1)
     assert predicted is not None
     matrices = predicted.matrices()
     old = here.rivals.system.blocks[0].at_loads(here.rivals.form_error.loads)[0]
@@ -116,7 +116,7 @@ def test_a_flight_flown_again_is_predicted_as_it_was(unsure):
 def test_the_proposed_flight_adds_separation_within_limits_and_can_be_flown(unsure, tmp_path):
     found, question = unsure
     path = tmp_path / "next.h5"
-    table = next_test(found, Pitching(), question, None, path)
+    table = propose_test(found, Pitching(), question, None, path)
     (test,) = (t for t in table["tests"] if t["kind"] == "flight")
     (pair,) = test["pairs"]
     assert pair["after"] > 1.5 * pair["now"]
@@ -128,15 +128,15 @@ def test_the_proposed_flight_adds_separation_within_limits_and_can_be_flown(unsu
     for name, values in zip(signals.names, signals.values, strict=True):
         assert np.std(values) == pytest.approx(test["rms"][name], rel=0.02)
         assert np.std(values) <= 1.01 * STRONGEST * np.std(flown[f"excitation/{name}"])
-    record = fly(Pitching(), design, "c1", found.blocks[0])
+    record = fly_alone(Pitching(), design, "c1", found.blocks[0])
     assert record is not None
-    assert room(record, VEHICLE, {}) >= 0.99
+    assert largest_scale(record, VEHICLE, {}) >= 0.99
 
 
 def test_a_limit_lowers_all_signals(unsure):
     record = unsure[0].blocks[0].motion.maneuver.record
     peak = float(np.abs(record["state/q"] - record["state/q"][0]).max())
-    assert room(record, VEHICLE, {"q": 0.5 * peak}) == pytest.approx(0.4)
+    assert largest_scale(record, VEHICLE, {"q": 0.5 * peak}) == pytest.approx(0.4)
 
 
 def test_a_simulation_that_cannot_fly_gets_ground_tests_alone(unsure):
@@ -144,7 +144,7 @@ def test_a_simulation_that_cannot_fly_gets_ground_tests_alone(unsure):
     question = replace(unsure[1], candidates=two)
     still = Pitching(can_fly=False)
     found = leave(diagnose(still, [flight(1, 0.05)], question), ("mass", "inertia"))
-    table = next_test(found, still, question, None, None)
+    table = propose_test(found, still, question, None, None)
     assert {t["kind"] for t in table["tests"]} == {"ground"}
     assert table["no_flight"] == "pitching cannot fly, so no flight was predicted"
     assert table["no_flight"] in table["groups"][0]["sentence"]
@@ -155,7 +155,7 @@ def test_what_makes_the_same_change_is_split_on_the_ground_or_not_at_all(unsure)
     for names, splits in ((("mass", "downwash_lag"), ["weighing"]), (("unsteady_lift", "downwash_lag"), [])):
         question = replace(unsure[1], candidates={n: effect(n) for n in names})
         found = leave(diagnose(Pitching(), [flight(1, 0.05)], question), names)
-        table = next_test(found, Pitching(), question, None, None)
+        table = propose_test(found, Pitching(), question, None, None)
         (group,) = table["groups"]
         assert "they make the same change" in group["sentence"]
         assert group["split_by"] == splits
@@ -165,10 +165,10 @@ def test_what_makes_the_same_change_is_split_on_the_ground_or_not_at_all(unsure)
 
 def test_nothing_is_proposed_where_nothing_remains(unsure):
     found, question = unsure
-    assert next_test(leave(found, ("wide",)), Pitching(), question, None, None) == {}
+    assert propose_test(leave(found, ("wide",)), Pitching(), question, None, None) == {}
     sound = diagnose(Pitching(), [flight(1)], question)
     assert not sound.diagnosis.gap.exists
-    assert next_test(sound, Pitching(), question, None, None) == {}
+    assert propose_test(sound, Pitching(), question, None, None) == {}
 
 
 def test_a_ground_test_counts_its_instrument_and_what_may_be_off_anyway():

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from freqid.gap.infer.evidence import NONE, estimate, weigh
-from freqid.gap.self_test.answers import Draws, Weighed, answers
+from freqid.gap.self_test.answers import DrawnData, Weighed, answers
 
 
 @pytest.fixture(scope="module")
 def pool(findings):
-    return Draws.of(findings.evidence, findings.evidence.system, 400, 3)
+    return DrawnData.of(findings.evidence, findings.evidence.system, 400, 3)
 
 
 def weights_of(findings, name, size):

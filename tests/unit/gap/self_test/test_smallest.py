@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 
 from freqid.gap.infer.which import detectable_sizes
-from freqid.gap.self_test.answers import Draws, Weighed
+from freqid.gap.self_test.answers import DrawnData, Weighed
 from freqid.gap.self_test.smallest import smallest_sizes
 
 
 @pytest.fixture(scope="module")
 def smallest(findings):
     evidence = findings.evidence
-    draws = Draws.of(evidence, evidence.system, 200, 4)
+    draws = DrawnData.of(evidence, evidence.system, 200, 4)
     return smallest_sizes(evidence, draws, findings.threshold)
 
 
 def test_the_smallest_size_is_called_a_gap_and_much_smaller_ones_are_not(findings, smallest):
     evidence = findings.evidence
     system = evidence.system
-    draws = Draws.of(evidence, system, 400, 5)
+    draws = DrawnData.of(evidence, system, 400, 5)
     for one in smallest:
         if not np.isfinite(one.size):
             continue
@@ -41,7 +41,7 @@ def test_the_smallest_size_is_called_a_gap_and_much_smaller_ones_are_not(finding
 
 
 def test_the_closed_form_is_on_the_safe_side_of_the_draws(findings):
-    draws = Draws.of(findings.evidence, findings.evidence.system, 200, 4)
+    draws = DrawnData.of(findings.evidence, findings.evidence.system, 200, 4)
     every = smallest_sizes(findings.evidence, draws, findings.threshold, every=True)
     closed = detectable_sizes(findings.evidence, findings.threshold)
     for effect, (size, unit) in closed.items():

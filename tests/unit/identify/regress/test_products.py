@@ -14,7 +14,7 @@ from freqid.core.toml import convert
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
 from freqid.identify.loads.explanatory import explanatory_variables
 from freqid.identify.model.selection import candidate_products
-from freqid.identify.point import identify_point, predict
+from freqid.identify.point import identify_point, predict_responses
 
 UNITS = {"w": "m/s", "p": "rad/s", "de1": "rad", "de2": "rad", "n1": "rad/s", "n2": "rad/s"}
 
@@ -72,7 +72,7 @@ def test_named_products_are_identified_and_predict_a_flight_about_another_trim(m
     assert found["w*de"] == pytest.approx(4.0, rel=1e-4)
     assert found["n1*n1"] == pytest.approx(0.02, rel=1e-4)
     assert model["Z"].regressor_units[3:] == ("m/s rad", "rad/s rad/s")
-    fit = predict(model, bent_flight(1, about=0.9), settings)["Z"]
+    fit = predict_responses(model, bent_flight(1, about=0.9), settings)["Z"]
     assert fit.r2 > 0.9999
 
 
@@ -90,7 +90,7 @@ def test_a_model_with_products_survives_its_file(tmp_path):
     read = read_point(tmp_path / "point.h5")
     assert read["Z"].regressors == SETTINGS.regressors
     assert read["Z"]["w*de"] == model["Z"]["w*de"]
-    assert predict(read, bent_flight(1), SETTINGS)["Z"].r2 > 0.9999
+    assert predict_responses(read, bent_flight(1), SETTINGS)["Z"].r2 > 0.9999
 
 
 @pytest.mark.parametrize(

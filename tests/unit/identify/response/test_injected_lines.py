@@ -8,7 +8,7 @@ import pytest
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
-from freqid.identify.response.frequency_response import frequency_response
+from freqid.identify.response.frequency_response import estimate_frequency_response
 from freqid.identify.response.injected_lines import injected_lines, repeated_period
 
 VEHICLE = Vehicle(name="one", mass_properties=MassProperties(mass_kg=1.0, inertia=Inertia(xx=1, yy=1, zz=1)))
@@ -61,7 +61,7 @@ def test_a_lead_in_and_a_tail_at_rest_are_left_out():
 
 
 def test_a_gain_of_two_is_a_gain_of_two():
-    found = frequency_response([record(multisine(20.0))], ["de1"], ["q"], order=0, lines=1)
+    found = estimate_frequency_response([record(multisine(20.0))], ["de1"], ["q"], order=0, lines=1)
     assert found.value[0, 0] == pytest.approx(np.full(LINES.size, 2.0), rel=1e-6)
 
 
@@ -71,9 +71,9 @@ def test_records_without_injected_signals_are_refused():
         m.record.time, {n: c for n, c in m.record.channels.items() if "exc" not in n}, VEHICLE
     )
     with pytest.raises(UsageError, match="injected signals"):
-        frequency_response([Maneuver(bare, VEHICLE)], None, ["q"])
+        estimate_frequency_response([Maneuver(bare, VEHICLE)], None, ["q"])
 
 
 def test_a_single_period_without_its_length_is_refused():
     with pytest.raises(DataError, match="do not repeat"):
-        frequency_response([record(multisine(40.0))], None, ["q"])
+        estimate_frequency_response([record(multisine(40.0))], None, ["q"])

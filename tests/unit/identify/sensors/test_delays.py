@@ -14,7 +14,7 @@ from freqid.core.scenario import read_scenario
 from freqid.flightlog.read import read_log
 from freqid.identify.point import identify_point, lines_of
 from freqid.identify.sensors.alignment import AlignmentSettings, align, identify_aligned
-from freqid.identify.sensors.misaligned import Misaligned
+from freqid.identify.sensors.alignment_motion import Misaligned
 
 SCENARIOS = Path(__file__).resolve().parents[4] / "scenarios"
 SEEDS = range(8)
@@ -177,6 +177,6 @@ def test_alignment_says_what_it_cannot_do(clean, settings, scenario):
         identify_aligned([clean], in_time, excitation=scenario.excitation)
     tight = AlignmentSettings(plausible={"wind north": 1e-3, "wind east": 1e-3})
     _, found = align(late(clean, 0), settings, lines, tight)
-    assert "wind north" in found.untold
-    with pytest.raises(UsageError, match="has no 'wind up'"):
+    assert "wind north" in found.unobservable
+    with pytest.raises(UsageError, match="did not estimate 'wind up'"):
         found["wind up"]

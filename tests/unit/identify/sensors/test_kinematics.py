@@ -170,7 +170,7 @@ def test_with_noise_errors_of_the_estimates_are_what_they_say(bench, case, seed)
 
 
 def test_accelerometers_off_the_centre_of_gravity_need_no_derivative_of_rates(bench):
-    errors = {"az bias": 0.2, "alpha skew": 0.08, "q bias": 0.004}
+    errors = {"az bias": 0.2, "alpha delay": 0.08, "q bias": 0.004}
     flown = Maneuver(bench.fly(5, bench.AIR_DATA, errors, arm=ARM), centred(RIGID))
     wanted = KinematicSettings(parameters=(*errors, "beta scale"))
     right = check_kinematics(flown, wanted)
@@ -202,7 +202,7 @@ def test_what_a_quiet_flight_does_not_tell_is_named_with_what_would_take_it_up(b
     check = check_kinematics(record)
     assert "theta bias" in check.undetermined
     assert "ax bias" in check.undetermined["theta bias"]
-    assert {"alpha scale", "alpha skew", "beta scale", "V scale"} <= set(check.undetermined)
+    assert {"alpha scale", "alpha delay", "beta scale", "V scale"} <= set(check.undetermined)
     assert abs(check["ax bias"][0] - 0.1) < 3 * check["ax bias"][1] < 0.03
     assert not set(check.undetermined) & set(check.names)
     with pytest.raises(UsageError, match="did not estimate 'theta bias'"):
@@ -254,7 +254,7 @@ def test_a_corrected_record_is_the_flight_and_checks_clean(bench):
     np.testing.assert_allclose(record["air/V"], speed)
     assert np.median(record["air/qbar"] / (0.6 * speed**2)) == pytest.approx(1.0, abs=0.01)
     again = check_kinematics(mended, KinematicSettings(parameters=bench.ERRORS[bench.WITH_GROUND]))
-    for name in ("w scale", "ground skew", "az bias", "u skew", "p bias"):
+    for name in ("w scale", "ground delay", "az bias", "u delay", "p bias"):
         assert abs(again[name][0]) < 1.0 * again[name][1]
     assert isinstance(corrected(made, check), bench.FlightRecord)
 
@@ -279,7 +279,7 @@ def test_a_wind_that_wanders_costs_parameters_until_it_may(bench):
     )
     assert "v scale" in constant.undetermined
     assert not walking.undetermined
-    for name in ("u skew", "v scale", "w scale", "w bias", "phi bias", "ay bias"):
+    for name in ("u delay", "v scale", "w scale", "w bias", "phi bias", "ay bias"):
         assert abs(walking[name][0]) < 4 * walking[name][1]
     assert walking["w bias"][1] < 0.5 * constant["w bias"][1]
 
@@ -295,19 +295,19 @@ def test_check_says_what_it_cannot_use(bench):
         )
     with pytest.raises(DataError, match="expected at least 256"):
         check_kinematics(record.cut(0.0, 8.0))
-    with pytest.raises(UsageError, match=r"'alfa skew' is none of.*alpha skew"):
-        check_kinematics(record, KinematicSettings(parameters=("alfa skew",)))
+    with pytest.raises(UsageError, match=r"'alfa delay' is none of.*alpha delay"):
+        check_kinematics(record, KinematicSettings(parameters=("alfa delay",)))
     with pytest.raises(UsageError, match="expected a positive time"):
-        check_kinematics(record, KinematicSettings(longest_skew_s=0.0))
+        check_kinematics(record, KinematicSettings(longest_delay_s=0.0))
     steep = replace(record.channel("state/theta"), values=record["state/theta"] + 1.4)
     with pytest.raises(DataError, match="80 deg"):
         check_kinematics(record.with_channels(steep))
     placed = replace(record.channel("air/alpha"), position_m=(1.0, 0.0, 0.0))
     with pytest.raises(DataError, match="does not describe its vehicle"):
         check_kinematics(record.with_channels(placed))
-    late = bench.fly(1, bench.AIR_DATA, {"alpha skew": 0.2})
-    with pytest.raises(DataError, match=r"'alpha skew' runs to 0\.1 s, the limit.*raise longest_skew_s"):
-        check_kinematics(late, KinematicSettings(parameters=("alpha skew",), longest_skew_s=0.1))
+    late = bench.fly(1, bench.AIR_DATA, {"alpha delay": 0.2})
+    with pytest.raises(DataError, match=r"'alpha delay' runs to 0\.1 s, the limit.*raise longest_delay_s"):
+        check_kinematics(late, KinematicSettings(parameters=("alpha delay",), longest_delay_s=0.1))
 
 
 def test_covariance_of_a_coloured_residual_is_that_of_repeated_noise():

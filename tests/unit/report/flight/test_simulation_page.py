@@ -13,7 +13,13 @@ from simulated_flights import film_record, scenario_of
 from test_page import HOSTILE, Page
 
 from freqid.report.flight.page import build_simulation_page
-from freqid.report.flight.tables import SimulatedFlight, effector_rows, excursion_rows, facts, findings
+from freqid.report.flight.tables import (
+    SimulatedFlight,
+    effector_rows,
+    excursion_rows,
+    flight_facts,
+    flight_findings,
+)
 from freqid.report.flight.trims import TrimCurve
 from freqid.report.kit.rendering import write_text
 
@@ -87,11 +93,11 @@ def test_excursions_in_engineering_units_beside_their_limits(flight):
 
 def test_an_excursion_beyond_its_limit_and_a_divergence_are_problems(flight):
     far = {**EXCURSIONS, "q": {"largest": 0.9, "unit": "rad/s", "limit": 0.7, "inside": False}}
-    said = findings(replace(flight, excursions=far))
+    said = flight_findings(replace(flight, excursions=far))
     assert [f.kind for f in said] == ["bad", "good", "note"]
     assert "<code>q</code>" in said[0].text
     assert "theta" not in said[0].text
-    lost = findings(replace(flight, diverged="phi left its limits at 3.2 s"))
+    lost = flight_findings(replace(flight, diverged="phi left its limits at 3.2 s"))
     assert lost[0].kind == "bad"
     assert "3.2 s" in lost[0].text
 
@@ -110,14 +116,14 @@ def test_time_at_limits_is_counted(flight):
     assert rows["de2"]["at_rate"] == "0.95 %"  # 19 of 2001 samples: at its ends the slope is half
     assert (rows["de2"]["at_limit"], rows["de3"]["at_limit"], rows["de3"]["at_rate"]) == ("0", "0", "0")
     assert [row["name"] for row in rows.values() if row["saturated"]] == ["de1", "de2"]
-    (stuck,) = [f for f in findings(at_limit) if "some of the time" in f.text]
+    (stuck,) = [f for f in flight_findings(at_limit) if "some of the time" in f.text]
     assert "de1" in stuck.text
     assert "de2" in stuck.text
     assert "de3" not in stuck.text
 
 
 def test_facts_say_how_it_was_flown(flight):
-    told = dict(facts(flight))
+    told = dict(flight_facts(flight))
     assert told["Mean wind"] == "5 m/s"
     assert told["Turbulence"] == "3 m/s of wind at 20 ft"
     assert told["From"].startswith("u00: u 0 m/s, ρ 1.225 kg/m³, dw1 85.9°")

@@ -22,12 +22,12 @@ from freqid.report.flight.aircraft import (
     SIDE,
     TOP,
     outline,
-    shaft,
     silhouette,
     three_view,
+    tilted_shaft,
 )
 from freqid.report.flight.page import FRAMES, filmstrip, largest_thrust
-from freqid.report.flight.trims import TrimCurve, moving_alike, trim_curves
+from freqid.report.flight.trims import TrimCurve, effectors_with_equal_trims, trim_curves
 
 LEVEL, UPRIGHT = {"dw1": 0.0, "dw2": 0.0}, {"dw1": pi / 2, "dw2": pi / 2}
 
@@ -89,7 +89,7 @@ def test_hubs_turn_about_the_tilt_axis(scenario):
     vehicle = scenario.aircraft()
     for rotor, (x, z) in (("n1", (0.62, -0.20)), ("n8", (-0.62, -0.35))):
         described = next(r for r in vehicle.rotors if r.name == rotor)
-        hub, ahead = shaft(vehicle, described, UPRIGHT)
+        hub, ahead = tilted_shaft(vehicle, described, UPRIGHT)
         np.testing.assert_allclose(hub, [x, described.position_m[1], z], atol=1e-12)
         np.testing.assert_allclose(ahead, [0, 0, -1], atol=1e-12)
 
@@ -129,7 +129,7 @@ def test_arrows_turn_with_the_rotors(scenario, tilt, panel, axes, sense):
     drawn = arrows(figure.axes[panel])
     assert len(drawn) == 8
     for rotor in vehicle.rotors:
-        hub = axes @ shaft(vehicle, rotor, tilt)[0]
+        hub = axes @ tilted_shaft(vehicle, rotor, tilt)[0]
         start, end = min(drawn, key=lambda ends: float(np.linalg.norm(ends[1] - hub)))
         (x, y), (dx, dy) = start - hub, end - start
         assert np.sign(x * dy - y * dx) == sense * rotor.spin
@@ -151,10 +151,13 @@ def curves(scenario: Scenario) -> list[TrimCurve]:
 
 def test_effectors_that_move_alike_share_a_line(scenario):
     vehicle, made = scenario.aircraft(), curves(scenario)
-    groups = moving_alike(vehicle, "surface", made)
+    groups = effectors_with_equal_trims(vehicle, "surface", made)
     assert groups == [["de1", "de2"], ["de3", "de4"], ["df1", "df2"], ["df3", "df4"], ["dr1", "dr2"]]
     made[1].positions["n3"][1] += 20.0  # at one density only
-    assert moving_alike(vehicle, "rotor", made) == [["n1", "n2", "n4", "n5", "n6", "n7", "n8"], ["n3"]]
+    assert effectors_with_equal_trims(vehicle, "rotor", made) == [
+        ["n1", "n2", "n4", "n5", "n6", "n7", "n8"],
+        ["n3"],
+    ]
 
 
 def test_trim_curves_show_values_and_margins(scenario):

@@ -19,7 +19,7 @@ from freqid.core.results.gap_self_test import (
     SmallestSize,
     Stratum,
 )
-from freqid.report.gap.page import build_gap_page, confusions, summary
+from freqid.report.gap.page import build_gap_page, confusions, gap_summary
 
 
 def rate(count, of):
@@ -86,7 +86,7 @@ def with_test(test):
 
 
 def test_without_a_self_test_the_page_says_nothing_of_one():
-    assert summary(None) is None
+    assert gap_summary(None) is None
     assert confusions(None) == []
     assert "Self-test" not in build_gap_page(made_up())
 

@@ -13,7 +13,7 @@ from freqid.core.results.point import ErrorsInVariables, PointModel
 from freqid.report.kit import figures
 from freqid.report.point.page import build_page, difference_table
 from freqid.report.point.sensor_tables import longest_cut, sensor_accounts, sensor_findings
-from freqid.report.point.tables import summary
+from freqid.report.point.tables import fit_summary
 from freqid.report.point.verdict import noise_findings, reaches_ceiling
 
 
@@ -127,8 +127,8 @@ def test_r2_is_held_against_what_noise_allows(model):
 
 
 def test_the_summary_has_the_columns_that_the_model_can_fill(model):
-    assert (summary(model, None)["with_noise"], summary(model, None)["both"]) == (False, False)
-    full = summary(with_noise(by_instruments(model, {"N": 3.0}), "N", 0.96, 0.97, 1.2), None)
+    assert (fit_summary(model, None)["with_noise"], fit_summary(model, None)["both"]) == (False, False)
+    full = fit_summary(with_noise(by_instruments(model, {"N": 3.0}), "N", 0.96, 0.97, 1.2), None)
     assert (full["with_noise"], full["both"]) == (True, True)
     assert [row["differing"] for row in full["rows"]] == ["0 of 4", "0 of 4", "1 of 4"]
     assert [row["ceiling"] for row in full["rows"]][:2] == ["–", "–"]
@@ -148,8 +148,8 @@ KINEMATICS = {
         "corrected": True,
         "errors": {
             "ax bias": {"estimate": 0.31, "std_error": 0.02, "units": "m/s2"},
-            "alpha skew": {"estimate": 0.05, "std_error": 0.03, "units": "s"},
-            "u skew": {"estimate": -0.07, "std_error": 0.03, "units": "s"},
+            "alpha delay": {"estimate": 0.05, "std_error": 0.03, "units": "s"},
+            "u delay": {"estimate": -0.07, "std_error": 0.03, "units": "s"},
             "wind east": {"estimate": 3.0, "std_error": 0.1, "units": "m/s"},
         },
         "undetermined": {"V scale": ["wind east", "V bias"]},
@@ -168,7 +168,7 @@ def test_the_sensors_account_is_told(model):
     ]
     page = Page(build_page(replace(checked, prediction={})))
     (table,) = [t for t in page.cells if t[0][0][0] == "Sensor error" and len(t[0]) == 5]
-    assert [row[0][0] for row in table[1:]] == ["ax bias", "alpha skew", "u skew", "wind east"]
+    assert [row[0][0] for row in table[1:]] == ["ax bias", "alpha delay", "u delay", "wind east"]
     assert table[1][1][1] == 0.31
     (untold,) = [t for t in page.cells if t[0][0][0] == "Sensor error" and len(t[0]) == 2]
     assert [text for text, _ in untold[1]] == ["V scale", "wind east, V bias"]

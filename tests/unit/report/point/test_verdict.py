@@ -6,11 +6,11 @@ import numpy as np
 
 from freqid.core.results.point import Fit
 from freqid.core.scenario import Gates
-from freqid.report.point.verdict import crosses_zero, missed_by_response, verdict
+from freqid.report.point.verdict import crosses_zero, missed_by_response, point_verdict
 
 
 def said(model, gates=None) -> list[tuple[str, str]]:
-    return [(finding.kind, finding.text.striptags()) for finding in verdict(model, gates)]
+    return [(finding.kind, finding.text.striptags()) for finding in point_verdict(model, gates)]
 
 
 def changed(model, name, **fields):

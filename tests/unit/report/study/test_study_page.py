@@ -22,7 +22,7 @@ from freqid.core.scenario import Reference
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 from freqid.design.multisine.signals import sample
 from freqid.identify.in_flight.parameter_history import parameter_history
-from freqid.identify.point import identify_point, predict
+from freqid.identify.point import identify_point, predict_responses
 from freqid.report.kit.rendering import write_text
 from freqid.report.study.page import (
     HeldOut,
@@ -134,7 +134,7 @@ def results() -> StudyResults:
             used, other = flown(at, k), flown(at, 50 + k)
             model = identify_point(used, settings, reference=at)
             responses = {n: both_ways(r, 5.0 if n == "Z" else 1.0) for n, r in model.responses.items()}
-            model = replace(model, responses=responses, prediction=predict(model, other, settings))
+            model = replace(model, responses=responses, prediction=predict_responses(model, other, settings))
             history, time, errors = {}, np.zeros(0), {}
             if rho == DENSITIES[0]:
                 history = parameter_history(used, settings, every_s=5.0)

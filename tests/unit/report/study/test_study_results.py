@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_study_page import DENSITIES, results
 
-from freqid.blend.campaign import HeldOut, rmse_inside, same_density, spread
+from freqid.blend.campaign import HeldOut, rmse_inside, same_density, spanning_conditions
 from freqid.core.results.point import Fit
 from freqid.core.scenario import Reference
 from freqid.identify.in_flight.parameter_history import ParameterHistory
@@ -111,7 +111,7 @@ def test_conditions_in_detail_differ_in_speed_and_not_in_density():
     high = [Reference(id=f"h{u:g}", u=u, rho=1.058) for u in speeds]
 
     def chosen(references):
-        return [references[i].id for i in spread(references)]
+        return [references[i].id for i in spanning_conditions(references)]
 
     assert chosen([*high, *sea]) == ["s0", "s10", "s20"]
     assert chosen([*sea[:2], *high]) == ["s0", "h10", "h20"]  # two at the densest air are too few

@@ -7,24 +7,21 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.optimize import nnls
 
 from freqid.core.arrays import Array
+from freqid.core.channels import ATTITUDE, FORCES, GROUND, RATES, VELOCITY
 from freqid.core.frames import cross, level_from_body
 from freqid.core.record import Channel, Maneuver
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.identify.loads.wrench import AppliedWrench
 from freqid.identify.model.line_equations import on_lines
 from freqid.identify.regress.equations import real_equations
+from freqid.identify.sensors.errors import Reading, error_name, spline_of
 
-VELOCITY = ("state/u", "state/v", "state/w")
-GROUND = ("state/vn", "state/ve", "state/vd")
-ATTITUDE = ("state/phi", "state/theta", "state/psi")
-WINDS = ("wind north", "wind east")
-BIASES = ("phi bias", "theta bias", "psi bias")
-RATES = ("state/p", "state/q", "state/r")
-SCALES = ("p scale", "q scale", "r scale")
+HORIZONTAL_WINDS = ("wind north", "wind east")
+BIASES = tuple(error_name(n, "bias") for n in ATTITUDE)
+SCALES = tuple(error_name(n, "scale") for n in RATES)
 _SOURCE = "velocity over the ground less the fitted wind"
 
 
@@ -73,19 +70,18 @@ class Misaligned:
         """
         record = self.maneuver.record
         changed = {}
-        for delay, group in self.clocks().items():
-            values = self._late(delay, errors.get(delay, 0.0))
-            changed |= {n: replace(record.channel(n), values=v) for n, v in zip(group, values, strict=True)}
-        for name, bias in zip(ATTITUDE, BIASES, strict=True):
-            if name in changed:
-                changed[name] = replace(changed[name], values=changed[name].values - errors.get(bias, 0.0))
-        for name, scale in zip(RATES, SCALES, strict=True):
-            if errors.get(scale):
+        for clock, group in self.clocks().items():
+            later = self._late(clock, errors.get(clock, 0.0))
+            for name, values in zip(group, later, strict=True):
+                true = Reading.of(name, errors, clock).undone(values)
+                changed[name] = replace(record.channel(name), values=true)
+        for name in RATES:
+            if reading := Reading.of(name, errors):
                 channel = record.channel(name)
-                changed[name] = replace(channel, values=channel.values / (1 + errors[scale]))
+                changed[name] = replace(channel, values=reading.undone(channel.values))
         if self.over_ground:
             turn = level_from_body(np.array([changed[n].values for n in ATTITUDE]))
-            wind = [errors.get(n, 0.0) for n in WINDS]
+            wind = [errors.get(n, 0.0) for n in HORIZONTAL_WINDS]
             through = np.array([changed[n].values for n in GROUND]) - np.array([*wind, 0.0])[:, None]
             for name, values in zip(VELOCITY, np.einsum("jin,jn->in", turn, through), strict=True):
                 seen = record.channel(GROUND[0])
@@ -97,8 +93,7 @@ class Misaligned:
         """Return the channels of a clock, brought forward; the last few are kept."""
         record, clocks = self.maneuver.record, self.clocks()
         splines = {
-            name: [_spline(record.time, record.channel(n), n in ATTITUDE) for n in group]
-            for name, group in clocks.items()
+            name: [spline_of(record.time, record.channel(n)) for n in group] for name, group in clocks.items()
         }
 
         def late(delay: str, by: float) -> tuple[Array, ...]:
@@ -108,43 +103,15 @@ class Misaligned:
         return lru_cache(maxsize=2 * len(clocks))(late)
 
 
-def sensor_kind(unknown: str) -> str:
-    """Return ``"delay"``, ``"bias"``, ``"scale"`` or ``"wind"``."""
-    first, _, last = unknown.partition(" ")
-    return first if first == "wind" else last
-
-
-def _spline(time: Array, channel: Channel, turns: bool) -> CubicSpline:
-    """Return a channel as a cubic spline through its own samples.
-
-    Where a log is faster than a sensor and draws straight lines between its samples, these take
-    ``(pi f / rate)^2 / 3`` off a wave's amplitude, 1 % at 1.2 Hz of 20 Hz; a spline through the corners
-    does not.
-    """
-    values = np.unwrap(channel.values) if turns else channel.values
-    rate = (time.size - 1) / (time[-1] - time[0])
-    every = round(rate / channel.native_rate_hz)
-    if every > 1 and abs(rate / channel.native_rate_hz - every) < 1e-6:
-        for first in range(every):
-            own = slice(first, None, every)
-            drawn = np.interp(time, time[own], values[own])
-            inside = slice(first, time.size - (time.size - 1 - first) % every)
-            if np.allclose(drawn[inside], values[inside], rtol=0, atol=1e-9 * np.ptp(values) + 1e-15):
-                at = np.unique(np.concatenate(([0], np.arange(time.size)[own], [time.size - 1])))
-                return CubicSpline(time[at], values[at])
-    return CubicSpline(time, values)
-
-
-_INERTIAL = tuple(f"state/{n}" for n in ("p", "q", "r", "ax", "ay", "az"))
 STEP = 1e-4  # s, rad or 1, for derivatives
 # Rounds of Gauss-Newton, each with weights by what the last one leaves: the first holds the delays.
-ROUNDS = 4
+MOTION_ROUNDS = 4
 
 
 def motion_unknowns(flown: Misaligned) -> tuple[str, ...]:
     """Return what kinematics can tell of a record's clocks: nothing without rates, forces and attitude."""
     record = flown.maneuver.record
-    if not all(n in record for n in (*_INERTIAL, *ATTITUDE)):
+    if not all(n in record for n in (*RATES, *FORCES, *ATTITUDE)):
         return ()
     moving = ("velocity delay",) if "velocity delay" in flown.clocks() else ()
     # Through the air attitude only turns gravity; over the ground it turns u v w into each other.
@@ -193,7 +160,7 @@ def fit_motion(flown: Misaligned, lines_hz: Array, plausible: Mapping[str, float
 
     found: Array = np.zeros(len(names))
     covariance: Array = np.diag(sizes**2)
-    for _ in range(ROUNDS):
+    for _ in range(MOTION_ROUNDS):
         now = left(found)
         slope = np.array([(left(found + s) - now) / STEP for s in STEP * np.eye(len(names))])
         scale = np.tile(np.sqrt(_noise(now, lines_hz)), (1, 2))
@@ -221,7 +188,7 @@ def _noise(left: Array, lines_hz: Array) -> Array:
 def _kinematics(maneuver: Maneuver, *, ground: bool, moving: bool) -> AppliedWrench:
     """Return the equations of motion as ``direct + d(momentum)/dt = 0``."""
     record = maneuver.record
-    rates, felt = record.matrix(_INERTIAL[:3]), record.matrix(_INERTIAL[3:])
+    rates, felt = record.matrix(RATES), record.matrix(FORCES)
     attitude = record.matrix(ATTITUDE)
     (p, q, r), (phi, theta) = rates, attitude[:2]
     across = q * np.sin(phi) + r * np.cos(phi)

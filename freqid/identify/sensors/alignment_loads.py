@@ -16,7 +16,8 @@ from freqid.identify.loads.explanatory import explanatory_variables
 from freqid.identify.model.line_equations import LineEquations, on_lines
 from freqid.identify.model.problem import Problem
 from freqid.identify.regress.equations import real_equations
-from freqid.identify.sensors.misaligned import WINDS, Misaligned, sensor_kind
+from freqid.identify.sensors.alignment_motion import HORIZONTAL_WINDS, Misaligned
+from freqid.identify.sensors.errors import error_kind
 
 STEPS = {"delay": 1e-4, "bias": 1e-4, "scale": 1e-3, "wind": 1.0}  # s, rad, 1, m/s; for derivatives
 ROUNDS = 8
@@ -74,7 +75,7 @@ class Changes:
             driven = on_lines([x], problem.wrench, problem.dt, lines_hz, trend=settings.trend or "line").x
         dx, dz = [], []
         for unknown in unknowns:
-            step = STEPS[sensor_kind(unknown)]
+            step = STEPS[error_kind(unknown)]
             there = equations(flown.at({**errors, unknown: errors.get(unknown, 0.0) + step}))[1]
             dx.append((there.x - now.x) / step)
             dz.append((there.z - now.z) / step)
@@ -142,7 +143,7 @@ class LoadsFit:
 def loads_unknowns(flown: Misaligned) -> tuple[str, ...]:
     """Return the delays of effectors, by kind, and the wind where velocity is known over the ground only."""
     delays = tuple(n for n in flown.clocks() if n.split()[0] in flown.effectors)
-    return (*delays, *(WINDS if flown.over_ground else ()))
+    return (*delays, *(HORIZONTAL_WINDS if flown.over_ground else ()))
 
 
 def fit_loads(

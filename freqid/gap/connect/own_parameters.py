@@ -19,7 +19,6 @@ from dataclasses import replace
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import msgspec
 import numpy as np
 
@@ -146,7 +145,7 @@ def actuators_with(act: Actuators, vehicle: Vehicle, departures: Departures) -> 
 
     slower = factors("rotor", "time_constant")
     late = {
-        kind: jnp.maximum(getattr(act.delay, kind) + departures.get(name, 0.0), 0.0)
+        kind: np.maximum(getattr(act.delay, kind) + departures.get(name, 0.0), 0.0)
         for name, kind in _DELAYS.items()
     }
     battery = {
@@ -159,7 +158,7 @@ def actuators_with(act: Actuators, vehicle: Vehicle, departures: Departures) -> 
         delay=act.delay._replace(**late),
         battery=act.battery._replace(**battery),
     )
-    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x, dtype=float)), changed)  # all compile alike
+    return jax.tree.map(lambda x: np.asarray(x, dtype=float), changed)  # all compile alike
 
 
 def gains(vehicle: Vehicle, departures: Departures) -> dict[str, float]:

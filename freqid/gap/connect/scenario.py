@@ -277,8 +277,9 @@ class ScenarioSimulation:
         if not changed:
             return airframe
         self._scenario(changed)  # refuses what is unknown
-        leaves = {i: actuation.leaves(s) for i, s in self._settings(changed).items()}
-        return airframe._replace(effects=leaves)
+        settings = self._settings(changed)
+        leaves = {i: jax.tree.map(jnp.asarray, actuation.leaves(settings[i])) for i in changed}
+        return airframe._replace(effects={**airframe.effects, **leaves})
 
     def _mass(self, record: FlightRecord) -> multibody.MassModel:
         if record.mass_properties is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,6 +38,25 @@ def central(predict: Callable[[FlightRecord], Array], record: FlightRecord, inpu
         above, below = (predict(moved(record, name, sign * step)) for sign in (1, -1))
         columns.append((above - below) / (2 * step))
     return np.stack(columns, axis=1)
+
+
+def by_parameters(predict: Callable[..., Array], record: FlightRecord, sizes: Mapping[str, float]) -> Array:
+    """Return half the difference between predictions with each parameter above and below nominal.
+
+    Parameters
+    ----------
+    predict : callable
+        ``predict(record, departures=...)``, shape (response, sample).
+    record : FlightRecord
+    sizes : dict of float
+        Departures by parameter.
+
+    Returns
+    -------
+    ndarray, shape (parameter, response, sample)
+    """
+    pairs = [[predict(record, departures={n: sign * x}) for sign in (1, -1)] for n, x in sizes.items()]
+    return np.array([(above - below) / 2 for above, below in pairs])
 
 
 def size(values: Array) -> float:

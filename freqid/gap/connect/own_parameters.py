@@ -43,7 +43,7 @@ _NUMERICAL = ("strips",)  # no property of the aircraft
 _DELAYS = {"surface.delay": "surface", "tilt.delay": "tilt", "motor.delay": "speed"}
 _BATTERY = {"battery.charge": "charge", "battery.resistance_ohm": "resistance"}
 _SERVO = ("natural_frequency", "damping", "gain")
-_TURNING = ("propeller.", "wake.")  # what may load the rotors, so the battery and the motors
+_LOADING = ("propeller.torque",)  # what loads the rotors, so the battery and the motors
 _MOTOR = ("time_constant", "gain")
 
 
@@ -68,7 +68,7 @@ def own_tolerances(scenario: Scenario) -> dict[str, Tolerance]:
     defaults = {
         name: Tolerance(
             MEASURED if name.rpartition(".")[2] in _MEASURED else SHARE,
-            loads_only=not name.startswith(_TURNING),
+            loads_only=name not in _LOADING,
         )
         for name, _, _ in _numbers(scenario.simulation.airframe)
     }

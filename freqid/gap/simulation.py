@@ -202,17 +202,20 @@ class Simulation(Protocol):
         """
         ...
 
-    def sensitivity(self, record: FlightRecord, sizes: Departures) -> Array:
-        """Return what departures of its own parameters, one at a time, make of the responses.
+    def sensitivity(
+        self, record: FlightRecord, sizes: Departures, departures: Departures | None = None
+    ) -> Array:
+        """Return what further departures of its own parameters, one at a time, make of the responses.
 
-        Half the difference between the responses with a parameter above and below nominal. Errors as in
-        `predict`.
+        Half the difference between the responses with a parameter above and below. Errors as in `predict`.
 
         Parameters
         ----------
         record : FlightRecord
         sizes : dict of float
             By parameter, in the unit of its tolerance.
+        departures : dict of float, optional
+            From nominal, about which these are.
 
         Returns
         -------

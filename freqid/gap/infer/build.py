@@ -145,15 +145,14 @@ def rebuilt(
     new = []
     for b, (old, block) in enumerate(zip(columns, blocks, strict=True)):
         parts = [
-            old.effects[system.columns_of(i)] if c is system.candidates[i] else block.white(c.columns[b])
+            system.columns_of(i) if c is system.candidates[i] else block.white(c.columns[b])
             for i, c in enumerate(candidates)
         ]
-        one = replace(old, effects=np.concatenate(parts))
         if tolerances:
             sigmas, white = old.sigmas.copy(), old.tolerances.copy()
             at = [k for k, name in enumerate(system.tolerances) if name in tolerances[b]]
             sigmas[at] = np.array([tolerances[b][system.tolerances[k]] for k in at])
             white[at] = block.white(sigmas[at])
-            one = replace(one, sigmas=sigmas, tolerances=white)
-        new.append(one)
+            old = replace(old, sigmas=sigmas, tolerances=white)
+        new.append(old.with_effects(parts))
     return System(candidates, start, system.tolerances, [c.matrices for c in new], system.form_errors), new

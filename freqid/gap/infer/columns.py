@@ -197,7 +197,38 @@ class Columns:
     def kept(self, forms: Sequence[Form]) -> Columns:
         """Return these columns with those of the form alone that some errors of it need."""
         needed = np.any([f.loads for f in forms], axis=0)[self.form_row]
-        return replace(self, form=self.form[needed], form_row=self.form_row[needed])
+        new, m = replace(self, form=self.form[needed], form_row=self.form_row[needed]), self.matrices
+        power = m.form_gram[np.ix_(needed, needed)]
+        new.__dict__["matrices"] = replace(m, form=m.form[needed], form_gram=power, form_row=new.form_row)
+        return new
+
+    def with_effects(self, parts: Sequence[Array | slice]) -> Columns:
+        """Return these columns with others of effects; inner products of those that stay are not made again.
+
+        Parameters
+        ----------
+        parts : sequence of ndarray, shape (column, number), or slice
+            What the columns of effects are made of, in order: new ones, or places of those that are there.
+        """
+        effects = np.concatenate([self.effects[p] if isinstance(p, slice) else p for p in parts])
+        new = replace(self, effects=effects)
+        if "matrices" not in self.__dict__:
+            return new
+        m, count = self.matrices, len(self.effects)
+        kept = [np.arange(count)[p] if isinstance(p, slice) else np.full(len(p), -1) for p in parts]
+        source = np.concatenate([*kept, np.arange(count, len(m.gram))]).astype(int)
+        fresh = np.flatnonzero(source < 0)
+        z = np.concatenate([effects, self.tolerances, self.residual[None]])
+        inner, across = z[fresh] @ z.T, self.form @ z[fresh].T
+        if len(self.own):
+            factor = cho_factor(np.eye(len(self.own)) + self.own @ self.own.T)
+            solved = cho_solve(factor, self.own @ z[fresh].T)
+            inner = inner - solved.T @ (self.own @ z.T)
+            across = across - (self.form @ self.own.T) @ solved
+        gram, form = m.gram[np.ix_(source, source)], m.form[:, source]
+        gram[fresh], gram[:, fresh], form[:, fresh] = inner, inner.T, across
+        new.__dict__["matrices"] = replace(m, gram=gram, form=form)
+        return new
 
     def with_residual(self, residual: Array) -> Columns:
         """Return these columns beside another residual, shape (number,); most of the matrices stay."""

@@ -106,9 +106,11 @@ class CallableSimulation:
         """Return the simulation with the responses that it has on a record, unless it states them."""
         return self if self.responses else replace(self, responses=self._answer(record)[0])
 
-    def sensitivity(self, record: FlightRecord, sizes: Departures) -> Array:
+    def sensitivity(
+        self, record: FlightRecord, sizes: Departures, departures: Departures | None = None
+    ) -> Array:
         """Return what departures of its own parameters make, shape (parameter, response, sample)."""
-        return by_parameters(self.predict, record, sizes)
+        return by_parameters(self.predict, record, sizes, departures)
 
     def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
         """Return derivatives by central differences, shape (response, input, sample)."""

@@ -40,8 +40,13 @@ def central(predict: Callable[[FlightRecord], Array], record: FlightRecord, inpu
     return np.stack(columns, axis=1)
 
 
-def by_parameters(predict: Callable[..., Array], record: FlightRecord, sizes: Mapping[str, float]) -> Array:
-    """Return half the difference between predictions with each parameter above and below nominal.
+def by_parameters(
+    predict: Callable[..., Array],
+    record: FlightRecord,
+    sizes: Mapping[str, float],
+    about: Mapping[str, float] | None = None,
+) -> Array:
+    """Return half the difference between predictions with each parameter above and below.
 
     Parameters
     ----------
@@ -49,14 +54,21 @@ def by_parameters(predict: Callable[..., Array], record: FlightRecord, sizes: Ma
         ``predict(record, departures=...)``, shape (response, sample).
     record : FlightRecord
     sizes : dict of float
-        Departures by parameter.
+        By parameter.
+    about : dict of float, optional
+        Departures from nominal, about which these are; nominal where absent.
 
     Returns
     -------
     ndarray, shape (parameter, response, sample)
     """
-    pairs = [[predict(record, departures={n: sign * x}) for sign in (1, -1)] for n, x in sizes.items()]
-    return np.array([(above - below) / 2 for above, below in pairs])
+    at, changes = dict(about or {}), []
+    for name, x in sizes.items():
+        above, below = (
+            predict(record, departures={**at, name: at.get(name, 0.0) + sign * x}) for sign in (1, -1)
+        )
+        changes.append((above - below) / 2)
+    return np.array(changes)
 
 
 def size(values: Array) -> float:

@@ -80,9 +80,11 @@ class FmuSimulation:
         answers.check_moving(names, rows, record, self.name)
         return rows
 
-    def sensitivity(self, record: FlightRecord, sizes: Departures) -> Array:
+    def sensitivity(
+        self, record: FlightRecord, sizes: Departures, departures: Departures | None = None
+    ) -> Array:
         """Return what departures of its own parameters make, shape (parameter, response, sample)."""
-        return by_parameters(self.predict, record, sizes)
+        return by_parameters(self.predict, record, sizes, departures)
 
     def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
         """Return derivatives by central differences, shape (response, input, sample)."""

@@ -89,9 +89,11 @@ class JsbsimSimulation:
         answers.check_moving(names, checked, record, self.name)
         return checked
 
-    def sensitivity(self, record: FlightRecord, sizes: Departures) -> Array:
+    def sensitivity(
+        self, record: FlightRecord, sizes: Departures, departures: Departures | None = None
+    ) -> Array:
         """Return what departures of its own parameters make, of which it has none."""
-        return by_parameters(self.predict, record, sizes)
+        return by_parameters(self.predict, record, sizes, departures)
 
     @quiet()
     def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:

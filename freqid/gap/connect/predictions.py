@@ -60,9 +60,11 @@ class RecordedPredictions:
             raise UsageError("recorded predictions have no effects that could be set", where=self.name)
         return self._on(record, [f"response/{name}" for name in self.responses])
 
-    def sensitivity(self, record: FlightRecord, sizes: Departures) -> Array:
+    def sensitivity(
+        self, record: FlightRecord, sizes: Departures, departures: Departures | None = None
+    ) -> Array:
         """Return what departures of its own parameters make, of which it has none."""
-        return by_parameters(self.predict, record, sizes)
+        return by_parameters(self.predict, record, sizes, departures)
 
     def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
         """Return derivatives identified from the predictions, shape (response, input, sample).

@@ -112,7 +112,9 @@ class ScenarioSimulation:
         airframe = self._airframe(effects, self._departures(departures))
         return self._wrench(airframe, record, self._along(record), record.time)
 
-    def sensitivity(self, record: FlightRecord, sizes: Departures) -> Array:
+    def sensitivity(
+        self, record: FlightRecord, sizes: Departures, departures: Departures | None = None
+    ) -> Array:
         """Return what departures of its own parameters make, shape (parameter, 6, sample).
 
         Computed at every second sample, as smooth motion needs; a cubic spline between.
@@ -120,11 +122,11 @@ class ScenarioSimulation:
         at = np.union1d(np.arange(0, record.time.size, _COARSE), record.time.size - 1)
         along, time = jax.tree.map(lambda x: x[at], self._along(record)), record.time[at]
 
-        def departed(_: FlightRecord, departures: Departures) -> Array:
+        def departed(_: FlightRecord, *, departures: Departures) -> Array:
             airframe = self._airframe(None, self._departures(departures))
             return self._wrench(airframe, record, along, time)
 
-        return CubicSpline(time, by_parameters(departed, record, sizes), axis=-1)(record.time)
+        return CubicSpline(time, by_parameters(departed, record, sizes, departures), axis=-1)(record.time)
 
     def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
         """Return derivatives by channels along the record, shape (6, input, sample).

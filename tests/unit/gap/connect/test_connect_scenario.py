@@ -284,4 +284,5 @@ def test_sensitivities_are_what_full_predictions_differ_by(simulation, flown):
     for (name, size), change in zip(sizes.items(), found, strict=True):
         above, below = (simulation.predict(thin, departures={name: sign * size}) for sign in (1, -1))
         expected = (above - below) / 2
-        assert np.abs(change - expected).max() <= 3e-3 * np.abs(expected).max(), name
+        error = (change - expected)[:, 12:]  # the inputs start with a kink
+        assert np.linalg.norm(error) <= 3e-4 * np.linalg.norm(expected), name

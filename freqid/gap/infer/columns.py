@@ -12,7 +12,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from freqid.core.arrays import Array, Complex
 from freqid.gap.infer.evidence import weigh
-from freqid.gap.infer.system import SEEN, BlockMatrices, Form, System
+from freqid.gap.infer.system import SEEN, BlockMatrices, Form, Products, System
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms, load_terms
 from freqid.gap.model.tolerance import record_columns
@@ -107,32 +107,35 @@ class Parts:
         rows = [i for i, row in enumerate(block.rows) if row.kind == "response"]
         if not rows:
             return self
-        best, chosen = -np.inf, self
+        system, products = self._alone(rows, found)
+        best, chosen = -np.inf, 1.0
         for scale in NOISE_SCALES:  # as long as the evidence rises
-            root = np.ones(len(block.rows))
-            root[rows] = scale
-            one = replace(self, block=replace(block, covariance=block.covariance * root[:, None] * root))
-            evidence = weigh(one._alone(rows, found))
-            number = len(rows) * (2 * block.lines.hz.size - 1)
-            total = evidence.log_none + np.logaddexp(0.0, evidence.statistic) - number * np.log(scale)
+            evidence = weigh(replace(system, blocks=[products.matrices(scale)], _reduced={}))
+            total = evidence.log_none + np.logaddexp(0.0, evidence.statistic)
+            total -= products.number * np.log(scale)
             if total < best:
                 break
-            best, chosen = total, one
-        return chosen
+            best, chosen = total, scale
+        root = np.ones(len(block.rows))
+        root[rows] = chosen
+        return replace(self, block=replace(block, covariance=block.covariance * root[:, None] * root))
 
-    def _alone(self, rows: Sequence[int], found: Sequence[Candidate]) -> System:
-        """Return the system of some rows of the block, with the candidates that change them."""
+    def _alone(self, rows: Sequence[int], found: Sequence[Candidate]) -> tuple[System, Products]:
+        """Return a system of some rows of the block, and the products that its matrices are made of.
+
+        With the candidates that change these rows.
+        """
         start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
         moved = _in(self.effects, rows)
         few = [i for i in range(len(found)) if moved[start[i] : start[i + 1]].any()]
         effects = np.concatenate([self.effects[:0], *(self.effects[start[i] : start[i + 1]] for i in few)])
         shared, own, form = (z[_in(z, rows)] for z in (self.tolerances, self.own, self.form))
         columns = (effects, shared, self.block.residual, own, form, form[:0])
-        matrices = BlockMatrices.of(*(self.block.white(z, rows) for z in columns))
+        products = Products.of(*(self.block.white(z, rows) for z in columns))
         begin = np.concatenate([[0], np.cumsum([len(found[i].sizes) for i in few])]).astype(int)
         names = tuple(map(str, range(len(shared))))
         forms = tuple(Form(f, 0.0) for f in FORM_ERRORS)
-        return System([found[i] for i in few], begin, names, [matrices], forms)
+        return System([found[i] for i in few], begin, names, [], forms), products
 
 
 def _in(columns: Complex, rows: Sequence[int]) -> NDArray[np.bool_]:

@@ -47,6 +47,12 @@ class Departed:
         """Return the responses; see `Simulation.predict`."""
         return self.nominal.predict(record, effects, self._at(departures))
 
+    def sensitivity(
+        self, record: FlightRecord, sizes: Departures, departures: Departures | None = None
+    ) -> Array:
+        """Return what further departures make, one at a time; see `Simulation.sensitivity`."""
+        return self.nominal.sensitivity(record, sizes, self._at(departures))
+
     def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
         """Return the derivatives of the responses; those of the nominal one where it has its own."""
         if self.nominal.kind in _BY_DIFFERENCES:

@@ -27,7 +27,7 @@ from freqid.gap.infer.which import Ranking, detectable_sizes, groups_of, probabi
 from freqid.gap.model.candidates import OTHER
 from freqid.gap.model.refine import refined
 from freqid.gap.settings import FORM_ERRORS, INTERVAL, LEVEL, NAMED, NULL_DRAWS, TEMPERATURE
-from freqid.gap.simulation import Simulation
+from freqid.gap.simulation import Simulation, side_by_side
 from freqid.gap.stack.block import Block, flown_again, stack_of
 from freqid.gap.verdict import remarks_of, tolerances_used, verdict
 from freqid.simulate.effects.effect import Effect
@@ -147,7 +147,7 @@ def diagnose(
     if simulation.tolerances and any(b.motion.flown for b in used):
         tell("flying the simulation as it is likeliest")
         departures = flown_departures(used, q.candidates, q.tolerances)
-        used = [flown_again(b, departures) for b in used]
+        used = side_by_side(simulation, lambda b: flown_again(b, departures), used)
     tell("computing effects and tolerances")
     system, not_tested, columns, used = build(used, q.candidates, q.tolerances)
     for name in q.named:

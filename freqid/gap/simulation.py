@@ -202,6 +202,27 @@ class Simulation(Protocol):
         """
         ...
 
+    def sensitivity(
+        self, record: FlightRecord, sizes: Departures, departures: Departures | None = None
+    ) -> Array:
+        """Return what further departures of its own parameters, one at a time, make of the responses.
+
+        Half the difference between the responses with a parameter above and below. Errors as in `predict`.
+
+        Parameters
+        ----------
+        record : FlightRecord
+        sizes : dict of float
+            By parameter, in the unit of its tolerance.
+        departures : dict of float, optional
+            From nominal, about which these are.
+
+        Returns
+        -------
+        ndarray, shape (parameter, response, sample)
+        """
+        ...
+
     def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
         """Return the derivatives of the responses by inputs along the record.
 

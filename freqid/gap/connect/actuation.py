@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -72,13 +72,13 @@ def positions(
     ratio = CubicSpline(time, ratio)(np.minimum(fine, time[-1]))
     late = actuator_delay.delays(leaves(settings["actuator_delay"]), act.delay)
     kinds = vehicle.effector_kinds
-    delays = {"surface": late.surface, "tilt": late.tilt, "rotor": late.speed}
-    for row, name in enumerate(names):
-        if name not in commanded:
-            continue
-        lag = settings["motor_lag" if kinds[name] == "rotor" else "actuator_lag"]["extra"]
-        sent[row] = gain[name] * _arriving(record, name, fine, float(delays[kinds[name]]), lag)
-        held = gain[name] * _split(record, name)[0][0] * (ratio[0] if kinds[name] == "rotor" else 1.0)
+    delays = {"surface": float(late.surface), "tilt": float(late.tilt), "rotor": float(late.speed)}
+    for name, values in zip(commanded, _on_steps(record, commanded, fine), strict=True):
+        row, kind = names.index(name), kinds[name]
+        first = _split(record, name)[0][0]
+        lag = settings["motor_lag" if kind == "rotor" else "actuator_lag"]["extra"]
+        sent[row] = gain[name] * _arriving(first, values, delays[kind], lag)
+        held = gain[name] * first * (ratio[0] if kind == "rotor" else 1.0)
         rest[row] = held
         if f"effector/{name}" in record:
             # One sample is noise and its sensor's bias; only a start that is plainly elsewhere counts.
@@ -95,8 +95,8 @@ def positions(
     rows = np.empty((steps, len(names)))
     for columns, values in zip(by_kind(vehicle, np.arange(len(names))), followed, strict=True):
         rows[:, np.asarray(columns)] = values
-    spline = CubicSpline(fine[:steps], rows)(time)
-    return {n: spline[:, names.index(n)] for n in commanded}
+    found = _between_steps(rows, time)
+    return {n: found[:, names.index(n)] for n in commanded}
 
 
 def _split(record: FlightRecord, name: str) -> tuple[Array, Array]:
@@ -105,16 +105,35 @@ def _split(record: FlightRecord, name: str) -> tuple[Array, Array]:
     return record[f"command/{name}"] - injected, injected
 
 
-def _arriving(record: FlightRecord, name: str, fine: Array, delay: float, lag: float) -> Array:
-    """Return a command as it reaches its actuator at every step."""
-    law, injected = _split(record, name)
+def _on_steps(record: FlightRecord, names: Sequence[str], fine: Array) -> Array:
+    """Return commands as they are sent at every step, shape (effector, step)."""
     time = record.time - record.time[0]
-    values = CubicSpline(time, law)(np.minimum(fine, time[-1])) + np.interp(fine, time, injected)
-    steps = fine.size - 1
+    law, injected = np.array([_split(record, n) for n in names]).transpose(1, 0, 2)
+    straight = [np.interp(fine, time, x) for x in injected]
+    return CubicSpline(time, law, axis=1)(np.minimum(fine, time[-1])) + straight
+
+
+def _arriving(first: float, sent: Array, delay: float, lag: float) -> Array:
+    """Return a command as it reaches its actuator at every step but the last; `first` before the start."""
+    steps = sent.size - 1
     at = np.arange(steps) - delay / STEP
-    arrived = np.interp(at, np.arange(-1, steps + 1), np.concatenate([law[:1], values]))
+    arrived = np.interp(at, np.arange(-1, steps + 1), np.concatenate([[first], sent]))
     share = STEP / (STEP + lag)  # as in flight: implicit Euler
-    return lfilter([share], [1.0, share - 1.0], arrived, zi=[(1 - share) * law[0]])[0]
+    return lfilter([share], [1.0, share - 1.0], arrived, zi=[(1 - share) * first])[0]
+
+
+def _between_steps(values: Array, time: Array) -> Array:
+    """Return values at every step, shape (step, ...), at some times: of the cubic through the next four."""
+    at = time / STEP
+    k = np.clip(at.astype(int), 1, len(values) - 3)
+    s = (at - k)[:, None]
+    weights = (
+        -s * (s - 1) * (s - 2) / 6,
+        (s + 1) * (s - 1) * (s - 2) / 2,
+        -(s + 1) * s * (s - 2) / 2,
+        (s + 1) * s * (s - 1) / 6,
+    )
+    return sum((w * values[k + j] for j, w in zip((-1, 0, 1, 2), weights, strict=True)), np.zeros(()))
 
 
 def voltage_ratio(
@@ -128,14 +147,16 @@ def voltage_ratio(
     count = len(along.positions.speed)
     torque: Any = torques(loaded, along)
     charge: Any = np.full(count, float(act.battery.charge))
-    given = jax.vmap(power, in_axes=(None, 0, 0, 0))
     for _ in range(3):  # the charge used in a minute changes the voltage, and so the current, by a percent
-        supply = given(act.battery, charge, torque, along.positions.speed)
+        supply = _supply(act.battery, charge, torque, along.positions.speed)
         used = np.asarray(charge_rate(act.battery, supply.current)) * dt
         charge = charge[0] + np.concatenate([[0.0], np.cumsum(used[:-1])])
     voltage: Any = np.asarray(supply.voltage)
     ratio = battery_sag.voltage_ratio(leaves(sag), voltage, act.battery.nominal)
     return np.broadcast_to(ratio, (count,))
+
+
+_supply = jax.jit(jax.vmap(power, in_axes=(None, 0, 0, 0)))
 
 
 def split_by_kind(vehicle: Vehicle, values: Array) -> Commands:
@@ -145,9 +166,7 @@ def split_by_kind(vehicle: Vehicle, values: Array) -> Commands:
 
 def leaves(settings: Mapping[str, float]) -> dict[str, Any]:
     """Return an effect's settings as the simulation takes them."""
-    return {
-        name: jnp.asarray(value, dtype=float) for name, value in settings.items()
-    }  # strong: no recompiling
+    return {name: np.asarray(value, dtype=float) for name, value in settings.items()}  # nothing compiles anew
 
 
 class Driven(NamedTuple):

@@ -19,7 +19,7 @@ from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.scenario import read_scenario
 from freqid.core.vehicle import Vehicle
 from freqid.gap.connect import answers
-from freqid.gap.connect.differences import central
+from freqid.gap.connect.differences import by_parameters, central
 from freqid.gap.simulation import LARGEST_SIGMA, Departures, Settings, Tolerance, checked_departures
 from freqid.identify.loads.explanatory import history
 
@@ -105,6 +105,12 @@ class CallableSimulation:
     def probed(self, record: FlightRecord) -> CallableSimulation:
         """Return the simulation with the responses that it has on a record, unless it states them."""
         return self if self.responses else replace(self, responses=self._answer(record)[0])
+
+    def sensitivity(
+        self, record: FlightRecord, sizes: Departures, departures: Departures | None = None
+    ) -> Array:
+        """Return what departures of its own parameters make, shape (parameter, response, sample)."""
+        return by_parameters(self.predict, record, sizes, departures)
 
     def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
         """Return derivatives by central differences, shape (response, input, sample)."""

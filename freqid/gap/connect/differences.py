@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,6 +38,37 @@ def central(predict: Callable[[FlightRecord], Array], record: FlightRecord, inpu
         above, below = (predict(moved(record, name, sign * step)) for sign in (1, -1))
         columns.append((above - below) / (2 * step))
     return np.stack(columns, axis=1)
+
+
+def by_parameters(
+    predict: Callable[..., Array],
+    record: FlightRecord,
+    sizes: Mapping[str, float],
+    about: Mapping[str, float] | None = None,
+) -> Array:
+    """Return half the difference between predictions with each parameter above and below.
+
+    Parameters
+    ----------
+    predict : callable
+        ``predict(record, departures=...)``, shape (response, sample).
+    record : FlightRecord
+    sizes : dict of float
+        By parameter.
+    about : dict of float, optional
+        Departures from nominal, about which these are; nominal where absent.
+
+    Returns
+    -------
+    ndarray, shape (parameter, response, sample)
+    """
+    at, changes = dict(about or {}), []
+    for name, x in sizes.items():
+        above, below = (
+            predict(record, departures={**at, name: at.get(name, 0.0) + sign * x}) for sign in (1, -1)
+        )
+        changes.append((above - below) / 2)
+    return np.array(changes)
 
 
 def size(values: Array) -> float:

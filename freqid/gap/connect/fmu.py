@@ -16,7 +16,7 @@ from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
 from freqid.gap.connect import answers
 from freqid.gap.connect.callable import arguments
-from freqid.gap.connect.differences import central
+from freqid.gap.connect.differences import by_parameters, central
 from freqid.gap.simulation import Departures, Settings, Tolerance, checked_departures
 
 
@@ -79,6 +79,12 @@ class FmuSimulation:
         names, rows = answers.stacked(predicted, record.time, self.name, self.responses)
         answers.check_moving(names, rows, record, self.name)
         return rows
+
+    def sensitivity(
+        self, record: FlightRecord, sizes: Departures, departures: Departures | None = None
+    ) -> Array:
+        """Return what departures of its own parameters make, shape (parameter, response, sample)."""
+        return by_parameters(self.predict, record, sizes, departures)
 
     def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
         """Return derivatives by central differences, shape (response, input, sample)."""

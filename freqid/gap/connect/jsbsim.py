@@ -21,7 +21,7 @@ from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
 from freqid.gap.connect import answers
-from freqid.gap.connect.differences import size
+from freqid.gap.connect.differences import by_parameters, size
 from freqid.gap.connect.feedback import HEARD, law
 from freqid.gap.connect.flow import RATES, velocity
 from freqid.gap.connect.jsbsim_aircraft import (
@@ -88,6 +88,12 @@ class JsbsimSimulation:
         names, checked = answers.stacked(predicted, record.time, self.name)
         answers.check_moving(names, checked, record, self.name)
         return checked
+
+    def sensitivity(
+        self, record: FlightRecord, sizes: Departures, departures: Departures | None = None
+    ) -> Array:
+        """Return what departures of its own parameters make, of which it has none."""
+        return by_parameters(self.predict, record, sizes, departures)
 
     @quiet()
     def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:

@@ -19,7 +19,6 @@ from dataclasses import replace
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import msgspec
 import numpy as np
 
@@ -44,7 +43,7 @@ _NUMERICAL = ("strips",)  # no property of the aircraft
 _DELAYS = {"surface.delay": "surface", "tilt.delay": "tilt", "motor.delay": "speed"}
 _BATTERY = {"battery.charge": "charge", "battery.resistance_ohm": "resistance"}
 _SERVO = ("natural_frequency", "damping", "gain")
-_TURNING = ("propeller.", "wake.")  # what may load the rotors, so the battery and the motors
+_LOADING = ("propeller.torque",)  # what loads the rotors, so the battery and the motors
 _MOTOR = ("time_constant", "gain")
 
 
@@ -69,7 +68,7 @@ def own_tolerances(scenario: Scenario) -> dict[str, Tolerance]:
     defaults = {
         name: Tolerance(
             MEASURED if name.rpartition(".")[2] in _MEASURED else SHARE,
-            loads_only=not name.startswith(_TURNING),
+            loads_only=name not in _LOADING,
         )
         for name, _, _ in _numbers(scenario.simulation.airframe)
     }
@@ -146,7 +145,7 @@ def actuators_with(act: Actuators, vehicle: Vehicle, departures: Departures) -> 
 
     slower = factors("rotor", "time_constant")
     late = {
-        kind: jnp.maximum(getattr(act.delay, kind) + departures.get(name, 0.0), 0.0)
+        kind: np.maximum(getattr(act.delay, kind) + departures.get(name, 0.0), 0.0)
         for name, kind in _DELAYS.items()
     }
     battery = {
@@ -159,7 +158,7 @@ def actuators_with(act: Actuators, vehicle: Vehicle, departures: Departures) -> 
         delay=act.delay._replace(**late),
         battery=act.battery._replace(**battery),
     )
-    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x, dtype=float)), changed)  # all compile alike
+    return jax.tree.map(lambda x: np.asarray(x, dtype=float), changed)  # all compile alike
 
 
 def gains(vehicle: Vehicle, departures: Departures) -> dict[str, float]:

@@ -14,6 +14,7 @@ from freqid.core.channels import RESPONSE
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.record import FlightRecord, read_record
 from freqid.core.vehicle import Vehicle
+from freqid.gap.connect.differences import by_parameters
 from freqid.gap.simulation import Departures, Settings, Tolerance, checked_departures
 
 _RIDGE = 1e-4  # prior of a derivative, over (rms of the response / rms of the input)
@@ -58,6 +59,12 @@ class RecordedPredictions:
         if effects:
             raise UsageError("recorded predictions have no effects that could be set", where=self.name)
         return self._on(record, [f"response/{name}" for name in self.responses])
+
+    def sensitivity(
+        self, record: FlightRecord, sizes: Departures, departures: Departures | None = None
+    ) -> Array:
+        """Return what departures of its own parameters make, of which it has none."""
+        return by_parameters(self.predict, record, sizes, departures)
 
     def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
         """Return derivatives identified from the predictions, shape (response, input, sample).

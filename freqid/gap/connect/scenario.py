@@ -23,6 +23,7 @@ from freqid.core.results.design import SampledInputs
 from freqid.core.scenario import Reference, Scenario
 from freqid.core.vehicle import Vehicle
 from freqid.gap.connect import actuation, loads
+from freqid.gap.connect.differences import by_parameters
 from freqid.gap.connect.flow import RATES, density, velocity
 from freqid.gap.connect.own_parameters import (
     actuators_with,
@@ -39,6 +40,7 @@ from freqid.simulate.control.lq import ClosedLoop, close_loop, corridor
 from freqid.simulate.control.trim import trim
 from freqid.simulate.fly import Flight, fly, sortie
 from freqid.simulate.loads import description
+from freqid.simulate.loads.airframe import Parameters
 from freqid.simulate.loads.quantities import Flow, Positions
 from freqid.simulate.maneuver import with_effects
 from freqid.simulate.motion import multibody
@@ -52,6 +54,7 @@ _VELOCITIES = ("state/u", "state/v", "state/w")
 _FORCES = ("state/ax", "state/ay", "state/az")
 _ACCELERATIONS = ("state/pdot", "state/qdot", "state/rdot")
 _DESIGNING = Lock()
+_COARSE = 2  # samples of smooth motion of which one is enough for what a parameter makes
 _GRID_HZ = 10.0  # of the states at which derivatives are taken: beyond what is excited
 
 
@@ -107,17 +110,23 @@ class ScenarioSimulation:
     ) -> Array:
         """Return the wrench on the record's states and positions, shape (6, sample)."""
         airframe = self._airframe(effects, self._departures(departures))
-        predicted = loads.wrench(
-            airframe, self._mass(record), self._along(record), record.time - record.time[0]
-        )
-        bad = np.flatnonzero(~np.isfinite(predicted).all(axis=0))
-        if bad.size:
-            raise DataError(
-                f"the prediction is not finite at t = {record.time[bad[0]]:.4g} s",
-                where=self.name,
-                remedy="check the record's states and positions there",
-            )
-        return predicted
+        return self._wrench(airframe, record, self._along(record), record.time)
+
+    def sensitivity(
+        self, record: FlightRecord, sizes: Departures, departures: Departures | None = None
+    ) -> Array:
+        """Return what departures of its own parameters make, shape (parameter, 6, sample).
+
+        Computed at every second sample, as smooth motion needs; a cubic spline between.
+        """
+        at = np.union1d(np.arange(0, record.time.size, _COARSE), record.time.size - 1)
+        along, time = jax.tree.map(lambda x: x[at], self._along(record)), record.time[at]
+
+        def departed(_: FlightRecord, *, departures: Departures) -> Array:
+            airframe = self._airframe(None, self._departures(departures))
+            return self._wrench(airframe, record, along, time)
+
+        return CubicSpline(time, by_parameters(departed, record, sizes, departures), axis=-1)(record.time)
 
     def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
         """Return derivatives by channels along the record, shape (6, input, sample).
@@ -277,8 +286,20 @@ class ScenarioSimulation:
         if not changed:
             return airframe
         self._scenario(changed)  # refuses what is unknown
-        leaves = {i: actuation.leaves(s) for i, s in self._settings(changed).items()}
-        return airframe._replace(effects=leaves)
+        settings = self._settings(changed)
+        leaves = {i: jax.tree.map(jnp.asarray, actuation.leaves(settings[i])) for i in changed}
+        return airframe._replace(effects={**airframe.effects, **leaves})
+
+    def _wrench(self, airframe: Parameters, record: FlightRecord, along: loads.Along, time: Array) -> Array:
+        predicted = loads.wrench(airframe, self._mass(record), along, time - time[0])
+        bad = np.flatnonzero(~np.isfinite(predicted).all(axis=0))
+        if bad.size:
+            raise DataError(
+                f"the prediction is not finite at t = {time[bad[0]]:.4g} s",
+                where=self.name,
+                remedy="check the record's states and positions there",
+            )
+        return predicted
 
     def _mass(self, record: FlightRecord) -> multibody.MassModel:
         if record.mass_properties is None:

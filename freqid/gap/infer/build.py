@@ -15,6 +15,7 @@ from freqid.gap.infer.system import Form, System
 from freqid.gap.model.candidates import Candidate, candidates
 from freqid.gap.model.tolerance import tolerance_columns
 from freqid.gap.settings import FORM_ERRORS, ROUNDS
+from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
 
@@ -54,12 +55,15 @@ def _straight(
     sizes: Mapping[str, float],
 ) -> tuple[System, list[Columns], list[Block]]:
     """Return a system with all errors of form and straight tolerances, its columns and the blocks."""
-    shared = [tolerance_columns(b, library, sizes) for b in blocks]
+    simulation = blocks[0].trial.simulation
+    shared = side_by_side(simulation, lambda b: tolerance_columns(b, library, sizes), blocks)
     names = tuple(dict.fromkeys(n for one in shared for n in one))
     start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
-    parts = [
-        Parts.of(b, i, found, [shared[i].get(n) for n in names], library, sizes) for i, b in enumerate(blocks)
-    ]
+
+    def parts_of(i: int) -> Parts:
+        return Parts.of(blocks[i], i, found, [shared[i].get(n) for n in names], library, sizes)
+
+    parts = side_by_side(simulation, parts_of, range(len(blocks)))
     rows = tuple(dict.fromkeys(p.block.rows[i].name for p in parts for i in np.unique(p.form_row).tolist()))
     every = (Form((FORM_ERRORS[-1],) * len(rows), 0.0),)
     columns = [_columns(p, rows, every) for p in parts]
@@ -145,15 +149,14 @@ def rebuilt(
     new = []
     for b, (old, block) in enumerate(zip(columns, blocks, strict=True)):
         parts = [
-            old.effects[system.columns_of(i)] if c is system.candidates[i] else block.white(c.columns[b])
+            system.columns_of(i) if c is system.candidates[i] else block.white(c.columns[b])
             for i, c in enumerate(candidates)
         ]
-        one = replace(old, effects=np.concatenate(parts))
         if tolerances:
             sigmas, white = old.sigmas.copy(), old.tolerances.copy()
             at = [k for k, name in enumerate(system.tolerances) if name in tolerances[b]]
             sigmas[at] = np.array([tolerances[b][system.tolerances[k]] for k in at])
             white[at] = block.white(sigmas[at])
-            one = replace(one, sigmas=sigmas, tolerances=white)
-        new.append(one)
+            old = replace(old, sigmas=sigmas, tolerances=white)
+        new.append(old.with_effects(parts))
     return System(candidates, start, system.tolerances, [c.matrices for c in new], system.form_errors), new

@@ -12,7 +12,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from freqid.core.arrays import Array, Complex
 from freqid.gap.infer.evidence import weigh
-from freqid.gap.infer.system import SEEN, BlockMatrices, Form, System
+from freqid.gap.infer.system import SEEN, BlockMatrices, Form, Products, System
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms, load_terms
 from freqid.gap.model.tolerance import record_columns
@@ -107,32 +107,35 @@ class Parts:
         rows = [i for i, row in enumerate(block.rows) if row.kind == "response"]
         if not rows:
             return self
-        best, chosen = -np.inf, self
+        system, products = self._alone(rows, found)
+        best, chosen = -np.inf, 1.0
         for scale in NOISE_SCALES:  # as long as the evidence rises
-            root = np.ones(len(block.rows))
-            root[rows] = scale
-            one = replace(self, block=replace(block, covariance=block.covariance * root[:, None] * root))
-            evidence = weigh(one._alone(rows, found))
-            number = len(rows) * (2 * block.lines.hz.size - 1)
-            total = evidence.log_none + np.logaddexp(0.0, evidence.statistic) - number * np.log(scale)
+            evidence = weigh(replace(system, blocks=[products.matrices(scale)], _reduced={}))
+            total = evidence.log_none + np.logaddexp(0.0, evidence.statistic)
+            total -= products.number * np.log(scale)
             if total < best:
                 break
-            best, chosen = total, one
-        return chosen
+            best, chosen = total, scale
+        root = np.ones(len(block.rows))
+        root[rows] = chosen
+        return replace(self, block=replace(block, covariance=block.covariance * root[:, None] * root))
 
-    def _alone(self, rows: Sequence[int], found: Sequence[Candidate]) -> System:
-        """Return the system of some rows of the block, with the candidates that change them."""
+    def _alone(self, rows: Sequence[int], found: Sequence[Candidate]) -> tuple[System, Products]:
+        """Return a system of some rows of the block, and the products that its matrices are made of.
+
+        With the candidates that change these rows.
+        """
         start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
         moved = _in(self.effects, rows)
         few = [i for i in range(len(found)) if moved[start[i] : start[i + 1]].any()]
         effects = np.concatenate([self.effects[:0], *(self.effects[start[i] : start[i + 1]] for i in few)])
         shared, own, form = (z[_in(z, rows)] for z in (self.tolerances, self.own, self.form))
         columns = (effects, shared, self.block.residual, own, form, form[:0])
-        matrices = BlockMatrices.of(*(self.block.white(z, rows) for z in columns))
+        products = Products.of(*(self.block.white(z, rows) for z in columns))
         begin = np.concatenate([[0], np.cumsum([len(found[i].sizes) for i in few])]).astype(int)
         names = tuple(map(str, range(len(shared))))
         forms = tuple(Form(f, 0.0) for f in FORM_ERRORS)
-        return System([found[i] for i in few], begin, names, [matrices], forms)
+        return System([found[i] for i in few], begin, names, [], forms), products
 
 
 def _in(columns: Complex, rows: Sequence[int]) -> NDArray[np.bool_]:
@@ -197,7 +200,38 @@ class Columns:
     def kept(self, forms: Sequence[Form]) -> Columns:
         """Return these columns with those of the form alone that some errors of it need."""
         needed = np.any([f.loads for f in forms], axis=0)[self.form_row]
-        return replace(self, form=self.form[needed], form_row=self.form_row[needed])
+        new, m = replace(self, form=self.form[needed], form_row=self.form_row[needed]), self.matrices
+        power = m.form_gram[np.ix_(needed, needed)]
+        new.__dict__["matrices"] = replace(m, form=m.form[needed], form_gram=power, form_row=new.form_row)
+        return new
+
+    def with_effects(self, parts: Sequence[Array | slice]) -> Columns:
+        """Return these columns with others of effects; inner products of those that stay are not made again.
+
+        Parameters
+        ----------
+        parts : sequence of ndarray, shape (column, number), or slice
+            What the columns of effects are made of, in order: new ones, or places of those that are there.
+        """
+        effects = np.concatenate([self.effects[p] if isinstance(p, slice) else p for p in parts])
+        new = replace(self, effects=effects)
+        if "matrices" not in self.__dict__:
+            return new
+        m, count = self.matrices, len(self.effects)
+        kept = [np.arange(count)[p] if isinstance(p, slice) else np.full(len(p), -1) for p in parts]
+        source = np.concatenate([*kept, np.arange(count, len(m.gram))]).astype(int)
+        fresh = np.flatnonzero(source < 0)
+        z = np.concatenate([effects, self.tolerances, self.residual[None]])
+        inner, across = z[fresh] @ z.T, self.form @ z[fresh].T
+        if len(self.own):
+            factor = cho_factor(np.eye(len(self.own)) + self.own @ self.own.T)
+            solved = cho_solve(factor, self.own @ z[fresh].T)
+            inner = inner - solved.T @ (self.own @ z.T)
+            across = across - (self.form @ self.own.T) @ solved
+        gram, form = m.gram[np.ix_(source, source)], m.form[:, source]
+        gram[fresh], gram[:, fresh], form[:, fresh] = inner, inner.T, across
+        new.__dict__["matrices"] = replace(m, gram=gram, form=form)
+        return new
 
     def with_residual(self, residual: Array) -> Columns:
         """Return these columns beside another residual, shape (number,); most of the matrices stay."""

@@ -47,6 +47,68 @@ FORMS = tuple(Form(a, b) for a in FORM_ERRORS for b in ACTUATOR_FORM_ERRORS)
 
 
 @dataclass(frozen=True, eq=False)
+class Products:
+    """Inner products of one block in the metric of its noise, before its own unknowns are integrated out.
+
+    Attributes
+    ----------
+    gram : ndarray, shape (n, n)
+        Of ``[X, T, r, A]``, as in `BlockMatrices`.
+    form : ndarray, shape (direction, n)
+    form_gram : ndarray, shape (direction, direction)
+    own_gram : ndarray, shape (own, own)
+        Of the own unknowns.
+    own : ndarray, shape (own, n)
+    own_form : ndarray, shape (own, direction)
+    actuators, number : int
+        As in `BlockMatrices`.
+    """
+
+    gram: Array
+    form: Array
+    form_gram: Array
+    own_gram: Array
+    own: Array
+    own_form: Array
+    actuators: int
+    number: int
+
+    @classmethod
+    def of(
+        cls, columns: Array, tolerances: Array, residual: Array, own: Array, form: Array, actuators: Array
+    ) -> Products:
+        """Return the products of whitened rows, each of shape (column, number)."""
+        z = np.concatenate([columns, tolerances, residual[None], actuators])
+        return cls(
+            z @ z.T,
+            form @ z.T,
+            form @ form.T,
+            own @ own.T,
+            own @ z.T,
+            own @ form.T,
+            len(actuators),
+            residual.size,
+        )
+
+    def matrices(self, noise: float = 1.0, form_row: NDArray[np.intp] | None = None) -> BlockMatrices:
+        """Return the matrices where noise is so many times as large as that of the metric."""
+        inner, across, power = self.gram, self.form, self.form_gram
+        if len(self.own):
+            factor = cho_factor(noise**2 * np.eye(len(self.own)) + self.own_gram)
+            solved = cho_solve(factor, self.own)
+            inner = inner - self.own.T @ solved
+            across = across - self.own_form.T @ solved
+            power = power - self.own_form.T @ cho_solve(factor, self.own_form)
+        inner, across, power = (part / noise**2 for part in (inner, across, power))
+        if form_row is None:
+            values, vectors = np.linalg.eigh(power) if len(power) else (np.zeros(0), np.zeros((0, 0)))
+            keep = values > _EMPTY * max(values.max(initial=0.0), 1e-300)
+            across, power = vectors[:, keep].T @ across, np.diag(values[keep])
+            form_row = np.full(len(power), -1)
+        return BlockMatrices(inner, across, power, form_row, self.actuators, self.number)
+
+
+@dataclass(frozen=True, eq=False)
 class BlockMatrices:
     """Inner products of one block in the metric of its noise and its own unknowns.
 
@@ -88,22 +150,8 @@ class BlockMatrices:
         form_row: NDArray[np.intp] | None = None,
     ) -> BlockMatrices:
         """Return the matrices of whitened rows, each of shape (column, number)."""
-        z = np.concatenate([columns, tolerances, residual[None], actuators])
-        inner, across = z @ z.T, form @ z.T
-        power = form @ form.T
-        if len(own):
-            own_z, own_form = own @ z.T, own @ form.T
-            factor = cho_factor(np.eye(len(own)) + own @ own.T)
-            solved = cho_solve(factor, own_z)
-            inner = inner - own_z.T @ solved
-            across = across - own_form.T @ solved
-            power = power - own_form.T @ cho_solve(factor, own_form)
-        if form_row is None:
-            values, vectors = np.linalg.eigh(power) if len(power) else (np.zeros(0), np.zeros((0, 0)))
-            keep = values > _EMPTY * max(values.max(initial=0.0), 1e-300)
-            across, power = vectors[:, keep].T @ across, np.diag(values[keep])
-            form_row = np.full(len(power), -1)
-        return cls(inner, across, power, form_row, len(actuators), residual.size)
+        products = Products.of(columns, tolerances, residual, own, form, actuators)
+        return products.matrices(form_row=form_row)
 
     @property
     def form_power(self) -> Array:

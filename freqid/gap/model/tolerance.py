@@ -181,10 +181,8 @@ def _shared(
     own = trial.simulation.tolerances
     servos = [n for n, t in own.items() if t.actuator in trial.positions]
     yield from _own_actuators(trial, {n: sizes.get(n, own[n].sigma) for n in servos})
-    for name in own:
-        size = sizes.get(name, own[name].sigma)
-        if size and name not in servos:
-            yield name, _central(lambda x, n=name: trial.departed({n: x}), size)
+    others = {n: size for n in own if n not in servos and (size := sizes.get(n, own[n].sigma))}
+    yield from trial.departing(others)
     if not own:
         yield from _derivatives(trial, sizes.get(DERIVATIVES, 0.0))
         for name in trial.positions:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,9 +21,8 @@ from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms,
 from freqid.gap.model.testable import in_force_of, untestable
 from freqid.gap.model.tolerance import record_columns, tolerance_columns
 from freqid.gap.next.rivals import RivalExplanations
-from freqid.gap.simulation import Departures, Simulation
+from freqid.gap.simulation import Simulation
 from freqid.gap.stack.block import Block
-from freqid.gap.stack.histories import Histories
 from freqid.gap.stack.lines import lines_of
 from freqid.gap.stack.motion import Motion, air_of, fed_back, own_flight
 from freqid.gap.stack.noise import Draws
@@ -305,9 +304,5 @@ class _QuickTrial(Trial):
 
     still: frozenset[str] = frozenset()
 
-    def departed(self, departures: Departures) -> Histories:
-        """Return the change of the residual where the truth's own parameters depart from nominal."""
-        if not set(departures) <= self.still:
-            return super().departed(departures)
-        after = self.simulation.predict(self.maneuver.record, departures=departures)
-        return self.rows(after - self.predicted)
+    def _moves_actuators(self, names: Iterable[str]) -> bool:
+        return not set(names) <= self.still and super()._moves_actuators(names)

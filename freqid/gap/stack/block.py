@@ -12,7 +12,7 @@ from freqid.core.arrays import Array, Complex
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.gap.departed import Departed
-from freqid.gap.simulation import Departures, Simulation
+from freqid.gap.simulation import Departures, Simulation, side_by_side
 from freqid.gap.stack.histories import Histories, Row
 from freqid.gap.stack.lines import Lines, lines_of, thinning
 from freqid.gap.stack.motion import Motion, noise_free
@@ -162,12 +162,12 @@ def stack_of(
     for i, m in enumerate(maneuvers):
         like = next((g for g in groups if _repeats(maneuvers[g[0]].record, m.record)), None)
         groups.append([i]) if like is None else like.append(i)
-    return [
-        _block(
-            simulation, [maneuvers[i] for i in g], [names[i] for i in g], band_hz, seed + 1000 * k, departures
-        )
-        for k, g in enumerate(groups)
-    ]
+
+    def block(k: int) -> Block:
+        flown, called = [maneuvers[i] for i in groups[k]], [names[i] for i in groups[k]]
+        return _block(simulation, flown, called, band_hz, seed + 1000 * k, departures)
+
+    return side_by_side(simulation, block, range(len(groups)))
 
 
 def flown_again(block: Block, departures: Departures) -> Block:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -256,12 +256,26 @@ class Trial:
         """Return the change of the residual where the truth's parameters depart further than these do."""
         record, simulation = self.maneuver.record, self.simulation
         after = simulation.predict(record, departures=departures)
-        own = simulation.tolerances
-        if not self.positions or all(n in own and own[n].loads_only for n in departures):
+        if not self._moves_actuators(departures):
             return self.rows(after - self.predicted)
         positions = self.positions_with(departures=departures)
         moved = {n: positions[n] - x for n, x in self.positions.items()}
         return self.rows(after - self.predicted, moved)
+
+    def departing(self, sizes: Departures) -> Iterator[tuple[str, Histories]]:
+        """Yield the change of the residual by each parameter alone, to second order in its departure."""
+        responses = self.simulation.sensitivity(self.maneuver.record, sizes) if sizes else ()
+        for (name, size), change in zip(sizes.items(), responses, strict=True):
+            moved = {}
+            if self._moves_actuators([name]):
+                above, below = (self.positions_with(departures={name: sign * size}) for sign in (1, -1))
+                moved = {n: (above[n] - below[n]) / 2 for n in self.positions}
+            yield name, self.rows(change, moved)
+
+    def _moves_actuators(self, names: Iterable[str]) -> bool:
+        """Return whether departures of some parameters may move simulated actuators."""
+        own = self.simulation.tolerances
+        return bool(self.positions) and not all(n in own and own[n].loads_only for n in names)
 
     def with_own_effects(self, settings: Settings, *, actuators: bool) -> Histories:
         """Return the change of the residual where the truth has other settings of own effects."""

@@ -52,7 +52,7 @@ def parameters(scenario: Scenario) -> Parameters:
     """
     section, vehicle = read_airframe(scenario), scenario.aircraft()
     body = section.fuselage
-    return _tree(
+    described = _tree(
         Parameters,
         frames=_tree(Frames, pivot=np.vstack([[w.pivot_m for w in vehicle.wings], np.zeros(3)])),
         propellers=_propellers(section, vehicle),
@@ -76,6 +76,7 @@ def parameters(scenario: Scenario) -> Parameters:
         ),
         effects=_effects(scenario, vehicle),
     )
+    return jax.tree.map(jnp.asarray, described)
 
 
 def _effects(scenario: Scenario, vehicle: Vehicle) -> effects.Settings:
@@ -92,8 +93,8 @@ def _effects(scenario: Scenario, vehicle: Vehicle) -> effects.Settings:
 
 
 def _tree(kind: Callable[..., T], **values: Any) -> T:
-    """Return a NamedTuple whose leaves are all JAX arrays of doubles."""
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=float), kind(**values))
+    """Return a NamedTuple whose leaves are all arrays of doubles."""
+    return jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), kind(**values))
 
 
 def _on_frame(vehicle: Vehicle) -> Floats:

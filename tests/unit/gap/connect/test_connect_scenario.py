@@ -266,7 +266,23 @@ def test_what_is_said_to_move_loads_only_moves_no_actuator(simulation, flown):
     nominal = simulation.positions(record)
     names = [n for n, t in simulation.tolerances.items() if t.loads_only]
     assert {"aerofoil.lift_slope", "wing.front.span_m", "fuselage.drag_area_m2"} <= set(names)
-    assert not any(n.startswith("propeller.") for n in names)
+    assert "propeller.torque" not in names
     moved = simulation.positions(record, departures=dict.fromkeys(names, 0.05))
     for name, x in nominal.items():
         np.testing.assert_allclose(moved[name], x, rtol=1e-9, atol=1e-9, err_msg=name)
+    loaded = simulation.positions(record, departures={"propeller.torque": 0.05})
+    assert np.abs(loaded["n1"] - nominal["n1"]).max() > 0.1
+
+
+def test_sensitivities_are_what_full_predictions_differ_by(simulation, flown):
+    record = flown("u45").record
+    every = slice(None, None, 2)  # as blocks of a stack are thinned
+    channels = {n: replace(c, values=c.values[every]) for n, c in record.channels.items()}
+    thin = replace(record, time=record.time[every], channels=channels)
+    sizes = {"wing.front.span_m": 0.01, "wake.downwash": 0.05, "propeller.thrust": 0.05, "de1.gain": 0.01}
+    found = simulation.sensitivity(thin, sizes)
+    for (name, size), change in zip(sizes.items(), found, strict=True):
+        above, below = (simulation.predict(thin, departures={name: sign * size}) for sign in (1, -1))
+        expected = (above - below) / 2
+        error = (change - expected)[:, 12:]  # the inputs start with a kink
+        assert np.linalg.norm(error) <= 3e-4 * np.linalg.norm(expected), name

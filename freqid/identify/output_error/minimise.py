@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from freqid.core.arrays import Array
 
 STEPS = 100
-SETTLED = 1e-2
+SETTLED = 3e-3
 """Steps this small in units of the standard errors end the iteration."""
 HALVINGS = 4  # of a step before it is damped instead
 DAMPINGS = 12  # each ten times the one before

@@ -10,6 +10,7 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError, nearest
+from freqid.identify.spectra.smoothing import local_derivative
 
 Named = Mapping[str, Any]
 Equations = Callable[[Named, Named, Named], tuple[Named, Named]]
@@ -31,6 +32,8 @@ class Model:
         Parameters that every manoeuvre has for itself, as biases.
     delays : mapping of str to str
         By input, the parameter that says how many seconds late the input acts.
+    rates : mapping of str to str
+        By input, the input that it is the time derivative of: it needs no history of its own.
     units : mapping of str to str
         Of the parameters, for tables.
     """
@@ -43,6 +46,7 @@ class Model:
     equations: Equations
     own: tuple[str, ...] = ()
     delays: Mapping[str, str] = field(default_factory=dict)
+    rates: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -64,7 +68,7 @@ class Model:
                 raise UsageError(
                     f"'{name}' is no parameter of model '{self.name}'", remedy=nearest(name, self.parameters)
                 )
-        for name in self.delays:
+        for name in (*self.delays, *self.rates, *self.rates.values()):
             if name not in self.inputs:
                 raise UsageError(
                     f"'{name}' is no input of model '{self.name}'", remedy=nearest(name, self.inputs)
@@ -112,11 +116,18 @@ class Signals:
 
     def input_matrix(self, model: Model) -> Array:
         """Return the model's inputs, shape (N, m)."""
-        return np.stack([self._history("input", n, self.inputs) for n in model.inputs] or [[]], axis=-1)
+        if not model.inputs:
+            return np.empty((self.samples, 0))
+        return np.stack([self._input(model, n) for n in model.inputs], axis=-1)
 
     def output_matrix(self, model: Model) -> Array:
         """Return the measured outputs, shape (N, k)."""
         return np.stack([self._history("output", n, self.outputs) for n in model.outputs], axis=-1)
+
+    def _input(self, model: Model, name: str) -> Array:
+        if name not in model.rates or name in self.inputs:
+            return self._history("input", name, self.inputs)
+        return local_derivative(self._history("input", model.rates[name], self.inputs)[None], self.dt)[0]
 
     def _history(self, kind: str, name: str, given: Mapping[str, Array | float]) -> Array:
         where = self.name or None

@@ -1,4 +1,4 @@
-"""Starts of a model's parameters by equation error: the equations themselves, with measured states in them."""
+"""Starts of a model's parameters by equation error: the equations themselves, with measured states put in."""
 
 from __future__ import annotations
 

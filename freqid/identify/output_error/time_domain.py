@@ -32,8 +32,8 @@ class TimeDomain:
     ) -> None:
         self.model, self.signals, self.parameters, self.noise = model, tuple(signals), parameters, noise
         longest = max(s.samples for s in signals)
-        self._u = np.stack([_padded(s.input_matrix(model), longest) for s in signals])
-        self._z = np.stack([_padded(s.output_matrix(model), longest) for s in signals])
+        self._u = np.stack([padded(s.input_matrix(model), longest) for s in signals])
+        self._z = np.stack([padded(s.output_matrix(model), longest) for s in signals])
         self._counts = [s.samples for s in signals]
         self._mask = np.stack([np.arange(longest) < n for n in self._counts])
         self._total = sum(self._counts)
@@ -139,6 +139,6 @@ class TimeDomain:
         return np.concatenate([part.T.ravel() for part in parts])
 
 
-def _padded(values: Array, samples: int) -> Array:
+def padded(values: Array, samples: int) -> Array:
     """Return a history of so many samples, its last one held."""
     return np.concatenate((values, np.repeat(values[-1:], samples - len(values), axis=0)))

@@ -23,6 +23,9 @@ from freqid.core.results import (
     gap as gap_file,
 )
 from freqid.core.results import (
+    output_error as output_error_file,
+)
+from freqid.core.results import (
     point as point_file,
 )
 from freqid.core.results import (
@@ -31,6 +34,7 @@ from freqid.core.results import (
 from freqid.core.results.design import ClassicDesign, MultisineDesign
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.results.gap import GapResult
+from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
 from freqid.core.results.rivals import Rivals
 from freqid.core.scenario import Scenario
@@ -75,7 +79,8 @@ def read(path: File) -> Any:
 
     Returns
     -------
-    FlightRecord, MultisineDesign, PointModel, GlobalModel, FrequencyResponse, GapResult or Rivals
+    FlightRecord, MultisineDesign, PointModel, OutputErrorModel, GlobalModel, FrequencyResponse, GapResult
+    or Rivals
         As the file says of itself. Of a scenario's TOML file, the `Scenario`; of classic inputs, their
         samples.
 
@@ -111,7 +116,7 @@ def save(result: Any, path: File, *, scenario: Scenario | File | None = None) ->
 
     Parameters
     ----------
-    result : FlightRecord, PointModel, GlobalModel, FrequencyResponse, GapResult, Rivals or a design
+    result : FlightRecord, PointModel, GlobalModel, FrequencyResponse, GapResult, Rivals, a design, or other
         What the verbs return; a simulated manoeuvre is saved with its truth in a file beside.
     path : path
     scenario : Scenario, path or name, optional
@@ -184,6 +189,7 @@ _READERS: dict[str, Callable[[Path], Any]] = {
     record_file.FORMAT: record_file.read_record,
     design_file.FORMAT: _read_design,
     point_file.FORMAT: point_file.read_point,
+    output_error_file.FORMAT: output_error_file.read_output_error,
     global_file.FORMAT: _read_global,
     frequency_response_file.FORMAT: frequency_response_file.read_frequency_response,
     gap_file.FORMAT: gap_file.read_gap,
@@ -194,6 +200,7 @@ _WRITERS: dict[type, Callable[[Path, Any, str], None]] = {
     MultisineDesign: _write_design,
     ClassicDesign: _write_design,
     PointModel: point_file.write_point,
+    OutputErrorModel: output_error_file.write_output_error,
     FrequencyResponse: frequency_response_file.write_frequency_response,
     GapResult: gap_file.write_gap,
     Rivals: rivals_file.write_rivals,

@@ -151,6 +151,22 @@ def forms() -> tuple[Form, ...]:
     return tuple(module.FORM for module in loaded if hasattr(module, "FORM"))
 
 
+def parted(responses: tuple[str, ...], form: str) -> list[tuple[str, ...]]:
+    """Return the responses by ready form: as they are, or longitudinal and lateral ones apart.
+
+    Raises
+    ------
+    UsageError
+        Where no forms have them.
+    """
+    if any(set(each.responses) == set(responses) and form in each.forms for each in forms()):
+        return [responses]
+    parts = [tuple(r for r in responses if r in group) for group in ("XZM", "YLN")]
+    for part in filter(None, parts):
+        find_form(part, form)
+    return [part for part in parts if part]
+
+
 def find_form(responses: tuple[str, ...], form: str) -> Form:
     """Return the ready form of some loads.
 

@@ -20,26 +20,26 @@ def build(loads: Loads) -> Model:
 
     Notes
     -----
-    ``alpha' = Z / (m V) + q`` or ``w' = Z / m + u q``, and ``q' = M / Iyy``: linear, speed an input, gravity
-    in the bias of Z, which is therefore not that of the accelerometer: az has one of its own (Klein & Morelli,
-    2nd ed., ch. 3).
+    ``alpha' = Z / (m V) + q`` or ``w' = Z / m + u q``, and ``q' = M / Iyy``: linear, speed at its mean,
+    gravity in the bias of Z, which is therefore not that of the accelerometer: az has one of its own (Klein &
+    Morelli, 2nd ed., ch. 3).
     """
     slow = "alpha" if "alpha" in loads.factors or "alpha" in loads.outputs else "w"
-    speed = "V" if slow == "alpha" else "u"
+    speed = "trim_V" if slow == "alpha" else "trim_u"
     states, biases = (slow, "q"), output_biases(loads, ("az",))
     coefficient = loads.form == "coefficient"
 
     def equations(x: Named, u: Named, p: Named) -> tuple[Named, Named]:
-        applied = loads.of(x, u, p, u["qbar"] if coefficient else None)
+        applied = loads.of(x, u, p, u["trim_qbar"] if coefficient else None)
         down: Any = applied["Z"] / u["mass_kg"]
-        turning = down / u["V"] + x["q"] if slow == "alpha" else down + u["u"] * x["q"]
+        turning = down / u[speed] + x["q"] if slow == "alpha" else down + u[speed] * x["q"]
         seen = {**x, "az": down + p.get("bias_az", 0.0)}
         return {slow: turning, "q": applied["M"] / u["Iyy"]}, chosen(seen, loads)
 
     return Model(
         "short period",
         states,
-        loads.inputs(states, (speed, "mass_kg", "Iyy", *(("qbar",) if coefficient else ()))),
+        loads.inputs(states, (speed, "mass_kg", "Iyy", *(("trim_qbar",) if coefficient else ()))),
         loads.outputs,
         (*loads.parameters, *biases),
         equations,

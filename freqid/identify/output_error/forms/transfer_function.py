@@ -107,7 +107,7 @@ def fit_on_lines(
 
     Notes
     -----
-    ``(jw)^n y = sum b_i (jw)^i u - sum a_i (jw)^i y``, complex least squares (Klein & Morelli, 2nd ed., ch. 7).
+    ``(jw)^n y = sum b_i (jw)^i u - sum a_i (jw)^i y``, complex least squares (Klein & Morelli, ch. 7).
     """
     columns, responses = [], []
     for s in signals:

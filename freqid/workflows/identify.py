@@ -143,7 +143,7 @@ def identify_point(
             from freqid.workflows.output_error import ready_point  # loads jax
 
             _refuse_alignment(align, settings.method)
-            model, alignment = ready_point(maneuvers, settings, reference), {}
+            model, alignment = ready_point(maneuvers, settings, reference, described.excitation), {}
         else:
             model, alignment = identified(
                 align,

@@ -10,6 +10,7 @@ import msgspec
 
 from freqid import __version__
 from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.excitation import Excitation
 from freqid.core.identification import MAXIMUM_LIKELIHOOD, Identification
 from freqid.core.record import Maneuver
 from freqid.core.results.output_error import OutputErrorModel
@@ -176,7 +177,15 @@ def identify_output_error(
     reference = described.reference_of(flown.reference) if described and flown.reference else None
     try:
         if identification is not None:
-            result = _ready(flown.maneuvers, identification, settings, choices, reference, outputs)
+            result = _ready(
+                flown.maneuvers,
+                identification,
+                settings,
+                choices,
+                reference,
+                outputs,
+                _highest(identification, described.excitation if described else None),
+            )
         else:
             assert model is not None
             each = zip(flown.maneuvers, flown.names, strict=True)
@@ -191,7 +200,10 @@ def identify_output_error(
 
 
 def ready_point(
-    maneuvers: Sequence[Maneuver], identification: Identification, reference: Reference | None
+    maneuvers: Sequence[Maneuver],
+    identification: Identification,
+    reference: Reference | None,
+    excitation: Excitation | None,
 ) -> PointModel:
     """Return the point model of ready forms, by the method of an identification.
 
@@ -214,7 +226,7 @@ def ready_point(
     accounts = {}
     for responses in parted(identification.responses, identification.form):
         part = msgspec.structs.replace(identification, responses=responses)
-        result = _ready(maneuvers, part, settings, Choices(), reference, None)
+        result = _ready(maneuvers, part, settings, Choices(), reference, None, _highest(part, excitation))
         assert result.point is not None
         models.append(result.point)
         accounts[result.model] = account_of(result)
@@ -234,9 +246,17 @@ def _ready(
     choices: Choices,
     reference: Reference | None,
     outputs: Sequence[str] | None,
+    highest_hz: float | None,
 ) -> OutputErrorModel:
     model = ready_model(maneuvers, identification, outputs)
     result = estimate(model, [signals_of(m, model) for m in maneuvers], choices, settings)
     units = parameter_units(maneuvers[0], identification)
     result = replace(result, units=tuple(units.get(n.partition("@")[0], "") for n in result.names))
-    return replace(result, point=point_model(result, maneuvers, identification, reference))
+    return replace(result, point=point_model(result, maneuvers, identification, reference, highest_hz))
+
+
+def _highest(identification: Identification, excitation: Excitation | None) -> float | None:
+    """Return the highest line of an identification, Hz; None where it names none."""
+    if identification.frequencies_hz is None and excitation is None:
+        return None
+    return float(lines_of(identification, excitation)[-1])

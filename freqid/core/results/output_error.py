@@ -178,9 +178,10 @@ def read_output_error(path: Path) -> OutputErrorModel:
         Where the file is no intact result.
     """
     with store.reading(path, FORMAT) as file:
-        lists = {n: tuple(store.get_json(file, n)) for n in _LISTS}
+        lists: dict[str, Any] = {n: tuple(store.get_json(file, n)) for n in _LISTS}
         lists["inseparable"] = tuple(map(tuple, lists["inseparable"]))
-        vectors = {n: store.array(file, n) for n in _VECTORS}
+        texts: dict[str, Any] = {n: store.get_text(file, n) for n in _TEXTS}
+        vectors: dict[str, Any] = {n: store.array(file, n) for n in _VECTORS}
         if any(v.shape != (len(lists["names"]),) for v in vectors.values()):
             raise ValueError("parameters and their names are of different number")
         fits = {}
@@ -188,10 +189,10 @@ def read_output_error(path: Path) -> OutputErrorModel:
             group = store.subgroup(file, f"fit/{name}")
             both = (store.dataset(group, n)[()] for n in ("measured", "modelled"))
             fits[name] = Fit(store.array(group, "axis"), *both)
-        mappings = {n: dict(store.get_json(file, n)) for n in _MAPPINGS}
+        mappings: dict[str, Any] = {n: dict(store.get_json(file, n)) for n in _MAPPINGS}
         mappings["not_excited"] = {n: tuple(v) for n, v in mappings["not_excited"].items()}
         return OutputErrorModel(
-            **{n: store.get_text(file, n) for n in _TEXTS},
+            **texts,
             **lists,
             **vectors,
             **mappings,

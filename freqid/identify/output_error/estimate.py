@@ -153,7 +153,7 @@ def _check(model: Model, signals: Sequence[Signals], settings: Settings) -> None
             )
 
 
-def _solved(likelihood: Likelihood) -> _Solution:
+def _solved(likelihood: TimeDomain | FrequencyDomain) -> _Solution:
     """Minimise, with parameters held that the data do not tell."""
     free = likelihood.parameters.start
     not_excited: dict[str, tuple[str, ...]] = {}
@@ -201,7 +201,8 @@ def _filtered(model: Model, signals: Sequence[Signals], start: _Solution, settin
 
 def _square(signals: Sequence[Signals], names: Sequence[str]) -> Array:
     """Return mean squares of measured outputs; one for a state that is not measured."""
-    return np.array([np.mean([np.mean(np.square(s.outputs.get(n, 1.0))) for s in signals]) for n in names])
+    each = [[np.mean(np.square(s.outputs.get(n, 1.0))) for s in signals] for n in names]
+    return np.mean(np.array(each, dtype=np.float64), axis=1)
 
 
 def _result(
@@ -266,8 +267,9 @@ def _result(
         inseparable = fits[0].collinearity.inseparable()
     std_error = np.sqrt(np.diag(covariance))
     half = stdtrit(dof, 0.5 + settings.confidence / 2) * std_error
-    residuals = likelihood.residuals(solution.free)
-    probabilities = {} if settings.domain == "frequency" else whiteness(model.outputs, residuals)
+    probabilities = {}
+    if not isinstance(likelihood, FrequencyDomain):
+        probabilities = whiteness(model.outputs, likelihood.residuals(solution.free))
     at_bound = tuple(n for n, b in zip(parameters.free_names, found.at_bound, strict=False) if b)
     result = OutputErrorModel(
         **common,

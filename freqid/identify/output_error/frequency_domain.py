@@ -31,7 +31,6 @@ def responses_of(model: Model) -> Compiled:
 
     def responses(vector: jax.Array, inputs: jax.Array, omega: jax.Array, x: jax.Array, u: jax.Array) -> Any:
         p = vector[:count]
-        a, b = jax.jacfwd(derivative, (0, 1))(x, u, p) if len(model.states) else (None, None)
         c, d = jax.jacfwd(output, (0, 1))(x, u, p)
         late = jnp.stack(
             [
@@ -41,7 +40,8 @@ def responses_of(model: Model) -> Compiled:
         )
         acting = inputs * jnp.exp(-1j * omega * late[:, None])
         through = (d @ acting).T
-        if len(model.states):
+        if model.states:
+            a, b = jax.jacfwd(derivative, (0, 1))(x, u, p)
             matrix = 1j * omega[:, None, None] * jnp.eye(len(model.states)) - a
             state = jnp.linalg.solve(matrix, (b @ acting).T[..., None])
             through = through + jnp.einsum("kn,mnj->mk", c, state)
@@ -81,7 +81,8 @@ class FrequencyDomain:
         trend: TrendKind = "endpoints",
     ) -> None:
         self.model, self.signals, self.parameters = model, tuple(signals), parameters
-        self.lines_hz, self.trend = np.asarray(lines_hz, dtype=np.float64), trend
+        self.lines_hz = np.asarray(lines_hz, dtype=np.float64)
+        self.trend: TrendKind = trend
         self._given, self._z = [], []
         for s in signals:
             if self.lines_hz[-1] > 0.5 / s.dt:

@@ -112,7 +112,7 @@ class Signals:
     @property
     def time(self) -> Array:
         """Shape (N,), s."""
-        return self.start + self.dt * np.arange(self.samples)
+        return np.asarray(self.start + self.dt * np.arange(self.samples), dtype=np.float64)
 
     def input_matrix(self, model: Model) -> Array:
         """Return the model's inputs, shape (N, m)."""
@@ -127,7 +127,8 @@ class Signals:
     def _input(self, model: Model, name: str) -> Array:
         if name not in model.rates or name in self.inputs:
             return self._history("input", name, self.inputs)
-        return local_derivative(self._history("input", model.rates[name], self.inputs)[None], self.dt)[0]
+        of = self._history("input", model.rates[name], self.inputs)
+        return np.asarray(local_derivative(of[None], self.dt)[0])
 
     def _history(self, kind: str, name: str, given: Mapping[str, Array | float]) -> Array:
         where = self.name or None
@@ -149,4 +150,4 @@ class Signals:
                 where=where,
                 remedy="cut the manoeuvre around them",
             )
-        return values
+        return np.asarray(values)

@@ -23,6 +23,7 @@ from freqid.identify.output_error.parameters import numbered
 from freqid.identify.output_error.signals import signals_of
 from freqid.identify.point import departures, flown_reference
 from freqid.identify.regress.regression import Collinearity, examine_columns
+from freqid.identify.spectra.trend import up_to
 
 
 def ready_model(
@@ -95,6 +96,7 @@ def point_model(
     maneuvers: Sequence[Maneuver],
     settings: Identification,
     reference: Reference | None = None,
+    highest_hz: float | None = None,
 ) -> PointModel:
     """Return the estimates of a ready form as a point model, as `freqid.identify.point` makes them.
 
@@ -106,6 +108,8 @@ def point_model(
     settings : Identification
     reference : Reference, optional
         The records' means where absent.
+    highest_hz : float, optional
+        Loads are compared up to here: above the excitation, what the motion needed is differentiated noise.
 
     Notes
     -----
@@ -118,7 +122,7 @@ def point_model(
         wrench = [measured_responses(m, settings) for m in maneuvers]
     except DataError:  # say, without accelerometers: outputs are compared, loads cannot be
         wrench = None
-    responses = {r: _response(r, result, maneuvers, settings, wrench) for r in settings.responses}
+    responses = {r: _response(r, result, maneuvers, settings, wrench, highest_hz) for r in settings.responses}
     records = [m.record.provenance for m in maneuvers]
     return PointModel(
         reference=reference or flown,
@@ -176,6 +180,7 @@ def _response(
     maneuvers: Sequence[Maneuver],
     settings: Identification,
     wrench: Sequence[AppliedWrench] | None,
+    highest_hz: float | None,
 ) -> ResponseModel:
     told = [n for n in settings.regressors_of(response) if f"{response}_{n}" not in result.not_excited]
     each = [explanatory_variables(m, told)[0] for m in maneuvers]
@@ -207,6 +212,8 @@ def _response(
         modelled = estimate @ (x - trim[:, None]) + biases[i]
         if wrench is not None:
             measured = wrench[i].history(maneuver.record.dt)[settings.responses.index(response)]
+            if highest_hz is not None:
+                measured, modelled = up_to(np.array([measured, modelled]), maneuver.record.dt, highest_hz)
             # An accelerometer's bias is no load: both are compared about the measured mean.
             modelled = modelled + (measured.mean() - modelled.mean())
             fit = Fit(maneuver.record.time - maneuver.record.time[0], measured, modelled)
@@ -258,6 +265,7 @@ def _examined(covariance: Array, names: Sequence[str]) -> Collinearity | None:
     """Return how well the parameters of one response are told apart; None where some were held."""
     if not np.isfinite(covariance).all() or not (np.diag(covariance) > 0).all():
         return None
-    information = np.linalg.inv(covariance)
+    information = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
     size = np.sqrt(np.diag(information))
-    return examine_columns(np.linalg.cholesky(information / np.outer(size, size)).T, names, 0)
+    factor = np.asarray(np.linalg.cholesky(information / np.outer(size, size)).T, dtype=np.float64)
+    return examine_columns(factor, names, 0)

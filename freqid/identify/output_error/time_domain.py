@@ -30,7 +30,8 @@ class TimeDomain:
     def __init__(
         self, model: Model, signals: Sequence[Signals], parameters: ParameterSet, noise: NoiseKind
     ) -> None:
-        self.model, self.signals, self.parameters, self.noise = model, tuple(signals), parameters, noise
+        self.model, self.signals, self.parameters = model, tuple(signals), parameters
+        self.noise: NoiseKind = noise
         longest = max(s.samples for s in signals)
         self._u = np.stack([padded(s.input_matrix(model), longest) for s in signals])
         self._z = np.stack([padded(s.output_matrix(model), longest) for s in signals])

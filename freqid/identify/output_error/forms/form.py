@@ -91,14 +91,13 @@ class Loads:
             Dynamic pressure, Pa, for coefficients.
         """
         known = {**u, **x}
-        speed = known.get("V")
         for hat, rate, length in (
             ("phat", "p", "span_m"),
             ("qhat", "q", "chord_m"),
             ("rhat", "r", "span_m"),
         ):
             if hat in self.factors and hat not in u:
-                known[hat] = known[rate] * known[length] / (2 * speed)
+                known[hat] = known[rate] * known[length] / (2 * known["V"])
         away = {name: known[name] - u[f"trim_{name}"] for name in self.factors}
         found = {}
         for response, names in self.regressors:

@@ -1,6 +1,6 @@
 """Output error on a known aircraft: coverage of its intervals, convergence, and time beside scipy.
 
-A lateral model with 18 parameters, 20 s at 50 Hz, rudder 2-1-1 and aileron doublet. Coverage counts the truths
+A lateral model with 18 parameters, 20 s at 50 Hz, rudder 2-1-1 and aileron doublet. Coverage counts truths
 inside 95 % intervals over seeds, with white residuals and with residuals of first order (0.9 a sample).
 Convergence starts every parameter up to 50 % off. Time is that of warm functions from equation-error starts,
 beside scipy.optimize.least_squares on the same compiled simulation, its derivatives by finite differences.

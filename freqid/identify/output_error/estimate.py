@@ -136,6 +136,9 @@ def estimate(
 def _check(model: Model, signals: Sequence[Signals], settings: Settings) -> None:
     if not signals:
         raise UsageError("no manoeuvre is given", remedy="give at least one")
+    for s in signals:  # whatever is missing or not finite is said before anything is computed
+        s.input_matrix(model)
+        s.output_matrix(model)
     if any(abs(s.dt / signals[0].dt - 1) > 1e-6 for s in signals):
         rates = ", ".join(f"{1 / s.dt:.6g} Hz" for s in signals)
         raise UsageError(f"manoeuvres are sampled at {rates}", remedy="import them with one --resample RATE")

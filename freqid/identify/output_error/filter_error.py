@@ -200,10 +200,11 @@ class FilterError:
 
     def _linear(self, free: Array) -> tuple[Array, Array, Array, Array]:
         v, s, dv, ds = (np.asarray(x) for x in self._both(*self._split(free), *self._given))
-        dv = np.einsum(
-            "inkw,iwf->inkf", np.where(self._mask[..., None], dv, 0.0), self._spreads, optimize=True
-        )
-        return np.where(self._mask, v, 0.0), s, dv, np.einsum("iklw,iwf->iklf", ds, self._spreads)
+        with np.errstate(over="ignore", invalid="ignore"):  # of a model that diverges: the cost says so
+            dv = np.where(self._mask[..., None], dv, 0.0)
+            dv = np.einsum("inkw,iwf->inkf", dv, self._spreads, optimize=True)
+            ds = np.einsum("iklw,iwf->iklf", ds, self._spreads)
+        return np.where(self._mask, v, 0.0), s, dv, ds
 
     def _cost(self, v: Array, s: Array) -> float:
         if not (np.isfinite(v).all() and np.isfinite(s).all()):

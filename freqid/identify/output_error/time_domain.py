@@ -97,7 +97,8 @@ class TimeDomain:
 
     def _linear(self, free: Array) -> tuple[Array, Array]:
         y, along = self._sensitivities(self.parameters.vectors(free), self._u, self.signals[0].dt)
-        along = np.einsum("inkv,ivf->inkf", np.asarray(along), self._spreads, optimize=True)
+        with np.errstate(over="ignore", invalid="ignore"):  # of a model that diverges: the cost says so
+            along = np.einsum("inkv,ivf->inkf", np.asarray(along), self._spreads, optimize=True)
         return self._residual(np.asarray(y)), along
 
     def _residual(self, y: Array) -> Array:

@@ -22,7 +22,7 @@ from scipy.signal import lfilter
 
 from freqid.identify.output_error.estimate import estimate
 from freqid.identify.output_error.minimise import minimise
-from freqid.identify.output_error.model import Model, Named, Signals
+from freqid.identify.output_error.model import DynamicModel, Named, Signals
 from freqid.identify.output_error.parameters import Choices, choose_parameters
 from freqid.identify.output_error.simulation import compiled
 from freqid.identify.output_error.starts import equation_error_starts
@@ -79,7 +79,9 @@ def equations(x: Named, u: Named, p: Named) -> tuple[Named, Named]:
     return rates, {**x, "ay": SIDE * SPEED / G * side + p["bias_ay"]}
 
 
-MODEL = Model("lateral", ("beta", "p", "r", "phi"), ("da", "dr"), tuple(NOISE), tuple(TRUTH), equations)
+MODEL = DynamicModel(
+    "lateral", ("beta", "p", "r", "phi"), ("da", "dr"), tuple(NOISE), tuple(TRUTH), equations
+)
 CHOICES = Choices(initial="zero")
 
 

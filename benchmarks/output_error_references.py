@@ -23,7 +23,7 @@ from freqid.core.results.output_error import OutputErrorModel
 from freqid.flightlog.read import read_log
 from freqid.identify.output_error.estimate import Settings, estimate
 from freqid.identify.output_error.forms.transfer_function import fit_on_lines, transfer_function
-from freqid.identify.output_error.model import Model, Named, Signals
+from freqid.identify.output_error.model import DynamicModel, Named, Signals
 from freqid.identify.output_error.parameters import Choices
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -54,7 +54,7 @@ def stored(folder: str, key: str, data: Path = DATA) -> dict:
     return next(value for name, value in table.items() if name.startswith(key))
 
 
-def twin_otter(data: Path = DATA) -> tuple[Model, Signals]:
+def twin_otter(data: Path = DATA) -> tuple[DynamicModel, Signals]:
     """Return example 6.1: perturbations from the first sample, constants at the record's means."""
     record = read_log(data / "sidpac" / "totter_f1_017_data.mat")
     assert record.vehicle is not None
@@ -93,7 +93,7 @@ def twin_otter(data: Path = DATA) -> tuple[Model, Signals]:
 
     order = stored("sidpac", "ex6.1", data)["order"].split(",")
     own = tuple(n for n in order if n.startswith("bias"))
-    model = Model(
+    model = DynamicModel(
         "Twin Otter, lateral",
         ("beta", "p", "r", "phi"),
         ("da", "dr"),
@@ -166,7 +166,9 @@ def attas(*, one_start: bool, data: Path = DATA) -> Case:
         }
         return rates, dict(x)
 
-    model = Model("ATTAS, short period", ("alpha", "q"), ("de",), ("alpha", "q"), tuple(reference), equations)
+    model = DynamicModel(
+        "ATTAS, short period", ("alpha", "q"), ("de",), ("alpha", "q"), tuple(reference), equations
+    )
     signals = []
     for name in ("fAttasElv1", "fAttasElv2"):
         contents = loadmat(data / "fvsysid" / f"{name}.mat")
@@ -209,7 +211,7 @@ def hfb320(method: str, data: Path = DATA) -> Case:
         return rates, {**x, **seen}
 
     columns = {"V": 4, "alpha": 5, "theta": 6, "q": 7, "qdot": 8, "ax": 9, "az": 10}
-    model = Model(
+    model = DynamicModel(
         "HFB-320, longitudinal",
         ("V", "alpha", "theta", "q"),
         ("de", "thrust"),
@@ -237,7 +239,7 @@ def unstable(data: Path = DATA) -> Case:
         }
         return rates, {**x, "az": down}
 
-    model = Model(
+    model = DynamicModel(
         "unstable", ("w", "q"), ("de",), ("w", "q", "az"), ("Zw", "Zq", "Zde", "Mw", "Mq", "Mde"), equations
     )
     step = float(table[1, 0] - table[0, 0])

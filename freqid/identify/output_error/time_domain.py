@@ -9,7 +9,7 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.identify.output_error.minimise import Point
-from freqid.identify.output_error.model import Model, Signals
+from freqid.identify.output_error.model import DynamicModel, Signals
 from freqid.identify.output_error.parameters import ParameterSet
 from freqid.identify.output_error.simulation import compiled
 
@@ -28,7 +28,7 @@ class TimeDomain:
     method = "output-error"
 
     def __init__(
-        self, model: Model, signals: Sequence[Signals], parameters: ParameterSet, noise: NoiseKind
+        self, model: DynamicModel, signals: Sequence[Signals], parameters: ParameterSet, noise: NoiseKind
     ) -> None:
         self.model, self.signals, self.parameters = model, tuple(signals), parameters
         self.noise: NoiseKind = noise

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import expm
 
-from freqid.identify.output_error.model import Model, Signals
+from freqid.identify.output_error.model import DynamicModel, Signals
 
 TRUTH = {"Zw": -1.2, "Zq": 28.0, "Mw": -0.35, "Mq": -2.1, "Mde": -9.0}
 DT = 0.04
@@ -19,7 +19,7 @@ def equations(x, u, p):
     return rates, {"w": x["w"], "q": x["q"], "az": p["Zw"] * x["w"] + p["bias_az"]}
 
 
-MODEL = Model(
+MODEL = DynamicModel(
     "short period", ("w", "q"), ("de",), ("w", "q", "az"), (*TRUTH, "bias_az"), equations, own=("bias_az",)
 )
 

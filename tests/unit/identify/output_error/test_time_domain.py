@@ -9,7 +9,7 @@ from second_order import DT, MODEL, TRUTH, elevator, fly
 
 from freqid.core.errors import DataError, UsageError
 from freqid.identify.output_error.estimate import Settings, estimate
-from freqid.identify.output_error.model import Model, Signals
+from freqid.identify.output_error.model import DynamicModel, Signals
 from freqid.identify.output_error.parameters import Choices
 from freqid.identify.output_error.simulation import compiled
 
@@ -86,7 +86,7 @@ def test_a_parameter_that_is_not_excited_is_held_and_named():
         rates, outputs = MODEL.equations(x, u, p)
         return {**rates, "q": rates["q"] + p["Mdf"] * u["df"]}, outputs
 
-    model = Model(
+    model = DynamicModel(
         "flap",
         MODEL.states,
         ("de", "df"),
@@ -108,7 +108,7 @@ def test_parameters_that_only_their_sum_is_known_of_are_named_together():
         rates, outputs = MODEL.equations(x, u, {**p, "Mde": p["Mde"] + p["Mtab"]})
         return rates, outputs
 
-    model = Model(
+    model = DynamicModel(
         "tab", MODEL.states, ("de",), MODEL.outputs, (*MODEL.parameters, "Mtab"), twice, own=MODEL.own
     )
     found = estimate(model, [fly(6, noise=1.0)])
@@ -180,7 +180,7 @@ def test_signals_that_do_not_fit_are_refused():
 
 
 def test_a_hidden_state_needs_starts():
-    model = Model("hidden", MODEL.states, ("de",), ("az",), MODEL.parameters, _az_only, own=MODEL.own)
+    model = DynamicModel("hidden", MODEL.states, ("de",), ("az",), MODEL.parameters, _az_only, own=MODEL.own)
     s = fly()
     with pytest.raises(UsageError, match="states w q are not measured"):
         estimate(model, [Signals(s.dt, s.inputs, {"az": s.outputs["az"]})])

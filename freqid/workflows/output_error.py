@@ -250,10 +250,6 @@ def _ready(
 ) -> OutputErrorModel:
     model = ready_model(maneuvers, identification, outputs)
     result = estimate(model, [signals_of(m, model) for m in maneuvers], choices, settings)
-    spinning = [r.name for r in maneuvers[0].vehicle.rotors if r.inertia]
-    if spinning:
-        said = f"the equations of motion leave out the angular momentum of {' '.join(spinning)}."
-        result = replace(result, remarks=(*result.remarks, said))
     units = parameter_units(maneuvers[0], identification)
     result = replace(result, units=tuple(units.get(n.partition("@")[0], "") for n in result.names))
     return replace(result, point=point_model(result, maneuvers, identification, reference, highest_hz))

@@ -8,10 +8,12 @@ from freqid.core.record import Maneuver as Maneuver
 from freqid.core.results.design import MultisineDesign as MultisineDesign
 from freqid.core.results.diagnosis import GapDiagnosis as GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse as FrequencyResponse
+from freqid.core.results.output_error import OutputErrorModel as OutputErrorModel
 from freqid.core.results.point import PointModel as PointModel
 from freqid.core.results.rivals import Rivals as Rivals
 from freqid.core.scenario import Scenario as Scenario
 from freqid.core.vehicle import Vehicle as Vehicle
+from freqid.identify.output_error.model import DynamicModel as DynamicModel
 from freqid.views.page import page as page
 from freqid.workflows.blend import blend as blend
 from freqid.workflows.blend import predict as predict
@@ -30,6 +32,7 @@ from freqid.workflows.identify import identify_point as identify_point
 from freqid.workflows.import_log import export_log as export_log
 from freqid.workflows.import_log import read_log as read_log
 from freqid.workflows.import_log import split_flight as split_flight
+from freqid.workflows.output_error import identify_output_error as identify_output_error
 from freqid.workflows.sensors import align_sensors as align_sensors
 from freqid.workflows.sensors import check_sensors as check_sensors
 from freqid.workflows.sensors import correct_sensors as correct_sensors

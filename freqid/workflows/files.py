@@ -10,8 +10,9 @@ from freqid.core import record as record_file
 from freqid.core import scenario, store
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord
-from freqid.core.results import corridor, design, frequency_response, gap, point, rivals
+from freqid.core.results import corridor, design, frequency_response, gap, output_error, point, rivals
 from freqid.core.results.design import ClassicDesign, MultisineDesign
+from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.scenario import Scenario
 from freqid.workflows.inputs import File, scenario_of
 
@@ -54,7 +55,8 @@ def read(path: File) -> Any:
 
     Returns
     -------
-    FlightRecord, MultisineDesign, PointModel, GlobalModel, FrequencyResponse, GapResult or Rivals
+    FlightRecord, MultisineDesign, PointModel, OutputErrorModel, GlobalModel, FrequencyResponse, GapResult
+    or Rivals
         As the file says of itself. Of a scenario's TOML file, the `Scenario`; of classic inputs, their
         samples.
 
@@ -90,7 +92,7 @@ def save(result: Any, path: File, *, scenario: Scenario | File | None = None) ->
 
     Parameters
     ----------
-    result : FlightRecord, PointModel, GlobalModel, FrequencyResponse, GapResult, Rivals or a design
+    result : FlightRecord, PointModel, GlobalModel, FrequencyResponse, GapResult, Rivals, a design, or other
         What the verbs return; a simulated manoeuvre is saved with its truth in a file beside.
     path : path
     scenario : Scenario, path or name, optional
@@ -165,10 +167,12 @@ _READERS: dict[str, Callable[[Path], Any]] = {
     design.FORMAT: _read_design,
     corridor.FILE.format: _read_global,
     **{file.format: file.read for file in _FILES},
+    output_error.FORMAT: output_error.read_output_error,
 }
 _WRITERS: dict[type, Callable[[Path, Any, str], None]] = {
     FlightRecord: record_file.write_record,
     MultisineDesign: _write_design,
     ClassicDesign: _write_design,
     **{file.of: file.write for file in _FILES},
+    OutputErrorModel: output_error.write_output_error,
 }

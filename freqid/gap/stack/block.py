@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import cast
 
 import numpy as np
 
@@ -183,7 +184,8 @@ def flown_again(block: Block, departures: Departures) -> Block:
 
 
 def _departed(simulation: Simulation, departures: Departures | None) -> Simulation:
-    return Departed(simulation, departures) if departures else simulation
+    # all else that a simulation has is the nominal one's
+    return cast(Simulation, Departed(simulation, departures)) if departures else simulation
 
 
 def _trial(simulation: Simulation, motion: Motion) -> Trial:

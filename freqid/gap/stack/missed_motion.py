@@ -54,13 +54,13 @@ def with_missed(record: FlightRecord, own: Mapping[str, Array], lines: Lines) ->
     driven = [(j, np.flatnonzero(lines.owner == j)) for j in range(len(lines.inputs))]
     driven = [(at, injected[j, at]) for j, at in driven if at.size]
     slow = np.arange(1, np.flatnonzero(lines.driven)[0])
-    missed = np.zeros_like(y)
+    missed = np.zeros(y.shape, dtype=complex)
     for i in range(len(names)):
         missed[i], noise = _missed(lines.hz, x[i], y[i], driven)
         power = np.abs(y[i, slow]) ** 2
         missed[i, slow] = y[i, slow] * np.maximum(1 - noise / np.maximum(power, 1e-300), 0.0)
     wave = np.exp(2j * np.pi * lines.hz[:, None] * (lines.dt * np.arange(record.time.size)))
-    found = modelled + 2 / np.sqrt(lines.duration) * (missed @ wave).real
+    found = modelled + 2 / np.sqrt(lines.duration) * np.real(missed @ wave)
     return dict(own) | dict(zip(names, found, strict=True))
 
 
@@ -69,7 +69,7 @@ def _missed(
 ) -> tuple[Complex, float]:
     """Return the part of y, shape (line,), that changes slowly with frequency, and the power of the rest."""
     size = np.sqrt(np.mean(np.concatenate([np.abs(x[at]) for at, _ in driven]) ** 2))
-    missed = np.zeros_like(y)
+    missed: Complex = np.zeros(y.shape, dtype=np.complex128)
     if not size or not any(y[at].any() for at, _ in driven):
         return missed, 0.0
     each = []
@@ -102,7 +102,7 @@ def _missed(
         if best == before:
             break
     for (at, _), x in zip(driven, said(best), strict=True):
-        missed[at] = x[: at.size] + 1j * x[at.size :]
+        missed[at] = np.array([1.0, 1j]) @ np.reshape(x, (2, -1))
     return missed, 2 * known[best] / sum(z.size for *_, z in each)
 
 
@@ -123,7 +123,7 @@ def _by_the_others(hat: Array, z: Array) -> Array:
     own = hat[pairs[:, :, None], pairs[:, None, :]]
     y, fitted = z[pairs], (hat @ z)[pairs]
     left = np.linalg.solve(np.eye(2) - own, (fitted - (own @ y[:, :, None])[:, :, 0])[:, :, None])[:, :, 0]
-    return np.concatenate([left[:, 0], left[:, 1]])
+    return np.asarray(left.T.ravel(), dtype=np.float64)
 
 
 def _polynomials(place: Array, order: int) -> Array:

@@ -228,6 +228,11 @@ class PointModel(Viewable):
     estimator : {"least-squares", "instruments"}
     remarks : tuple of str
         What a reader should know before using the model, one sentence each.
+    trim : mapping of str to float
+        Means over the manoeuvre: ``V`` m/s, ``alpha`` rad and the propellers' ``advance_ratio``, inf where
+        they are stopped; as far as the records tell.
+    no_advance_ratio : str
+        Why there is none in `trim`; empty where there is.
     """
 
     reference: Reference
@@ -242,6 +247,8 @@ class PointModel(Viewable):
     prediction: Mapping[str, Fit] = field(default_factory=dict)
     estimator: str = "least-squares"
     remarks: tuple[str, ...] = ()
+    trim: Mapping[str, float] = field(default_factory=dict)
+    no_advance_ratio: str = ""
 
     def __repr__(self) -> str:
         fits = ", ".join(f"{name} R2 {r.r2:.4f}" for name, r in self.responses.items())
@@ -330,6 +337,10 @@ def write_point(path: Path, model: PointModel, scenario_sha256: str = "") -> Non
         for name in ("method", "form", "axes", "confidence", "duration", "vehicle", "estimator"):
             file.attrs[name] = getattr(model, name)
         store.put_json(file, "remarks", list(model.remarks))
+        trim = file.create_group("trim")
+        for name, value in model.trim.items():
+            trim.attrs[name] = value
+        trim.attrs["no_advance_ratio"] = model.no_advance_ratio
         store.put_json(file, "responses", list(model.responses))
         store.put_json(file.create_group("provenance"), "json", model.provenance)
         for response in model.responses.values():
@@ -416,6 +427,7 @@ def read_point(path: Path) -> PointModel:
         provenance = store.get_json(store.subgroup(file, "provenance"), "json")
         if not isinstance(provenance, dict) or not store.get_json(file, "responses"):
             raise ValueError("provenance or responses are not as they are written")
+        known = "trim" in file  # files of layout 1.1 have none
         return PointModel(
             reference=msgspec.convert(plain, Reference),
             responses={r: _read_response(file, r) for r in store.get_json(file, "responses")},
@@ -429,7 +441,17 @@ def read_point(path: Path) -> PointModel:
             prediction=_read_fits(file, "prediction"),
             estimator=store.get_text(file, "estimator") or "least-squares",
             remarks=tuple(map(str, store.get_json(file, "remarks") or ())),
+            trim=_read_trim(store.subgroup(file, "trim")) if known else {},
+            no_advance_ratio=store.get_text(store.subgroup(file, "trim"), "no_advance_ratio")
+            if known
+            else "",
         )
+
+
+def _read_trim(group: h5py.Group) -> dict[str, float]:
+    return {
+        name: store.floats(group, name)[0] for name in ("V", "alpha", "advance_ratio") if name in group.attrs
+    }
 
 
 def _read_response(file: h5py.File, response: str) -> ResponseModel:

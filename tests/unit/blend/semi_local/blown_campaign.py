@@ -1,0 +1,49 @@
+"""Manoeuvres of a blown aircraft as regressions, with a truth that no law has: momentum theory and tables."""
+
+import numpy as np
+
+from freqid.blend.semi_local.problem import estimated_maneuvers
+from freqid.core.results.advance_ratio import LocalDerivatives
+
+NAMES = ("Cm.0", "Cm.alpha", "Cm.qhat", "Cm.de")
+UNITS = ("1", "1/rad", "1", "1/rad")
+TRIMS = (0.35, 0.45, 0.55, 0.7, 0.9, 1.1, np.inf)
+
+
+def truth(j, alpha):
+    """Return the derivatives, shape (4,): three follow the dynamic pressure of the slipstream."""
+    disc = 0.0 if np.isinf(j) else 0.22 / j**2
+    slip = np.sqrt(1 + disc)  # slipstream over free stream, far behind
+    return np.array([0.05 - 0.06 * (slip - 1), -0.9 - 0.2 * alpha, -14 * slip, -1.1 * slip])
+
+
+def campaign(seed, repeats=2, alphas=(0.04, 0.11), trims=TRIMS, noise=0.004):
+    """Return local estimates of doublets: short and at small amplitude, so that regressors are correlated."""
+    rng = np.random.default_rng(seed)
+    ids, js, angles, estimates, covariances = [], [], [], [], []
+    time = np.arange(0, 8, 0.02)
+    for angle in alphas:
+        for trim in trims:
+            for _ in range(repeats):
+                j = trim * (1 + 0.01 * rng.standard_normal())
+                alpha0 = angle + 0.003 * rng.standard_normal()
+                de = -0.08 + 0.05 * np.sign(np.sin(2 * np.pi * time / rng.uniform(1.5, 4)))
+                q = 0.008 * np.convolve(de + 0.08, np.exp(-1.5 * time) * np.sin(3 * time))[: time.size] * -0.1
+                alpha = alpha0 + np.cumsum(q) * 0.4
+                alpha = alpha0 + 0.02 * (alpha - alpha0) / (alpha - alpha0).std()
+                q = 0.001 * q / q.std()
+                x = np.column_stack([np.ones(time.size), alpha, q, de])
+                y = x @ truth(j, alpha0) + noise * rng.standard_normal(time.size)
+                inverse = np.linalg.inv(x.T @ x)
+                estimates.append(inverse @ x.T @ y)
+                covariances.append(noise**2 * inverse)
+                ids.append(f"m{len(ids)}")
+                js.append(j)
+                angles.append(alpha0)
+    return LocalDerivatives(
+        tuple(ids), NAMES, UNITS, np.array(js), np.array(angles), np.array(estimates), np.array(covariances)
+    )
+
+
+def problems_of(local):
+    return dict(zip(local.ids, estimated_maneuvers(local), strict=True))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import inf, isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
@@ -88,16 +88,26 @@ class Simulation(Strict, frozen=True):
 
     Attributes
     ----------
+    kind : {"airframe", "coefficients"}
+        Which of the two sections of that name gives the loads: strips, slipstreams and wakes of a tilt-wing
+        aircraft, or derivatives and tables of any aircraft.
     effects : dict
         Settings by effect id.
-    airframe, actuators, sensors, wind : dict
+    airframe, coefficients, actuators, sensors, wind : dict
     """
 
+    kind: Literal["airframe", "coefficients"] = "airframe"
     effects: dict[str, Any] = msgspec.field(default_factory=dict)
     airframe: dict[str, Any] = msgspec.field(default_factory=dict)
+    coefficients: dict[str, Any] = msgspec.field(default_factory=dict)
     actuators: dict[str, Any] = msgspec.field(default_factory=dict)
     sensors: dict[str, Any] = msgspec.field(default_factory=dict)
     wind: dict[str, Any] = msgspec.field(default_factory=dict)
+
+    @property
+    def loads(self) -> dict[str, Any]:
+        """The section that gives the loads."""
+        return self.coefficients if self.kind == "coefficients" else self.airframe
 
 
 class Scenario(Strict, frozen=True):

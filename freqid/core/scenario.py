@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import msgspec
 
+from freqid.core.campaign import Campaign
 from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError, nearest
 from freqid.core.excitation import Excitation
@@ -120,6 +121,7 @@ class Scenario(Strict, frozen=True):
         One entry for each ``[[effector]]``, ``[[rotor]]``, ``[[wing]]``, ``[[group]]``, ``[[reference]]``.
     excitation : Excitation, optional
     identification : Identification, optional
+    campaign : Campaign, optional
     control, simulation, tolerance, noise, gates
         The remaining sections; tolerance and noise give one sigma by name, tolerance of one effector by
         a dotted one: ``de1.natural_frequency``.
@@ -135,6 +137,7 @@ class Scenario(Strict, frozen=True):
     reference: tuple[Reference, ...] = ()
     excitation: Excitation | None = None
     identification: Identification | None = None
+    campaign: Campaign | None = None
     control: dict[str, Any] = msgspec.field(default_factory=dict)
     simulation: Simulation = Simulation()
     tolerance: dict[str, float] = msgspec.field(default_factory=dict)

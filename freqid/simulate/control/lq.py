@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -86,12 +87,12 @@ class ClosedLoop:
     parameters : motion.Parameters
     trims : dict of Trim
         By reference id, along one corridor.
-    law : Law
+    law : Law or Tecs
     """
 
     parameters: motion.Parameters
     trims: dict[str, Trim]
-    law: Law
+    law: Any
 
 
 def close_loop(scenario: Scenario, reference: Reference) -> ClosedLoop:

@@ -140,7 +140,7 @@ def variables_of(layout: Layout) -> tuple[str, ...]:
 
 
 def variables(parameters: Coefficients, flow: Flow, positions: Positions) -> dict[str, jax.Array]:
-    """Return every variable by name; ``J`` is V / n D of the mean n D over the rotors that have a diameter."""
+    """Return every variable by name; ``J`` is V / n D, n D the mean over the rotors that have a diameter."""
     velocity = flow.velocity + cross(flow.rates, parameters.point)
     speed = jnp.sqrt((velocity**2).sum() + _SMALLEST_SPEED**2)
     span, chord = parameters.lengths

@@ -21,7 +21,7 @@ from freqid.core.results.design import SampledInputs
 from freqid.core.scenario import Reference, Scenario
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.simulate.air.surroundings import Surroundings, windy
-from freqid.simulate.control.law import Aim, Law, command
+from freqid.simulate.control.law import Aim, Law
 from freqid.simulate.control.lq import ClosedLoop
 from freqid.simulate.effects import turbulence
 from freqid.simulate.loads.quantities import Positions
@@ -221,7 +221,7 @@ def fly_batch(sorties: Sequence[Sortie]) -> list[Flight]:
     UsageError
         Where their durations differ.
     """
-    lengths = sorted({s.aim.u.size for s in sorties})
+    lengths = sorted({s.around.rho.size for s in sorties})
     if len(lengths) > 1:
         raise UsageError(
             f"sorties of {lengths[0]} and {lengths[-1]} steps cannot fly side by side",
@@ -232,10 +232,10 @@ def fly_batch(sorties: Sequence[Sortie]) -> list[Flight]:
 
 def _flown(flown: Sortie, leg) -> list[Flight]:
     """Fly leg by leg; stacked sorties by a `leg` that is mapped over them."""
-    axis = flown.aim.u.ndim - 1  # of the steps
-    count = flown.aim.u.shape[axis]
+    axis = flown.around.rho.ndim - 1  # of the steps
+    count = flown.around.rho.shape[axis]
     schedule = (flown.aim, flown.excitation, flown.around)
-    carry = flown.state, np.zeros((*flown.aim.u.shape[:axis], 3))
+    carry = flown.state, flown.law.memory
     legs = []
     for first in range(0, count, _LEG):
         now = jax.tree.map(lambda x: _cut(x, axis, first), schedule)  # noqa: B023  used at once
@@ -294,7 +294,7 @@ def _advance(parameters: motion.Parameters, law: Law, carry, schedule):
 
     def step(carry, now):
         (state, drift), (aim, excitation, around) = carry, now
-        commands, rate = command(law, state.moving.body, drift, aim)
+        commands, rate = law.command(state.moving.body, drift, aim)
         commands = _added(commands, excitation)
         after, seen = motion.seen_step(parameters, state, commands, around, DT)
         return (after, drift + DT * rate), _sample(parameters, state.moving, commands, *seen)

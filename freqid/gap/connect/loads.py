@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from freqid.core.arrays import Array
-from freqid.simulate.loads import airframe, wake
+from freqid.simulate.loads import airframe
 from freqid.simulate.loads.quantities import Aero, Flow, Positions, Wake
 from freqid.simulate.motion import attitude, multibody
 from freqid.simulate.motion.multibody import MassModel
@@ -141,7 +141,7 @@ def _steady(parameters: airframe.Parameters, at: Along) -> Aero:
 def _shed(parameters: airframe.Parameters, along: Along):
     def one(at: Along):
         leaving = airframe.wrench(parameters, *at, _STILL).shed
-        return leaving, wake.convection_time(parameters.wakes, at.flow)
+        return leaving, parameters.convection_time(at.flow)
 
     return jax.vmap(one)(along)
 

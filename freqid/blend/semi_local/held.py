@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,9 +154,7 @@ def refit(
         spread[np.ix_(~fixed, ~fixed)] = own + (gain * variance) @ gain.T
         estimate[i, at] = theta
         covariance[i][np.ix_(at, at)] = spread
-    return LocalDerivatives(
-        local.ids, local.names, local.units, local.advance_ratio, local.alpha, estimate, covariance
-    )
+    return replace(local, estimate=estimate, covariance=covariance)
 
 
 def _estimate_free(

@@ -33,6 +33,8 @@ class LocalDerivatives:
         ``J = V / (n d)`` at the trim; inf where the propellers are stopped.
     alpha : ndarray, shape (n,)
         Angle of attack at the trim, rad.
+    airspeed : ndarray, shape (n,)
+        At the trim, m/s; nan where it is not known.
     estimate : ndarray, shape (n, p)
         nan where a manoeuvre does not tell a derivative.
     covariance : ndarray, shape (n, p, p)
@@ -45,6 +47,7 @@ class LocalDerivatives:
     units: tuple[str, ...]
     advance_ratio: Array
     alpha: Array
+    airspeed: Array
     estimate: Array
     covariance: Array
 
@@ -82,6 +85,7 @@ class LocalDerivatives:
             units=self.units,
             advance_ratio=self.advance_ratio[index],
             alpha=self.alpha[index],
+            airspeed=self.airspeed[index],
             estimate=self.estimate[index],
             covariance=self.covariance[index],
         )
@@ -127,8 +131,8 @@ class AdvanceRatioLaw:
     scatter : float
         Standard deviation of a trim's derivative about the law, beyond what the local standard errors
         explain: what else differs from manoeuvre to manoeuvre.
-    draws : ndarray, shape (m, 5)
-        Posterior draws ``C_inf p1 r1 p2 r2``, of all forms in proportion to their probabilities, so that
+    draws : ndarray, shape (m, 1 + 2 l)
+        Posterior draws ``C_inf p1 r1 p2 r2 ...``, of all forms in proportion to their probabilities, so that
         intervals allow for doubt about the form; unused terms are zero.
     forms : tuple of FormEvidence
         Those that were tried, the simplest first.
@@ -200,8 +204,8 @@ class AdvanceRatioLaw:
     def drawn(self, advance_ratio: ArrayLike) -> Array:
         """Return the value in every posterior draw, shape (m, ...)."""
         j = np.asarray(advance_ratio, dtype=np.float64)
-        c, p1, r1, p2, r2 = (column.reshape(-1, *([1] * j.ndim)) for column in self.draws.T)
-        return c + p1 * _decay(r1, j) + p2 * _decay(r2, j)
+        columns = [column.reshape(-1, *([1] * j.ndim)) for column in self.draws.T]
+        return columns[0] + sum(p * _decay(r, j) for p, r in zip(columns[1::2], columns[2::2], strict=True))
 
     def interval(self, advance_ratio: ArrayLike, confidence: float = 0.95) -> tuple[Array, Array]:
         """Return the limits of the value's interval, each of the shape of `advance_ratio`."""

@@ -72,6 +72,7 @@ def local_derivatives(points: Sequence[PointModel], ids: Sequence[str]) -> Local
         units=tuple(columns[name] for name in names),
         advance_ratio=np.array([p.trim["advance_ratio"] for p in points]),
         alpha=np.array([p.trim["alpha"] for p in points]),
+        airspeed=np.array([p.trim.get("V", np.nan) for p in points]),
         estimate=estimate,
         covariance=covariance,
     )

@@ -41,7 +41,14 @@ def campaign(seed, repeats=2, alphas=(0.04, 0.11), trims=TRIMS, noise=0.004):
                 js.append(j)
                 angles.append(alpha0)
     return LocalDerivatives(
-        tuple(ids), NAMES, UNITS, np.array(js), np.array(angles), np.array(estimates), np.array(covariances)
+        ids=tuple(ids),
+        names=NAMES,
+        units=UNITS,
+        advance_ratio=np.array(js),
+        alpha=np.array(angles),
+        airspeed=np.full(len(ids), 15.0),
+        estimate=np.array(estimates),
+        covariance=np.array(covariances),
     )
 
 

@@ -13,7 +13,6 @@ from freqid.blend.semi_local.one_shot import one_shot_model
 from freqid.blend.semi_local.parametric import global_model
 from freqid.blend.semi_local.problem import Expansion, estimated_maneuvers
 from freqid.core.errors import DataError, UsageError
-from freqid.core.results.advance_ratio import LocalDerivatives
 
 
 @pytest.fixture(scope="module")
@@ -184,9 +183,7 @@ def test_derivatives_that_some_manoeuvres_do_not_tell_are_left_out():
     local = campaign(2, alphas=(0.05,), repeats=2)
     estimate, covariance = local.estimate.copy(), local.covariance.copy()
     estimate[::2, 2] = covariance[::2, 2, :] = covariance[::2, :, 2] = np.nan
-    part = LocalDerivatives(
-        local.ids, local.names, local.units, local.advance_ratio, local.alpha, estimate, covariance
-    )
+    part = replace(local, estimate=estimate, covariance=covariance)
     model = global_model(part)
     assert model.clusters[0]["Cm.qhat"].points == 7
     problems = problems_of(part)

@@ -21,7 +21,8 @@ THRUST = (0.120, -0.110, -0.035, -0.002)  # c0 to c3 of CT, as in freqid.simulat
 TORQUE = (0.0085, 0.0030, -0.0040, -0.0075)
 J = (0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0, 1.1, 1.2)
 J = (*J, 1.4, 1.7, 2.2, 3.0, 5.0, 10.0, 1000.0)
-ALPHA = tuple(np.round(np.arange(-0.12, 0.281, 0.02), 2).tolist())
+ALPHA = np.linspace(-0.08, 0.24, 33)  # rad, where polynomials stand for the formulas
+DEGREE = {"CL": 3, "CD": 4, "Cm": 3}
 
 WASHED = 0.62  # share of the wing behind the propellers
 DEVELOPED = 0.9  # share of the far slipstream's speed at the wing
@@ -98,23 +99,35 @@ def derivatives(j):
     }
 
 
+def polynomials(j):
+    """Return CL, CD and Cm without control deflections as polynomials of the angle of attack.
+
+    Parameters
+    ----------
+    j : ndarray, shape (n,)
+
+    Returns
+    -------
+    dict of ndarray, shape (degree + 1, n)
+        Constant first.
+    """
+    fits = zip(("CL", "CD", "Cm"), statics(ALPHA[:, None], j), strict=True)
+    return {name: np.polynomial.polynomial.polyfit(ALPHA, values, DEGREE[name]) for name, values in fits}
+
+
 def section():
     """Return the tables as lines of TOML."""
-    j, alpha = np.array(J), np.array(ALPHA)
-    lines = []
-    two = dict(zip(("CL", "CD", "Cm"), statics(alpha[:, None], j), strict=True))
-    one = derivatives(j)
+    j = np.array(J)
+    lines, static, others = [], polynomials(j), derivatives(j)
     for name in ("CD", "CL", "Cm", "CY", "Cl", "Cn"):
         lines.append(f"[simulation.coefficients.{name}]")
-        if name in two:
-            rows = ", ".join(_row(row) for row in two[name])
-            lines.append(
-                f'bias = {{ of = ["alpha", "J"], at = [{_row(alpha)}, {_row(j)}], values = [{rows}] }}'
-            )
-        for variable, values in one.get(name, {}).items():
-            constant = np.ptp(values) == 0
+        terms = {}
+        for power, values in enumerate(static.get(name, ())):
+            terms["*".join(["alpha"] * power) or "bias"] = values
+        for term, values in {**terms, **others.get(name, {})}.items():
+            key = f'"{term}"' if "*" in term else term
             table = f'{{ of = "J", at = {_row(j)}, values = {_row(values)} }}'
-            lines.append(f"{variable} = {values[0]:.6g}" if constant else f"{variable} = {table}")
+            lines.append(f"{key} = {values[0]:.6g}" if np.ptp(values) == 0 else f"{key} = {table}")
         lines.append("")
     return "\n".join(lines)
 

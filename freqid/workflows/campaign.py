@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from math import inf, nan, pi
+from pathlib import Path
+
+import numpy as np
+
 from freqid.core.errors import UsageError
+from freqid.core.record import FlightRecord
 from freqid.core.scenario import Scenario
+from freqid.flightlog.cut import find_maneuvers
 from freqid.simulate import campaign
+from freqid.simulate.loads.coefficients import HIGHEST_ADVANCE_RATIO
 from freqid.simulate.maneuver import Conditions, with_effects
 from freqid.workflows.design import design_inputs
 from freqid.workflows.fly import Design, Effects, SimulatedManeuver, effect_settings, samples_of
@@ -60,7 +69,55 @@ def simulate_campaign(
     if design is None:
         design = design_inputs(described, seed=0)
     inputs = samples_of(design)
-    assert inputs is not None
+    assert inputs is not None  # a design was given or made
     conditions = Conditions(sensors, noise, turbulence=turbulence, seed=seed)
     flown, loop = campaign.fly_campaign(described, inputs, conditions)
-    return SimulatedManeuver(described, flown, loop, str(design) if isinstance(design, str) else "")
+    name = Path(design).name if isinstance(design, str | Path) else ""
+    return SimulatedManeuver(described, flown, loop, name)
+
+
+@dataclass(frozen=True)
+class FlownTrim:
+    """What a campaign truly was at one manoeuvre, in the mean.
+
+    Attributes
+    ----------
+    span_s : tuple of 2 floats
+        Where it was found in the flight, s.
+    speed : float
+        Airspeed, m/s.
+    climb, alpha : float
+        Flight path angle and angle of attack, rad.
+    advance_ratio : float
+        V over the mean of n D; inf with stopped propellers, nan where no rotor states its diameter.
+    """
+
+    span_s: tuple[float, float]
+    speed: float
+    climb: float
+    alpha: float
+    advance_ratio: float
+
+
+def trims_flown(found: SimulatedManeuver) -> tuple[FlownTrim, ...]:
+    """Return what each manoeuvre of a campaign truly was; they are found in what was logged."""
+    truth = found.truth
+    return tuple(_trim_over(truth.cut(*span), span) for span in find_maneuvers(found.record, margin_s=0.0))
+
+
+def _trim_over(truth: FlightRecord, span: tuple[float, float]) -> FlownTrim:
+    speed, height = truth["air/V"], truth["state/alt"]
+    climb = np.arcsin((height[-1] - height[0]) / np.trapezoid(speed, truth.time))
+    rotors = [r for r in (truth.vehicle.rotors if truth.vehicle else ()) if r.diameter_m]
+    tips = [truth[f"effector/{r.name}"].mean() * (r.diameter_m or 0.0) for r in rotors]
+    ratio = nan
+    if tips:
+        turning = float(np.mean(tips)) / (2 * pi)
+        ratio = float(speed.mean()) / turning if turning * HIGHEST_ADVANCE_RATIO > speed.mean() else inf
+    return FlownTrim(
+        span,
+        float(speed.mean()),
+        float(climb),
+        float(truth["air/alpha"].mean()),
+        ratio,
+    )

@@ -3,8 +3,9 @@
 With specific energy rate ``e = gamma + V' / g`` and balance ``d = gamma - V' / g``, the rotors' common speed
 follows the error of e and the commanded pitch that of d, each proportional and integral; the speed error is
 made an acceleration that is asked for. With stopped rotors only the speed counts in d, and the climb angle
-is what the glide makes of it. Inner loops hold pitch, wings level and heading, with gains that go down with
-the dynamic pressure. While a manoeuvre is flown, rotor speed and commanded pitch are held as they were.
+is what the glide makes of it. While a manoeuvre is flown the rotors hold their advance ratio, so that their
+speed goes with the airspeed, and only the speed counts in d too. Inner loops hold pitch, wings level and
+heading, with gains that go down with the dynamic pressure.
 
 References
 ----------
@@ -139,15 +140,15 @@ class Tecs(NamedTuple):
 
     @property
     def memory(self) -> jax.Array:
-        """Integrals of energy and balance, filtered speed, held rotor speed and held pitch; shape (5,)."""
+        """Integrals of energy and balance, filtered speed, rotor speed over airspeed; shape (4,)."""
         zero = jnp.zeros_like(self.pitch)
         rotor = self.trim.speed.mean(axis=-1)
-        return jnp.stack([zero, zero, self.speed, rotor, self.pitch], axis=-1)
+        return jnp.stack([zero, zero, self.speed, rotor / self.speed], axis=-1)
 
     def command(self, body: BodyState, memory: jax.Array, aim: Goal) -> tuple[Commands, jax.Array]:
         """Return commands and the rate of change of the memory."""
         g = self.gains
-        energy_sum, balance_sum, filtered, held_rotor, held_pitch = memory
+        energy_sum, balance_sum, filtered, ratio = memory
         motion = attitude.to_ground(body.attitude, body.velocity) - aim.wind
         speed = jnp.maximum(jnp.sqrt((motion**2).sum()), _SLOWEST)
         climb = jnp.arcsin(-motion[2] / speed)
@@ -158,25 +159,23 @@ class Tecs(NamedTuple):
         most = g["acceleration"] / STANDARD_GRAVITY
         wanted = jnp.clip(g["speed"] * (aim.speed - speed) / STANDARD_GRAVITY, -most, most)
         energy = aim.climb - climb + wanted - gaining
-        balance = (1 - aim.stopped) * (aim.climb - climb) - (1 + aim.stopped) * (wanted - gaining)
+        alone = jnp.maximum(aim.stopped, aim.held)  # pitch holds the speed and nothing else
+        balance = (1 - alone) * (aim.climb - climb) - (1 + alone) * (wanted - gaining)
 
         asked = self.trim.speed.mean() + g["energy"] * (energy + g["integral"] * energy_sum)
         rotor = jnp.clip(asked, self.low.speed.min(), self.high.speed.max())
         tilted = self.pitch + g["balance"] * (balance + g["integral"] * balance_sum)
         pitch = jnp.clip(tilted, self.bounds[0], self.bounds[1])
-        free = 1 - aim.held
         # An integral that has driven its output to a limit waits there.
         rates = jnp.stack(
             [
-                free * (1 - aim.stopped) * energy * ((asked == rotor) | (energy * asked < energy * rotor)),
-                free * balance * ((tilted == pitch) | (balance * tilted < balance * pitch)),
+                (1 - alone) * energy * ((asked == rotor) | (energy * asked < energy * rotor)),
+                balance * ((tilted == pitch) | (balance * tilted < balance * pitch)),
                 (speed - filtered) / g["filter_s"],
-                free * (rotor - held_rotor),
-                free * (pitch - held_pitch),
+                (1 - aim.held) * (rotor / speed - ratio),
             ]
         )
-        rotor = jnp.where(aim.held > 0, held_rotor, rotor) * (1 - aim.stopped)
-        pitch = jnp.where(aim.held > 0, held_pitch, pitch)
+        rotor = jnp.where(aim.held > 0, ratio * speed, rotor) * (1 - aim.stopped)
 
         bank = jnp.clip(-g["heading"] * psi, -g["bank_rad"], g["bank_rad"])
         demand = jnp.stack(

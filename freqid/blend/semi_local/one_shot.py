@@ -91,7 +91,7 @@ class _Coefficients:
             law, part = self.laws[name], self.slices[name]
             own = c[part]
             k = law.rate.size
-            p, r = own[1 : 1 + k], np.exp(own[1 + k :])
+            p, r = own[1 : 1 + k], self._rates(law, own)
             off = j - self._origin(law)
             e = np.exp(-r * off) if np.isfinite(j) else np.zeros(k)
             theta[i] = own[0] + p @ e
@@ -125,9 +125,13 @@ class _Coefficients:
 
     def _terms(self, law: AdvanceRatioLaw, own: Array) -> tuple[Array, Array, Array]:
         k = law.rate.size
-        # a law keeps to the rates that its advance ratios can tell
-        rate = np.exp(np.clip(own[:, 1 + k :], np.log(law.rate) - 3, np.log(law.rate) + 3))
+        rate = self._rates(law, own)
         return own[:, 0], own[:, 1 : 1 + k] * np.exp(rate * self._origin(law)), rate
+
+    @staticmethod
+    def _rates(law: AdvanceRatioLaw, own: Array) -> Array:
+        """Return rates of coefficients, shape (..., size of the law), within a factor of 20 of the start."""
+        return np.exp(np.log(law.rate) + np.clip(own[..., 1 + law.rate.size :] - np.log(law.rate), -3, 3))
 
     @staticmethod
     def _origin(law: AdvanceRatioLaw) -> float:

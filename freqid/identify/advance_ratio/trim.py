@@ -8,7 +8,7 @@ from math import inf, pi
 import numpy as np
 
 from freqid.core.errors import DataError
-from freqid.core.record import Maneuver
+from freqid.core.record import FlightRecord, Maneuver
 from freqid.identify.loads.explanatory import history
 
 STOPPED = 50.0
@@ -94,3 +94,22 @@ def flown_trim(maneuvers: Sequence[Maneuver]) -> tuple[dict[str, float], str]:
         return trim, error.message
     trim["advance_ratio"] = 1 / inverse if inverse > 0 else inf
     return trim, ""
+
+
+def excited(record: FlightRecord) -> FlightRecord:
+    """Return the part of a record in which signals are injected: there the trim is the one that is flown.
+
+    Parameters
+    ----------
+    record : FlightRecord
+
+    Returns
+    -------
+    FlightRecord
+        All of it where it logged no excitation.
+    """
+    injected = [record[f"excitation/{name}"] for name in record.group("excitation")]
+    on = np.flatnonzero(np.any(injected, axis=0)) if injected else np.zeros(0)
+    if on.size < 2:
+        return record
+    return record.cut(float(record.time[on[0]]), float(record.time[on[-1]]))

@@ -5,6 +5,7 @@ from freqid.blend.global_model import GlobalModel as GlobalModel
 from freqid.core.errors import FreqidError as FreqidError
 from freqid.core.record import FlightRecord as FlightRecord
 from freqid.core.record import Maneuver as Maneuver
+from freqid.core.results.advance_ratio import AdvanceRatioModel as AdvanceRatioModel
 from freqid.core.results.design import MultisineDesign as MultisineDesign
 from freqid.core.results.diagnosis import GapDiagnosis as GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse as FrequencyResponse
@@ -13,6 +14,7 @@ from freqid.core.results.rivals import Rivals as Rivals
 from freqid.core.scenario import Scenario as Scenario
 from freqid.core.vehicle import Vehicle as Vehicle
 from freqid.views.page import page as page
+from freqid.workflows.advance_ratio import blend_by_advance_ratio as blend_by_advance_ratio
 from freqid.workflows.blend import blend as blend
 from freqid.workflows.blend import predict as predict
 from freqid.workflows.compare import compare_simulations as compare_simulations

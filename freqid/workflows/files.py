@@ -11,6 +11,9 @@ from freqid.core import scenario, store
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord
 from freqid.core.results import (
+    advance_ratio as advance_ratio_file,
+)
+from freqid.core.results import (
     corridor as global_file,
 )
 from freqid.core.results import (
@@ -28,6 +31,7 @@ from freqid.core.results import (
 from freqid.core.results import (
     rivals as rivals_file,
 )
+from freqid.core.results.advance_ratio import AdvanceRatioModel
 from freqid.core.results.design import ClassicDesign, MultisineDesign
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.results.gap import GapResult
@@ -75,9 +79,10 @@ def read(path: File) -> Any:
 
     Returns
     -------
-    FlightRecord, MultisineDesign, PointModel, GlobalModel, FrequencyResponse, GapResult or Rivals
-        As the file says of itself. Of a scenario's TOML file, the `Scenario`; of classic inputs, their
-        samples.
+    Result
+        FlightRecord, MultisineDesign, PointModel, GlobalModel, AdvanceRatioModel, FrequencyResponse,
+        GapResult or Rivals, as the file says of itself. Of a scenario's TOML file, the `Scenario`; of
+        classic inputs, their samples.
 
     Raises
     ------
@@ -111,8 +116,9 @@ def save(result: Any, path: File, *, scenario: Scenario | File | None = None) ->
 
     Parameters
     ----------
-    result : FlightRecord, PointModel, GlobalModel, FrequencyResponse, GapResult, Rivals or a design
-        What the verbs return; a simulated manoeuvre is saved with its truth in a file beside.
+    result : result of a verb
+        A record, a model, frequency responses, a diagnosis, a comparison or a design; a simulated manoeuvre
+        is saved with its truth in a file beside.
     path : path
     scenario : Scenario, path or name, optional
         Whose hash the file shall carry; that of the result's own provenance where absent.
@@ -185,6 +191,7 @@ _READERS: dict[str, Callable[[Path], Any]] = {
     design_file.FORMAT: _read_design,
     point_file.FORMAT: point_file.read_point,
     global_file.FORMAT: _read_global,
+    advance_ratio_file.FORMAT: advance_ratio_file.read_advance_ratio,
     frequency_response_file.FORMAT: frequency_response_file.read_frequency_response,
     gap_file.FORMAT: gap_file.read_gap,
     rivals_file.FORMAT: rivals_file.read_rivals,
@@ -194,6 +201,7 @@ _WRITERS: dict[type, Callable[[Path, Any, str], None]] = {
     MultisineDesign: _write_design,
     ClassicDesign: _write_design,
     PointModel: point_file.write_point,
+    AdvanceRatioModel: advance_ratio_file.write_advance_ratio,
     FrequencyResponse: frequency_response_file.write_frequency_response,
     GapResult: gap_file.write_gap,
     Rivals: rivals_file.write_rivals,

@@ -11,9 +11,10 @@ import numpy as np
 from freqid.blend.semi_local.problem import LocalProblem
 from freqid.core.arrays import Array
 from freqid.core.results.advance_ratio import AdvanceRatioLaw, AdvanceRatioModel, TrimCluster
+from freqid.identify.advance_ratio.law import rate_range
 
-_ITERATIONS, _CLOSE = 60, 1e-3  # steps of one solution; change in standard errors at which they end
-_EXPANSIONS, _SWEEPS = 20, 20  # of the manoeuvres' likelihoods; of the scatter between them
+_ITERATIONS, _CLOSE = 60, 0.03  # steps of one solution; change in standard errors at which they end
+_EXPANSIONS, _SWEEPS = 12, 6  # of the manoeuvres' likelihoods; of the scatter between them
 _DRAWS = 2000
 
 
@@ -98,6 +99,26 @@ class _Coefficients:
             slope = -p * e * off * r if np.isfinite(j) else np.zeros(k)
             gradient[i, part] = np.concatenate(([1.0], e, slope))
         return theta, gradient
+
+    def prior(self, c: Array) -> tuple[Array, Array, float]:
+        """Return what is known of the rates beforehand, as normal equations: the prior of a single law.
+
+        Normal with the mean and the variance of the uniform distribution of the logarithms: a rate that the
+        manoeuvres do not tell stays where it can be told at all.
+        """
+        normal, gradient = np.zeros((self.size, self.size)), np.zeros(self.size)
+        cost = 0.0
+        for name, law in self.laws.items():
+            part, k = self.slices[name], law.rate.size
+            if k:
+                low, high = np.log(rate_range(law.lowest, law.highest))
+                at = np.arange(part.start + 1 + k, part.stop)
+                weight = 12 / (high - low) ** 2
+                off = c[at] - (low + high) / 2
+                normal[at, at] = weight
+                gradient[at] = weight * off
+                cost += weight * float(off @ off)
+        return normal, gradient, cost
 
     def unpack(self, c: Array, covariance: Array, scatter: Mapping[str, float]) -> dict[str, AdvanceRatioLaw]:
         """Return the laws that coefficients say, with draws of their covariance."""
@@ -219,8 +240,7 @@ def _solve(
 def _normal_equations(
     coefficients: _Coefficients, c: Array, terms: Sequence[_Terms], weights: Sequence[Array]
 ) -> tuple[Array, Array, float]:
-    normal = np.zeros((coefficients.size, coefficients.size))
-    gradient, cost = np.zeros(coefficients.size), 0.0
+    normal, gradient, cost = coefficients.prior(c)
     for term, weight in zip(terms, weights, strict=True):
         theta, slope = coefficients.values(c, term.names, term.advance_ratio)
         off = theta - term.minimum

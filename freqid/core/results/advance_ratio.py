@@ -1,15 +1,18 @@
-"""Derivatives against the propellers' advance ratio: local estimates, laws, and the model of all clusters."""
+"""Derivatives against the propellers' advance ratio: local estimates, laws, the whole model, and its file."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Literal
 
+import h5py
 import numpy as np
 from numpy.typing import ArrayLike
 
+from freqid.core import store
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
 from freqid.core.viewable import Viewable
@@ -347,3 +350,116 @@ class AdvanceRatioModel(Viewable):
 
 TRIM_SHARE = 0.03
 """Advance ratios that differ by less are one trim: airspeed is not held better during a manoeuvre."""
+
+
+FORMAT = "freqid-advance-ratio"
+_LOCAL = {"advance_ratio": "1", "alpha": "rad", "airspeed": "m/s", "estimate": "mixed", "covariance": "mixed"}
+_EVIDENCE = ("log_evidence", "probability", "log_predictive", "prediction_rms")
+
+
+def write_advance_ratio(path: Path, model: AdvanceRatioModel, scenario_sha256: str = "") -> None:
+    """Write a model over advance ratio, whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    model : AdvanceRatioModel
+    scenario_sha256 : str
+        Of the scenario that its points were identified with.
+
+    Raises
+    ------
+    DataError
+        Where the folder cannot be written.
+    """
+
+    def fill(file: h5py.File) -> None:
+        file.attrs["kind"], file.attrs["vehicle"] = model.kind, model.vehicle
+        for name in ("held", "remarks"):
+            store.put_json(file, name, list(getattr(model, name)))
+        store.put_json(file.create_group("provenance"), "json", model.provenance)
+        file.attrs["clusters"] = len(model.clusters)
+        for k, cluster in enumerate(model.clusters):
+            local = file.create_group(f"cluster/{k}/local")
+            for name in ("ids", "names", "units"):
+                store.put_json(local, name, list(getattr(cluster.local, name)))
+            for name, unit in _LOCAL.items():
+                store.put(local, name, getattr(cluster.local, name), unit)
+            store.put_json(store.subgroup(file, f"cluster/{k}"), "laws", list(cluster.laws))
+            for name, law in cluster.laws.items():
+                _fill_law(file.create_group(f"cluster/{k}/law/{name}"), law)
+
+    store.write(path, FORMAT, fill, scenario_sha256)
+
+
+def _fill_law(group: h5py.Group, law: AdvanceRatioLaw) -> None:
+    for name in ("form", "unit", "unblown", "scatter", "lowest", "highest", "reaches_unblown", "points"):
+        group.attrs[name] = getattr(law, name)
+    store.put_json(group, "remarks", list(law.remarks))
+    store.put_json(group, "forms", [f.form for f in law.forms])
+    store.put(group, "amplitude", law.amplitude, law.unit)
+    store.put(group, "rate", law.rate, "1")
+    store.put(group, "draws", law.draws, "mixed")
+    for name in _EVIDENCE:
+        store.put(group, name, [getattr(f, name) for f in law.forms], "mixed")
+
+
+def read_advance_ratio(path: Path) -> AdvanceRatioModel:
+    """Read a model over advance ratio.
+
+    Raises
+    ------
+    DataError
+        Where the file is no intact one, or one of a newer layout.
+    """
+    with store.reading(path, FORMAT) as file:
+        provenance = store.get_json(store.subgroup(file, "provenance"), "json")
+        count = int(store.floats(file, "clusters")[0])
+        if not isinstance(provenance, dict) or count < 1:
+            raise ValueError("provenance or clusters are not as they are written")
+        return AdvanceRatioModel(
+            clusters=tuple(_read_cluster(store.subgroup(file, f"cluster/{k}")) for k in range(count)),
+            kind=store.get_text(file, "kind"),
+            vehicle=store.get_text(file, "vehicle"),
+            held=tuple(map(str, store.get_json(file, "held"))),
+            provenance=provenance,
+            remarks=tuple(map(str, store.get_json(file, "remarks"))),
+        )
+
+
+def _read_cluster(group: h5py.Group) -> TrimCluster:
+    at = store.subgroup(group, "local")
+    ids, names, units = (tuple(map(str, store.get_json(at, name))) for name in ("ids", "names", "units"))
+    arrays = {name: store.array(at, name) for name in _LOCAL}
+    n, p = len(ids), len(names)
+    expected = {"estimate": (n, p), "covariance": (n, p, p)}
+    for name, values in arrays.items():
+        if values.shape != expected.get(name, (n,)) or len(units) != p:
+            raise ValueError(f"'{name}' has shape {values.shape}, expected {expected.get(name, (n,))}")
+    laws = {
+        name: _read_law(store.subgroup(group, f"law/{name}"), name) for name in store.get_json(group, "laws")
+    }
+    return TrimCluster(LocalDerivatives(ids, names, units, **arrays), laws)
+
+
+def _read_law(group: h5py.Group, name: str) -> AdvanceRatioLaw:
+    numbers = {n: store.floats(group, n)[0] for n in ("unblown", "scatter", "lowest", "highest")}
+    forms = store.get_json(group, "forms")
+    evidence = [store.array(group, n).tolist() for n in _EVIDENCE]
+    form = store.get_text(group, "form")
+    draws, amplitude, rate = (store.array(group, n) for n in ("draws", "amplitude", "rate"))
+    if form not in FORMS or draws.ndim != 2 or draws.shape[1] % 2 != 1 or amplitude.shape != rate.shape:
+        raise ValueError(f"the law of {name} is not as it is written")
+    return AdvanceRatioLaw(
+        name=name,
+        unit=store.get_text(group, "unit"),
+        form=form,
+        amplitude=amplitude,
+        rate=rate,
+        draws=draws,
+        forms=tuple(FormEvidence(*row) for row in zip(forms, *evidence, strict=True)),
+        reaches_unblown=bool(store.floats(group, "reaches_unblown")[0]),
+        points=int(store.floats(group, "points")[0]),
+        remarks=tuple(map(str, store.get_json(group, "remarks"))),
+        **numbers,
+    )

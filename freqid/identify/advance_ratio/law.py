@@ -144,7 +144,7 @@ class _Points:
         # what is below the smallest is as good as none
         scatters, density = np.append(0.0, scatters), np.append(np.arctan(scatters[0] / unit) * unit, density)
         return cls(
-            j, y, s, trims, float(low), (SLOWEST / high, FASTEST / low), scatters,
+            j, y, s, trims, float(low), rate_range(low, high), scatters,
             np.log(density / density.sum()),
         )  # fmt: skip
 
@@ -154,6 +154,11 @@ class _Points:
             self.j[keep], self.y[keep], self.s[keep], self.trims, self.origin, self.rates, self.scatters,
             self.log_scatters,
         )  # fmt: skip
+
+
+def rate_range(lowest: float, highest: float) -> tuple[float, float]:
+    """Return the slowest and the fastest decay that advance ratios from lowest to highest can tell."""
+    return SLOWEST / highest, FASTEST / lowest
 
 
 def count_trims(advance_ratio: Array) -> int:
@@ -377,4 +382,4 @@ def _leave_one_out(points: _Points, count: int) -> tuple[float, float]:
     return float(np.sum(densities)), float(np.sqrt(np.mean(np.square(errors))))
 
 
-__all__ = ["count_trims", "fit_law", "law_value"]
+__all__ = ["count_trims", "fit_law", "law_value", "rate_range"]

@@ -4,6 +4,8 @@ import numpy as np
 
 from freqid.blend.semi_local.problem import estimated_maneuvers
 from freqid.core.results.advance_ratio import LocalDerivatives
+from freqid.core.results.point import Fit, PointModel, ResponseModel
+from freqid.core.scenario import Reference
 
 NAMES = ("Cm.0", "Cm.alpha", "Cm.qhat", "Cm.de")
 UNITS = ("1", "1/rad", "1", "1/rad")
@@ -54,3 +56,53 @@ def campaign(seed, repeats=2, alphas=(0.04, 0.11), trims=TRIMS, noise=0.004):
 
 def problems_of(local):
     return dict(zip(local.ids, estimated_maneuvers(local), strict=True))
+
+
+def point_models(local):
+    """Return the same manoeuvres as point models, expanded about their trims as identification does."""
+    models = []
+    for i in range(len(local.ids)):
+        trim = np.array([local.alpha[i], 0.0, -0.08])
+        to_trim = np.eye(4)
+        to_trim[0, 1:] = trim  # bias at the trim from the constant at zero
+        estimate = to_trim @ local.estimate[i]
+        spread = to_trim @ local.covariance[i] @ to_trim.T
+        spread[0, 1:] = spread[1:, 0] = 0.0
+        none, one = np.zeros(3), np.ones(3)
+        response = ResponseModel(
+            response="M",
+            unit="1",
+            regressors=("alpha", "qhat", "de"),
+            regressor_units=("rad", "1", "rad"),
+            trim=trim,
+            regressor_rms=one,
+            estimate=estimate[1:],
+            std_error=np.sqrt(np.diag(spread)[1:]),
+            covariance=spread[1:, 1:],
+            lower=none,
+            upper=none,
+            bias=float(estimate[0]),
+            bias_std_error=float(spread[0, 0] ** 0.5),
+            **dict.fromkeys(("r2", "pse", "rmse", "fit_error"), 0.1),
+            t_statistic=none,
+            variance_inflation=none,
+            correlation=np.eye(3),
+            condition_index=one,
+            variance_proportion=np.eye(3),
+            inseparable=(),
+            fit={"time": Fit(one, one, one)},
+        )
+        models.append(
+            PointModel(
+                reference=Reference(id=local.ids[i], u=15.0, rho=1.225),
+                responses={"M": response},
+                method="frequency",
+                form="coefficient",
+                axes="stability",
+                confidence=0.95,
+                duration=20.0,
+                vehicle="blown",
+                trim={"V": 15.0, "alpha": local.alpha[i], "advance_ratio": local.advance_ratio[i]},
+            )
+        )
+    return models

@@ -9,6 +9,7 @@ from freqid.core.results.advance_ratio import AdvanceRatioModel as AdvanceRatioM
 from freqid.core.results.design import MultisineDesign as MultisineDesign
 from freqid.core.results.diagnosis import GapDiagnosis as GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse as FrequencyResponse
+from freqid.core.results.output_error import OutputErrorModel as OutputErrorModel
 from freqid.core.results.point import PointModel as PointModel
 from freqid.core.results.rivals import Rivals as Rivals
 from freqid.core.scenario import Scenario as Scenario
@@ -32,6 +33,7 @@ from freqid.workflows.identify import identify_point as identify_point
 from freqid.workflows.import_log import export_log as export_log
 from freqid.workflows.import_log import read_log as read_log
 from freqid.workflows.import_log import split_flight as split_flight
+from freqid.workflows.output_error import identify_output_error as identify_output_error
 from freqid.workflows.sensors import align_sensors as align_sensors
 from freqid.workflows.sensors import check_sensors as check_sensors
 from freqid.workflows.sensors import correct_sensors as correct_sensors

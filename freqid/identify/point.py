@@ -12,7 +12,7 @@ from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError
 from freqid.core.estimators import EstimatorName
 from freqid.core.excitation import Excitation
-from freqid.core.identification import Identification, factors_of
+from freqid.core.identification import MAXIMUM_LIKELIHOOD, Identification, factors_of
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import Fit, PointModel
 from freqid.core.scenario import Reference
@@ -221,6 +221,11 @@ def identify_point(
         raise UsageError("no manoeuvre is given", remedy="give at least one")
     if estimator is not None:
         settings = msgspec.structs.replace(settings, estimator=estimator)
+    if settings.method in MAXIMUM_LIKELIHOOD:
+        raise UsageError(
+            f"method '{settings.method}' is no equation error",
+            remedy="use identify-point --method, or identify_output_error",
+        )
     by = find_estimator(settings.estimator)
     refuse_without_air(maneuvers, settings, by)
     problem = Problem.of(maneuvers, settings)

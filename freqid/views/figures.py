@@ -17,6 +17,7 @@ from freqid.core.results.corridor import Corridor
 from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledInputs
 from freqid.core.results.diagnosis import GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse
+from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
 from freqid.core.results.rivals import Rivals
 from freqid.identify.sensors.alignment import Alignment
@@ -83,6 +84,24 @@ def _of_point(model: PointModel) -> Figure:
         axes.set_ylabel(f"{name} ({r.unit}{' s' if on_lines else ''})")
         axes.set_title(f"R2 {r.r2:.4f}", loc="right", fontsize="small")
         axes.set_xlabel("Frequency (Hz)" if on_lines else "Time (s)")
+    panels[0].legend(frameon=False)
+    return figure
+
+
+@figure_of.register
+def _of_output_error(found: OutputErrorModel) -> Figure:
+    """Draw each output as measured and as the model gives it."""
+    if not found.fit:
+        raise UsageError("the model diverged, so there is no fit to draw", remedy="look at its remarks")
+    figure, panels = _stacked(len(found.fit), 1.6)
+    on_lines = found.domain == "frequency"
+    size = np.abs if on_lines else np.asarray
+    for axes, (name, fit) in zip(panels, found.fit.items(), strict=True):
+        axes.plot(fit.axis, size(fit.measured), color="0.6", linewidth=2, label="measured")
+        axes.plot(fit.axis, size(fit.modelled), linewidth=1, label="model")
+        axes.set_ylabel(name)
+        axes.set_title(f"R2 {fit.r2:.4f}", loc="right", fontsize="small")
+    panels[-1].set_xlabel("Frequency (Hz)" if on_lines else "Time (s)")
     panels[0].legend(frameon=False)
     return figure
 

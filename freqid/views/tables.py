@@ -16,6 +16,7 @@ from freqid.core.results.corridor import Corridor
 from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledInputs
 from freqid.core.results.diagnosis import GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse
+from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel, per
 from freqid.core.results.rivals import Rivals
 from freqid.design.multisine.orthogonal_set import sampled
@@ -72,6 +73,13 @@ def _of_point(model: PointModel) -> pd.DataFrame:
         rows.append((name, "bias", r.bias, r.bias_std_error, np.nan, np.nan, r.unit))
     head = ["response", "parameter", "estimate", "std_error", "lower", "upper", "unit"]
     return pd.DataFrame(rows, columns=head)
+
+
+@frame_of.register
+def _of_output_error(found: OutputErrorModel) -> pd.DataFrame:
+    columns = {"parameter": found.names, "estimate": found.estimate, "std_error": found.std_error}
+    columns |= {"lower": found.lower, "upper": found.upper, "start": found.start, "unit": found.units}
+    return pd.DataFrame(columns)
 
 
 @frame_of.register

@@ -26,6 +26,9 @@ from freqid.core.results import (
     gap as gap_file,
 )
 from freqid.core.results import (
+    output_error as output_error_file,
+)
+from freqid.core.results import (
     point as point_file,
 )
 from freqid.core.results import (
@@ -35,6 +38,7 @@ from freqid.core.results.advance_ratio import AdvanceRatioModel
 from freqid.core.results.design import ClassicDesign, MultisineDesign
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.results.gap import GapResult
+from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
 from freqid.core.results.rivals import Rivals
 from freqid.core.scenario import Scenario
@@ -80,9 +84,9 @@ def read(path: File) -> Any:
     Returns
     -------
     Result
-        FlightRecord, MultisineDesign, PointModel, GlobalModel, AdvanceRatioModel, FrequencyResponse,
-        GapResult or Rivals, as the file says of itself. Of a scenario's TOML file, the `Scenario`; of
-        classic inputs, their samples.
+        FlightRecord, MultisineDesign, PointModel, OutputErrorModel, GlobalModel, AdvanceRatioModel,
+        FrequencyResponse, GapResult or Rivals, as the file says of itself. Of a scenario's TOML file, the
+        `Scenario`; of classic inputs, their samples.
 
     Raises
     ------
@@ -190,6 +194,7 @@ _READERS: dict[str, Callable[[Path], Any]] = {
     record_file.FORMAT: record_file.read_record,
     design_file.FORMAT: _read_design,
     point_file.FORMAT: point_file.read_point,
+    output_error_file.FORMAT: output_error_file.read_output_error,
     global_file.FORMAT: _read_global,
     advance_ratio_file.FORMAT: advance_ratio_file.read_advance_ratio,
     frequency_response_file.FORMAT: frequency_response_file.read_frequency_response,
@@ -202,6 +207,7 @@ _WRITERS: dict[type, Callable[[Path, Any, str], None]] = {
     ClassicDesign: _write_design,
     PointModel: point_file.write_point,
     AdvanceRatioModel: advance_ratio_file.write_advance_ratio,
+    OutputErrorModel: output_error_file.write_output_error,
     FrequencyResponse: frequency_response_file.write_frequency_response,
     GapResult: gap_file.write_gap,
     Rivals: rivals_file.write_rivals,

@@ -213,7 +213,7 @@ class PointModel(Viewable):
     ----------
     reference : Reference
     responses : mapping of str to ResponseModel
-    method : {"frequency", "time"}
+    method : {"frequency", "time", "output-error", "filter-error"}
     form : {"force", "specific", "coefficient"}
     axes : {"body", "stability"}
     confidence : float
@@ -225,7 +225,7 @@ class PointModel(Viewable):
         Records, scenario and settings; JSON-compatible.
     prediction : mapping of str to Fit
         By response: history of a manoeuvre that was not used, measured and as the model predicts it.
-    estimator : {"least-squares", "instruments"}
+    estimator : {"least-squares", "instruments", "maximum-likelihood"}
     remarks : tuple of str
         What a reader should know before using the model, one sentence each.
     trim : mapping of str to float

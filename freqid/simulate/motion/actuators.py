@@ -17,7 +17,7 @@ from freqid.core.errors import UsageError
 from freqid.core.scenario import Scenario
 from freqid.core.toml import convert
 from freqid.core.vehicle import Effector, Strict, Vehicle
-from freqid.simulate import precision as precision
+from freqid.dynamics import precision as precision
 from freqid.simulate.motion.battery import Battery, BatterySection, battery
 
 # A servo meets its stop as if by a bumper of this many times its own frequency, critically damped:

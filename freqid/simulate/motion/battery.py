@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from freqid.core.vehicle import Strict
-from freqid.simulate import precision as precision
+from freqid.dynamics import precision as precision
 
 # Beyond this share of the open-circuit voltage lost inside, no current gives more power: half of it is the
 # maximum-power point, so the formula is left a little before.

@@ -40,7 +40,7 @@ class Campaign(Strict, frozen=True):
     Attributes
     ----------
     trim : tuple of CampaignTrim
-        In the order flown; at each one the multisines of ``[excitation]`` are flown, with the advance ratio held.
+        In the order flown; at each one the multisines of ``[excitation]`` are flown, at a held advance ratio.
     start : str
         Reference condition that the flight starts from, in level trim; the first one where absent.
     settle_s : float

@@ -14,13 +14,16 @@ from freqid.core.frames import stability_from_body
 from freqid.core.record import FlightRecord
 from freqid.core.scenario import Scenario
 from freqid.simulate.loads import airframe
-from freqid.simulate.loads.quantities import Flow, Positions
+from freqid.simulate.loads.quantities import Flow
 from freqid.simulate.motion import multibody
 from freqid.simulate.motion import whole_vehicle as motion
 from freqid.simulate.motion.actuators import by_kind
+from freqid.simulate.motion.attitude import cross
+from freqid.simulate.motion.derivatives import split
 
 MOTION = ("V", "alpha", "beta", "phat", "qhat", "rhat")
 BIAS = "bias"
+_HIGH = 1000.0  # m above ground, out of its effect
 
 
 def local_coefficients(
@@ -65,35 +68,49 @@ def local_coefficients(
             speed,
             alpha,
             mean["air/beta"],
-            *(np.array(rates) * lengths / (2 * speed)),
+            *rates,
             *(float(truth[f"effector/{e.name}"].mean()) for e in vehicle.effectors),
         ]
     )
     turn = stability_from_body(alpha) if axes == "stability" else np.eye(3)
-    rho = jnp.asarray(mean["air/rho"])
+    order = np.concatenate([np.asarray(part) for part in places])
+    body, slopes_of_body = _body_axes(
+        parameters, jnp.asarray(at[: len(MOTION)]), jnp.asarray(at[len(MOTION) :][order]), mean["air/rho"]
+    )
+    slopes_of_body = np.array(slopes_of_body)
+    slopes_of_body[:, len(MOTION) + order] = slopes_of_body[:, len(MOTION) :].copy()
+    # loads to coefficients, and the dynamic pressure that goes with V
+    scale = 0.5 * mean["air/rho"] * speed**2 * area * np.concatenate([np.ones(3), lengths])
+    whole = np.kron(np.eye(2), turn)
+    values = whole @ np.asarray(body) / scale
+    slopes = whole @ slopes_of_body / scale[:, None]
+    slopes[:, 0] -= 2 / speed * values
+    slopes[:, 3:6] *= 2 * speed / lengths
+    slopes[:, 0] += (
+        slopes[:, 3:6] @ (at[3:6] * lengths / (2 * speed)) / speed
+    )  # rates go with V at held phat, qhat, rhat
+    linear = [i for i, n in enumerate(names) if n != "V" and vehicle.effector_kinds.get(n) != "rotor"]
+    at[3:6] *= lengths / (2 * speed)
+    bias = values - slopes[:, linear] @ at[linear]
+    return {response: {BIAS: float(bias[i]), **_row(names, slopes[i])} for i, response in enumerate(WRENCH)}
+
+
+@jax.jit
+def _body_axes(
+    parameters: motion.Parameters, moving: jax.Array, effectors: jax.Array, rho: float
+) -> tuple[jax.Array, jax.Array]:
+    """Return X Y Z L M N and their derivatives by V alpha beta p q r and effectors by kind."""
 
     def of(x: jax.Array) -> jax.Array:
         v, a, b = x[0], x[1], x[2]
         velocity = v * jnp.stack([jnp.cos(a) * jnp.cos(b), jnp.sin(b), jnp.sin(a) * jnp.cos(b)])
-        turning = x[3:6] * 2 * v / lengths
-        effectors = x[6:]
-        tilt = effectors[np.asarray(places.tilt)]
-        centre = multibody.centre_of_gravity(parameters.mass, tilt)
-        positions = Positions(
-            effectors[np.asarray(places.surface)],
-            tilt,
-            jnp.zeros_like(tilt),
-            effectors[np.asarray(places.speed)],
-        )
-        flow = Flow(velocity - jnp.cross(turning, centre), turning, rho, jnp.asarray(1e3))
-        loads = airframe.wrench(parameters.airframe, flow, positions).wrench.about(centre)
-        force, moment = turn @ loads[:3], turn @ loads[3:]
-        return jnp.concatenate([force, moment / lengths]) / (0.5 * rho * v**2 * area)
+        positions = split(parameters, x[len(MOTION) :])
+        centre = multibody.centre_of_gravity(parameters.mass, positions.tilt)
+        flow = Flow(velocity - cross(x[3:6], centre), x[3:6], jnp.asarray(rho), jnp.asarray(_HIGH))
+        return airframe.wrench(parameters.airframe, flow, positions).wrench.about(centre)
 
-    values, slopes = np.asarray(of(at)), np.asarray(jax.jacfwd(of)(jnp.asarray(at)))
-    linear = [i for i, n in enumerate(names) if n != "V" and vehicle.effector_kinds.get(n) != "rotor"]
-    bias = values - slopes[:, linear] @ at[linear]
-    return {response: {BIAS: float(bias[i]), **_row(names, slopes[i])} for i, response in enumerate(WRENCH)}
+    x = jnp.concatenate([moving, effectors])
+    return of(x), jax.jacfwd(of)(x)
 
 
 def _row(names: tuple[str, ...], slopes: np.ndarray) -> Mapping[str, float]:

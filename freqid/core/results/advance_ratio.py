@@ -313,7 +313,13 @@ class AdvanceRatioModel(Viewable):
         return self.clusters[0].local.names
 
     def cluster_at(self, alpha: float) -> TrimCluster:
-        """Return the cluster whose trims are nearest to an angle of attack in rad."""
+        """Return the cluster with the nearest trim.
+
+        Parameters
+        ----------
+        alpha : float
+            Angle of attack, rad.
+        """
         return min(self.clusters, key=lambda c: float(np.abs(c.local.alpha - alpha).min()))
 
     def derivatives(

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from freqid.simulate import precision as precision
+from freqid.dynamics import precision as precision
 from freqid.simulate.loads import rotors
 from freqid.simulate.loads.airframe import Geometry
 from freqid.simulate.loads.frames import Frames, motion, total

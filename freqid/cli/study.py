@@ -56,8 +56,8 @@ def command(
 ) -> None:
     """Design inputs, fly and identify SCENARIO's conditions, blend a global model, and write a page of it.
 
-    A scenario with [campaign] is flown in one flight through all its trims, and laws of the propellers' advance
-    ratio are fitted.
+    A scenario with [campaign] is flown in one flight through all its trims, and laws of the propellers'
+    advance ratio are fitted.
 
     What is done is kept: a second run, or one after a stop, goes on from there.
     """

@@ -78,8 +78,8 @@ def study(
 ) -> StudyResults | CampaignStudy:
     """Design inputs, fly and identify the conditions of a scenario, and blend a global model.
 
-    Of a scenario with ``[campaign]`` all its trims are flown in one flight, and laws of the propellers' advance
-    ratio are fitted to what the manoeuvres tell.
+    Of a scenario with ``[campaign]`` all its trims are flown in one flight, and laws of the propellers'
+    advance ratio are fitted to what the manoeuvres tell.
 
     What is done is kept: a second run, or one after a stop, goes on from there.
 

@@ -191,8 +191,8 @@ def _derivatives(model: AdvanceRatioModel) -> list[Picture]:
                     figures.derivatives_over_advance_ratio(model, part),
                     f"laws{len(drawn)}",
                     f"{', '.join(part)} against advance ratio by cluster of trim angle of attack",
-                    f"{', '.join(part)}: estimates of single manoeuvres with 2σ, laws with 95 % intervals; at "
-                    "the right stopped propellers and the laws' unblown limits.",
+                    f"{', '.join(part)}: estimates of single manoeuvres with 2σ, laws with 95 % intervals; "
+                    "at the right stopped propellers and the laws' unblown limits.",
                 )
             )
     return drawn
@@ -248,8 +248,9 @@ def _misfits(study: CampaignStudy) -> Picture:
         figures.held_out_misfits(scores.ids, by_model),
         "misfits",
         "Misfit of held-out manoeuvres by model",
-        "Twice the log likelihood that a model loses against a manoeuvre's own fit, per derivative; one (grey) "
-        "is what that fit's own errors make. Local: the estimates of the nearest manoeuvre that was used.",
+        "Twice the log likelihood that a model loses against a manoeuvre's own fit, per derivative; one "
+        "(grey) is what that fit's own errors make. Local: the estimates of the nearest manoeuvre "
+        "that was used.",
     )
 
 

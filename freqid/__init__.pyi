@@ -15,6 +15,7 @@ from freqid.core.vehicle import Vehicle as Vehicle
 from freqid.views.page import page as page
 from freqid.workflows.blend import blend as blend
 from freqid.workflows.blend import predict as predict
+from freqid.workflows.campaign import simulate_campaign as simulate_campaign
 from freqid.workflows.compare import compare_simulations as compare_simulations
 from freqid.workflows.connect import check_simulation as check_simulation
 from freqid.workflows.connect import connect as connect

@@ -26,6 +26,7 @@ _VERBS = {
     "page": "views.page",
     "design_inputs": "workflows.design",
     "simulate": "workflows.fly",
+    "simulate_campaign": "workflows.campaign",
     "read_log": "workflows.import_log",
     "split_flight": "workflows.import_log",
     "export_log": "workflows.import_log",

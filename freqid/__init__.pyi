@@ -18,6 +18,7 @@ from freqid.views.page import page as page
 from freqid.workflows.advance_ratio import blend_by_advance_ratio as blend_by_advance_ratio
 from freqid.workflows.blend import blend as blend
 from freqid.workflows.blend import predict as predict
+from freqid.workflows.campaign import simulate_campaign as simulate_campaign
 from freqid.workflows.compare import compare_simulations as compare_simulations
 from freqid.workflows.connect import check_simulation as check_simulation
 from freqid.workflows.connect import connect as connect

@@ -54,7 +54,7 @@ class Campaign(Strict, frozen=True):
     trim: tuple[CampaignTrim, ...]
     start: str = ""
     settle_s: float = 15.0
-    rest_s: float = 3.0
+    rest_s: float = 6.0
     altitude_m: float = 100.0
 
     def __post_init__(self) -> None:

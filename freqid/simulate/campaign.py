@@ -45,7 +45,7 @@ def plan(campaign: Campaign, inputs: SampledInputs) -> Plan:
     """Return when the trims of a campaign are flown, with these inputs at each."""
     length = float(inputs.time[-1] - inputs.time[0])
     each = campaign.settle_s + length + campaign.rest_s
-    begins = each * np.arange(len(campaign.trim))
+    begins = each * np.arange(len(campaign.trim), dtype=float)
     start = begins + campaign.settle_s
     return Plan(begins, np.stack([start, start + length], axis=1), float(each * len(campaign.trim)))
 
@@ -114,8 +114,11 @@ def fly_campaign(
     level = altitude_of(start.rho)
     ready = base._replace(
         aim=Goal(
-            *(jnp.asarray(row) for row in (speed, climb, stopped, held.astype(float))),
-            jnp.asarray(np.tile(wind, (steps, 1))),
+            speed=jnp.asarray(speed),
+            climb=jnp.asarray(climb),
+            stopped=jnp.asarray(stopped),
+            held=jnp.asarray(held.astype(float)),
+            wind=jnp.asarray(np.tile(wind, (steps, 1))),
         ),
         around=base.around._replace(
             rho=air(jnp.asarray(level + climbed)).rho,
@@ -129,7 +132,7 @@ def fly_campaign(
 def repeated(inputs: SampledInputs, times: Plan) -> SampledInputs:
     """Return inputs flown at every trim of a plan, zero between."""
     step = float(inputs.time[1] - inputs.time[0])
-    grid = step * np.arange(round(times.duration / step) + 1)
+    grid = step * np.arange(round(times.duration / step) + 1, dtype=float)
     values = np.zeros((len(inputs.names), grid.size))
     for first in np.searchsorted(grid, times.excited[:, 0] - step / 2):
         stop = min(first + inputs.time.size, grid.size)

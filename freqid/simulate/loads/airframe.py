@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -39,6 +39,41 @@ class Geometry(NamedTuple):
     centre: jax.Array
     surfaces: jax.Array
     rotors: jax.Array
+
+
+class Airframe(Protocol):
+    """What gives the loads of a vehicle: strips here, or coefficients.
+
+    Effects see the fields, the flight calls the methods.
+    """
+
+    @property
+    def frames(self) -> Frames:
+        """Axes of the wings and of the body."""
+        ...
+
+    @property
+    def propellers(self) -> Propellers:
+        """All rotors."""
+        ...
+
+    @property
+    def geometry(self) -> Geometry:
+        """The vehicle as a whole."""
+        ...
+
+    @property
+    def effects(self) -> dict[str, dict[str, jax.Array]]:
+        """Settings by effect id and parameter."""
+        ...
+
+    def loads(self, flow: Flow, positions: Positions, arriving: Wake | None) -> Aero:
+        """Return the loads before any effect is added."""
+        ...
+
+    def convection_time(self, flow: Flow) -> jax.Array:
+        """Return how long what is shed takes to arrive, s."""
+        ...
 
 
 class Parameters(NamedTuple):
@@ -82,7 +117,7 @@ class Situation(NamedTuple):
 
     Attributes
     ----------
-    parameters : Parameters
+    parameters : Airframe
     flow : Flow
     positions : Positions
         As the airframe feels them.
@@ -92,7 +127,7 @@ class Situation(NamedTuple):
         The effect's own states by name.
     """
 
-    parameters: Parameters
+    parameters: Airframe
     flow: Flow
     positions: Positions
     aero: Aero
@@ -100,7 +135,7 @@ class Situation(NamedTuple):
 
 
 def wrench(
-    parameters: Parameters,
+    parameters: Airframe,
     flow: Flow,
     positions: Positions,
     arriving: Wake | None = None,
@@ -110,7 +145,7 @@ def wrench(
 
     Parameters
     ----------
-    parameters : Parameters
+    parameters : Airframe
     flow : Flow
     positions : Positions
     arriving : Wake, optional
@@ -131,7 +166,7 @@ def wrench(
 
 
 def remembering(
-    parameters: Parameters,
+    parameters: Airframe,
     flow: Flow,
     positions: Positions,
     arriving: Wake | None = None,
@@ -141,7 +176,7 @@ def remembering(
     return _with_added(_situation(parameters, flow, positions, arriving), memories)
 
 
-def steady_memories(parameters: Parameters, flow: Flow, positions: Positions) -> Memories:
+def steady_memories(parameters: Airframe, flow: Flow, positions: Positions) -> Memories:
     """Return the memories of effects on a vehicle that has been doing for long what it does now."""
     situation = _situation(parameters, flow, positions, None)
     return {
@@ -151,7 +186,7 @@ def steady_memories(parameters: Parameters, flow: Flow, positions: Positions) ->
     }
 
 
-def _situation(parameters: Parameters, flow: Flow, positions: Positions, arriving: Wake | None) -> Situation:
+def _situation(parameters: Airframe, flow: Flow, positions: Positions, arriving: Wake | None) -> Situation:
     """Return the loads on the airframe as it feels the effectors, before any effect is added."""
     effects, geometry = parameters.effects, parameters.geometry
     surface = surface_effectiveness.felt(

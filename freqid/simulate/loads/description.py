@@ -46,7 +46,7 @@ from freqid.simulate.loads.wing import Section, Wings, flap_effect, induction, s
 T = TypeVar("T")
 Floats = NDArray[np.float64]
 
-_NO_PROPELLER = PropellerSection(thrust=(0.0,) * 4, torque=(0.0,) * 4)
+_NO_PROPELLER = PropellerSection(thrust=(0.0, 0.0, 0.0, 0.0), torque=(0.0, 0.0, 0.0, 0.0))
 
 
 def parameters(scenario: Scenario) -> Parameters | Coefficients:

@@ -30,6 +30,7 @@ from freqid.simulate.effects import (
 from freqid.simulate.effects.places import alone
 from freqid.simulate.loads import airframe, description
 from freqid.simulate.loads.airframe import Memories
+from freqid.simulate.loads.coefficients import Coefficients
 from freqid.simulate.loads.quantities import Aero, Flow, Positions, Wake
 from freqid.simulate.motion import delay, multibody, rigid_body
 from freqid.simulate.motion.actuators import (
@@ -53,13 +54,13 @@ class Parameters(NamedTuple):
 
     Attributes
     ----------
-    airframe : airframe.Parameters
+    airframe : airframe.Parameters or Coefficients
         With the settings of every effect.
     mass : MassModel
     actuators : Actuators
     """
 
-    airframe: airframe.Parameters
+    airframe: airframe.Parameters | Coefficients
     mass: MassModel
     actuators: Actuators
 

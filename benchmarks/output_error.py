@@ -1,6 +1,6 @@
 """Output error on a known aircraft: coverage of its intervals, convergence, and time beside scipy.
 
-A lateral model with 18 parameters, 20 s at 50 Hz, rudder 2-1-1 and aileron doublet. Coverage counts the truths
+A lateral model with 18 parameters, 20 s at 50 Hz, rudder 2-1-1 and aileron doublet. Coverage counts truths
 inside 95 % intervals over seeds, with white residuals and with residuals of first order (0.9 a sample).
 Convergence starts every parameter up to 50 % off. Time is that of warm functions from equation-error starts,
 beside scipy.optimize.least_squares on the same compiled simulation, its derivatives by finite differences.
@@ -22,7 +22,7 @@ from scipy.signal import lfilter
 
 from freqid.identify.output_error.estimate import estimate
 from freqid.identify.output_error.minimise import minimise
-from freqid.identify.output_error.model import Model, Named, Signals
+from freqid.identify.output_error.model import DynamicModel, Named, Signals
 from freqid.identify.output_error.parameters import Choices, choose_parameters
 from freqid.identify.output_error.simulation import compiled
 from freqid.identify.output_error.starts import equation_error_starts
@@ -79,7 +79,9 @@ def equations(x: Named, u: Named, p: Named) -> tuple[Named, Named]:
     return rates, {**x, "ay": SIDE * SPEED / G * side + p["bias_ay"]}
 
 
-MODEL = Model("lateral", ("beta", "p", "r", "phi"), ("da", "dr"), tuple(NOISE), tuple(TRUTH), equations)
+MODEL = DynamicModel(
+    "lateral", ("beta", "p", "r", "phi"), ("da", "dr"), tuple(NOISE), tuple(TRUTH), equations
+)
 CHOICES = Choices(initial="zero")
 
 

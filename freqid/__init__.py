@@ -53,6 +53,7 @@ _NOUNS = {
     "Maneuver": "core.record",
     "MultisineDesign": "core.results.design",
     "PointModel": "core.results.point",
+    "DynamicModel": "identify.output_error.model",
     "OutputErrorModel": "core.results.output_error",
     "FrequencyResponse": "core.results.frequency_response",
     "GlobalModel": "blend.global_model",

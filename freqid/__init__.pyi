@@ -14,6 +14,7 @@ from freqid.core.results.point import PointModel as PointModel
 from freqid.core.results.rivals import Rivals as Rivals
 from freqid.core.scenario import Scenario as Scenario
 from freqid.core.vehicle import Vehicle as Vehicle
+from freqid.identify.output_error.model import DynamicModel as DynamicModel
 from freqid.views.page import page as page
 from freqid.workflows.advance_ratio import blend_by_advance_ratio as blend_by_advance_ratio
 from freqid.workflows.blend import blend as blend

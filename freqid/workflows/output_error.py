@@ -19,7 +19,7 @@ from freqid.core.scenario import Reference, Scenario
 from freqid.core.toml import overridden
 from freqid.identify.output_error.estimate import Settings, estimate
 from freqid.identify.output_error.forms.form import parted
-from freqid.identify.output_error.model import Model
+from freqid.identify.output_error.model import DynamicModel
 from freqid.identify.output_error.parameters import Choices, Initial, Tie
 from freqid.identify.output_error.point_model import (
     account_of,
@@ -45,7 +45,7 @@ def identify_output_error(
     flights: Flight | Iterable[Flight],
     scenario: Scenario | File | None = None,
     *,
-    model: Model | None = None,
+    model: DynamicModel | None = None,
     method: Literal["output-error", "filter-error"] = "output-error",
     domain: Literal["time", "frequency"] = "time",
     at: str = "",
@@ -76,8 +76,8 @@ def identify_output_error(
     scenario : Scenario, path or name, optional
         Its ``[identification]`` names responses and regressors of a ready model. Not needed with `model`
         where the records describe their vehicle.
-    model : Model, optional
-        Any other model: ``freqid.identify.output_error.model.Model`` with a pure function.
+    model : DynamicModel, optional
+        Any other model, as a pure function.
     method : {"output-error", "filter-error"}
         Noise in the outputs alone, or in the motion too, as turbulence is.
     domain : {"time", "frequency"}
@@ -133,9 +133,9 @@ def identify_output_error(
 
     Examples
     --------
-    >>> found = identify_output_error(flight, scenario, form="specific")
-    >>> round(found["M_de"][0])
-    -11
+    >>> found = identify_output_error(flight, scenario, responses=("X", "Z", "M"))
+    >>> round(found["M_de"][0]), found.coloured
+    (-42, ('u', 'q', 'theta'))
     """
     if method not in MAXIMUM_LIKELIHOOD:
         raise UsageError(f"method is '{method}'", remedy=nearest(method, MAXIMUM_LIKELIHOOD))

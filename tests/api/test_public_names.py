@@ -49,6 +49,7 @@ NOUNS = [
     "Maneuver",
     "MultisineDesign",
     "PointModel",
+    "DynamicModel",
     "OutputErrorModel",
     "FrequencyResponse",
     "GlobalModel",
@@ -85,6 +86,7 @@ def test_type_checkers_see_the_same_names():
         ("", {"jax", "matplotlib", "numpy", "pandas", "h5py"}),
         ("fq.read_scenario('la8')", {"jax", "matplotlib", "pandas"}),
         ("fq.identify_point", {"jax", "matplotlib", "pandas"}),
+        ("fq.DynamicModel", {"jax", "matplotlib", "pandas"}),
         ("import freqid.blend.global_model; assert callable(fq.blend)", {"jax", "matplotlib"}),
     ],
 )

@@ -16,7 +16,7 @@ from freqid.core.results.point import Fit
 from freqid.identify.output_error.filter_error import FilterError
 from freqid.identify.output_error.frequency_domain import FrequencyDomain
 from freqid.identify.output_error.minimise import Minimum, minimise, unexcited
-from freqid.identify.output_error.model import Model, Signals
+from freqid.identify.output_error.model import DynamicModel, Signals
 from freqid.identify.output_error.parameters import (
     Choices,
     ParameterSet,
@@ -78,13 +78,16 @@ class _Solution:
 
 
 def estimate(
-    model: Model, signals: Sequence[Signals], choices: Choices | None = None, settings: Settings | None = None
+    model: DynamicModel,
+    signals: Sequence[Signals],
+    choices: Choices | None = None,
+    settings: Settings | None = None,
 ) -> OutputErrorModel:
     """Estimate the parameters of a model by maximum likelihood.
 
     Parameters
     ----------
-    model : Model
+    model : DynamicModel
     signals : sequence of Signals
         Manoeuvres, all sampled alike; each has its own initial states and own parameters.
     choices : Choices, optional
@@ -133,9 +136,12 @@ def estimate(
     return _result(solution, beside, parameters, settings)
 
 
-def _check(model: Model, signals: Sequence[Signals], settings: Settings) -> None:
+def _check(model: DynamicModel, signals: Sequence[Signals], settings: Settings) -> None:
     if not signals:
         raise UsageError("no manoeuvre is given", remedy="give at least one")
+    for s in signals:  # whatever is missing or not finite is said before anything is computed
+        s.input_matrix(model)
+        s.output_matrix(model)
     if any(abs(s.dt / signals[0].dt - 1) > 1e-6 for s in signals):
         rates = ", ".join(f"{1 / s.dt:.6g} Hz" for s in signals)
         raise UsageError(f"manoeuvres are sampled at {rates}", remedy="import them with one --resample RATE")
@@ -180,7 +186,9 @@ def _solved(likelihood: TimeDomain | FrequencyDomain) -> _Solution:
         free = likelihood.parameters.start
 
 
-def _filtered(model: Model, signals: Sequence[Signals], start: _Solution, settings: Settings) -> _Solution:
+def _filtered(
+    model: DynamicModel, signals: Sequence[Signals], start: _Solution, settings: Settings
+) -> _Solution:
     """Go on from output error with a filter; from equation error where output error diverged."""
     parameters = start.likelihood.parameters
     noisy = tuple(settings.process_noise or model.states)

@@ -13,7 +13,7 @@ import numpy as np
 from freqid.core.arrays import Array
 from freqid.dynamics import precision as precision
 from freqid.identify.output_error.minimise import Point
-from freqid.identify.output_error.model import Model, Signals
+from freqid.identify.output_error.model import DynamicModel, Signals
 from freqid.identify.output_error.parameters import ParameterSet
 from freqid.identify.output_error.simulation import Compiled, advance, delayed, derivative_of, output_of
 from freqid.identify.output_error.time_domain import padded
@@ -22,7 +22,7 @@ DOUBLINGS = 25
 """Of the Riccati recursion: each doubles the filter's steps, so that it is steady to rounding."""
 
 
-def innovations_of(model: Model) -> Compiled:
+def innovations_of(model: DynamicModel) -> Compiled:
     """Return ``innovations(vector, noise, u, z, dt, x, mid)``: innovations, (N, k), their covariance.
 
     `noise` is the logarithm of the standard deviation of each state's process noise, per square root of a
@@ -81,7 +81,7 @@ def steady_covariance(step: jax.Array, seen: jax.Array, q: jax.Array, r: jax.Arr
 
 
 @lru_cache(maxsize=32)
-def _compiled(model: Model) -> tuple[Compiled, Compiled]:
+def _compiled(model: DynamicModel) -> tuple[Compiled, Compiled]:
     innovations = innovations_of(model)
 
     def both(vector: jax.Array, noise: jax.Array, *given: Any) -> Any:
@@ -110,7 +110,7 @@ class FilterError:
     method = "filter-error"
 
     def __init__(
-        self, model: Model, signals: Sequence[Signals], parameters: ParameterSet, noisy: Sequence[str]
+        self, model: DynamicModel, signals: Sequence[Signals], parameters: ParameterSet, noisy: Sequence[str]
     ) -> None:
         self.model, self.signals, self.parameters = model, tuple(signals), parameters
         self.noisy = tuple(noisy)
@@ -200,10 +200,11 @@ class FilterError:
 
     def _linear(self, free: Array) -> tuple[Array, Array, Array, Array]:
         v, s, dv, ds = (np.asarray(x) for x in self._both(*self._split(free), *self._given))
-        dv = np.einsum(
-            "inkw,iwf->inkf", np.where(self._mask[..., None], dv, 0.0), self._spreads, optimize=True
-        )
-        return np.where(self._mask, v, 0.0), s, dv, np.einsum("iklw,iwf->iklf", ds, self._spreads)
+        with np.errstate(over="ignore", invalid="ignore"):  # of a model that diverges: the cost says so
+            dv = np.where(self._mask[..., None], dv, 0.0)
+            dv = np.einsum("inkw,iwf->inkf", dv, self._spreads, optimize=True)
+            ds = np.einsum("iklw,iwf->iklf", ds, self._spreads)
+        return np.where(self._mask, v, 0.0), s, dv, ds
 
     def _cost(self, v: Array, s: Array) -> float:
         if not (np.isfinite(v).all() and np.isfinite(s).all()):

@@ -13,7 +13,7 @@ import numpy as np
 from freqid.core.arrays import Array, Complex
 from freqid.core.errors import DataError
 from freqid.identify.output_error.minimise import Point
-from freqid.identify.output_error.model import Model, Signals
+from freqid.identify.output_error.model import DynamicModel, Signals
 from freqid.identify.output_error.parameters import ParameterSet
 from freqid.identify.output_error.simulation import Compiled, derivative_of, output_of
 from freqid.identify.output_error.time_domain import EXACT
@@ -21,7 +21,7 @@ from freqid.identify.spectra.fourier import FourierPlan
 from freqid.identify.spectra.trend import TrendKind, remove_trend
 
 
-def responses_of(model: Model) -> Compiled:
+def responses_of(model: DynamicModel) -> Compiled:
     """Return ``responses(vector, inputs, omega, x, u)``: transforms of the outputs, shape (k, M), complex.
 
     The model is linearised about the state x and the input u; inputs are transforms of shape (m, M).
@@ -51,7 +51,7 @@ def responses_of(model: Model) -> Compiled:
 
 
 @lru_cache(maxsize=32)
-def _compiled(model: Model) -> tuple[Compiled, Compiled]:
+def _compiled(model: DynamicModel) -> tuple[Compiled, Compiled]:
     responses = responses_of(model)
 
     def both(vector: jax.Array, *given: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -74,7 +74,7 @@ class FrequencyDomain:
 
     def __init__(
         self,
-        model: Model,
+        model: DynamicModel,
         signals: Sequence[Signals],
         parameters: ParameterSet,
         lines_hz: Array,

@@ -17,7 +17,7 @@ Equations = Callable[[Named, Named, Named], tuple[Named, Named]]
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class DynamicModel:
     """``state derivatives, outputs = equations(state, input, parameter)``, each a mapping by name.
 
     Attributes
@@ -51,8 +51,8 @@ class Model:
 
     def __repr__(self) -> str:
         return (
-            f"<Model {self.name!r}: states {' '.join(self.states)}; inputs {' '.join(self.inputs)}; outputs "
-            f"{' '.join(self.outputs)}; {len(self.parameters)} parameters>"
+            f"<DynamicModel {self.name!r}: states {' '.join(self.states)}; inputs {' '.join(self.inputs)}; "
+            f"outputs {' '.join(self.outputs)}; {len(self.parameters)} parameters>"
         )
 
     def __post_init__(self) -> None:
@@ -114,17 +114,17 @@ class Signals:
         """Shape (N,), s."""
         return np.asarray(self.start + self.dt * np.arange(self.samples), dtype=np.float64)
 
-    def input_matrix(self, model: Model) -> Array:
+    def input_matrix(self, model: DynamicModel) -> Array:
         """Return the model's inputs, shape (N, m)."""
         if not model.inputs:
             return np.empty((self.samples, 0))
         return np.stack([self._input(model, n) for n in model.inputs], axis=-1)
 
-    def output_matrix(self, model: Model) -> Array:
+    def output_matrix(self, model: DynamicModel) -> Array:
         """Return the measured outputs, shape (N, k)."""
         return np.stack([self._history("output", n, self.outputs) for n in model.outputs], axis=-1)
 
-    def _input(self, model: Model, name: str) -> Array:
+    def _input(self, model: DynamicModel, name: str) -> Array:
         if name not in model.rates or name in self.inputs:
             return self._history("input", name, self.inputs)
         of = self._history("input", model.rates[name], self.inputs)

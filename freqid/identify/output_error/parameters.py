@@ -10,7 +10,7 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
-from freqid.identify.output_error.model import Model, Signals
+from freqid.identify.output_error.model import DynamicModel, Signals
 
 Initial = Literal["estimated", "measured", "zero"]
 Tie = str | tuple[str, float]
@@ -104,20 +104,20 @@ def numbered(name: str, maneuver: int, count: int) -> str:
     return name if count == 1 else f"{name}@{maneuver + 1}"
 
 
-def all_names(model: Model, count: int) -> tuple[str, ...]:
+def all_names(model: DynamicModel, count: int) -> tuple[str, ...]:
     """Return the names of all numbers of a problem of some manoeuvres."""
     own = [*(p for p in model.parameters if p in model.own), *(f"x0_{s}" for s in model.states)]
     return (*model.shared, *(numbered(n, i, count) for i in range(count) for n in own))
 
 
 def choose_parameters(
-    model: Model, signals: Sequence[Signals], values: Mapping[str, float], choices: Choices
+    model: DynamicModel, signals: Sequence[Signals], values: Mapping[str, float], choices: Choices
 ) -> ParameterSet:
     """Build the parameters of a problem.
 
     Parameters
     ----------
-    model : Model
+    model : DynamicModel
     signals : sequence of Signals
     values : mapping of str to float
         Starts of all numbers, by full name.
@@ -181,7 +181,7 @@ def choose_parameters(
     )
 
 
-def _spelled_out(model: Model, count: int, kind: str, given: Mapping) -> dict:
+def _spelled_out(model: DynamicModel, count: int, kind: str, given: Mapping) -> dict:
     """Return choices by full name."""
     names, found = all_names(model, count), {}
     for name, value in given.items():

@@ -19,7 +19,7 @@ from freqid.identify.loads.wrench import AppliedWrench, response_unit
 from freqid.identify.model.problem import measured_responses
 from freqid.identify.model.problem import numbered as numbered_fit
 from freqid.identify.output_error.forms.form import Loads, find_form, model_of
-from freqid.identify.output_error.model import Model
+from freqid.identify.output_error.model import DynamicModel
 from freqid.identify.output_error.parameters import numbered
 from freqid.identify.output_error.signals import signals_of
 from freqid.identify.point import departures, flown_reference
@@ -29,7 +29,7 @@ from freqid.identify.spectra.trend import up_to
 
 def ready_model(
     maneuvers: Sequence[Maneuver], settings: Identification, outputs: Sequence[str] | None = None
-) -> Model:
+) -> DynamicModel:
     """Return the ready form for the responses of an identification.
 
     Parameters
@@ -73,7 +73,7 @@ def ready_model(
 
 
 def _measured(maneuver: Maneuver, name: str) -> bool:
-    probe = Model("", (), (), (name,), ("none",), lambda x, u, p: ({}, {}))
+    probe = DynamicModel("", (), (), (name,), ("none",), lambda x, u, p: ({}, {}))
     try:
         signals_of(maneuver, probe)
     except DataError:

@@ -11,7 +11,7 @@ from freqid.core.errors import DataError
 from freqid.core.record import Maneuver
 from freqid.identify.loads.explanatory import history
 from freqid.identify.loads.wrench import applied_wrench
-from freqid.identify.output_error.model import Model, Signals
+from freqid.identify.output_error.model import DynamicModel, Signals
 
 ACCELERATIONS = {"ax": "X", "ay": "Y", "az": "Z"}
 _LENGTHS = ("area_m2", "span_m", "chord_m")
@@ -20,14 +20,14 @@ _LEVEL = ("phi", "theta")  # attitude that is taken to be zero where it was not 
 
 
 def signals_of(
-    maneuver: Maneuver, model: Model, channels: Mapping[str, str] | None = None, name: str = ""
+    maneuver: Maneuver, model: DynamicModel, channels: Mapping[str, str] | None = None, name: str = ""
 ) -> Signals:
     """Return what a manoeuvre gives a model.
 
     Parameters
     ----------
     maneuver : Maneuver
-    model : Model
+    model : DynamicModel
         Names of inputs and outputs are channels without their group, variables that are computed from them
         (``phat``), ``trim_x`` for the mean of x, or the vehicle's ``mass_kg``, ``Ixx`` to ``Ixz``,
         ``area_m2``, ``span_m`` and ``chord_m``. Velocities, flow angles and ``ax ay az`` are those of the

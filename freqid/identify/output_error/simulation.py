@@ -14,12 +14,12 @@ import jax
 import jax.numpy as jnp
 
 from freqid.dynamics import precision as precision
-from freqid.identify.output_error.model import Model
+from freqid.identify.output_error.model import DynamicModel
 
 Compiled = Callable[..., Any]
 
 
-def derivative_of(model: Model) -> Compiled:
+def derivative_of(model: DynamicModel) -> Compiled:
     """Return ``derivative(x, u, p)`` of a model, on vectors in its own order."""
 
     def derivative(x: jax.Array, u: jax.Array, p: jax.Array) -> jax.Array:
@@ -29,7 +29,7 @@ def derivative_of(model: Model) -> Compiled:
     return derivative
 
 
-def output_of(model: Model) -> Compiled:
+def output_of(model: DynamicModel) -> Compiled:
     """Return ``output(x, u, p)`` of a model, on vectors in its own order."""
 
     def output(x: jax.Array, u: jax.Array, p: jax.Array) -> jax.Array:
@@ -39,7 +39,7 @@ def output_of(model: Model) -> Compiled:
     return output
 
 
-def _named(model: Model, x: jax.Array, u: jax.Array, p: jax.Array) -> tuple[dict, dict, dict]:
+def _named(model: DynamicModel, x: jax.Array, u: jax.Array, p: jax.Array) -> tuple[dict, dict, dict]:
     return (
         {n: x[i] for i, n in enumerate(model.states)},
         {n: u[i] for i, n in enumerate(model.inputs)},
@@ -57,7 +57,7 @@ def advance(derivative: Compiled, x: jax.Array, u0: jax.Array, u1: jax.Array, p:
     return x + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
 
 
-def delayed(model: Model, p: jax.Array, u: jax.Array, dt: Any) -> jax.Array:
+def delayed(model: DynamicModel, p: jax.Array, u: jax.Array, dt: Any) -> jax.Array:
     """Return the inputs as they act, shape (N, m): late ones interpolated, held before the first sample."""
     time = dt * jnp.arange(u.shape[0])
     for name, parameter in model.delays.items():
@@ -66,7 +66,7 @@ def delayed(model: Model, p: jax.Array, u: jax.Array, dt: Any) -> jax.Array:
     return u
 
 
-def simulation_of(model: Model) -> Compiled:
+def simulation_of(model: DynamicModel) -> Compiled:
     """Return ``simulate(vector, u, dt)``: outputs, shape (N, k), from parameters and initial states."""
     derivative, output = derivative_of(model), output_of(model)
     count = len(model.parameters)
@@ -86,7 +86,7 @@ def simulation_of(model: Model) -> Compiled:
 
 
 @lru_cache(maxsize=32)
-def compiled(model: Model) -> tuple[Compiled, Compiled]:
+def compiled(model: DynamicModel) -> tuple[Compiled, Compiled]:
     """Return the simulation of several manoeuvres at once and the same with sensitivities.
 
     Returns

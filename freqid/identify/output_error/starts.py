@@ -11,7 +11,7 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
-from freqid.identify.output_error.model import Model, Signals
+from freqid.identify.output_error.model import DynamicModel, Signals
 from freqid.identify.output_error.parameters import all_names, numbered
 from freqid.identify.output_error.simulation import Compiled, delayed, derivative_of, output_of
 from freqid.identify.spectra.smoothing import local_derivative
@@ -22,7 +22,7 @@ FAINT = 1e-8  # singular value of unit columns, relative to the largest, that mo
 
 
 @lru_cache(maxsize=32)
-def _compiled(model: Model) -> Compiled:
+def _compiled(model: DynamicModel) -> Compiled:
     derivative, output = derivative_of(model), output_of(model)
     others = jnp.array([i for i, n in enumerate(model.outputs) if n not in model.states], dtype=int)
 
@@ -36,13 +36,13 @@ def _compiled(model: Model) -> Compiled:
 
 
 def equation_error_starts(
-    model: Model, signals: Sequence[Signals], given: Mapping[str, float], fixed: Mapping[str, float]
+    model: DynamicModel, signals: Sequence[Signals], given: Mapping[str, float], fixed: Mapping[str, float]
 ) -> dict[str, float]:
     """Return starts of all numbers of a problem.
 
     Parameters
     ----------
-    model : Model
+    model : DynamicModel
     signals : sequence of Signals
     given : mapping of str to float
         Starts that the user gives, by parameter; they are kept.
@@ -96,7 +96,7 @@ def equation_error_starts(
     return dict(zip(names, map(float, full), strict=True))
 
 
-def _equations(model: Model, s: Signals, p: Array) -> tuple[Array, Array]:
+def _equations(model: DynamicModel, s: Signals, p: Array) -> tuple[Array, Array]:
     """Return what the equations leave and their derivatives by the parameters, each equation weighed."""
     x = np.array([s.outputs[n] for n in model.states]).reshape(len(model.states), s.samples)
     window = min(WINDOW, s.samples - 1 + s.samples % 2)

@@ -9,7 +9,7 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.identify.output_error.minimise import Point
-from freqid.identify.output_error.model import Model, Signals
+from freqid.identify.output_error.model import DynamicModel, Signals
 from freqid.identify.output_error.parameters import ParameterSet
 from freqid.identify.output_error.simulation import compiled
 
@@ -28,7 +28,7 @@ class TimeDomain:
     method = "output-error"
 
     def __init__(
-        self, model: Model, signals: Sequence[Signals], parameters: ParameterSet, noise: NoiseKind
+        self, model: DynamicModel, signals: Sequence[Signals], parameters: ParameterSet, noise: NoiseKind
     ) -> None:
         self.model, self.signals, self.parameters = model, tuple(signals), parameters
         self.noise: NoiseKind = noise
@@ -97,7 +97,8 @@ class TimeDomain:
 
     def _linear(self, free: Array) -> tuple[Array, Array]:
         y, along = self._sensitivities(self.parameters.vectors(free), self._u, self.signals[0].dt)
-        along = np.einsum("inkv,ivf->inkf", np.asarray(along), self._spreads, optimize=True)
+        with np.errstate(over="ignore", invalid="ignore"):  # of a model that diverges: the cost says so
+            along = np.einsum("inkv,ivf->inkf", np.asarray(along), self._spreads, optimize=True)
         return self._residual(np.asarray(y)), along
 
     def _residual(self, y: Array) -> Array:

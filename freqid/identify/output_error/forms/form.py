@@ -12,7 +12,7 @@ from typing import Any
 
 from freqid.core.errors import UsageError
 from freqid.core.identification import factors_of
-from freqid.identify.output_error.model import Model, Named
+from freqid.identify.output_error.model import DynamicModel, Named
 
 COEFFICIENT, DIMENSIONAL = ("coefficient",), ("force", "specific")
 INERTIA = ("mass_kg", "Ixx", "Iyy", "Izz", "Ixz")  # inputs that are constants of the vehicle
@@ -132,14 +132,14 @@ class Form:
     outputs : tuple of str
         What it can be compared with.
     build : callable
-        ``build(loads) -> Model``.
+        ``build(loads) -> DynamicModel``.
     """
 
     name: str
     responses: tuple[str, ...]
     forms: tuple[str, ...]
     outputs: tuple[str, ...]
-    build: Callable[[Loads], Model]
+    build: Callable[[Loads], DynamicModel]
 
 
 @cache
@@ -185,7 +185,7 @@ def find_form(responses: tuple[str, ...], form: str) -> Form:
 
 
 @lru_cache(maxsize=64)
-def model_of(form: Form, loads: Loads) -> Model:
+def model_of(form: Form, loads: Loads) -> DynamicModel:
     """Return the model of a form; the same object for the same loads, so that it is compiled once."""
     return form.build(loads)
 

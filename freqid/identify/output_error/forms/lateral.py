@@ -16,12 +16,12 @@ from freqid.identify.output_error.forms.form import (
     output_biases,
 )
 from freqid.identify.output_error.forms.moments import roll_and_yaw
-from freqid.identify.output_error.model import Model, Named
+from freqid.identify.output_error.model import DynamicModel, Named
 
 STATES = ("v", "p", "r", "phi")
 
 
-def build(loads: Loads) -> Model:
+def build(loads: Loads) -> DynamicModel:
     """Return the model; forward and vertical velocity and pitch angle are inputs.
 
     Notes
@@ -44,7 +44,7 @@ def build(loads: Loads) -> Model:
         }
         return rates, chosen({**x, "ay": side + p.get("bias_ay", 0.0)}, loads)
 
-    return Model(
+    return DynamicModel(
         "lateral",
         STATES,
         loads.inputs(STATES, ("u", "w", "theta", *INERTIA)),

@@ -14,12 +14,12 @@ from freqid.identify.output_error.forms.form import (
     chosen,
     output_biases,
 )
-from freqid.identify.output_error.model import Model, Named
+from freqid.identify.output_error.model import DynamicModel, Named
 
 STATES = ("u", "w", "q", "theta")
 
 
-def build(loads: Loads) -> Model:
+def build(loads: Loads) -> DynamicModel:
     """Return the model; bank angle is an input.
 
     Notes
@@ -43,7 +43,7 @@ def build(loads: Loads) -> Model:
         seen = {"ax": along + p.get("bias_ax", 0.0), "az": down + p.get("bias_az", 0.0)}
         return rates, chosen({**x, **seen}, loads)
 
-    return Model(
+    return DynamicModel(
         "longitudinal",
         STATES,
         loads.inputs(STATES, ("phi", "mass_kg", "Iyy")),

@@ -12,10 +12,10 @@ from freqid.identify.output_error.forms.form import (
     chosen,
     output_biases,
 )
-from freqid.identify.output_error.model import Model, Named
+from freqid.identify.output_error.model import DynamicModel, Named
 
 
-def build(loads: Loads) -> Model:
+def build(loads: Loads) -> DynamicModel:
     """Return the model, in angle of attack where that is a regressor or an output, or else in w.
 
     Notes
@@ -36,7 +36,7 @@ def build(loads: Loads) -> Model:
         seen = {**x, "az": down + p.get("bias_az", 0.0)}
         return {slow: turning, "q": applied["M"] / u["Iyy"]}, chosen(seen, loads)
 
-    return Model(
+    return DynamicModel(
         "short period",
         states,
         loads.inputs(states, (speed, "mass_kg", "Iyy", *(("trim_qbar",) if coefficient else ()))),

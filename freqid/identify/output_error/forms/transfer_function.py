@@ -9,7 +9,7 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
-from freqid.identify.output_error.model import Model, Named, Signals
+from freqid.identify.output_error.model import DynamicModel, Named, Signals
 from freqid.identify.regress.regression import LeastSquares, least_squares
 from freqid.identify.spectra.fourier import FourierPlan
 from freqid.identify.spectra.trend import TrendKind, remove_trend
@@ -18,7 +18,7 @@ from freqid.identify.spectra.trend import TrendKind, remove_trend
 @lru_cache(maxsize=32)
 def transfer_function(
     output: str, input_: str, numerator: int, denominator: int, *, delay: bool = False, bias: bool = False
-) -> Model:
+) -> DynamicModel:
     """Return ``output = exp(-s tau) (b_m s^m + ... + b_0) / (s^n + a_n-1 s^n-1 + ... + a_0) input``.
 
     Parameters
@@ -31,7 +31,7 @@ def transfer_function(
 
     Returns
     -------
-    Model
+    DynamicModel
         With parameters ``b0`` to ``bm``, ``a0`` to ``an-1``; states ``eta0`` and so on are not measured.
 
     Raises
@@ -64,7 +64,7 @@ def transfer_function(
         return rates, {output: seen + p.get(f"bias_{output}", 0.0)}
 
     inputs = (input_, rate) if improper else (input_,)
-    return Model(
+    return DynamicModel(
         f"{output} from {input_}, order {m} over {n}",
         states,
         inputs,

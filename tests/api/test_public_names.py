@@ -23,6 +23,7 @@ VERBS = [
     "page",
     "design_inputs",
     "simulate",
+    "simulate_campaign",
     "read_log",
     "split_flight",
     "export_log",

@@ -19,7 +19,8 @@ def maneuver(speeds, diameter=0.23, logged=True, airspeed=15.0):
         effectors=tuple(Effector(name=r.name, kind="rotor", limits=(0.0, 2000.0)) for r in rotors),
         rotors=rotors,
     )
-    channels = {"air/V": airspeed + np.sin(2 * np.pi * TIME), "air/alpha": 0.1 + 0 * TIME, "air/beta": 0 * TIME}
+    channels = {"air/V": airspeed + np.sin(2 * np.pi * TIME)}
+    channels |= {"air/alpha": 0.1 + 0 * TIME, "air/beta": 0 * TIME}
     channels |= {f"effector/n{i}": s + 0 * TIME for i, s in enumerate(speeds) if logged}
     channels |= {"excitation/de": np.where((TIME > 2) & (TIME < 8), np.sin(7 * TIME), 0.0)}
     units = {"V": "m/s", "alpha": "rad", "beta": "rad", "de": "rad"}

@@ -11,7 +11,7 @@ from freqid.cli import options
 from freqid.cli.options import FILE
 
 _CHOICES = {
-    "--method": ["frequency", "time"],
+    "--method": ["frequency", "time", "output-error", "filter-error"],
     "--form": ["force", "specific", "coefficient"],
     "--axes": ["body", "stability"],
 }

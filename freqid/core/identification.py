@@ -9,6 +9,9 @@ from freqid.core.errors import nearest
 from freqid.core.estimators import EstimatorName
 from freqid.core.vehicle import Strict
 
+Method = Literal["frequency", "time", "output-error", "filter-error"]
+MAXIMUM_LIKELIHOOD: tuple[Method, ...] = ("output-error", "filter-error")
+
 
 class FrequencyGrid(Strict, frozen=True):
     """Lines from `start` to `stop`, both included, every `step`, Hz."""
@@ -37,7 +40,9 @@ class Identification(Strict, frozen=True):
         (``w*de1``: of their departures from the trim); for all responses, or by response.
     frequencies_hz : FrequencyGrid or tuple of float, optional
         Lines of the regression; the harmonics of ``[excitation]`` where absent.
-    method : {"frequency", "time"}
+    method : {"frequency", "time", "output-error", "filter-error"}
+        Equation error on lines or samples; or maximum likelihood in time, with noise in the outputs alone or
+        in the motion too, as turbulence is.
     form : {"force", "specific", "coefficient"}
     axes : {"body", "stability"}
     trend : {"endpoints", "line", "mean", "none"}, optional
@@ -68,7 +73,7 @@ class Identification(Strict, frozen=True):
     regressors: tuple[str, ...] | dict[str, tuple[str, ...]]
     responses: tuple[str, ...] = WRENCH
     frequencies_hz: FrequencyGrid | tuple[float, ...] | None = None
-    method: Literal["frequency", "time"] = "frequency"
+    method: Method = "frequency"
     form: Literal["force", "specific", "coefficient"] = "force"
     axes: Literal["body", "stability"] = "body"
     trend: Literal["endpoints", "line", "mean", "none"] | None = None
@@ -101,13 +106,19 @@ class Identification(Strict, frozen=True):
                 raise ValueError(f"regressors of '{response}' {what}")
             for name in chosen:
                 _check_product(response, name, chosen)
-        if self.residuals == "noise-lines" and self.method == "time":
+        if self.residuals == "noise-lines" and self.method != "frequency":
             raise ValueError(
-                "residuals is 'noise-lines' with method 'time', expected method 'frequency' with noise lines"
+                f"residuals is 'noise-lines' with method '{self.method}', expected method 'frequency' with "
+                "noise lines"
             )
-        if self.structure == "stepwise" and self.method == "time":
+        if self.structure == "stepwise" and self.method != "frequency":
             raise ValueError(
-                "structure is 'stepwise' with method 'time', expected method 'frequency' with it"
+                f"structure is 'stepwise' with method '{self.method}', expected method 'frequency' with it"
+            )
+        if self.method in MAXIMUM_LIKELIHOOD and self.estimator != "least-squares":
+            raise ValueError(
+                f"estimator is '{self.estimator}' with method '{self.method}', expected none: maximum "
+                "likelihood needs no instruments"
             )
         if self.nonlinear == "products" and self.residuals != "noise-lines":
             raise ValueError(

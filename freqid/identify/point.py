@@ -12,10 +12,11 @@ from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError
 from freqid.core.estimators import EstimatorName
 from freqid.core.excitation import Excitation
-from freqid.core.identification import Identification, factors_of
+from freqid.core.identification import MAXIMUM_LIKELIHOOD, Identification, factors_of
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import Fit, PointModel
 from freqid.core.scenario import Reference
+from freqid.identify.advance_ratio.trim import flown_trim
 from freqid.identify.instruments.driven import driven_maneuvers
 from freqid.identify.loads.explanatory import explanatory_variables, history
 from freqid.identify.model.fit import fit_samples
@@ -222,6 +223,11 @@ def identify_point(
         raise UsageError("no manoeuvre is given", remedy="give at least one")
     if estimator is not None:
         settings = msgspec.structs.replace(settings, estimator=estimator)
+    if settings.method in MAXIMUM_LIKELIHOOD:
+        raise UsageError(
+            f"method '{settings.method}' is no equation error",
+            remedy="use identify-point --method, or identify_output_error",
+        )
     by = find_estimator(settings.estimator)
     refuse_without_air(maneuvers, settings, by)
     problem = Problem.of(maneuvers, settings)
@@ -242,6 +248,7 @@ def identify_point(
     else:
         responses = fit_samples(problem, flights.instruments(problem.names))
     flown = flown_reference(maneuvers)
+    trim, no_advance_ratio = flown_trim(maneuvers)
     records = [m.record.provenance for m in maneuvers]
     return PointModel(
         reference=reference or flown,
@@ -256,6 +263,8 @@ def identify_point(
         | ({"structure": structure} if structure else {}),
         estimator=by.name,
         remarks=() if reference is None else departures(reference, flown),
+        trim=trim,
+        no_advance_ratio=no_advance_ratio,
     )
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from freqid import __version__
 from freqid.core.errors import DataError, GateFailed, UsageError, nearest
 from freqid.core.estimators import EstimatorName
+from freqid.core.identification import MAXIMUM_LIKELIHOOD, Method
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import PointModel, missed_gates
 from freqid.core.scenario import Scenario
@@ -48,7 +49,7 @@ def identify_point(
     estimator: EstimatorName | None = None,
     responses: Sequence[str] | None = None,
     regressors: Names | None = None,
-    method: Literal["frequency", "time"] | None = None,
+    method: Method | None = None,
     form: Literal["force", "specific", "coefficient"] | None = None,
     axes: Literal["body", "stability"] | None = None,
     structure: Literal["given", "stepwise"] | None = None,
@@ -81,7 +82,9 @@ def identify_point(
         Among X Y Z L M N.
     regressors : sequence of str, optional
         Of all responses; by response as a mapping.
-    method : {"frequency", "time"}, optional
+    method : {"frequency", "time", "output-error", "filter-error"}, optional
+        Equation error on lines or samples, or maximum likelihood of a ready model's outputs in time; the
+        model's provenance then says under ``output_error`` what `identify_output_error` found.
     form : {"force", "specific", "coefficient"}, optional
     axes : {"body", "stability"}, optional
     structure : {"given", "stepwise"}, optional
@@ -106,8 +109,8 @@ def identify_point(
 
     Notes
     -----
-    Equation error in the frequency domain (Klein & Morelli, 2nd ed., ch. 5 and 7;
-    docs/theory/identification.md).
+    Equation error (Klein & Morelli, 2nd ed., ch. 5 and 7; docs/theory/identification.md), or output error
+    (docs/theory/output-error.md).
 
     Examples
     --------
@@ -129,43 +132,38 @@ def identify_point(
     )
     _refuse_unknown("align", align, ("off", "report", "fit"))
     _refuse_unknown("kinematics", kinematics, ("off", "report", "correct"))
-    given = several(flights)
-    stretches = _stretches(list(zip(given, names_of(given), strict=True)), _spans(cut))
-    read = [flight_of(flight) for flight, _, _ in stretches]
-    reference = at or _flown_at(list(map(record_of, read)))
-    maneuvers = [_cut(flight, described, span) for flight, (_, _, span) in zip(read, stretches, strict=True)]
-    names = [name for _, name, _ in stretches]
+    flown = flown_maneuvers(flights, described, at, cut)
+    maneuvers, names = list(flown.maneuvers), flown.names
     compatibility = {}
     if kinematics != "off":
         maneuvers, compatibility = checked(maneuvers, names, correct=kinematics == "correct", tell=tell)
+    reference = described.reference_of(flown.reference) if flown.reference else None
     try:
-        model, alignment = identified(
-            align,
-            maneuvers,
-            names,
-            settings,
-            excitation=described.excitation,
-            reference=described.reference_of(reference) if reference else None,
-            estimator=estimator,
-            tell=tell,
-        )
+        if settings.method in MAXIMUM_LIKELIHOOD:
+            from freqid.workflows.output_error import ready_point  # loads jax
+
+            _refuse_alignment(align, settings.method)
+            model, alignment = ready_point(maneuvers, settings, reference, described.excitation), {}
+        else:
+            model, alignment = identified(
+                align,
+                maneuvers,
+                names,
+                settings,
+                excitation=described.excitation,
+                reference=reference,
+                estimator=estimator,
+                tell=tell,
+            )
     except DataError as error:
-        raise error.at(" and ".join(names_of(given))) from None
-    used = [
-        {"record": name, "cut": _words(span), "log": record_of(flight).provenance}
-        for flight, (_, name, span) in zip(read, stretches, strict=True)
-    ]
-    sources = {
-        **(used[0] if len(used) == 1 else {"manoeuvres": used}),
-        "scenario": source_of(described),
-        "freqid_version": __version__,
-    }
+        raise error.at(" and ".join(names_of(several(flights)))) from None
+    sources = {**flown.sources(), "scenario": source_of(described), "freqid_version": __version__}
     sources |= {"kinematics": compatibility} if compatibility else {}
     sources |= {"alignment": alignment} if alignment else {}
-    sources |= {key: model.provenance[key] for key in ("structure",) if key in model.provenance}
+    sources |= {k: model.provenance[k] for k in ("structure", "output_error") if k in model.provenance}
     predicted = {}
     if held_out is not None:
-        name = names_of([held_out], len(given) + 1)[0]
+        name = names_of([held_out], len(several(flights)) + 1)[0]
         try:
             other = maneuver_of(held_out, described)
             if align == "fit":
@@ -175,6 +173,71 @@ def identify_point(
             raise error.at(name) from None
         sources["predicted"] = name
     return replace(model, provenance=sources, prediction=predicted)
+
+
+@dataclass(frozen=True)
+class FlownManeuvers:
+    """Manoeuvres of one condition, and where each is from.
+
+    Attributes
+    ----------
+    maneuvers : tuple of Maneuver
+    names : list of str
+        Of the flights that they are from.
+    cuts : list of (float, float) or None
+        Stretch of each, s on the record's clock.
+    records : list of FlightRecord
+        Uncut.
+    reference : str
+        Id of the condition; empty where none is named.
+    """
+
+    maneuvers: tuple[Maneuver, ...]
+    names: list[str]
+    cuts: list[TimeSpan | None]
+    records: list[FlightRecord]
+    reference: str
+
+    def sources(self) -> dict:
+        """Return records, cuts and logs, as the provenance of a model has them."""
+        used = [
+            {"record": name, "cut": _words(span), "log": record.provenance}
+            for record, name, span in zip(self.records, self.names, self.cuts, strict=True)
+        ]
+        return used[0] if len(used) == 1 else {"manoeuvres": used}
+
+
+def flown_maneuvers(
+    flights: Flight | Iterable[Flight], scenario: Scenario | None, at: str, cut: TimeSpan | Sequence[TimeSpan]
+) -> FlownManeuvers:
+    """Return the manoeuvres that a job is given: whole flights, or stretches of them.
+
+    Raises
+    ------
+    UsageError
+        Where the flights are of different conditions, or stretches do not fit.
+    DataError
+        Where a record cannot be read, or nobody describes its vehicle.
+    """
+    given = several(flights)
+    stretches = _stretches(list(zip(given, names_of(given), strict=True)), _spans(cut))
+    read = [flight_of(flight) for flight, _, _ in stretches]
+    spans = [span for _, _, span in stretches]
+    return FlownManeuvers(
+        tuple(_cut(flight, scenario, span) for flight, span in zip(read, spans, strict=True)),
+        [name for _, name, _ in stretches],
+        spans,
+        list(map(record_of, read)),
+        at or _flown_at(list(map(record_of, read))),
+    )
+
+
+def _refuse_alignment(align: str, method: str) -> None:
+    if align != "off":
+        raise UsageError(
+            f"--align {align} came with method '{method}'",
+            remedy="align with align_sensors first, or identify with method 'frequency'",
+        )
 
 
 def refuse_missed_gates(model: PointModel, scenario: Scenario, where: str) -> None:
@@ -225,10 +288,10 @@ def _stretches(
     return [(flight, name, span) for (flight, name), span in zip(of, spans, strict=True)]
 
 
-def _cut(flight: FlightRecord | Maneuver, scenario: Scenario, span: TimeSpan | None) -> Maneuver:
+def _cut(flight: FlightRecord | Maneuver, scenario: Scenario | None, span: TimeSpan | None) -> Maneuver:
     if isinstance(flight, Maneuver):
         return Maneuver(flight.record.cut(*span), flight.vehicle) if span else flight
-    return Maneuver.of(flight, scenario.aircraft(), span)
+    return Maneuver.of(flight, scenario.aircraft() if scenario else None, span)
 
 
 def _flown_at(flights: Sequence[FlightRecord]) -> str:

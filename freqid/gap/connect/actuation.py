@@ -118,7 +118,7 @@ def _arriving(record: FlightRecord, name: str, fine: Array, delay: float, lag: f
 
 
 def voltage_ratio(
-    loaded: airframe.Parameters, act: Actuators, sag: Mapping[str, float], along: Along, dt: float
+    loaded: airframe.Airframe, act: Actuators, sag: Mapping[str, float], along: Along, dt: float
 ) -> Array:
     """Return voltage over nominal voltage as the motors feel it, shape (sample,).
 

@@ -162,6 +162,11 @@ def response_name(response: str, form: Form) -> str:
     return "C" + (response if response in "XYZ" else response.lower())
 
 
+def response_unit(response: str, form: Form) -> str:
+    """Return the unit of a response in a form."""
+    return _UNITS[form][WRENCH.index(response)]
+
+
 def _force(maneuver: Maneuver, mass: MovingMass, axis: np.intp, recorded: bool) -> tuple[Array, Array]:
     """Return one component of the force in its two parts, N and N s, shape (sample,) each.
 

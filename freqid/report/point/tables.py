@@ -21,6 +21,8 @@ from freqid.report.point.verdict import HIGH_INFLATION, crosses_zero, missed_by_
 _METHOD = {
     "frequency": "equation error, frequency domain",
     "time": "equation error, time domain",
+    "output-error": "output error, time domain",
+    "filter-error": "filter error, time domain",
 }
 _FORM = {
     "force": "forces and moments",

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 
 from freqid.core.units import STANDARD_GRAVITY
-from freqid.simulate import precision as precision
+from freqid.dynamics import precision as precision
 
 GAS_CONSTANT = 8314.32 / 28.9644  # J/(kg K); R* and M0 of the standard
 EARTH_RADIUS = 6_356_766.0  # m, of the standard's conversion to geopotential height

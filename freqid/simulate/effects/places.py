@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.vehicle import Vehicle
-from freqid.simulate import precision as precision
+from freqid.dynamics import precision as precision
 from freqid.simulate.effects.effect import Effect, Parameter
 
 

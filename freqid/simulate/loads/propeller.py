@@ -17,7 +17,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from freqid.simulate import precision as precision
+from freqid.dynamics import precision as precision
 
 SMALLEST_SPEED = 0.1  # m/s, keeps the denominators from zero; 3e-6 of the tip speed squared in hover
 

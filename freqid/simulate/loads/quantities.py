@@ -12,7 +12,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from freqid.simulate import precision as precision
+from freqid.dynamics import precision as precision
 from freqid.simulate.motion.attitude import cross
 
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.simulate import precision as precision
+from freqid.dynamics import precision as precision
 
 
 def strip_edges(span: float, count: int) -> NDArray[np.float64]:

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 
-from freqid.simulate import precision as precision
+from freqid.dynamics import precision as precision
 
 
 def cross(a: jax.Array, b: jax.Array) -> jax.Array:

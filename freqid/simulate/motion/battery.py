@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from freqid.core.vehicle import Strict
-from freqid.simulate import precision as precision
+from freqid.dynamics import precision as precision
 
 # Beyond this share of the open-circuit voltage lost inside, no current gives more power: half of it is the
 # maximum-power point, so the formula is left a little before.
@@ -59,6 +59,11 @@ class BatterySection(Strict, frozen=True):
             )
 
 
+_IDEAL = BatterySection(
+    nominal_v=1.0, full_v=1.0 + 1e-12, empty_v=1.0, resistance_ohm=0.0, capacity_ah=1e12, efficiency=1.0
+)
+
+
 class Battery(NamedTuple):
     """A battery; every field of shape ().
 
@@ -102,9 +107,9 @@ class Power(NamedTuple):
     current: jax.Array
 
 
-def battery(section: BatterySection) -> Battery:
-    """Return the battery of a scenario."""
-    s = section
+def battery(section: BatterySection | None) -> Battery:
+    """Return the battery of a scenario; one that never sags nor empties where it has none."""
+    s = section or _IDEAL
     values = (
         s.nominal_v,
         s.full_v,

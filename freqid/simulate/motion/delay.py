@@ -7,7 +7,7 @@ from typing import TypeVar
 import jax
 import jax.numpy as jnp
 
-from freqid.simulate import precision as precision
+from freqid.dynamics import precision as precision
 
 Signal = TypeVar("Signal")
 

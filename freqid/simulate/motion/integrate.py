@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.errors import UsageError, nearest
-from freqid.simulate import precision as precision
+from freqid.dynamics import precision as precision
 
 State = TypeVar("State")
 Inputs = Any

@@ -19,8 +19,8 @@ import numpy as np
 
 from freqid.core.frames import shaft_axis
 from freqid.core.vehicle import Vehicle
+from freqid.dynamics import precision as precision
 from freqid.dynamics.mass import wing_arm, without_wings
-from freqid.simulate import precision as precision
 from freqid.simulate.motion.attitude import cross
 
 _ALONG_Y = np.array([0.0, 1.0, 0.0])

@@ -1,0 +1,6 @@
+"""Maximum likelihood for dynamic models: parameters whose simulation comes nearest to what was measured.
+
+Here belong models as pure functions, their ready forms and the estimators; equation error belongs in
+`freqid.identify.regress`. Read model and parameters, then simulation, minimise, time_domain, uncertainty and
+whiteness; frequency_domain and filter_error are the two other estimators.
+"""

@@ -300,7 +300,7 @@ def _get(file: h5py.File, slot: Any, scopes: tuple[Any, ...], hint: Any) -> Any:
         case Attribute():
             places, spread = _fill_in(slot.at, scopes)
             rows = [_plain(owner.attrs[name]) for owner, name in (_owner(file, place) for place in places)]
-            return _convert(rows if spread else rows[0], hint)
+            return _convert(rows if spread else rows[0], hint, strict=False)  # 7.0 is a whole number
         case Attributes():
             attrs = store.subgroup(file, slot.at).attrs
             return _convert({k: _plain(attrs[k]) for k in slot.only or attrs if k in attrs}, hint)
@@ -426,10 +426,10 @@ def _plain(value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 
-def _convert(value: Any, hint: Any) -> Any:
+def _convert(value: Any, hint: Any, *, strict: bool = True) -> Any:
     """Return a value as its annotation says, or raise ValueError."""
     try:
-        return msgspec.convert(value, hint)
+        return msgspec.convert(value, hint, strict=strict)
     except msgspec.ValidationError as error:
         raise ValueError(str(error)) from None
 

@@ -29,7 +29,7 @@ from freqid.identify.output_error.point_model import (
 )
 from freqid.identify.output_error.signals import signals_of
 from freqid.identify.point import lines_of
-from freqid.workflows.identify import Names, Span, flown_maneuvers
+from freqid.workflows.identify import Names, TimeSpan, flown_maneuvers
 from freqid.workflows.inputs import (
     File,
     Flight,
@@ -49,7 +49,7 @@ def identify_output_error(
     method: Literal["output-error", "filter-error"] = "output-error",
     domain: Literal["time", "frequency"] = "time",
     at: str = "",
-    cut: Span | Sequence[Span] = (),
+    cut: TimeSpan | Sequence[TimeSpan] = (),
     channels: Mapping[str, str] | None = None,
     outputs: Sequence[str] | None = None,
     responses: Sequence[str] | None = None,

@@ -71,7 +71,7 @@ def parameters(scenario: Scenario) -> Parameters | Coefficients:
 
 
 def absent_effects(scenario: Scenario) -> tuple[str, ...]:
-    """Return the effects that act inside an airframe of strips and that a simulation by coefficients lacks."""
+    """Return the effects of strips and slipstreams, which a simulation by coefficients does not have."""
     return {"airframe": (), "coefficients": ("slipstream", "wing_wake")}[scenario.simulation.kind]
 
 

@@ -12,8 +12,8 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -31,8 +31,7 @@ DATA = ROOT.parent / "shared" / "data"
 G = 9.80665
 
 
-@dataclass(frozen=True, eq=False)
-class Case:
+class Case(NamedTuple):
     """One estimation beside its reference.
 
     Attributes

@@ -45,6 +45,10 @@ def flight_text(result: dict[str, Any]) -> str:
 
 def campaign_result(found: SimulatedManeuver, destination: Path) -> dict[str, Any]:
     """Return where a campaign went, trim by trim."""
+    trims = trims_flown(found)
+    alone = (
+        "one trim shows nothing of how derivatives depend on the advance ratio: add [[campaign.trim]] entries"
+    )
     return {
         "record": str(destination),
         "truth": str(truth_path(destination)),
@@ -57,8 +61,9 @@ def campaign_result(found: SimulatedManeuver, destination: Path) -> dict[str, An
                 "alpha": at.alpha,
                 "J": at.advance_ratio if np.isfinite(at.advance_ratio) else None,
             }
-            for at in trims_flown(found)
+            for at in trims
         ],
+        "remarks": [alone] if len(trims) == 1 else [],
     }
 
 
@@ -76,4 +81,5 @@ def campaign_text(result: dict[str, Any]) -> str:
             f"{at['span_s'][0]:9.1f}{at['span_s'][1]:9.1f}{at['V']:8.2f}{np.degrees(at['climb']):11.2f}"
             f"{np.degrees(at['alpha']):11.2f}{ratio:>9s}"
         )
+    lines += result["remarks"]
     return "\n".join(lines)

@@ -14,9 +14,13 @@ from freqid.identify.model.selection import DISTORTED, F_TO_STAY
 def point_result(model: PointModel) -> dict[str, Any]:
     """Return a model for machines."""
 
+    def number(value: float) -> float | None:
+        """Return a figure; none where there is none, as the error of a parameter at its bound."""
+        return value if isfinite(value) else None
+
     def figures(response: ResponseModel) -> dict[str, Any]:
         parameters: dict[str, dict[str, Any]] = {
-            name: {"estimate": response[name][0], "std_error": response[name][1]}
+            name: {"estimate": number(response[name][0]), "std_error": number(response[name][1])}
             for name in (*response.regressors, "bias")
         }
         beside = response.errors_in_variables
@@ -32,9 +36,9 @@ def point_result(model: PointModel) -> dict[str, Any]:
                 }
         return {
             "parameters": parameters,
-            "r2": response.r2,
-            "pse": response.pse,
-            "rmse": response.rmse,
+            "r2": number(response.r2),
+            "pse": number(response.pse),
+            "rmse": number(response.rmse),
             "units": response.unit,
             "condition_number": response.condition_number,
             "distortion": response.distortion,
@@ -45,6 +49,7 @@ def point_result(model: PointModel) -> dict[str, Any]:
     def score(fit: Fit) -> dict[str, float]:
         return {"r2": fit.r2, "rmse": fit.rms}
 
+    likelihood = {k: v for k, v in model.provenance.items() if k == "output_error"}
     reference = {k: v if v == v else None for k, v in msgspec.to_builtins(model.reference).items()}
     return {
         "reference": reference,
@@ -54,6 +59,7 @@ def point_result(model: PointModel) -> dict[str, Any]:
         "remarks": model.remarks,
         "responses": {name: figures(response) for name, response in model.responses.items()},
         "structure": model.provenance.get("structure", {}),
+        **likelihood,
         "prediction": {name: score(fit) for name, fit in model.prediction.items()},
     }
 

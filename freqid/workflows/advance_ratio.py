@@ -6,17 +6,28 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
+import msgspec
+
 from freqid.blend.semi_local.held import semi_local_model
 from freqid.blend.semi_local.held_out import HeldOutScores, score_held_out
 from freqid.blend.semi_local.one_shot import one_shot_model
 from freqid.blend.semi_local.parametric import global_model
 from freqid.blend.semi_local.problem import LocalProblem, estimated_maneuvers
-from freqid.core.errors import UsageError, nearest
+from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.results.advance_ratio import AdvanceRatioModel, LocalDerivatives
 from freqid.core.results.point import PointModel
+from freqid.core.scenario import Scenario
 from freqid.identify.advance_ratio.local import local_derivatives
 from freqid.identify.advance_ratio.sensor_errors import with_sensor_errors
-from freqid.workflows.inputs import File, point_of, several
+from freqid.workflows.inputs import (
+    File,
+    Flight,
+    identification_of,
+    maneuver_of,
+    point_of,
+    scenario_of,
+    several,
+)
 
 Kind = Literal["global", "semi-local", "one-shot"]
 KINDS: tuple[Kind, ...] = ("global", "semi-local", "one-shot")
@@ -29,6 +40,8 @@ def blend_by_advance_ratio(
     clusters: int | None = None,
     hold: Sequence[str] | None = None,
     sensor_errors: Mapping[str, float] | None = None,
+    flights: Sequence[Flight] | None = None,
+    scenario: Scenario | File | None = None,
 ) -> AdvanceRatioModel:
     """Fit laws of the advance ratio to the derivatives of many manoeuvres.
 
@@ -47,6 +60,12 @@ def blend_by_advance_ratio(
     sensor_errors : mapping of str to float, optional
         One sigma of constant errors that all manoeuvres share, which repetition does not average out:
         ``V`` m/s, ``alpha`` and ``beta`` rad.
+    flights : sequence of FlightRecord, Maneuver or path, optional
+        The points' own manoeuvres, in their order: semi-local and one-shot models then fit their motion by
+        output error. Where absent, estimates and their covariances stand for the manoeuvres, which is exact
+        for equation error.
+    scenario : Scenario, path or name, optional
+        Says with ``[identification]``, in coefficient form and body axes, which derivatives the flights tell.
 
     Returns
     -------
@@ -78,7 +97,7 @@ def blend_by_advance_ratio(
     whole = global_model(local, clusters=clusters, vehicle=vehicle, provenance={"points": sources})
     model = whole
     if kind != "global":
-        problems = problems_of(local)
+        problems = problems_of(local) if flights is None else _motions(local, flights, scenario)
         model = (
             semi_local_model(whole, problems, hold)
             if kind == "semi-local"
@@ -115,6 +134,39 @@ def compare_held_out(
     problems = problems_of(local)
     models = [whole, semi_local_model(whole, problems, hold), one_shot_model(whole, problems)]
     return score_held_out(models, others, problems_of(others))
+
+
+def _motions(
+    local: LocalDerivatives, flights: Sequence[Flight], scenario: Scenario | File | None
+) -> dict[str, LocalProblem]:
+    """Return the likelihoods of the motion of the points' manoeuvres."""
+    from freqid.blend.semi_local.output_error import JoinedManeuver, OutputErrorManeuver
+    from freqid.identify.output_error.forms.form import parted
+
+    if scenario is None:
+        raise UsageError(
+            "flights are given without a scenario that says which derivatives they tell",
+            remedy="give the scenario",
+        )
+    if len(flights) != len(local.ids):
+        raise UsageError(
+            f"{len(flights)} flights come with {len(local.ids)} points, expected one for each point",
+            remedy="give the points' own manoeuvres in their order",
+        )
+    described = scenario_of(scenario)
+    settings = identification_of(described)
+    problems: dict[str, LocalProblem] = {}
+    for identifier, flight in zip(local.ids, flights, strict=True):
+        maneuver = maneuver_of(flight, described)
+        try:
+            parts = [
+                OutputErrorManeuver(maneuver, msgspec.structs.replace(settings, responses=responses))
+                for responses in parted(settings.responses, settings.form)
+            ]
+        except DataError as error:
+            raise error.at(identifier) from None
+        problems[identifier] = JoinedManeuver(parts)
+    return problems
 
 
 def told(points: Iterable[PointModel | File]) -> tuple[LocalDerivatives, str, list[str]]:

@@ -290,6 +290,16 @@ def test_a_campaign_is_flown_and_its_manoeuvres_are_cut_out(freqid, campaign, tm
     assert sorted(p.name for p in tmp_path.glob("m-*.h5")) == ["m-1.h5", "m-2.h5"]
 
 
+def test_a_campaign_of_one_trim_is_flown_and_said_to_be_one(freqid, campaign, tmp_path):
+    one = campaign('[[campaign.trim]]\nspeed = 16.5\nclimb_rad = -0.09\nrotors = "stopped"\n', "")
+    code, out, _ = freqid("simulate", one, "--campaign", "--json", "-o", tmp_path / "flight.h5")
+    assert code == 0
+    said = json.loads(out)
+    assert len(said["trims"]) == 1
+    assert len(said["remarks"]) == 1
+    assert "one trim shows nothing" in said["remarks"][0]
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

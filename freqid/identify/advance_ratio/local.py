@@ -93,8 +93,28 @@ def expand_about_zero(model: ResponseModel) -> tuple[Array, Array]:
         Constant, then one for each regressor.
     covariance : ndarray, shape (1 + p, 1 + p)
     """
-    trims = dict(zip(model.regressors, model.trim.tolist(), strict=True))
-    place = {name: 1 + j for j, name in enumerate(model.regressors)}
+    turn = about_zero(model.regressors, model.trim)
+    value = np.append(model.bias, model.estimate)
+    spread = np.zeros_like(turn)
+    spread[0, 0] = model.bias_std_error**2  # independent of the estimates
+    spread[1:, 1:] = model.covariance
+    return turn @ value, turn @ spread @ turn.T
+
+
+def about_zero(regressors: Sequence[str], trim: Array) -> Array:
+    """Return the matrix from bias and derivatives about a trim to those about zero.
+
+    Parameters
+    ----------
+    regressors : sequence of str, length p
+    trim : ndarray, shape (p,)
+
+    Returns
+    -------
+    ndarray, shape (1 + p, 1 + p)
+    """
+    trims = dict(zip(regressors, np.asarray(trim).tolist(), strict=True))
+    place = {name: 1 + j for j, name in enumerate(regressors)}
     turn = np.eye(1 + len(trims))
     for name, j in place.items():
         factors = factors_of(name)
@@ -105,11 +125,7 @@ def expand_about_zero(model: ResponseModel) -> tuple[Array, Array]:
         turn[0, j] += trims[a] * trims[b]
         turn[place[a], j] -= trims[b]
         turn[place[b], j] -= trims[a]
-    value = np.append(model.bias, model.estimate)
-    spread = np.zeros_like(turn)
-    spread[0, 0] = model.bias_std_error**2  # independent of the estimates
-    spread[1:, 1:] = model.covariance
-    return turn @ value, turn @ spread @ turn.T
+    return turn
 
 
 def _refuse_unfit(point: PointModel, first: PointModel, where: str) -> None:

@@ -25,9 +25,13 @@ from freqid.identify.output_error.parameters import (
 )
 from freqid.identify.output_error.starts import equation_error_starts
 from freqid.identify.output_error.time_domain import EXACT, NoiseKind, TimeDomain
-from freqid.identify.output_error.uncertainty import Residuals, uncertainty_in_time, uncertainty_on_lines
+from freqid.identify.output_error.uncertainty import (
+    Residuals,
+    Uncertainty,
+    uncertainty_in_time,
+    uncertainty_on_lines,
+)
 from freqid.identify.output_error.whiteness import coloured, whiteness
-from freqid.identify.regress.regression import LeastSquares
 from freqid.identify.spectra.trend import TrendKind
 
 Likelihood = TimeDomain | FrequencyDomain | FilterError
@@ -268,11 +272,12 @@ def _result(
     covariance, dof, cramer_rao = np.full((f, f), np.nan), np.full(f, np.nan), unknown.copy()
     inseparable: tuple[tuple[str, ...], ...] = ()
     if told.any():
-        fits = _uncertainty(likelihood, solution.free, told, settings.residuals)
+        both = _uncertainty(likelihood, solution.free, told)
+        fit = both.of(settings.residuals)
         size = scale[told]
-        covariance[np.ix_(told, told)] = fits[0].covariance[0] * np.outer(size, size)
-        dof[told], cramer_rao[told] = fits[0].degrees_of_freedom[0], fits[1].std_error[0] * size
-        inseparable = fits[0].collinearity.inseparable()
+        covariance[np.ix_(told, told)] = fit.covariance[0] * np.outer(size, size)
+        dof[told], cramer_rao[told] = fit.degrees_of_freedom[0], both.white.std_error[0] * size
+        inseparable = fit.collinearity.inseparable()
     std_error = np.sqrt(np.diag(covariance))
     half = stdtrit(dof, 0.5 + settings.confidence / 2) * std_error
     probabilities = {}
@@ -306,18 +311,14 @@ def _result(
     return replace(result, remarks=tuple(_remarks(result, solution, beside, parameters)))
 
 
-def _uncertainty(
-    likelihood: Likelihood, free: Array, told: np.ndarray, residuals: Residuals
-) -> tuple[LeastSquares, LeastSquares]:
-    """Return the problem near its optimum with its covariance, and with that of white residuals."""
+def _uncertainty(likelihood: Likelihood, free: Array, told: np.ndarray) -> Uncertainty:
+    """Return the problem near its optimum, with the covariances that hold for its parameters."""
     names = [n for n, t in zip(likelihood.parameters.free_names, told, strict=True) if t]
     if isinstance(likelihood, FrequencyDomain):
         white, columns, lines, durations = likelihood.white_equations(free)
-        given = (white, columns[told], lines, durations, names)
-        return uncertainty_on_lines(*given, residuals), uncertainty_on_lines(*given, "white")
+        return uncertainty_on_lines(white, columns[told], lines, durations, names)
     white, columns, samples = likelihood.white_equations(free)
-    given = (white, columns[told], samples, names)
-    return uncertainty_in_time(*given, residuals), uncertainty_in_time(*given, "white")
+    return uncertainty_in_time(white, columns[told], samples, names)
 
 
 def _fits(likelihood: Likelihood, free: Array) -> dict[str, Fit]:

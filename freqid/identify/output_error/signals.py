@@ -10,13 +10,17 @@ from freqid.core.arrays import Array
 from freqid.core.errors import DataError
 from freqid.core.record import Maneuver
 from freqid.identify.loads.explanatory import history
+from freqid.identify.loads.momentum import rotor_momentum
 from freqid.identify.loads.wrench import applied_wrench
 from freqid.identify.output_error.model import DynamicModel, Signals
+from freqid.identify.spectra.smoothing import local_derivative
 
 ACCELERATIONS = {"ax": "X", "ay": "Y", "az": "Z"}
 _LENGTHS = ("area_m2", "span_m", "chord_m")
+_MOMENTUM = ("hx", "hy", "hz")
 _INERTIA = ("Ixx", "Iyy", "Izz", "Ixz")
-_LEVEL = ("phi", "theta")  # attitude that is taken to be zero where it was not logged and is no output
+_AT_REST = ("phi", "theta", "v", "p", "q", "r")
+"""Inputs that are taken to be zero where they were not logged: motion of the other plane."""
 
 
 def signals_of(
@@ -29,7 +33,8 @@ def signals_of(
     maneuver : Maneuver
     model : DynamicModel
         Names of inputs and outputs are channels without their group, variables that are computed from them
-        (``phat``), ``trim_x`` for the mean of x, or the vehicle's ``mass_kg``, ``Ixx`` to ``Ixz``,
+        (``phat``), ``trim_x`` for the mean of x, the rotors' angular momentum ``hx hy hz`` and ``hx_rate``
+        and so on, or the vehicle's ``mass_kg``, ``Ixx`` to ``Ixz``,
         ``area_m2``, ``span_m`` and ``chord_m``. Velocities, flow angles and ``ax ay az`` are those of the
         centre of gravity. States that are no outputs are given where they are measured.
     channels : mapping of str to str, optional
@@ -50,7 +55,7 @@ def signals_of(
             try:
                 found[each] = _signal(maneuver, given.get(each, each))
             except DataError:
-                if not (level and each in _LEVEL):
+                if not (level and each in _AT_REST):
                     raise
                 found[each] = 0.0
         return found
@@ -87,6 +92,9 @@ def _signal(maneuver: Maneuver, name: str) -> Array | float:
                 remedy=f"add {name} to [vehicle] of the scenario",
             )
         return value
+    if name.removesuffix("_rate") in _MOMENTUM:
+        h = rotor_momentum(maneuver)[_MOMENTUM.index(name.removesuffix("_rate"))]
+        return np.asarray(local_derivative(h[None], maneuver.record.dt)[0]) if name.endswith("_rate") else h
     if name in maneuver.record:
         return maneuver.record[name]
     if name in ACCELERATIONS and f"state/{name}" in maneuver.record:

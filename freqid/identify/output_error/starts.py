@@ -18,6 +18,7 @@ from freqid.identify.spectra.smoothing import local_derivative
 
 ROUNDS = 3  # of least squares, for equations that are not linear in their parameters
 WINDOW, DEGREE = 9, 4  # samples and degree of the polynomials that differentiate states
+SMALL = 1e-6  # relative change of parameters that ends the rounds
 FAINT = 1e-8  # singular value of unit columns, relative to the largest, that moves no parameter
 
 
@@ -93,6 +94,8 @@ def equation_error_starts(
             columns.append(wide[:, free])
         step = _solve(np.concatenate(columns), np.concatenate(rows))
         full[free] += step
+        if (np.abs(step) <= SMALL * np.abs(full[free])).all():
+            break
     return dict(zip(names, map(float, full), strict=True))
 
 

@@ -1,11 +1,13 @@
-"""Cramer-Rao bounds of maximum-likelihood estimates, corrected for coloured residuals."""
+"""Cramer-Rao bounds of maximum-likelihood estimates, and the same corrected for coloured residuals.
+
+A problem near its optimum is a regression: columns are the derivatives of the outputs, in units of the noise.
+Every output of every manoeuvre is a stretch with a spectrum of its own.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
-
-import numpy as np
+from typing import Literal, NamedTuple
 
 from freqid.core.arrays import Array, Complex
 from freqid.identify.regress.covariance_corrections import (
@@ -18,25 +20,34 @@ from freqid.identify.regress.regression import LeastSquares, least_squares
 Residuals = Literal["coloured", "white"]
 
 
+class Uncertainty(NamedTuple):
+    """The regression of a problem near its optimum, by what its residuals are taken to be."""
+
+    white: LeastSquares
+    coloured: LeastSquares
+
+    def of(self, residuals: Residuals) -> LeastSquares:
+        """Return the one for residuals that are coloured, or white."""
+        return self.coloured if residuals == "coloured" else self.white
+
+
 def uncertainty_in_time(
-    residual: Array, columns: Array, samples: Sequence[int], names: Sequence[str], residuals: Residuals
-) -> LeastSquares:
-    """Return the regression that the problem is near its optimum, with the covariance that holds.
+    residual: Array, columns: Array, samples: Sequence[int], names: Sequence[str]
+) -> Uncertainty:
+    """Return the uncertainty of estimates in time.
 
     Parameters
     ----------
     residual : ndarray, shape (E,)
-        In units of the noise, one output of one manoeuvre after another.
+        In units of the noise, one stretch after another.
     columns : ndarray, shape (f, E)
         Its derivatives, likewise.
     samples : sequence of int
-        Of each stretch: every output of every manoeuvre has a spectrum of its own.
+        Of each stretch.
     names : sequence of str, length f
-    residuals : {"coloured", "white"}
-        What the covariance allows the residual to be; white gives the Cramer-Rao bounds.
     """
     fit = least_squares(columns, residual[None], names=names)
-    return correct_coloured_samples(fit, samples=samples) if residuals == "coloured" else fit
+    return Uncertainty(fit, correct_coloured_samples(fit, samples=samples))
 
 
 def uncertainty_on_lines(
@@ -45,9 +56,8 @@ def uncertainty_on_lines(
     lines: Sequence[Array],
     durations: Sequence[float],
     names: Sequence[str],
-    residuals: Residuals,
-) -> LeastSquares:
-    """Return the same on complex lines.
+) -> Uncertainty:
+    """Return the uncertainty of estimates on complex lines.
 
     Parameters
     ----------
@@ -56,14 +66,8 @@ def uncertainty_on_lines(
         Frequencies of each stretch, Hz.
     durations : sequence of float
         Length of each stretch's record, s.
-    names, residuals
-        As `uncertainty_in_time`.
+    names : sequence of str, length f
     """
     fit = least_squares(columns, residual[None], names=names)
-    correct = correct_coloured_lines if residuals == "coloured" else correct_line_spacing
-    return correct(fit, list(lines), list(map(float, durations)))
-
-
-def standard_errors(fit: LeastSquares) -> Array:
-    """Return the standard errors, shape (f,)."""
-    return np.asarray(fit.std_error[0])
+    given = list(lines), list(map(float, durations))
+    return Uncertainty(correct_line_spacing(fit, *given), correct_coloured_lines(fit, *given))

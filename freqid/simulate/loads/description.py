@@ -70,6 +70,11 @@ def parameters(scenario: Scenario) -> Parameters | Coefficients:
     return of_kind[scenario.simulation.kind](scenario)
 
 
+def absent_effects(scenario: Scenario) -> tuple[str, ...]:
+    """Return the effects of strips and slipstreams, which a simulation by coefficients does not have."""
+    return {"airframe": (), "coefficients": ("slipstream", "wing_wake")}[scenario.simulation.kind]
+
+
 def _strips(scenario: Scenario) -> Parameters:
     section, vehicle = read_airframe(scenario), scenario.aircraft()
     body = section.fuselage
@@ -162,6 +167,13 @@ def _geometry(vehicle: Vehicle) -> Geometry:
 def _effects(scenario: Scenario, vehicle: Vehicle) -> effects.Settings:
     """Return the settings of every effect; those that act must have what they need of the vehicle."""
     found = effects.settings(scenario.simulation.effects, vehicle)
+    for identifier in absent_effects(scenario):
+        if identifier in scenario.simulation.effects:
+            raise UsageError(
+                f"effect '{identifier}' acts in strips and slipstreams, which a simulation by coefficients "
+                "does not have",
+                remedy=f"describe it in the tables of [{SECTION}]",
+            )
     for identifier, effect in library().items():
         missing = [n for n in unmet(effect, vehicle) if n.startswith("vehicle.")]
         if missing and found[identifier][effect.size]:

@@ -15,7 +15,6 @@ from freqid.core.identification import factors_of
 from freqid.identify.output_error.model import DynamicModel, Named
 
 COEFFICIENT, DIMENSIONAL = ("coefficient",), ("force", "specific")
-INERTIA = ("mass_kg", "Ixx", "Iyy", "Izz", "Ixz")  # inputs that are constants of the vehicle
 LENGTHS = {"L": "span_m", "M": "chord_m", "N": "span_m"}
 OWN_INERTIA = {
     "X": "mass_kg",

@@ -14,18 +14,19 @@ from freqid.identify.output_error.forms.form import (
     chosen,
     output_biases,
 )
+from freqid.identify.output_error.forms.moments import PITCH, pitch_acceleration
 from freqid.identify.output_error.model import DynamicModel, Named
 
 STATES = ("u", "w", "q", "theta")
 
 
 def build(loads: Loads) -> DynamicModel:
-    """Return the model; bank angle is an input.
+    """Return the model; lateral velocity, roll and yaw rate and bank angle are inputs.
 
     Notes
     -----
-    ``u' = X / m - g sin(theta) - q w``, ``w' = Z / m + g cos(theta) cos(phi) + q u``, ``q' = M / Iyy``,
-    ``theta' = q cos(phi)``, with a bias of its own; no sideslip, no roll (Klein & Morelli, 2nd ed., ch. 3).
+    ``u' = X / m - g sin(theta) - q w + r v``, ``w' = Z / m + g cos(theta) cos(phi) + q u - p v``,
+    ``theta' = q cos(phi) - r sin(phi)``, with a bias of its own (Klein & Morelli, 2nd ed., ch. 3).
     """
     biases = output_biases(loads, ("ax", "az"))
 
@@ -35,10 +36,10 @@ def build(loads: Loads) -> DynamicModel:
         down: Any = applied["Z"] / u["mass_kg"]
         g, theta = STANDARD_GRAVITY, x["theta"]
         rates = {
-            "u": along - g * jnp.sin(theta) - x["q"] * x["w"],
-            "w": down + g * jnp.cos(theta) * jnp.cos(u["phi"]) + x["q"] * x["u"],
-            "q": applied["M"] / u["Iyy"],
-            "theta": x["q"] * jnp.cos(u["phi"]) + p["bias_theta_rate"],
+            "u": along - g * jnp.sin(theta) - x["q"] * x["w"] + u["r"] * u["v"],
+            "w": down + g * jnp.cos(theta) * jnp.cos(u["phi"]) + x["q"] * x["u"] - u["p"] * u["v"],
+            "q": pitch_acceleration(applied["M"], u["p"], u["r"], u),
+            "theta": x["q"] * jnp.cos(u["phi"]) - u["r"] * jnp.sin(u["phi"]) + p["bias_theta_rate"],
         }
         seen = {"ax": along + p.get("bias_ax", 0.0), "az": down + p.get("bias_az", 0.0)}
         return rates, chosen({**x, **seen}, loads)
@@ -46,7 +47,7 @@ def build(loads: Loads) -> DynamicModel:
     return DynamicModel(
         "longitudinal",
         STATES,
-        loads.inputs(STATES, ("phi", "mass_kg", "Iyy")),
+        loads.inputs(STATES, ("v", "p", "r", "phi", "mass_kg", *PITCH)),
         loads.outputs,
         (*loads.parameters, "bias_theta_rate", *biases),
         equations,

@@ -14,18 +14,19 @@ from freqid.identify.output_error.forms.form import (
     chosen,
     output_biases,
 )
+from freqid.identify.output_error.forms.moments import PITCH, pitch_acceleration
 from freqid.identify.output_error.model import DynamicModel, Named
 
 STATES = ("V", "alpha", "q", "theta")
 
 
 def build(loads: Loads) -> DynamicModel:
-    """Return the model; density and bank angle are inputs, dynamic pressure follows from the airspeed.
+    """Return the model; density, roll and yaw rate and bank angle are inputs, airspeed gives dynamic pressure.
 
     Notes
     -----
     ``V' = (X cos(alpha) + Z sin(alpha)) / m + gravity``, ``alpha' = q + (Z cos(alpha) - X sin(alpha)) / (m V)
-    + gravity``, ``q' = M / Iyy``, ``theta' = q cos(phi)``, with a bias of its own; no sideslip, no roll
+    + gravity``, ``theta' = q cos(phi) - r sin(phi)``, with a bias of its own; no sideslip
     (Klein & Morelli, 2nd ed., ch. 3).
     """
     biases = output_biases(loads, ("ax", "az"))
@@ -40,8 +41,8 @@ def build(loads: Loads) -> DynamicModel:
         rates = {
             "V": forward * jnp.cos(alpha) + downward * jnp.sin(alpha),
             "alpha": x["q"] + (downward * jnp.cos(alpha) - forward * jnp.sin(alpha)) / speed,
-            "q": applied["M"] / u["Iyy"],
-            "theta": x["q"] * jnp.cos(u["phi"]) + p["bias_theta_rate"],
+            "q": pitch_acceleration(applied["M"], u["p"], u["r"], u),
+            "theta": x["q"] * jnp.cos(u["phi"]) - u["r"] * jnp.sin(u["phi"]) + p["bias_theta_rate"],
         }
         seen = {"ax": along + p.get("bias_ax", 0.0), "az": down + p.get("bias_az", 0.0)}
         return rates, chosen({**x, **seen}, loads)
@@ -49,7 +50,7 @@ def build(loads: Loads) -> DynamicModel:
     return DynamicModel(
         "longitudinal, coefficients",
         STATES,
-        loads.inputs(STATES, ("rho", "phi", "mass_kg", "Iyy")),
+        loads.inputs(STATES, ("rho", "p", "r", "phi", "mass_kg", *PITCH)),
         loads.outputs,
         (*loads.parameters, "bias_theta_rate", *biases),
         equations,

@@ -10,6 +10,11 @@ from freqid.core.errors import UsageError
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
 from freqid.dynamics.small_motion import STATES, equations_of_motion
 from freqid.identify.output_error.forms.form import Loads, find_form, forms, model_of, parted
+from freqid.identify.output_error.forms.moments import (
+    MOMENTUM,
+    pitch_acceleration,
+    roll_and_yaw_acceleration,
+)
 from freqid.identify.output_error.simulation import derivative_of
 
 VEHICLE = Vehicle(
@@ -136,6 +141,19 @@ def test_the_longitudinal_coefficient_form_is_the_dimensional_one_in_other_state
     rate[1, 1] = (-cos * start[0] - sin * start[1]) / speed
     rate[1, 0] = -(-sin * start[0] + cos * start[1]) / speed**2
     np.testing.assert_allclose(ours, np.linalg.inv(turn) @ force @ turn + rate, rtol=1e-8, atol=1e-8)
+
+
+def test_moments_are_those_that_identification_reconstructs():
+    rng = np.random.default_rng(3)
+    p, q, r = rng.normal(size=3)
+    u = {**CONSTANTS, **dict(zip(MOMENTUM, rng.normal(size=6), strict=True))}
+    applied = {"L": 3.0, "M": -2.0, "N": 1.5}
+    roll, yaw = roll_and_yaw_acceleration(applied, p, q, r, u)
+    pitch = pitch_acceleration(applied["M"], p, r, u)
+    inertia, rates = VEHICLE.mass_properties.inertia.matrix, np.array([p, q, r])
+    momentum = inertia @ rates + [u["hx"], u["hy"], u["hz"]]
+    change = inertia @ [roll, pitch, yaw] + [u["hx_rate"], u["hy_rate"], u["hz_rate"]]
+    np.testing.assert_allclose(change + np.cross(rates, momentum), list(applied.values()), rtol=1e-12)
 
 
 def test_forms_are_found_by_responses_and_models_are_shared():

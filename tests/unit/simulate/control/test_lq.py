@@ -172,7 +172,7 @@ def test_an_aircraft_without_flaps_is_held_by_the_axes_that_it_can_make():
         (DEP6, {"lq": {}}, "axes X Z L M N of the wrench apart.*without Z"),
         (DEP6, {"lq": {"axes": ["X", "Y"]}}, "expected some of X Z L M N"),
         (DEP6, {"lq": {"axes": ["L", "M", "N"]}}, "holds speed, heading and altitude.*X for the speed"),
-        (LINEAR, {"gains": {"ee": {"q": 1.0}}}, "'ee' is unknown.*'de'"),
+        (LINEAR, {"gains": {"ee": {"q": 1.0}}}, "'ee' is unknown.*known names are: da, de"),
         (LINEAR, {"gains": {"de": {"thet": 1.0}}}, "'thet' is unknown.*'theta'"),
         (LINEAR, {"gains": {"de": {"q": "high"}}}, "gain of q is 'high'"),
     ],

@@ -210,6 +210,7 @@ def test_tables_of_dep6_are_those_that_momentum_theory_gives(script):
         (lambda c, t: t["rotor"].pop(), "the same order"),
         (lambda c, t: t["effector"][0].update(kind="throttle"), "kind 'throttle', which the simulation"),
         (lambda c, t: c.update(thrust={}), "'thrust' is unknown"),
+        (lambda c, t: t["simulation"].update(effects={"wing_wake": 0.5}), "'wing_wake' acts in strips"),
     ],
 )
 def test_a_slip_is_one_sentence(edit, words):

@@ -261,7 +261,8 @@ def _put(file: h5py.File, slot: Any, value: Any, scopes: tuple[Any, ...], hint: 
                 )
         case Attributes():
             owner, _ = _owner(file, f"{slot.at}@")
-            for name, row in msgspec.to_builtins(value).items():
+            entries = value if isinstance(value, Mapping) else msgspec.to_builtins(value)
+            for name, row in entries.items():
                 owner.attrs[name] = row
         case Table():
             table = value.to_json() if hasattr(value, "to_json") else value

@@ -5,6 +5,7 @@ from freqid.blend.global_model import GlobalModel as GlobalModel
 from freqid.core.errors import FreqidError as FreqidError
 from freqid.core.record import FlightRecord as FlightRecord
 from freqid.core.record import Maneuver as Maneuver
+from freqid.core.results.advance_ratio import AdvanceRatioModel as AdvanceRatioModel
 from freqid.core.results.design import MultisineDesign as MultisineDesign
 from freqid.core.results.diagnosis import GapDiagnosis as GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse as FrequencyResponse
@@ -15,8 +16,10 @@ from freqid.core.scenario import Scenario as Scenario
 from freqid.core.vehicle import Vehicle as Vehicle
 from freqid.identify.output_error.model import DynamicModel as DynamicModel
 from freqid.views.page import page as page
+from freqid.workflows.advance_ratio import blend_by_advance_ratio as blend_by_advance_ratio
 from freqid.workflows.blend import blend as blend
 from freqid.workflows.blend import predict as predict
+from freqid.workflows.campaign import simulate_campaign as simulate_campaign
 from freqid.workflows.compare import compare_simulations as compare_simulations
 from freqid.workflows.connect import check_simulation as check_simulation
 from freqid.workflows.connect import connect as connect

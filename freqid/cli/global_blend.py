@@ -1,4 +1,4 @@
-"""``freqid global-blend``: point models along the corridor become one global model."""
+"""``freqid global-blend``: point models along the corridor, or at many advance ratios, become one model."""
 
 from __future__ import annotations
 
@@ -7,48 +7,116 @@ from typing import Any
 
 import click
 
-from freqid.cli.options import FILE, as_json, emit, keep_inputs
+from freqid.cli.options import FILE, as_json, emit, keep_inputs, names
+from freqid.core.errors import UsageError
 
 
 @click.command("global-blend")
 @click.argument("points", nargs=-1, required=True, type=FILE)
 @click.option("-o", "--output", "destination", type=FILE, required=True, help="Global model.")
 @click.option(
+    "--by",
+    type=click.Choice(["corridor", "advance-ratio"]),
+    default="corridor",
+    show_default=True,
+    help="Blend over speed and tilt, or fit laws of the propellers' advance ratio.",
+)
+@click.option(
     "--densities",
     type=click.Choice(["apart", "together"]),
-    default="apart",
-    show_default=True,
-    help="A line for each air density, or all points on one line in equivalent speed.",
+    help="Of the corridor: a line for each air density, as without it, or all points on one line in "
+    "equivalent speed.",
 )
-@click.option("--predict", "held_out", type=FILE, help="A record that no point is made from, to score.")
+@click.option(
+    "--predict", "held_out", type=FILE, help="Of the corridor: a record that no point is made from."
+)
 @click.option(
     "--outside",
     type=click.Choice(["refuse", "hold"]),
-    default="refuse",
-    show_default=True,
-    help="What to do where that record leaves the corridor.",
+    help="What to do where that record leaves the corridor; it is refused without it.",
+)
+@click.option(
+    "--kind",
+    type=click.Choice(["global", "semi-local", "one-shot"]),
+    help="Of advance ratio: laws through the estimates, as without it; after some derivatives were held "
+    "at them; or from all manoeuvres at once.",
+)
+@click.option("--clusters", type=click.IntRange(min=1), help="Of advance ratio: clusters of trim alpha.")
+@click.option("--hold", help="Of a semi-local model: derivatives that it holds, as Cm.0,CZ.0.")
+@click.option(
+    "--sensor-error",
+    multiple=True,
+    help="Of advance ratio: one sigma of a constant error that all manoeuvres share, as V=0.05 (m/s) or "
+    "alpha=0.002 (rad).",
+)
+@click.option(
+    "--held-out", "judged", multiple=True, type=FILE, help="Of advance ratio: a point to judge all kinds by."
 )
 @as_json
 def command(
-    points: tuple[Path, ...],
-    destination: Path,
-    densities: Any,
-    held_out: Path | None,
-    outside: Any,
-    json_: bool,
+    points: tuple[Path, ...], destination: Path, by: str, held_out: Path | None, json_: bool, **asked: Any
 ) -> None:
-    """Blend POINTS, models of identify-point, into one model over the transition corridor.
+    """Blend POINTS, models of identify-point, into one model.
 
-    Points of several densities are tested for agreement after similarity has carried one to the other.
+    Over the transition corridor, points of several densities are tested for agreement after similarity has
+    carried one to the other. By advance ratio, each derivative is a mean, one or two exponentials of J in
+    each cluster of trim angles of attack.
     """
+    keep_inputs(destination, *points, held_out, *asked["judged"])
+    of = {"corridor": ("densities", "outside"), "advance-ratio": ("kind", "clusters", "hold", "sensor_error")}
+    foreign = next(names for kind, names in of.items() if kind != by) + (
+        ("judged",) if by == "corridor" else ()
+    )
+    given = [name for name in foreign if asked[name]] + (["predict"] if by != "corridor" and held_out else [])
+    if given:
+        option = {"judged": "held-out"}.get(given[0], given[0].replace("_", "-"))
+        raise UsageError(
+            f"--{option} does not go with --by {by}", remedy=f"leave it out, or change --by (it is {by})"
+        )
+    if by == "corridor":
+        _corridor(points, destination, held_out, asked, json_)
+    else:
+        _advance_ratio(points, destination, asked, json_)
+
+
+def _corridor(
+    points: tuple[Path, ...], destination: Path, held_out: Path | None, asked: dict[str, Any], json_: bool
+) -> None:
     from freqid.blend.consistency import density_agreement
     from freqid.cli.blend_texts import blend_result, blend_table
     from freqid.workflows.blend import blend, predict
     from freqid.workflows.files import save
 
-    keep_inputs(destination, *points, held_out)
-    model = blend(points, densities=densities)
-    predicted = predict(model, held_out, outside=outside) if held_out else {}
+    model = blend(points, densities=asked["densities"] or "apart")
+    predicted = predict(model, held_out, outside=asked["outside"] or "refuse") if held_out else {}
     found = (model.corridor, density_agreement(model), predicted)
     save(model, destination)
     emit(json_, blend_result(*found), f"{blend_table(*found)}\n{destination}")
+
+
+def _advance_ratio(points: tuple[Path, ...], destination: Path, asked: dict[str, Any], json_: bool) -> None:
+    from freqid.cli.advance_ratio_texts import advance_ratio_result, advance_ratio_table
+    from freqid.workflows.advance_ratio import blend_by_advance_ratio, compare_held_out
+    from freqid.workflows.files import save
+
+    hold = names(asked["hold"]) if asked["hold"] is not None else None
+    model = blend_by_advance_ratio(
+        points,
+        kind=asked["kind"] or "global",
+        clusters=asked["clusters"],
+        hold=hold,
+        sensor_errors=dict(map(_sensor_error, asked["sensor_error"])),
+    )
+    save(model, destination)
+    scores = None
+    if asked["judged"]:
+        scores = compare_held_out(points, asked["judged"], clusters=asked["clusters"], hold=hold)
+    emit(json_, advance_ratio_result(model, scores), f"{advance_ratio_table(model, scores)}\n{destination}")
+
+
+def _sensor_error(text: str) -> tuple[str, float]:
+    name, _, value = text.partition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        raise UsageError(f"--sensor-error is NAME=SIGMA such as V=0.05, not '{text}'") from None

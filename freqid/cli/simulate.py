@@ -9,6 +9,8 @@ import click
 
 from freqid.cli import options
 from freqid.cli.options import FILE
+from freqid.core.errors import UsageError
+from freqid.core.scenario import Scenario
 
 _FROM_ZERO = click.FloatRange(min=0)
 
@@ -20,6 +22,11 @@ _FROM_ZERO = click.FloatRange(min=0)
 @click.option("--at", help="Reference condition to start from; needed where there are several.")
 @click.option("--to", help="Fly on to this condition, for example through the transition.")
 @click.option("--duration", type=float, help="Seconds to fly; as long as DESIGN where not given.")
+@click.option(
+    "--campaign",
+    is_flag=True,
+    help="Fly all trims of [campaign] in one flight, DESIGN at each; without it the scenario's multisines.",
+)
 @click.option("--sensors", default="research", show_default=True, help="Sensor suite of the scenario.")
 @click.option(
     "--noise",
@@ -52,12 +59,19 @@ _FROM_ZERO = click.FloatRange(min=0)
 @click.option("--page/--no-page", default=True, help="Draw the flight, in an HTML page beside the record.")
 @options.as_json
 def command(
-    scenario: Path, design: Path | None, destination: Path | None, page: bool, json_: bool, **asked: Any
+    scenario: Path,
+    design: Path | None,
+    destination: Path | None,
+    campaign: bool,
+    page: bool,
+    json_: bool,
+    **asked: Any,
 ) -> None:
     """Fly the vehicle of SCENARIO, excited by DESIGN after its control law, and write what it logs.
 
     The truth goes to a file of its own, RECORD.truth.h5, which no other command reads. RECORD.html shows
-    the flight, true excursions and effectors beside their limits, the aircraft and its trims.
+    the flight, true excursions and effectors beside their limits, the aircraft and its trims. A campaign
+    has no page; ``freqid import-log RECORD --split`` cuts its manoeuvres.
     """
     from freqid.cli.flight_texts import files_of, flight_result, flight_text
     from freqid.views.page import page as page_of
@@ -65,6 +79,9 @@ def command(
     from freqid.workflows.inputs import scenario_of
 
     described = scenario_of(scenario)
+    if campaign:
+        _fly_campaign(described, scenario, design, destination, json_, asked)
+        return
     start = start_of(described, asked["at"])
     files = files_of(destination or Path("reports") / f"{start.id}.h5", page=page)
     options.keep_inputs(files, scenario, design, asked["own_effects"])
@@ -75,3 +92,29 @@ def command(
         result["page"] = str(page_of(flown, record=files[0]).save(files[-1]))
     flown.refuse_divergence(str(files[0]))
     options.emit(json_, result, flight_text(result))
+
+
+def _fly_campaign(
+    scenario: Scenario,
+    file: Path,
+    design: Path | None,
+    destination: Path | None,
+    json_: bool,
+    asked: dict[str, Any],
+) -> None:
+    from freqid.cli.flight_texts import campaign_result, campaign_text, files_of
+    from freqid.workflows.campaign import simulate_campaign
+
+    single = {"at": "--at", "to": "--to", "duration": "--duration"}
+    for name, option in single.items():
+        if asked.pop(name) is not None:
+            raise UsageError(f"{option} is of a single manoeuvre", remedy="leave it out of a --campaign")
+    if not asked.pop("feedback"):
+        raise UsageError("--no-feedback is of a single manoeuvre", remedy="leave it out of a --campaign")
+    files = files_of(destination or Path("reports") / f"{file.stem}-campaign.h5", page=False)
+    options.keep_inputs(files, file, design, asked["own_effects"])
+    flown = simulate_campaign(scenario, design, **asked)
+    flown.save(files[0])
+    flown.refuse_divergence(str(files[0]))
+    result = campaign_result(flown, files[0])
+    options.emit(json_, result, campaign_text(result))

@@ -30,11 +30,17 @@ from freqid.cli import options
     "held_out",
     default="",
     callback=options.parsed(options.names),
-    help="Of them, those that the global model is judged at and not made from.",
+    help="Of them, those that the global model is judged at and not made from; of a campaign, manoeuvres as "
+    "m03,m12.",
 )
 @click.option("--sensors", default="research", show_default=True, help="Sensor suite of the scenario.")
 @click.option(
     "--noise", type=click.FloatRange(min=0), default=1.0, show_default=True, help="Multiple of its noise."
+)
+@click.option(
+    "--turbulence",
+    type=click.FloatRange(min=0),
+    help="Of a campaign: multiple of light turbulence; 1 without it.",
 )
 @options.estimator
 @click.option("--seed", type=int, default=0, show_default=True)
@@ -48,8 +54,13 @@ def command(
 ) -> None:
     """Design inputs, fly and identify SCENARIO's conditions, blend a global model, and write a page of it.
 
+    A scenario with [campaign] is flown in one flight through all its trims, and laws of the propellers'
+    advance ratio are fitted.
+
     What is done is kept: a second run, or one after a stop, goes on from there.
     """
+    from freqid.blend.semi_local.campaign import CampaignStudy
+    from freqid.cli.advance_ratio_texts import advance_ratio_result, advance_ratio_table
     from freqid.cli.study_texts import study_result, study_table
     from freqid.views.page import page
     from freqid.workflows.study import study
@@ -57,4 +68,9 @@ def command(
     folder = folder or Path("reports") / f"{scenario.stem}-study"
     results = study(scenario, folder, tell=lambda text: click.echo(f"{text} ...", err=True), **asked)
     drawn = page(results).save(folder / "index.html")
-    options.emit(json_, study_result(results, folder), f"{study_table(results)}\nThe report is {drawn}")
+    if isinstance(results, CampaignStudy):
+        found = results.model("global"), results.scores
+        result, text = {"folder": str(folder)} | advance_ratio_result(*found), advance_ratio_table(*found)
+    else:
+        result, text = study_result(results, folder), study_table(results)
+    options.emit(json_, result, f"{text}\nThe report is {drawn}")

@@ -15,9 +15,9 @@ from freqid.core.errors import UsageError
 from freqid.core.scenario import Reference, Scenario
 from freqid.dynamics.linear_loop import Actuation, LinearLoop
 from freqid.simulate import effects as library
-from freqid.simulate.control.law import AXES, Setting
+from freqid.simulate.control.law import Setting
 from freqid.simulate.control.linearize import STATES, linearize
-from freqid.simulate.control.lq import design_law
+from freqid.simulate.control.lq import axes_of, design_law
 from freqid.simulate.control.trim import Trim, trim
 from freqid.simulate.effects import actuator_delay
 from freqid.simulate.maneuver import with_effects
@@ -140,7 +140,7 @@ def condition_at(scenario: Scenario, reference: Reference, settings: Settings, l
     loop = LinearLoop(
         states=states,
         effectors=effectors,
-        axes=AXES,
+        axes=axes_of(scenario),
         A=A,
         B=B,
         gain=np.asarray(law.gain),

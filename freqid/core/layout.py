@@ -62,9 +62,17 @@ class Attribute:
 
 @dataclass(frozen=True)
 class Attributes:
-    """A small structure, each of its fields an attribute of one group."""
+    """A small structure or a mapping, each of its entries an attribute of one group.
+
+    Attributes
+    ----------
+    at : str
+    only : tuple of str
+        Names that an entry may have; all attributes of the group where empty.
+    """
 
     at: str
+    only: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -253,7 +261,8 @@ def _put(file: h5py.File, slot: Any, value: Any, scopes: tuple[Any, ...], hint: 
                 )
         case Attributes():
             owner, _ = _owner(file, f"{slot.at}@")
-            for name, row in msgspec.to_builtins(value).items():
+            entries = value if isinstance(value, Mapping) else msgspec.to_builtins(value)
+            for name, row in entries.items():
                 owner.attrs[name] = row
         case Table():
             table = value.to_json() if hasattr(value, "to_json") else value
@@ -294,7 +303,8 @@ def _get(file: h5py.File, slot: Any, scopes: tuple[Any, ...], hint: Any) -> Any:
             rows = [_plain(owner.attrs[name]) for owner, name in (_owner(file, place) for place in places)]
             return _convert(rows if spread else rows[0], hint, strict=False)  # 7.0 is a whole number
         case Attributes():
-            return _convert({k: _plain(v) for k, v in store.subgroup(file, slot.at).attrs.items()}, hint)
+            attrs = store.subgroup(file, slot.at).attrs
+            return _convert({k: _plain(attrs[k]) for k in slot.only or attrs if k in attrs}, hint)
         case Table():
             table = json.loads(store.dataset(file, slot.at)[()])
             return hint.from_json(table) if hasattr(hint, "from_json") else _convert(table, hint)

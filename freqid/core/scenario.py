@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import inf, isfinite
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
+from freqid.core.campaign import Campaign
 from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError, nearest
 from freqid.core.excitation import Excitation
@@ -88,16 +89,26 @@ class Simulation(Strict, frozen=True):
 
     Attributes
     ----------
+    kind : {"airframe", "coefficients"}
+        Which of the two sections of that name gives the loads: strips, slipstreams and wakes of a tilt-wing
+        aircraft, or derivatives and tables of any aircraft.
     effects : dict
         Settings by effect id.
-    airframe, actuators, sensors, wind : dict
+    airframe, coefficients, actuators, sensors, wind : dict
     """
 
+    kind: Literal["airframe", "coefficients"] = "airframe"
     effects: dict[str, Any] = msgspec.field(default_factory=dict)
     airframe: dict[str, Any] = msgspec.field(default_factory=dict)
+    coefficients: dict[str, Any] = msgspec.field(default_factory=dict)
     actuators: dict[str, Any] = msgspec.field(default_factory=dict)
     sensors: dict[str, Any] = msgspec.field(default_factory=dict)
     wind: dict[str, Any] = msgspec.field(default_factory=dict)
+
+    @property
+    def loads(self) -> dict[str, Any]:
+        """The section that gives the loads."""
+        return self.coefficients if self.kind == "coefficients" else self.airframe
 
 
 class Scenario(Strict, frozen=True):
@@ -110,6 +121,7 @@ class Scenario(Strict, frozen=True):
         One entry for each ``[[effector]]``, ``[[rotor]]``, ``[[wing]]``, ``[[group]]``, ``[[reference]]``.
     excitation : Excitation, optional
     identification : Identification, optional
+    campaign : Campaign, optional
     control, simulation, tolerance, noise, gates
         The remaining sections; tolerance and noise give one sigma by name, tolerance of one effector by
         a dotted one: ``de1.natural_frequency``.
@@ -125,6 +137,7 @@ class Scenario(Strict, frozen=True):
     reference: tuple[Reference, ...] = ()
     excitation: Excitation | None = None
     identification: Identification | None = None
+    campaign: Campaign | None = None
     control: dict[str, Any] = msgspec.field(default_factory=dict)
     simulation: Simulation = Simulation()
     tolerance: dict[str, float] = msgspec.field(default_factory=dict)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from freqid import __version__
 from freqid.core.errors import DataError
 
-VERSION = "1.1"  # of the file layout; the major number changes when an old release could misread a file
+VERSION = "1.2"  # of the file layout; the major number changes when an old release could misread a file
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from freqid.core.vehicle import Vehicle
 from freqid.flightlog.column_map import ColumnMap, read_column_map
 
 # Modules of this folder in the order in which they are asked: layouts of their own before what needs a map.
-_MODULES = ("sidpac", "matlab", "csv")
+_MODULES = ("sidpac", "matlab", "record", "csv")
 _PLANNED = {
     b"ULog\x01\x12\x35": "a PX4 ULog file",
     b"\xa3\x95": "an ArduPilot DataFlash file",
@@ -61,7 +61,7 @@ def read_log(
     Parameters
     ----------
     path : Path
-        ``.csv .tsv .txt .asc .dat`` text tables, or ``.mat``.
+        ``.csv .tsv .txt .asc .dat`` text tables, ``.mat``, or ``.h5`` of a record.
     column_map : ColumnMap or path, optional
         Needed for all but SIDPAC's own layout, which is recognised by its 90 columns.
     cut : tuple of 2 floats, optional

@@ -10,6 +10,7 @@ from freqid.core.channels import WRENCH
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.vehicle import Vehicle
+from freqid.gap.connect.flow import with_velocity
 from freqid.gap.simulation import Simulation
 from freqid.gap.stack.lines import lines_of
 from freqid.gap.stack.rows import measured_part
@@ -69,6 +70,7 @@ def maneuvers(
     Parameters
     ----------
     records : sequence of FlightRecord
+        Those that hold V, alpha and beta get u v w from them.
     names : sequence of str
         Their files.
     simulation : Simulation
@@ -82,6 +84,7 @@ def maneuvers(
     DataError
         Where vehicles do not match, or a record is too short or too still to tell anything.
     """
+    records = [with_velocity(record) for record in records]
     found = [
         Maneuver.of(r, vehicle or r.vehicle or simulation.vehicle or without_vehicle("unnamed vehicle", r))
         for r in records

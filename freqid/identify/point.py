@@ -16,6 +16,7 @@ from freqid.core.identification import MAXIMUM_LIKELIHOOD, Identification, facto
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import Fit, PointModel
 from freqid.core.scenario import Reference
+from freqid.identify.advance_ratio.trim import flown_trim
 from freqid.identify.instruments.driven import driven_maneuvers
 from freqid.identify.loads.explanatory import explanatory_variables, history
 from freqid.identify.model.fit import fit_samples
@@ -247,6 +248,7 @@ def identify_point(
     else:
         responses = fit_samples(problem, flights.instruments(problem.names))
     flown = flown_reference(maneuvers)
+    trim, no_advance_ratio = flown_trim(maneuvers)
     records = [m.record.provenance for m in maneuvers]
     return PointModel(
         reference=reference or flown,
@@ -261,6 +263,8 @@ def identify_point(
         | ({"structure": structure} if structure else {}),
         estimator=by.name,
         remarks=() if reference is None else departures(reference, flown),
+        trim=trim,
+        no_advance_ratio=no_advance_ratio,
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +21,7 @@ from freqid.core.results.design import SampledInputs
 from freqid.core.scenario import Reference, Scenario
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.simulate.air.surroundings import Surroundings, windy
-from freqid.simulate.control.law import Aim, Law, command
+from freqid.simulate.control.law import Aim
 from freqid.simulate.control.lq import ClosedLoop
 from freqid.simulate.effects import turbulence
 from freqid.simulate.loads.quantities import Positions
@@ -52,20 +52,21 @@ class Sortie(NamedTuple):
     Attributes
     ----------
     parameters : motion.Parameters
-    law : Law
+    law : Law or Tecs
         With gains of zero, without feedback.
     state : State
         At the start.
-    aim : Aim of Array, shape (step, ...)
+    aim : Aim or Goal of Array, shape (step, ...)
+        What that law is to hold.
     excitation : Commands of Array, shape (step, ...)
         Added to what the law commands.
     around : Surroundings of Array, shape (step, ...)
     """
 
     parameters: motion.Parameters
-    law: Law
+    law: Any
     state: State
-    aim: Aim
+    aim: Any
     excitation: Commands
     around: Surroundings
 
@@ -221,7 +222,7 @@ def fly_batch(sorties: Sequence[Sortie]) -> list[Flight]:
     UsageError
         Where their durations differ.
     """
-    lengths = sorted({s.aim.u.size for s in sorties})
+    lengths = sorted({s.around.rho.size for s in sorties})
     if len(lengths) > 1:
         raise UsageError(
             f"sorties of {lengths[0]} and {lengths[-1]} steps cannot fly side by side",
@@ -232,10 +233,10 @@ def fly_batch(sorties: Sequence[Sortie]) -> list[Flight]:
 
 def _flown(flown: Sortie, leg) -> list[Flight]:
     """Fly leg by leg; stacked sorties by a `leg` that is mapped over them."""
-    axis = flown.aim.u.ndim - 1  # of the steps
-    count = flown.aim.u.shape[axis]
+    axis = flown.around.rho.ndim - 1  # of the steps
+    count = flown.around.rho.shape[axis]
     schedule = (flown.aim, flown.excitation, flown.around)
-    carry = flown.state, np.zeros((*flown.aim.u.shape[:axis], 3))
+    carry = flown.state, flown.law.memory
     legs = []
     for first in range(0, count, _LEG):
         now = jax.tree.map(lambda x: _cut(x, axis, first), schedule)  # noqa: B023  used at once
@@ -289,15 +290,15 @@ def _divergence(samples: Sample) -> Divergence | None:
     return divergence(DT * EVERY * np.arange(len(values), dtype=float), channels, LIMITS)
 
 
-def _advance(parameters: motion.Parameters, law: Law, carry, schedule):
-    """Fly one leg; the state is the vehicle's and the integrals of the law's deviations."""
+def _advance(parameters: motion.Parameters, law: Any, carry, schedule):
+    """Fly one leg; the state is the vehicle's and what the law remembers."""
 
     def step(carry, now):
-        (state, drift), (aim, excitation, around) = carry, now
-        commands, rate = command(law, state.moving.body, drift, aim)
+        (state, memory), (aim, excitation, around) = carry, now
+        commands, rate = law.command(state.moving.body, memory, aim)
         commands = _added(commands, excitation)
         after, seen = motion.seen_step(parameters, state, commands, around, DT)
-        return (after, drift + DT * rate), _sample(parameters, state.moving, commands, *seen)
+        return (after, memory + DT * rate), _sample(parameters, state.moving, commands, *seen)
 
     # Every step knows what happens at its start, so nothing is computed again for the samples.
     carry, samples = jax.lax.scan(step, carry, schedule)

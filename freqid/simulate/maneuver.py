@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from freqid.core.arrays import Array
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord
 from freqid.core.results.design import SampledInputs
@@ -127,32 +128,75 @@ def fly_maneuver(
     DataError
         Where the flight diverges before there is anything to log.
     """
-    c = conditions
-    suite = sensors.with_scaled_noise(sensors.suite(scenario, c.sensors), c.noise)
-    if c.turbulence:
-        scenario = with_effects(scenario, {"turbulence": c.turbulence})
+    flown, wind = flyable(scenario, conditions)
+    if flown is not scenario:
         loop = None
-    loop = loop or close_loop(scenario, reference)
-    wind = np.zeros(3)
-    if c.sensors in scenario.simulation.wind:
-        wind = turbulence.steady_wind(scenario, c.sensors, c.seed)
     flight = fly(
         sortie(
-            scenario,
-            loop,
+            flown,
+            loop or close_loop(flown, reference),
             reference,
             inputs,
             duration=duration,
             to=to,
             wind=wind,
-            feedback=c.feedback,
-            seed=c.seed,
+            feedback=conditions.feedback,
+            seed=conditions.seed,
         )
     )
+    return logged(flown, flight, inputs.names if inputs else (), reference.id, conditions, wind)
+
+
+def flyable(scenario: Scenario, conditions: Conditions) -> tuple[Scenario, Array]:
+    """Return a scenario with the turbulence of the day, and its mean wind, north, east, down, m/s.
+
+    Raises
+    ------
+    UsageError
+        Where the scenario lacks the suite.
+    """
+    sensors.suite(scenario, conditions.sensors)  # says what is wrong before anything is flown
+    if conditions.turbulence:
+        scenario = with_effects(scenario, {"turbulence": conditions.turbulence})
+    wind = np.zeros(3)
+    if conditions.sensors in scenario.simulation.wind:
+        wind = turbulence.steady_wind(scenario, conditions.sensors, conditions.seed)
+    return scenario, wind
+
+
+def logged(
+    scenario: Scenario,
+    flight: Flight,
+    excited: tuple[str, ...],
+    reference: str,
+    conditions: Conditions,
+    wind: Array,
+) -> Flown:
+    """Return what the aircraft logs of a flight, and the truth.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        As it was flown.
+    flight : Flight
+    excited : tuple of str
+        Effectors whose excitation is logged.
+    reference : str
+        Id of the reference condition, empty where the flight had many.
+    conditions : Conditions
+    wind : ndarray, shape (3,)
+        m/s.
+
+    Raises
+    ------
+    DataError
+        Where the flight diverged before there is anything to log.
+    """
+    c = conditions
     if flight.divergence and flight.time.size < 50:
         raise DataError(f"{flight.divergence}; nothing was recorded", remedy="start from another condition")
-    excited = inputs.names if inputs else ()
-    truth, moving_air = truth_of(scenario, flight, excited=excited, reference=reference.id)
+    suite = sensors.with_scaled_noise(sensors.suite(scenario, c.sensors), c.noise)
+    truth, moving_air = truth_of(scenario, flight, excited=excited, reference=reference)
     settings = effects.settings(scenario.simulation.effects, scenario.aircraft())
     how = {
         "effects": effects.acting(settings),

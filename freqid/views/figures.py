@@ -11,8 +11,10 @@ from matplotlib.figure import Figure
 
 from freqid.blend.campaign import StudyResults
 from freqid.blend.global_model import GlobalModel
+from freqid.blend.semi_local.campaign import CampaignStudy
 from freqid.core.errors import UsageError
 from freqid.core.record import FlightRecord, Maneuver
+from freqid.core.results.advance_ratio import AdvanceRatioModel
 from freqid.core.results.corridor import Corridor
 from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledInputs
 from freqid.core.results.diagnosis import GapDiagnosis
@@ -21,6 +23,7 @@ from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
 from freqid.core.results.rivals import Rivals
 from freqid.identify.sensors.errors import SensorErrors
+from freqid.report.advance_ratio.figures import derivatives_over_advance_ratio
 from freqid.report.design.figures import GROUP_COLOURS, signal_rows
 from freqid.report.gap.figures import probability_bars
 from freqid.report.kit.figures import channel_strips
@@ -30,6 +33,7 @@ from .tables import frame_of, samples_of
 
 _MOST = 12  # explanations or contests that are drawn
 _STRIPS = 24  # channels
+_MOST_LAWS = 6  # derivatives
 
 
 @singledispatch
@@ -103,6 +107,25 @@ def _of_output_error(found: OutputErrorModel) -> Figure:
     panels[-1].set_xlabel("Frequency (Hz)" if on_lines else "Time (s)")
     panels[0].legend(frameon=False)
     return figure
+
+
+@figure_of.register
+def _of_advance_ratio(model: AdvanceRatioModel) -> Figure:
+    """Draw the derivatives that depend on the advance ratio, those that change most first."""
+    changes: dict[str, float] = {}
+    for name in model.names:
+        laws = [c.laws[name] for c in model.clusters if name in c.laws]
+        changes[name] = max(
+            (abs(float(law.increment(law.lowest))) / law.std_error for law in laws if law.std_error),
+            default=0.0,
+        )
+    most = sorted(model.names, key=lambda n: -changes[n])[:_MOST_LAWS]
+    return derivatives_over_advance_ratio(model, most)
+
+
+@figure_of.register
+def _of_campaign(study: CampaignStudy) -> Figure:
+    return _of_advance_ratio(study.models[0])
 
 
 @figure_of.register

@@ -9,6 +9,7 @@ from typing import Any
 
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import read_record
+from freqid.core.results.advance_ratio import AdvanceRatioModel
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.results.gap import GapResult
 from freqid.core.results.point import PointModel
@@ -101,6 +102,10 @@ def page(result: Any, *, record: Flight | None = None, scenario: Scenario | File
         from freqid.report.response.page import build_frequency_response_page
 
         return Page(build_frequency_response_page(result, str(result.provenance.get("vehicle", ""))))
+    if isinstance(result, AdvanceRatioModel):
+        from freqid.report.advance_ratio.page import build_advance_ratio_page
+
+        return Page(build_advance_ratio_page(result))
     return Page(_of_job(result, record))
 
 
@@ -118,7 +123,12 @@ def _of_point(model: PointModel, record: Flight | None, scenario: Scenario | Non
 def _of_job(result: Any, record: Any) -> str:
     """Return the page of what a whole job gives; these load more, so they are asked for last."""
     from freqid.blend.campaign import StudyResults
+    from freqid.blend.semi_local.campaign import CampaignStudy
 
+    if isinstance(result, CampaignStudy):
+        from freqid.report.advance_ratio.page import build_campaign_page
+
+        return build_campaign_page(result)
     if isinstance(result, StudyResults):
         from freqid.report.study.page import build_study_page
 

@@ -10,8 +10,10 @@ import pandas as pd
 
 from freqid.blend.campaign import StudyResults
 from freqid.blend.global_model import GlobalModel
+from freqid.blend.semi_local.campaign import CampaignStudy
 from freqid.core.errors import UsageError
 from freqid.core.record import FlightRecord, Maneuver
+from freqid.core.results.advance_ratio import AdvanceRatioModel
 from freqid.core.results.corridor import Corridor
 from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledInputs
 from freqid.core.results.diagnosis import GapDiagnosis
@@ -108,6 +110,29 @@ def _of_corridor(corridor: Corridor) -> pd.DataFrame:
 @frame_of.register
 def _of_global(model: GlobalModel) -> pd.DataFrame:
     return _of_corridor(model.corridor)
+
+
+@frame_of.register
+def _of_advance_ratio(model: AdvanceRatioModel) -> pd.DataFrame:
+    rows = []
+    for cluster in model.clusters:
+        for name, law in cluster.laws.items():
+            low, high = law.interval(np.inf)
+            probability = next(f.probability for f in law.forms if f.form == law.form)
+            terms = (
+                [*law.amplitude, *[np.nan] * (2 - law.rate.size)],
+                [*law.rate, *[np.nan] * (2 - law.rate.size)],
+            )
+            pairs = [x for pair in zip(*terms, strict=True) for x in pair]
+            where = (np.degrees(cluster.alpha), name, law.form, probability)
+            rows.append((*where, law.unblown, law.std_error, low, high, *pairs, law.scatter, law.unit))
+    head = ["trim alpha (deg)", "derivative", "form", "probability", "unblown", "std_error", "lower", "upper"]
+    return pd.DataFrame(rows, columns=[*head, "p1", "rate1", "p2", "rate2", "scatter", "unit"])
+
+
+@frame_of.register
+def _of_campaign(study: CampaignStudy) -> pd.DataFrame:
+    return pd.concat([_of_advance_ratio(m).assign(model=m.kind) for m in study.models], ignore_index=True)
 
 
 @frame_of.register

@@ -10,9 +10,17 @@ from freqid.core import record as record_file
 from freqid.core import scenario, store
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord
-from freqid.core.results import corridor, design, frequency_response, gap, output_error, point, rivals
+from freqid.core.results import (
+    advance_ratio,
+    corridor,
+    design,
+    frequency_response,
+    gap,
+    output_error,
+    point,
+    rivals,
+)
 from freqid.core.results.design import ClassicDesign, MultisineDesign
-from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.scenario import Scenario
 from freqid.workflows.inputs import File, scenario_of
 
@@ -55,10 +63,10 @@ def read(path: File) -> Any:
 
     Returns
     -------
-    FlightRecord, MultisineDesign, PointModel, OutputErrorModel, GlobalModel, FrequencyResponse, GapResult
-    or Rivals
-        As the file says of itself. Of a scenario's TOML file, the `Scenario`; of classic inputs, their
-        samples.
+    Result
+        FlightRecord, MultisineDesign, PointModel, OutputErrorModel, GlobalModel, AdvanceRatioModel,
+        FrequencyResponse, GapResult or Rivals, as the file says of itself. Of a scenario's TOML file, the
+        `Scenario`; of classic inputs, their samples.
 
     Raises
     ------
@@ -92,8 +100,9 @@ def save(result: Any, path: File, *, scenario: Scenario | File | None = None) ->
 
     Parameters
     ----------
-    result : FlightRecord, PointModel, GlobalModel, FrequencyResponse, GapResult, Rivals, a design, or other
-        What the verbs return; a simulated manoeuvre is saved with its truth in a file beside.
+    result : result of a verb
+        A record, a model, frequency responses, a diagnosis, a comparison or a design; a simulated manoeuvre
+        is saved with its truth in a file beside.
     path : path
     scenario : Scenario, path or name, optional
         Whose hash the file shall carry; that of the result's own provenance where absent.
@@ -161,18 +170,16 @@ def _write_design(path: Path, planned: MultisineDesign | ClassicDesign, sha256: 
     design.write_design(path, planned, inputs, sha256)
 
 
-_FILES = (point.FILE, frequency_response.FILE, gap.FILE, rivals.FILE)
+_FILES = (point.FILE, advance_ratio.FILE, output_error.FILE, frequency_response.FILE, gap.FILE, rivals.FILE)
 _READERS: dict[str, Callable[[Path], Any]] = {
     record_file.FORMAT: record_file.read_record,
     design.FORMAT: _read_design,
     corridor.FILE.format: _read_global,
     **{file.format: file.read for file in _FILES},
-    output_error.FORMAT: output_error.read_output_error,
 }
 _WRITERS: dict[type, Callable[[Path, Any, str], None]] = {
     FlightRecord: record_file.write_record,
     MultisineDesign: _write_design,
     ClassicDesign: _write_design,
     **{file.of: file.write for file in _FILES},
-    OutputErrorModel: output_error.write_output_error,
 }

@@ -29,7 +29,7 @@ def read_log(
     Parameters
     ----------
     path : path
-        ``.csv .tsv .txt .asc .dat`` text tables, or ``.mat``.
+        ``.csv .tsv .txt .asc .dat`` text tables, ``.mat``, or ``.h5`` of a record.
     columns : path or ColumnMap, optional
         Map of columns to channels (docs/flight-logs.md); needed for all but SIDPAC's own layout.
     scenario : Scenario, path or name, optional

@@ -14,6 +14,7 @@ import numpy as np
 from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults, rmse_inside, spanning_conditions
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.predict import replay
+from freqid.blend.semi_local.campaign import CampaignStudy
 from freqid.core.errors import UsageError
 from freqid.core.estimators import EstimatorName
 from freqid.core.record import Maneuver, read_record
@@ -28,6 +29,7 @@ from freqid.simulate import runner
 from freqid.simulate import sensors as suites
 from freqid.workflows import units
 from freqid.workflows.blend import blend
+from freqid.workflows.campaign_study import study_campaign
 from freqid.workflows.files import save
 from freqid.workflows.inputs import File, Tell, name_of, scenario_of, silent
 
@@ -71,9 +73,13 @@ def study(
     estimator: EstimatorName | None = None,
     seed: int = 0,
     jobs: int = 2,
+    turbulence: float | None = None,
     tell: Tell = silent,
-) -> StudyResults:
+) -> StudyResults | CampaignStudy:
     """Design inputs, fly and identify the conditions of a scenario, and blend a global model.
+
+    Of a scenario with ``[campaign]`` all its trims are flown in one flight, and laws of the propellers'
+    advance ratio are fitted to what the manoeuvres tell.
 
     What is done is kept: a second run, or one after a stop, goes on from there.
 
@@ -95,12 +101,15 @@ def study(
     seed : int
     jobs : int
         Processes at once; -1 for one a core.
+    turbulence : float, optional
+        Multiple of light turbulence, of a campaign; one where absent.
     tell : callable
         Told what begins, in a few words.
 
     Returns
     -------
     StudyResults
+        Of a campaign a CampaignStudy: ``.model("global")``, ``.scores`` of held-out manoeuvres.
 
     Raises
     ------
@@ -116,6 +125,23 @@ def study(
     >>> results.points[0].model["M"].r2  # doctest: +SKIP
     """
     described = scenario_of(scenario)
+    if described.campaign is not None:
+        if at:
+            raise UsageError(
+                "a campaign flies all its trims, but conditions are named",
+                where=name_of(described),
+                remedy="leave them out",
+            )
+        conditions = {
+            "sensors": sensors,
+            "noise": noise,
+            "turbulence": 1.0 if turbulence is None else turbulence,
+        }
+        return study_campaign(
+            described, folder, held_out=held_out, estimator=estimator, seed=seed, tell=tell, **conditions
+        )
+    if turbulence is not None:
+        raise UsageError("turbulence is of a campaign, the scenario has none", remedy="leave it out")
     if not described.file or scenario_of(described.file) != described:
         raise UsageError(
             "a study works from the scenario's file, which does not say what is given",

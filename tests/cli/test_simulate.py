@@ -256,3 +256,63 @@ def test_a_condition_that_cannot_be_flown_says_why_and_what_can(refused, changed
     )
     weak = changed("resistance_ohm = 0.015", "resistance_ohm = 0.15")
     assert "rotor 'n1' would need a command of" in refused(weak, "--at", "u00", "--duration", "4.5")
+
+
+@pytest.fixture
+def campaign(tmp_path):
+    """Write dep6 with a campaign of two trims, or with some text replaced."""
+
+    def write(old="", new=""):
+        text = (LA8.parent / "dep6.toml").read_text()
+        first = text.index("[[campaign.trim]]")
+        rest = text.index("# --- control")
+        trims = "[[campaign.trim]]\nspeed = 17.0\nclimb_rad = 0.1\n[[campaign.trim]]\nspeed = 16.5\n"
+        trims += 'climb_rad = -0.09\nrotors = "stopped"\n'
+        text = text[:first] + trims + text[rest:]
+        assert old in text
+        (tmp_path / "six.toml").write_text(text.replace(old, new))
+        return tmp_path / "six.toml"
+
+    return write
+
+
+def test_a_campaign_is_flown_and_its_manoeuvres_are_cut_out(freqid, campaign, tmp_path):
+    flight = tmp_path / "flight.h5"
+    words = ("--campaign", "--noise", "--turbulence", "1", "--seed", "3", "-o", flight)
+    code, out, err = freqid("simulate", campaign(), *words)
+    assert (code, err) == (0, "")
+    table = [line.split() for line in out.splitlines()[3:]]
+    assert [row[-1] == "stopped" for row in table] == [False, True]
+    assert [float(row[2]) for row in table] == pytest.approx([17.0, 16.5], abs=0.5)
+    assert read_truth(tmp_path / "flight.truth.h5").duration == pytest.approx(80.0, abs=0.1)
+    code, out, err = freqid("import-log", flight, "--split", "-o", tmp_path / "m.h5")
+    assert (code, err) == (0, "")
+    assert sorted(p.name for p in tmp_path.glob("m-*.h5")) == ["m-1.h5", "m-2.h5"]
+
+
+def test_a_campaign_of_one_trim_is_flown_and_said_to_be_one(freqid, campaign, tmp_path):
+    one = campaign('[[campaign.trim]]\nspeed = 16.5\nclimb_rad = -0.09\nrotors = "stopped"\n', "")
+    code, out, _ = freqid("simulate", one, "--campaign", "--json", "-o", tmp_path / "flight.h5")
+    assert code == 0
+    said = json.loads(out)
+    assert len(said["trims"]) == 1
+    assert len(said["remarks"]) == 1
+    assert "one trim shows nothing" in said["remarks"][0]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--at", "u18"), "--at is of a single manoeuvre"),
+        (("--duration", "5"), "--duration is of a single manoeuvre"),
+        (("--no-feedback",), "--no-feedback is of a single manoeuvre"),
+    ],
+)
+def test_options_of_a_single_manoeuvre_do_not_go_with_a_campaign(refused, campaign, words, said):
+    assert said in refused(campaign(), "--campaign", *words)
+
+
+def test_a_campaign_that_is_not_described_is_one_sentence(refused, campaign):
+    assert "no [campaign]" in refused(LA8, "--campaign")
+    assert "climb_rad is 30" in refused(campaign("climb_rad = 0.1", "climb_rad = 30.0"), "--campaign")
+    assert "did you mean 'speed'" in refused(campaign("speed = 17.0", "sped = 17.0"), "--campaign")

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
-import h5py
-
-from freqid.core import store
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
+from freqid.core.layout import Attribute, Dataset, NestedSeries, ResultFile
 from freqid.core.results.point import Fit, PointModel
 from freqid.core.viewable import Viewable
 
@@ -126,80 +123,21 @@ class OutputErrorModel(Viewable):
         return {**self.held, **dict(zip(self.names, self.estimate.tolist(), strict=True))}
 
 
-FORMAT = "freqid-output-error"
+_FIT = {
+    "axis": Dataset("fit/{output}/axis", "{axis_unit}", ("sample",)),
+    "measured": Dataset("fit/{output}/measured", "mixed", ("sample",)),
+    "modelled": Dataset("fit/{output}/modelled", "mixed", ("sample",)),
+}
+_TEXTS = ("model", "method", "domain", "confidence", "cost", "steps", "converged")
+_JSON = ("names", "units", "coloured", "at_bound", "remarks", "inseparable")
+_JSON += ("held", "noise", "process_noise", "whiteness", "not_excited", "provenance")
 _VECTORS = ("estimate", "std_error", "lower", "upper", "cramer_rao", "start")
-_MAPPINGS = ("held", "noise", "process_noise", "whiteness", "not_excited", "provenance")
-_LISTS = ("names", "units", "coloured", "at_bound", "remarks", "inseparable")
-_TEXTS = ("model", "method", "domain")
-
-
-def write_output_error(path: Path, result: OutputErrorModel, scenario_sha256: str = "") -> None:
-    """Write a result, whole or not at all; its point model is a file of its own.
-
-    Parameters
-    ----------
-    path : Path
-    result : OutputErrorModel
-    scenario_sha256 : str
-
-    Raises
-    ------
-    DataError
-        Where the folder cannot be written.
-    """
-
-    def fill(file: h5py.File) -> None:
-        for name in _TEXTS:
-            file.attrs[name] = getattr(result, name)
-        for name in ("confidence", "cost", "steps"):
-            file.attrs[name] = float(getattr(result, name))
-        file.attrs["converged"] = bool(result.converged)
-        for name in (*_MAPPINGS, *_LISTS):
-            store.put_json(file, name, getattr(result, name))
-        for name in _VECTORS:
-            store.put(file, name, getattr(result, name), "mixed")
-        store.put(file, "covariance", result.covariance, "mixed")
-        store.put_json(file, "fits", list(result.fit))
-        for name, fit in result.fit.items():
-            group = file.create_group(f"fit/{name}")
-            store.put(group, "axis", fit.axis, "s" if result.domain == "time" else "Hz")
-            store.put(group, "measured", fit.measured, "mixed")
-            store.put(group, "modelled", fit.modelled, "mixed")
-
-    store.write(path, FORMAT, fill, scenario_sha256)
-
-
-def read_output_error(path: Path) -> OutputErrorModel:
-    """Read a result.
-
-    Raises
-    ------
-    DataError
-        Where the file is no intact result.
-    """
-    with store.reading(path, FORMAT) as file:
-        lists: dict[str, Any] = {n: tuple(store.get_json(file, n)) for n in _LISTS}
-        lists["inseparable"] = tuple(map(tuple, lists["inseparable"]))
-        texts: dict[str, Any] = {n: store.get_text(file, n) for n in _TEXTS}
-        vectors: dict[str, Any] = {n: store.array(file, n) for n in _VECTORS}
-        if any(v.shape != (len(lists["names"]),) for v in vectors.values()):
-            raise ValueError("parameters and their names are of different number")
-        fits = {}
-        for name in store.get_json(file, "fits"):
-            group = store.subgroup(file, f"fit/{name}")
-            both = (store.dataset(group, n)[()] for n in ("measured", "modelled"))
-            fits[name] = Fit(store.array(group, "axis"), *both)
-        mappings: dict[str, Any] = {n: dict(store.get_json(file, n)) for n in _MAPPINGS}
-        mappings["not_excited"] = {n: tuple(v) for n, v in mappings["not_excited"].items()}
-        return OutputErrorModel(
-            **texts,
-            **lists,
-            **vectors,
-            **mappings,
-            covariance=store.array(file, "covariance"),
-            confidence=store.floats(file, "confidence")[0],
-            cost=store.floats(file, "cost")[0],
-            steps=int(store.floats(file, "steps")[0]),
-            converged=bool(store.floats(file, "converged")[0]),
-            fit=fits,
-        )
+_LAYOUT = {
+    **{name: Attribute(f"@{name}") for name in _TEXTS},
+    **{name: Attribute(f"@{name}", json=True) for name in _JSON},
+    **{name: Dataset(name, "mixed", ("names",)) for name in _VECTORS},
+    "covariance": Dataset("covariance", "mixed", ("names", "names")),
+    "fit": NestedSeries(Fit, _FIT, "output", "@fits"),
+}
+FILE = ResultFile("freqid-output-error", OutputErrorModel, _LAYOUT)  # its point model is a file of its own
+write_output_error, read_output_error = FILE.write, FILE.read

@@ -240,6 +240,11 @@ class PointModel(Viewable):
     estimator : {"least-squares", "instruments", "maximum-likelihood"}
     remarks : tuple of str
         What a reader should know before using the model, one sentence each.
+    trim : mapping of str to float
+        Means over the manoeuvre: ``V`` m/s, ``alpha`` rad and the propellers' ``advance_ratio``, inf where
+        they are stopped; as far as the records tell.
+    no_advance_ratio : str
+        Why there is none in `trim`; empty where there is.
     """
 
     reference: Reference
@@ -254,6 +259,8 @@ class PointModel(Viewable):
     prediction: Mapping[str, Fit] = field(default_factory=dict)
     estimator: str = "least-squares"
     remarks: tuple[str, ...] = ()
+    trim: Mapping[str, float] = field(default_factory=dict)
+    no_advance_ratio: str = ""
 
     def __repr__(self) -> str:
         fits = ", ".join(f"{name} R2 {r.r2:.4f}" for name, r in self.responses.items())
@@ -367,6 +374,8 @@ _POINT = {
         for name in ("method", "form", "axes", "confidence", "duration", "vehicle", "estimator")
     },
     "remarks": Attribute("@remarks", json=True),
+    "trim": Attributes("trim", only=("V", "alpha", "advance_ratio")),
+    "no_advance_ratio": Attribute("trim@no_advance_ratio"),
     "provenance": Attribute("provenance@json", json=True),
     "responses": NestedSeries(ResponseModel, _RESPONSE, "response", "@responses"),
     "prediction": NestedSeries(Fit, _fits("prediction/{of}", "{units.of}"), "of", "prediction"),

@@ -137,7 +137,7 @@ def _between_steps(values: Array, time: Array) -> Array:
 
 
 def voltage_ratio(
-    loaded: airframe.Parameters, act: Actuators, sag: Mapping[str, float], along: Along, dt: float
+    loaded: airframe.Airframe, act: Actuators, sag: Mapping[str, float], along: Along, dt: float
 ) -> Array:
     """Return voltage over nominal voltage as the motors feel it, shape (sample,).
 

@@ -8,10 +8,11 @@ from numpy.typing import ArrayLike
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError
 from freqid.core.frames import body_velocity, cross, level_from_body
-from freqid.core.record import FlightRecord
+from freqid.core.record import Channel, FlightRecord
 
 RATES = ("state/p", "state/q", "state/r")
 _VELOCITY = ("state/u", "state/v", "state/w")
+_FLOW = ("air/V", "air/alpha", "air/beta")
 _GROUND = ("state/vn", "state/ve", "state/vd")
 _ATTITUDE = ("state/phi", "state/theta", "state/psi")
 
@@ -53,6 +54,21 @@ def velocity(record: FlightRecord, point_m: ArrayLike) -> Array:
             rates = record.matrix(RATES)
             found[axis] += cross(rates, np.broadcast_to(offset[:, None], rates.shape))[axis]
     return found
+
+
+def with_velocity(record: FlightRecord) -> FlightRecord:
+    """Return a record that tells u v w of the vehicle's origin, from V, alpha and beta where it did not."""
+    if any(name in record for name in _VELOCITY) or not all(name in record for name in _FLOW):
+        return record
+    rate = min(record.channel(name).native_rate_hz for name in _FLOW)
+    origin = (0.0, 0.0, 0.0)
+    found = velocity(record, origin)
+    return record.with_channels(
+        *(
+            Channel(name, "m/s", row, rate, "computed from V, alpha and beta", origin)
+            for name, row in zip(_VELOCITY, found, strict=True)
+        )
+    )
 
 
 def density(record: FlightRecord, otherwise: float) -> Array:

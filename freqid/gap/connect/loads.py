@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from freqid.core.arrays import Array
-from freqid.simulate.loads import airframe, wake
+from freqid.simulate.loads import airframe
 from freqid.simulate.loads.quantities import Aero, Flow, Positions, Wake
 from freqid.simulate.motion import attitude, multibody
 from freqid.simulate.motion.multibody import MassModel
@@ -39,12 +39,12 @@ class Along(NamedTuple):
     positions: Positions
 
 
-def wrench(parameters: airframe.Parameters, mass: MassModel, along: Along, time: Array) -> Array:
+def wrench(parameters: airframe.Airframe, mass: MassModel, along: Along, time: Array) -> Array:
     """Return X Y Z and L M N about the instantaneous centre of gravity, N and N m, shape (6, sample).
 
     Parameters
     ----------
-    parameters : airframe.Parameters
+    parameters : airframe.Airframe
     mass : MassModel
     along : Along of ndarray
     time : ndarray, shape (sample,)
@@ -62,7 +62,7 @@ def wrench(parameters: airframe.Parameters, mass: MassModel, along: Along, time:
 
 
 def derivatives(
-    parameters: airframe.Parameters, mass: MassModel, along: Along, sensor: Array
+    parameters: airframe.Airframe, mass: MassModel, along: Along, sensor: Array
 ) -> tuple[Array, Array, Array, Array]:
     """Return the derivatives of the wrench by what the airframe feels, the wake steady.
 
@@ -84,7 +84,7 @@ def derivatives(
     return by_motion, by_surface, by_tilt, by_speed
 
 
-def torques(parameters: airframe.Parameters, along: Along) -> Array:
+def torques(parameters: airframe.Airframe, along: Along) -> Array:
     """Return the rotors' torques in a steady wake, N m, shape (sample, rotor)."""
     return _chunked(_torque, (parameters,), along, _chunk(len(along.flow.rho)))
 
@@ -125,7 +125,7 @@ def _about_centre(aero: Aero, mass: MassModel, tilt: jax.Array) -> jax.Array:
     return aero.wrench.about(multibody.traced_centre_of_gravity(mass, tilt))
 
 
-def _steady(parameters: airframe.Parameters, at: Along) -> Aero:
+def _steady(parameters: airframe.Airframe, at: Along) -> Aero:
     """Return the loads in a steady wake; a loop, so that the airframe is compiled once, not twice."""
 
     def again(aero: Aero, _):
@@ -138,16 +138,16 @@ def _steady(parameters: airframe.Parameters, at: Along) -> Aero:
 
 
 @jax.jit
-def _shed(parameters: airframe.Parameters, along: Along):
+def _shed(parameters: airframe.Airframe, along: Along):
     def one(at: Along):
         leaving = airframe.wrench(parameters, *at, _STILL).shed
-        return leaving, wake.convection_time(parameters.wakes, at.flow)
+        return leaving, parameters.convection_time(at.flow)
 
     return jax.vmap(one)(along)
 
 
 @jax.jit
-def _loads(parameters: airframe.Parameters, mass: MassModel, samples: tuple[Along, Wake]):
+def _loads(parameters: airframe.Airframe, mass: MassModel, samples: tuple[Along, Wake]):
     def one(at: Along, arriving: Wake):
         return _about_centre(airframe.wrench(parameters, *at, arriving), mass, at.positions.tilt)
 
@@ -155,12 +155,12 @@ def _loads(parameters: airframe.Parameters, mass: MassModel, samples: tuple[Alon
 
 
 @jax.jit
-def _torque(parameters: airframe.Parameters, along: Along):
+def _torque(parameters: airframe.Airframe, along: Along):
     return jax.vmap(lambda at: _steady(parameters, at).torque)(along)
 
 
 @jax.jit
-def _slopes(parameters: airframe.Parameters, mass: MassModel, sensor: jax.Array, along: Along):
+def _slopes(parameters: airframe.Airframe, mass: MassModel, sensor: jax.Array, along: Along):
     def one(at: Along):
         flow, positions = at
         measured = flow.velocity + attitude.cross(flow.rates, sensor)

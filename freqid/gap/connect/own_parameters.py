@@ -4,6 +4,8 @@ Names are dotted. A departure is a share of the nominal value unless the unit sa
 
 - ``aerofoil.lift_slope``, ``propeller.thrust``, ``wing.front.span_m``, ``surface.de1.chord_fraction``:
   a number, or all numbers of a list together, of ``[simulation.airframe]``;
+- ``CL.alpha``, ``Cm.de``, ``propeller.thrust``: a derivative, or all values of its table together, of
+  ``[simulation.coefficients]``;
 - ``de1.natural_frequency``, ``de1.damping``, ``de1.gain``: one servo or tilt drive;
 - ``n1.time_constant``, ``n1.gain``: one motor;
 - ``surface.delay``, ``tilt.delay``, ``motor.delay``: the commands of one kind, s;
@@ -39,7 +41,7 @@ DELAY = 0.002
 _MOST = {"1": 0.5, "s": 0.1}  # beyond these a nominal value says nothing
 
 _MEASURED = ("span_m", "chord_m", "quarter_chord_m", "centre_m", "dihedral_rad", "incidence_rad")
-_NUMERICAL = ("strips",)  # no property of the aircraft
+_NUMERICAL = ("strips", "at", "about", "point_m")  # no property of the aircraft
 _DELAYS = {"surface.delay": "surface", "tilt.delay": "tilt", "motor.delay": "speed"}
 _BATTERY = {"battery.charge": "charge", "battery.resistance_ohm": "resistance"}
 _SERVO = ("natural_frequency", "damping", "gain")
@@ -70,7 +72,7 @@ def own_tolerances(scenario: Scenario) -> dict[str, Tolerance]:
             MEASURED if name.rpartition(".")[2] in _MEASURED else SHARE,
             loads_only=name not in _LOADING,
         )
-        for name, _, _ in _numbers(scenario.simulation.airframe)
+        for name, _, _ in _numbers(scenario.simulation.loads)
     }
     if scenario.simulation.actuators:
         for effector in scenario.effector:
@@ -82,7 +84,7 @@ def own_tolerances(scenario: Scenario) -> dict[str, Tolerance]:
         for name in _DELAYS:
             if name.partition(".")[0].replace("motor", "rotor") in kinds:
                 defaults[name] = Tolerance(DELAY, "s")
-        if "rotor" in kinds:
+        if "rotor" in kinds and "battery" in scenario.simulation.actuators:
             defaults |= {name: Tolerance(SHARE) for name in _BATTERY}
     out = {}
     for name, default in defaults.items():
@@ -101,7 +103,7 @@ def own_tolerances(scenario: Scenario) -> dict[str, Tolerance]:
 
 
 def with_departures(scenario: Scenario, departures: Departures) -> Scenario:
-    """Return a scenario with the numbers of ``[simulation.airframe]`` changed by shares of themselves.
+    """Return a scenario with the numbers that give the loads changed by shares of themselves.
 
     Parameters
     ----------
@@ -109,7 +111,7 @@ def with_departures(scenario: Scenario, departures: Departures) -> Scenario:
     departures : dict of float
         By the names of `own_tolerances`; those of actuators change nothing here.
     """
-    table = msgspec.json.decode(msgspec.json.encode(scenario.simulation.airframe))
+    table = msgspec.json.decode(msgspec.json.encode(scenario.simulation.loads))
     changed = False
     for name, holder, key in _numbers(table):
         if departures.get(name):
@@ -117,7 +119,7 @@ def with_departures(scenario: Scenario, departures: Departures) -> Scenario:
             changed = True
     if not changed:
         return scenario
-    simulation = msgspec.structs.replace(scenario.simulation, airframe=table)
+    simulation = msgspec.structs.replace(scenario.simulation, **{scenario.simulation.kind: table})
     return msgspec.structs.replace(scenario, simulation=simulation)
 
 
@@ -167,18 +169,22 @@ def gains(vehicle: Vehicle, departures: Departures) -> dict[str, float]:
 
 
 def changes_airframe(departures: Departures, scenario: Scenario) -> bool:
-    """Return whether any of the departures is of ``[simulation.airframe]``."""
-    return any(name in departures for name, _, _ in _numbers(scenario.simulation.airframe))
+    """Return whether any of the departures is of what gives the loads."""
+    return any(name in departures for name, _, _ in _numbers(scenario.simulation.loads))
 
 
 def _numbers(table: Mapping[str, Any], stem: str = "") -> Iterator[tuple[str, Any, str]]:
     """Yield dotted name, holder and key of every number or list of numbers that is not all zero."""
     for key, value in table.items():
         name = f"{stem}{key}"
-        if isinstance(value, Mapping):
+        if key in _NUMERICAL:
+            continue
+        if isinstance(value, Mapping) and "values" in value:
+            yield name, value, "values"  # a table is off as a whole
+        elif isinstance(value, Mapping):
             yield from _numbers(value, f"{name}.")
         elif isinstance(value, list | tuple) and value and isinstance(value[0], Mapping):
             for part in value:
                 yield from _numbers(part, f"{name}.{part['name']}.")
-        elif key not in _NUMERICAL and not isinstance(value, str) and np.any(value):
+        elif not isinstance(value, str) and np.any(value):
             yield name, table, key

@@ -87,8 +87,9 @@ class ScenarioSimulation:
 
     @property
     def effects(self) -> dict[str, dict[str, float]]:
-        """Settings in force."""
-        return library.settings(self.scenario.simulation.effects, self.vehicle)
+        """Settings in force, of the effects that act in the simulation's own physics too."""
+        settings = library.settings(self.scenario.simulation.effects, self.vehicle)
+        return {i: s for i, s in settings.items() if i not in description.absent_effects(self.scenario)}
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -256,7 +257,8 @@ class ScenarioSimulation:
 
     def _settings(self, changed: Settings | None) -> dict[str, dict[str, float]]:
         """Return the settings of every effect with some of them changed."""
-        return {i: {**s, **(changed or {}).get(i, {})} for i, s in self.effects.items()}
+        settings = library.settings(self.scenario.simulation.effects, self.vehicle)
+        return {i: {**s, **(changed or {}).get(i, {})} for i, s in settings.items()}
 
     def _scenario(self, changed: Settings | None) -> Scenario:
         return (

@@ -13,6 +13,7 @@ from freqid.core.record import Maneuver
 from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import Fit, PointModel, ResponseModel, per
 from freqid.core.scenario import Reference
+from freqid.identify.advance_ratio.trim import flown_trim
 from freqid.identify.loads.explanatory import explanatory_variables, unit_of
 from freqid.identify.loads.wrench import AppliedWrench, response_unit
 from freqid.identify.model.problem import measured_responses
@@ -124,6 +125,7 @@ def point_model(
         wrench = None
     responses = {r: _response(r, result, maneuvers, settings, wrench, highest_hz) for r in settings.responses}
     records = [m.record.provenance for m in maneuvers]
+    trim, no_advance_ratio = flown_trim(maneuvers)
     return PointModel(
         reference=reference or flown,
         responses=responses,
@@ -136,6 +138,8 @@ def point_model(
         provenance={"record": records[0]} if len(records) == 1 else {"records": records},
         estimator="maximum-likelihood",
         remarks=(*(() if reference is None else departures(reference, flown)), *result.remarks),
+        trim=trim,
+        no_advance_ratio=no_advance_ratio,
     )
 
 

@@ -201,7 +201,7 @@ def build_simulation_page(flight: SimulatedFlight) -> str:
         effectors=tables.effector_rows(flight),
         movements=[*_effectors(flight), _bars(flight)],
         excitation=_excitation(flight),
-        aircraft=[_view(flight), *_trims(flight)],
+        aircraft=[*_view(flight), *_trims(flight)],
         provenance={
             "record": flight.record,
             "scenario SHA-256": flight.scenario_sha256,
@@ -335,9 +335,12 @@ class _Rows:
         return tuple([table[i] for i in part] for table in (self.scale, self.notes, self.colours))  # type: ignore[return-value]
 
 
-def _view(flight: SimulatedFlight) -> Picture:
+def _view(flight: SimulatedFlight) -> list[Picture]:
+    """Return the three-view; none where the scenario describes no shape."""
+    if not outline(flight.scenario, flight.tilt):
+        return []
     tilts = ", ".join(f"{name} {np.degrees(angle):.1f}°" for name, angle in flight.tilt.items())
-    return picture(
+    drawn = picture(
         three_view(flight.scenario, flight.tilt),
         "view",
         "Three-view of the aircraft with the names of its effectors",
@@ -348,6 +351,7 @@ def _view(flight: SimulatedFlight) -> Picture:
             "spheroid of its volume."
         ).format(f" ({tilts})" if tilts else ""),
     )
+    return [drawn]
 
 
 def _trims(flight: SimulatedFlight) -> list[Picture]:

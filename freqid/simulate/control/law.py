@@ -17,7 +17,7 @@ from freqid.simulate.motion import attitude
 from freqid.simulate.motion.actuators import Commands
 from freqid.simulate.motion.rigid_body import BodyState
 
-AXES = ("X", "Z", "L", "M", "N")  # a wrench that can be asked for; side force comes by rolling
+AXES = ("X", "Z", "L", "M", "N")  # of the wrench that is asked for by default; side force comes by rolling
 
 
 class Setting(NamedTuple):
@@ -32,7 +32,8 @@ class Setting(NamedTuple):
     centre : Array, shape (3,)
         Centre of gravity, vehicle axes, m.
     gain : Array, shape (axis, 13)
-        From states and integrals to the wrench asked for, N and N m.
+        From states and integrals to the wrench asked for, N and N m; with stated gains, an axis is an
+        effector.
     surface, speed : Array, shape (effector, axis)
         Allocation, rad and rad/s per N and N m.
     """
@@ -61,6 +62,15 @@ class Law(NamedTuple):
     settings: Setting
     low: Commands
     high: Commands
+
+    @property
+    def memory(self) -> jax.Array:
+        """What the law remembers at the start of a flight, shape (memory,)."""
+        return jnp.zeros((*self.u.shape[:-1], 3))
+
+    def command(self, body: BodyState, memory: jax.Array, aim: Aim) -> tuple[Commands, jax.Array]:
+        """Return commands and the rate of change of the memory, as the function of that name."""
+        return command(self, body, memory, aim)
 
 
 class Aim(NamedTuple):

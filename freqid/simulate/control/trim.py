@@ -192,8 +192,8 @@ class _Problem:
         self._low, self._high = low / self._scale, high / self._scale
         self._weight = float(parameters.mass.mass) * STANDARD_GRAVITY
         self._effort = np.eye(low.size)  # what is made small: all, but of the speeds only their spread
-        self._effort[-rotors:, -rotors:] -= 1 / rotors
         speeds = np.arange(low.size) >= low.size - rotors
+        self._effort -= np.outer(speeds, speeds) / max(rotors, 1)
         self._starts = [np.where(speeds, share * self._high, 0.0) for share in _FIRST_SPEEDS]
 
     def solve(self, condition: Array) -> Array | None:
@@ -236,9 +236,8 @@ class _Problem:
             speed, *tilts = (f"{value:.4g}" for value in there[1:])
             there[1:] = [float(speed), *map(float, tilts)]
             if self.solve(there) is not None:
-                return (
-                    f"the nearest that was found to fly is u = {speed} m/s with tilts {', '.join(tilts)} rad"
-                )
+                found = f"the nearest that was found to fly is u = {speed} m/s"
+                return found + (f" with tilts {', '.join(tilts)} rad" if tilts else "")
         return "no condition near it was found to fly either; check mass, rotors and wings"
 
     def _search(self, condition: Array, start: Array, *, moving: bool = False) -> Array:

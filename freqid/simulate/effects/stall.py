@@ -46,8 +46,10 @@ def _loss(settings: Mapping[str, Any], u: Any, w: Any, rho: Any, area: Any) -> A
 
 def _add(settings: dict[str, jax.Array], situation: Any) -> Wrench:
     geometry, flow = situation.parameters.geometry, situation.flow
-    pivot = situation.parameters.frames.pivot[:-1]
-    cos, sin = jnp.cos(situation.positions.tilt), jnp.sin(situation.positions.tilt)
+    pivot, tilt = situation.parameters.frames.pivot[:-1], situation.positions.tilt
+    if not tilt.size:  # a wing that does not tilt
+        pivot, tilt = geometry.centre[None], jnp.zeros(1)
+    cos, sin = jnp.cos(tilt), jnp.sin(tilt)
     x, _, z = (flow.velocity + attitude.cross(flow.rates, pivot)).T
     down = _loss(settings, x * cos - z * sin, x * sin + z * cos, flow.rho, geometry.area / pivot.shape[0])
     force = jnp.stack([down * sin, jnp.zeros_like(down), down * cos], axis=-1)

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
 
-from freqid.simulate.effects import (
-    library,
-    rotor_inplane_force,
-    slipstream,
-    surface_effectiveness,
-    weak_rotor,
-    wing_wake,
-)
-from freqid.simulate.loads import fuselage, tail, wake, wing
+from freqid.simulate.effects import library, slipstream, surface_effectiveness, weak_rotor, wing_wake
+from freqid.simulate.loads import fuselage, rotors, tail, wake, wing
 from freqid.simulate.loads.frames import Frames, motion, total
 from freqid.simulate.loads.fuselage import Fuselage
-from freqid.simulate.loads.propeller import Propellers, discs
+from freqid.simulate.loads.propeller import Propellers
 from freqid.simulate.loads.quantities import Aero, Flow, Positions, Wake, Wrench
 from freqid.simulate.loads.slipstream import Slipstreams
 from freqid.simulate.loads.tail import Tail
@@ -48,6 +41,41 @@ class Geometry(NamedTuple):
     rotors: jax.Array
 
 
+class Airframe(Protocol):
+    """What gives the loads of a vehicle: strips here, or coefficients.
+
+    Effects see the fields, the flight calls the methods.
+    """
+
+    @property
+    def frames(self) -> Frames:
+        """Axes of the wings and of the body."""
+        ...
+
+    @property
+    def propellers(self) -> Propellers:
+        """All rotors."""
+        ...
+
+    @property
+    def geometry(self) -> Geometry:
+        """The vehicle as a whole."""
+        ...
+
+    @property
+    def effects(self) -> dict[str, dict[str, jax.Array]]:
+        """Settings by effect id and parameter."""
+        ...
+
+    def loads(self, flow: Flow, positions: Positions, arriving: Wake | None) -> Aero:
+        """Return the loads before any effect is added."""
+        ...
+
+    def convection_time(self, flow: Flow) -> jax.Array:
+        """Return how long what is shed takes to arrive, s."""
+        ...
+
+
 class Parameters(NamedTuple):
     """All numbers of the airframe; `description.parameters` makes them from a scenario.
 
@@ -75,13 +103,21 @@ class Parameters(NamedTuple):
     geometry: Geometry
     effects: dict[str, dict[str, jax.Array]]
 
+    def loads(self, flow: Flow, positions: Positions, arriving: Wake | None) -> Aero:
+        """Return the loads before any effect is added; the steady wake where none is given."""
+        return _loads(self, flow, positions, arriving)
+
+    def convection_time(self, flow: Flow) -> jax.Array:
+        """Return how long what is shed takes to arrive, s."""
+        return wake.convection_time(self.wakes, flow)
+
 
 class Situation(NamedTuple):
     """What an effect that adds a wrench may look at.
 
     Attributes
     ----------
-    parameters : Parameters
+    parameters : Airframe
     flow : Flow
     positions : Positions
         As the airframe feels them.
@@ -91,7 +127,7 @@ class Situation(NamedTuple):
         The effect's own states by name.
     """
 
-    parameters: Parameters
+    parameters: Airframe
     flow: Flow
     positions: Positions
     aero: Aero
@@ -99,7 +135,7 @@ class Situation(NamedTuple):
 
 
 def wrench(
-    parameters: Parameters,
+    parameters: Airframe,
     flow: Flow,
     positions: Positions,
     arriving: Wake | None = None,
@@ -109,7 +145,7 @@ def wrench(
 
     Parameters
     ----------
-    parameters : Parameters
+    parameters : Airframe
     flow : Flow
     positions : Positions
     arriving : Wake, optional
@@ -130,7 +166,7 @@ def wrench(
 
 
 def remembering(
-    parameters: Parameters,
+    parameters: Airframe,
     flow: Flow,
     positions: Positions,
     arriving: Wake | None = None,
@@ -140,7 +176,7 @@ def remembering(
     return _with_added(_situation(parameters, flow, positions, arriving), memories)
 
 
-def steady_memories(parameters: Parameters, flow: Flow, positions: Positions) -> Memories:
+def steady_memories(parameters: Airframe, flow: Flow, positions: Positions) -> Memories:
     """Return the memories of effects on a vehicle that has been doing for long what it does now."""
     situation = _situation(parameters, flow, positions, None)
     return {
@@ -150,34 +186,28 @@ def steady_memories(parameters: Parameters, flow: Flow, positions: Positions) ->
     }
 
 
-def _situation(parameters: Parameters, flow: Flow, positions: Positions, arriving: Wake | None) -> Situation:
+def _situation(parameters: Airframe, flow: Flow, positions: Positions, arriving: Wake | None) -> Situation:
     """Return the loads on the airframe as it feels the effectors, before any effect is added."""
     effects, geometry = parameters.effects, parameters.geometry
     surface = surface_effectiveness.effective_deflections(
         effects["surface_effectiveness"], geometry.surfaces, positions.surface
     )
     speed = weak_rotor.sound_speeds(effects["weak_rotor"], geometry.rotors, positions.speed)
-    return _loads(parameters, flow, positions._replace(surface=surface, speed=speed), arriving)
+    felt = positions._replace(surface=surface, speed=speed)
+    return Situation(parameters, flow, felt, parameters.loads(flow, felt, arriving))
 
 
-def _loads(parameters: Parameters, flow: Flow, positions: Positions, arriving: Wake | None) -> Situation:
-    """Return the loads before any effect is added, and what they came from."""
+def _loads(parameters: Parameters, flow: Flow, positions: Positions, arriving: Wake | None) -> Aero:
+    """Return the loads before any effect is added."""
     if arriving is None:  # the front wing does not feel its own wake, so one extra evaluation settles it
         still = Wake(jnp.zeros(2), jnp.zeros(2))
-        arriving = _loads(parameters, flow, positions, still).aero.shed
+        arriving = _loads(parameters, flow, positions, still).shed
     p, effects = parameters, parameters.effects
     felt = wing_wake.received(effects["wing_wake"], arriving)
     at = motion(p.frames, flow, positions)
+    discs, loads = rotors.loads(p.propellers, at, positions.speed, flow.rho, effects["rotor_inplane_force"])
 
-    hubs = p.propellers.frame @ jnp.concatenate([at.velocity, at.rates], axis=1)
-    hubs = hubs[:, :3] + jnp.cross(hubs[:, 3:], p.propellers.hub)
-    rotors = discs(p.propellers, hubs, positions.speed, flow.rho)
-    inplane_force, hub_moment = rotor_inplane_force.loads(effects["rotor_inplane_force"], rotors)
-    push = rotors.thrust[:, None] * p.propellers.axis + inplane_force
-    twist = hub_moment - (p.propellers.spin * rotors.torque)[:, None] * p.propellers.axis
-    twist = twist + jnp.cross(p.propellers.hub, push)
-
-    blown, induced = slipstream.over_wing(effects["slipstream"], p.slipstreams, rotors, flow.rho)
+    blown, induced = slipstream.over_wing(effects["slipstream"], p.slipstreams, discs, flow.rho)
     # Seen from the rear wing's strips the wake's blowing is forward speed and its downwash a climb.
     back, down = p.wakes.received @ felt.blowing, p.wakes.received @ felt.downwash
     wake_u, _, wake_w = (jnp.stack([back, jnp.zeros_like(back), -down], axis=-1) @ at.turn[1]).T
@@ -190,20 +220,18 @@ def _loads(parameters: Parameters, flow: Flow, positions: Positions, arriving: W
     at_tail = Wake(felt.downwash + rear.downwash, felt.blowing + rear.blowing)
     parts = [fuselage.loads(p.fuselage, flow), tail.loads(p.tail, flow, at_tail, positions.surface)]
 
-    loads = p.propellers.frame.T @ jnp.concatenate([push, twist], axis=1)
     body = jnp.zeros((1, 3))
     force = loads[:, :3] + jnp.concatenate([strips.force, body])
     moment = loads[:, 3:] + jnp.concatenate([strips.moment, body])
     whole = total(p.frames, at, force, moment)
     for part in parts:
         whole = Wrench(whole.force + part.force, whole.moment + part.moment)
-    aero = Aero(
+    return Aero(
         wrench=whole,
-        torque=rotors.torque,
-        thrust=rotors.thrust,
+        torque=discs.torque,
+        thrust=discs.thrust,
         shed=Wake(shed.downwash[0], shed.blowing[0]),
     )
-    return Situation(parameters, flow, positions, aero)
 
 
 def _with_added(situation: Situation, memories: Memories | None = None) -> tuple[Aero, Memories]:

@@ -20,10 +20,24 @@ from freqid.simulate.effects import library
 from freqid.simulate.effects.needs import unmet
 from freqid.simulate.effects.places import order
 from freqid.simulate.loads.airframe import Geometry, Parameters
+from freqid.simulate.loads.coefficient_section import (
+    SECTION,
+    Table,
+    factors_of,
+    points_and_values,
+    read_coefficients,
+)
+from freqid.simulate.loads.coefficients import Coefficients, Grid, Layout, variables_of
 from freqid.simulate.loads.frames import Frames
 from freqid.simulate.loads.fuselage import Fuselage
 from freqid.simulate.loads.propeller import Propellers
-from freqid.simulate.loads.sections import PANELS, AerofoilSection, AirframeSection, read_airframe
+from freqid.simulate.loads.sections import (
+    PANELS,
+    AerofoilSection,
+    AirframeSection,
+    PropellerSection,
+    read_airframe,
+)
 from freqid.simulate.loads.slipstream import Slipstreams
 from freqid.simulate.loads.tail import Tail
 from freqid.simulate.loads.wake import Wakes
@@ -32,8 +46,10 @@ from freqid.simulate.loads.wing import Section, Wings, flap_effect, induction, s
 T = TypeVar("T")
 Floats = NDArray[np.float64]
 
+_NO_PROPELLER = PropellerSection(thrust=(0.0, 0.0, 0.0, 0.0), torque=(0.0, 0.0, 0.0, 0.0))
 
-def parameters(scenario: Scenario) -> Parameters:
+
+def parameters(scenario: Scenario) -> Parameters | Coefficients:
     """Return the airframe's parameters.
 
     Parameters
@@ -42,20 +58,30 @@ def parameters(scenario: Scenario) -> Parameters:
 
     Returns
     -------
-    airframe.Parameters
-        A tree of arrays.
+    airframe.Parameters or coefficients.Coefficients
+        A tree of arrays, by the kind of ``[simulation]``.
 
     Raises
     ------
     UsageError
-        Where ``[simulation.airframe]`` is missing, has an unknown key or does not fit the vehicle.
+        Where the section of that kind is missing, has an unknown key or does not fit the vehicle.
     """
+    of_kind = {"airframe": _strips, "coefficients": _coefficients}
+    return of_kind[scenario.simulation.kind](scenario)
+
+
+def absent_effects(scenario: Scenario) -> tuple[str, ...]:
+    """Return the effects of strips and slipstreams, which a simulation by coefficients does not have."""
+    return {"airframe": (), "coefficients": ("slipstream", "wing_wake")}[scenario.simulation.kind]
+
+
+def _strips(scenario: Scenario) -> Parameters:
     section, vehicle = read_airframe(scenario), scenario.aircraft()
     body = section.fuselage
     described = _tree(
         Parameters,
-        frames=_tree(Frames, pivot=np.vstack([[w.pivot_m for w in vehicle.wings], np.zeros(3)])),
-        propellers=_propellers(section, vehicle),
+        frames=_frames(vehicle),
+        propellers=_propellers(section.propeller, vehicle),
         slipstreams=_slipstreams(section, vehicle),
         wings=_wings(section, vehicle),
         wakes=_wakes(section, vehicle),
@@ -66,22 +92,89 @@ def parameters(scenario: Scenario) -> Parameters:
             volume=body.volume_m3,
         ),
         tail=_tail(section, vehicle),
-        geometry=_tree(
-            Geometry,
-            area=vehicle.area_m2 or 0.0,
-            chord=vehicle.chord_m or 0.0,
-            centre=np.array(vehicle.mass_properties.cg_m),
-            surfaces=order(vehicle, "surface"),
-            rotors=order(vehicle, "rotor"),
-        ),
+        geometry=_geometry(vehicle),
         effects=_effects(scenario, vehicle),
     )
     return jax.tree.map(jnp.asarray, described)
 
 
+def _coefficients(scenario: Scenario) -> Coefficients:
+    section, vehicle = read_coefficients(scenario), scenario.aircraft()
+    terms = [
+        (name, factors_of(product), term, f"{SECTION}.{name}, term '{product}'")
+        for name, product, term in section.terms()
+    ]
+    products = tuple(dict.fromkeys(factors for _, factors, _, _ in terms))
+    grids: dict[tuple, list[tuple[int, int, Floats]]] = {}
+    constant = np.zeros((len(section.names), len(products)))
+    for name, factors, term, where in terms:
+        points, values = points_and_values(term, where)
+        at = section.names.index(name), products.index(factors)
+        if isinstance(term, Table):
+            grids.setdefault((term.variables, points), []).append((*at, values))
+        else:
+            constant[at] += values
+    layout = Layout(
+        section.names,
+        products,
+        tuple(variables for variables, _ in grids),
+        *(
+            tuple(e.name for e in vehicle.effectors if e.kind == kind)
+            for kind in ("surface", "tilt", "rotor")
+        ),
+    )
+    filled = []
+    for (_, points), tables in grids.items():
+        whole = np.zeros((*constant.shape, *(len(row) for row in points)))
+        for row, column, values in tables:
+            whole[row, column] += values
+        filled.append(_tree(Grid, points=tuple(np.array(row) for row in points), values=whole))
+    nondimensional = section.form == "coefficient"
+    rotors = {r.name: r.diameter_m or 0.0 for r in vehicle.rotors}
+    return _tree(
+        Coefficients,
+        layout=layout,
+        constant=constant,
+        grids=tuple(filled),
+        about=np.array([section.about.get(name, 0.0) for name in variables_of(layout)]),
+        lengths=np.array([vehicle.span_m or 0.0, vehicle.chord_m or 0.0]),
+        arms=np.array([vehicle.span_m, vehicle.chord_m] if nondimensional else [1.0, 1.0]),
+        area=vehicle.area_m2 if nondimensional else 1.0,
+        per_pressure=float(nondimensional),
+        point=np.array(section.point_m or vehicle.mass_properties.cg_m),
+        diameter=np.array([rotors.get(name, 0.0) for name in layout.rotors]),
+        frames=_frames(vehicle),
+        propellers=_propellers(section.propeller or _NO_PROPELLER, vehicle),
+        geometry=_geometry(vehicle),
+        effects=_effects(scenario, vehicle),
+    )
+
+
+def _frames(vehicle: Vehicle) -> Frames:
+    return _tree(Frames, pivot=np.vstack([*(w.pivot_m for w in vehicle.wings), np.zeros(3)]))
+
+
+def _geometry(vehicle: Vehicle) -> Geometry:
+    return _tree(
+        Geometry,
+        area=vehicle.area_m2 or 0.0,
+        chord=vehicle.chord_m or 0.0,
+        centre=np.array(vehicle.mass_properties.cg_m),
+        surfaces=order(vehicle, "surface"),
+        rotors=order(vehicle, "rotor"),
+    )
+
+
 def _effects(scenario: Scenario, vehicle: Vehicle) -> effects.Settings:
     """Return the settings of every effect; those that act must have what they need of the vehicle."""
     found = effects.settings(scenario.simulation.effects, vehicle)
+    for identifier in absent_effects(scenario):
+        if identifier in scenario.simulation.effects:
+            raise UsageError(
+                f"effect '{identifier}' acts in strips and slipstreams, which a simulation by coefficients "
+                "does not have",
+                remedy=f"describe it in the tables of [{SECTION}]",
+            )
     for identifier, effect in library().items():
         missing = [n for n in unmet(effect, vehicle) if n.startswith("vehicle.")]
         if missing and found[identifier][effect.size]:
@@ -100,26 +193,27 @@ def _tree(kind: Callable[..., T], **values: Any) -> T:
 def _on_frame(vehicle: Vehicle) -> Floats:
     """Return one where a rotor (row) is on a wing, or in the last column on the body."""
     names = [*(w.name for w in vehicle.wings), None]
-    return np.array([[float(r.wing == name) for name in names] for r in vehicle.rotors])
+    found = [[float(r.wing == name) for name in names] for r in vehicle.rotors]
+    return np.array(found).reshape(len(vehicle.rotors), len(names))
 
 
 def _hubs(vehicle: Vehicle) -> Floats:
     """Return the hubs from their frames' origins, shape (rotor, 3), m."""
     pivots = np.array([*(w.pivot_m for w in vehicle.wings), (0.0, 0.0, 0.0)])
-    return np.array([r.position_m for r in vehicle.rotors]) - _on_frame(vehicle) @ pivots
+    hubs = np.array([r.position_m for r in vehicle.rotors]).reshape(-1, 3)
+    return hubs - _on_frame(vehicle) @ pivots
 
 
 def _diameters(vehicle: Vehicle) -> Floats:
-    return np.array([r.diameter_m for r in vehicle.rotors], dtype=float)
+    return np.array([r.diameter_m or 0.0 for r in vehicle.rotors])
 
 
-def _propellers(section: AirframeSection, vehicle: Vehicle) -> Propellers:
-    blades = section.propeller
+def _propellers(blades: PropellerSection, vehicle: Vehicle) -> Propellers:
     return _tree(
         Propellers,
         frame=_on_frame(vehicle),
         hub=_hubs(vehicle),
-        axis=np.array([shaft_axis(r.axis, 0.0) for r in vehicle.rotors]),
+        axis=np.array([shaft_axis(r.axis, 0.0) for r in vehicle.rotors]).reshape(-1, 3),
         spin=np.array([r.spin for r in vehicle.rotors]),
         diameter=_diameters(vehicle),
         thrust=np.array(blades.thrust),

@@ -19,13 +19,14 @@ class PropellerSection(Strict, frozen=True):
     thrust, torque : tuple of 4 floats
         c0 to c3 of CT and CQ.
     crossflow_thrust, inplane_force, hub_moment : float
+        Zero where absent.
     """
 
     thrust: tuple[float, float, float, float]
     torque: tuple[float, float, float, float]
-    crossflow_thrust: float
-    inplane_force: float
-    hub_moment: float
+    crossflow_thrust: float = 0.0
+    inplane_force: float = 0.0
+    hub_moment: float = 0.0
 
 
 class AerofoilSection(Strict, frozen=True):

@@ -6,13 +6,14 @@ momentum of the wings needs.
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
+from freqid.core.errors import UsageError
 from freqid.core.scenario import Scenario
 from freqid.core.toml import convert
 from freqid.core.vehicle import Effector, Strict, Vehicle
@@ -65,12 +66,34 @@ class MotorSection(Strict, frozen=True):
 
 
 class ActuatorSection(Strict, frozen=True):
-    """Section ``[simulation.actuators]``."""
+    """Section ``[simulation.actuators]``: an entry for each kind of effector that the vehicle has.
 
-    surface: ServoSection
-    tilt: ServoSection
-    motor: MotorSection
-    battery: BatterySection
+    Without a battery the voltage is always the nominal one.
+    """
+
+    surface: ServoSection | None = None
+    tilt: ServoSection | None = None
+    motor: MotorSection | None = None
+    battery: BatterySection | None = None
+
+    def of_kind(self, name: Literal["surface", "tilt", "motor"], kind: str, wanted: bool) -> Any:
+        """Return an entry, any where the vehicle has no effector of that kind.
+
+        Raises
+        ------
+        UsageError
+            Where it is missing.
+        """
+        entry = getattr(self, name)
+        if entry is None and wanted:
+            raise UsageError(
+                f"the vehicle has effectors of kind '{kind}', but there is no [simulation.actuators.{name}]",
+                remedy="describe how they follow commands",
+            )
+        return entry or (_NO_MOTOR if name == "motor" else _NO_SERVO)
+
+
+_NO_SERVO, _NO_MOTOR = ServoSection(frequency_hz=1.0, damping=1.0), MotorSection(rise_s=1.0, fall_s=1.0)
 
 
 class Servos(NamedTuple):
@@ -160,6 +183,10 @@ def actuators(scenario: Scenario) -> Actuators:
     """
     section = convert(scenario.simulation.actuators, ActuatorSection, "[simulation.actuators]")
     effectors = scenario.effector
+    kinds = {effector.kind for effector in effectors}
+    surface = section.of_kind("surface", "surface", "surface" in kinds)
+    tilt = section.of_kind("tilt", "tilt", "tilt" in kinds)
+    motor = section.of_kind("motor", "rotor", "rotor" in kinds)
 
     def servos(kind: Literal["surface", "tilt"], described: ServoSection) -> Servos:
         low, high, rate = _limits([e for e in effectors if e.kind == kind])
@@ -167,11 +194,11 @@ def actuators(scenario: Scenario) -> Actuators:
         return Servos(frequency, jnp.full(low.size, described.damping), low, high, rate)
 
     low, high, rate = _limits([e for e in effectors if e.kind == "rotor"])
-    rise, fall = (jnp.full(low.size, t) for t in (section.motor.rise_s, section.motor.fall_s))
-    delays = (section.surface.delay_s, section.tilt.delay_s, section.motor.delay_s)
+    rise, fall = (jnp.full(low.size, t) for t in (motor.rise_s, motor.fall_s))
+    delays = (surface.delay_s, tilt.delay_s, motor.delay_s)
     return Actuators(
-        surface=servos("surface", section.surface),
-        tilt=servos("tilt", section.tilt),
+        surface=servos("surface", surface),
+        tilt=servos("tilt", tilt),
         motor=Motors(rise, fall, low, high, rate),
         battery=battery(section.battery),
         delay=Commands(*(jnp.asarray(d) for d in delays)),

@@ -59,6 +59,11 @@ class BatterySection(Strict, frozen=True):
             )
 
 
+_IDEAL = BatterySection(
+    nominal_v=1.0, full_v=1.0 + 1e-12, empty_v=1.0, resistance_ohm=0.0, capacity_ah=1e12, efficiency=1.0
+)
+
+
 class Battery(NamedTuple):
     """A battery; every field of shape ().
 
@@ -102,9 +107,9 @@ class Power(NamedTuple):
     current: jax.Array
 
 
-def battery(section: BatterySection) -> Battery:
-    """Return the battery of a scenario."""
-    s = section
+def battery(section: BatterySection | None) -> Battery:
+    """Return the battery of a scenario; one that never sags nor empties where it has none."""
+    s = section or _IDEAL
     values = (
         s.nominal_v,
         s.full_v,

@@ -28,8 +28,9 @@ from freqid.simulate.effects import (
     rate_limit,
 )
 from freqid.simulate.effects.places import alone
-from freqid.simulate.loads import airframe, description, wake
+from freqid.simulate.loads import airframe, description
 from freqid.simulate.loads.airframe import Memories
+from freqid.simulate.loads.coefficients import Coefficients
 from freqid.simulate.loads.quantities import Aero, Flow, Positions, Wake
 from freqid.simulate.motion import delay, multibody, rigid_body
 from freqid.simulate.motion.actuators import (
@@ -53,13 +54,13 @@ class Parameters(NamedTuple):
 
     Attributes
     ----------
-    airframe : airframe.Parameters
+    airframe : airframe.Parameters or Coefficients
         With the settings of every effect.
     mass : MassModel
     actuators : Actuators
     """
 
-    airframe: airframe.Parameters
+    airframe: airframe.Parameters | Coefficients
     mass: MassModel
     actuators: Actuators
 
@@ -313,7 +314,7 @@ def _arrived(parameters: Parameters, sent: Commands, before: Commands, dt: float
 def _wake_age(parameters: Parameters, state: State, around: Surroundings, dt: float) -> jax.Array:
     """Return where in the line the wake is that arrives now; its newest entry is one step old."""
     flow = relative_flow(state.moving.body, around)
-    return wake.convection_time(parameters.airframe.wakes, flow) / dt - 1
+    return parameters.airframe.convection_time(flow) / dt - 1
 
 
 def _voltage(

@@ -110,7 +110,7 @@ def spoil(path, change):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (lambda f: f.attrs.__setitem__("version", "2.0"), "newer than 1.1"),
+        (lambda f: f.attrs.__setitem__("version", "2.0"), "newer than 1.2"),
         (lambda f: f.attrs.__setitem__("format", "freqid-point"), "expected 'freqid-record'"),
         (lambda f: f.attrs.__delitem__("format"), "found format 'none'"),
         (lambda f: f.__delitem__("state/q"), "damaged or incomplete"),

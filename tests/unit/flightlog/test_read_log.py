@@ -10,6 +10,7 @@ import pytest
 from scipy.io import savemat
 
 from freqid.core.errors import DataError, UsageError
+from freqid.core.record import write_record
 from freqid.flightlog.column_map import read_column_map
 from freqid.flightlog.read import Reader, read_log, readers
 
@@ -113,3 +114,16 @@ def test_the_example_map_reads_what_its_words_say(folder):
         "1.4.2",
         "hover",
     )
+
+
+def test_records_of_our_own_are_cut_and_resampled(folder):
+    record = read_log(made(folder, "x.csv"), folder / "map.toml")
+    write_record(folder / "own.h5", record)
+    again = read_log(folder / "own.h5", cut=(0.5, 1.5), resample_hz=5.0)
+    np.testing.assert_allclose(again.time, [0.5, 0.7, 0.9, 1.1, 1.3, 1.5])
+    np.testing.assert_allclose(again["state/q"], np.deg2rad([5, 7, 9, 11, 13, 15]), rtol=1e-9)
+    assert again.provenance["cut_s"] == [0.5, 1.5]
+    with pytest.raises(UsageError, match="names its channels itself"):
+        read_log(folder / "own.h5", folder / "map.toml")
+    with pytest.raises(DataError):
+        read_log(made(folder, "broken.h5", b"no HDF5"))

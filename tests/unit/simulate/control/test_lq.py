@@ -136,3 +136,47 @@ def test_the_same_trim_gives_the_same_law(loop):
         jax.tree.leaves(law.settings), jax.tree.leaves(loop.law.settings), strict=True
     ):
         assert np.array_equal(found[0], expected[k])
+
+
+LINEAR = read_scenario(Path(__file__).parents[4] / "scenarios" / "linear.toml")[0]
+DEP6 = read_scenario(Path(__file__).parents[4] / "scenarios" / "dep6.toml")[0]
+
+
+def controlled(scenario, **sections):
+    return msgspec.structs.replace(scenario, control=sections)
+
+
+def test_stated_gains_are_what_the_law_does():
+    """de = 0.35 theta + 0.05 q and da = -0.3 phi - 0.05 p of departures from the trim, written out."""
+    loop = close_loop(LINEAR, LINEAR.reference_of("u20"))
+    settings = jax.tree.map(lambda x: np.asarray(x[0]), loop.law.settings)
+    off = np.zeros(13)
+    off[[3, 4, 6, 7]] = 0.1, 0.2, 0.03, 0.04  # p q phi theta
+    moved = np.concatenate([settings.surface, settings.speed]) @ (-settings.gain @ off)
+    np.testing.assert_allclose(moved, [0.35 * 0.04 + 0.05 * 0.2, -0.3 * 0.03 - 0.05 * 0.1, 0, 0], atol=1e-15)
+
+
+def test_an_aircraft_without_flaps_is_held_by_the_axes_that_it_can_make():
+    loop = close_loop(DEP6, DEP6.reference_of("u18"))
+    found = linearize(DEP6, loop.parameters, loop.trims["u18"])
+    k = list(loop.trims).index("u18")
+    share = np.concatenate([loop.law.settings.surface[k], loop.law.settings.speed[k]])
+    np.testing.assert_allclose(found.wrench[[0, 3, 4, 5]][:, 6:] @ share, np.eye(4), atol=1e-9)
+    closed = found.A - found.B @ share @ np.asarray(loop.law.settings.gain[k])[:, :9]
+    assert np.linalg.eigvals(closed).real.max() < 0.05  # what is left is slow; the integrals take it
+
+
+@pytest.mark.parametrize(
+    ("scenario", "sections", "words"),
+    [
+        (DEP6, {"lq": {}}, "axes X Z L M N of the wrench apart.*without Z"),
+        (DEP6, {"lq": {"axes": ["X", "Y"]}}, "expected some of X Z L M N"),
+        (DEP6, {"lq": {"axes": ["L", "M", "N"]}}, "holds speed, heading and altitude.*X for the speed"),
+        (LINEAR, {"gains": {"ee": {"q": 1.0}}}, "'ee' is unknown.*known names are: da, de"),
+        (LINEAR, {"gains": {"de": {"thet": 1.0}}}, "'thet' is unknown.*'theta'"),
+        (LINEAR, {"gains": {"de": {"q": "high"}}}, "gain of q is 'high'"),
+    ],
+)
+def test_a_law_that_cannot_be_made_is_refused(scenario, sections, words):
+    with pytest.raises(UsageError, match=words):
+        close_loop(controlled(scenario, **sections), scenario.reference[0])

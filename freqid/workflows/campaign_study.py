@@ -1,0 +1,229 @@
+"""A campaign over advance ratios from its scenario to laws: fly, cut, identify, fit and judge."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from freqid import __version__
+from freqid.blend.semi_local.campaign import CampaignStudy, coefficient_histories, inner_trims
+from freqid.blend.semi_local.held import semi_local_model
+from freqid.blend.semi_local.held_out import LOCAL, score_held_out
+from freqid.blend.semi_local.one_shot import one_shot_model
+from freqid.blend.semi_local.parametric import global_model
+from freqid.core.errors import DataError, FreqidError, UsageError
+from freqid.core.estimators import EstimatorName
+from freqid.core.record import FlightRecord, Maneuver, read_record, write_record
+from freqid.core.results.advance_ratio import AdvanceRatioModel, LocalDerivatives
+from freqid.core.results.point import Fit
+from freqid.core.scenario import Scenario
+from freqid.core.store import replacing
+from freqid.core.toml import overridden
+from freqid.identify.advance_ratio.clusters import cluster_alpha
+from freqid.identify.advance_ratio.trim import excited
+from freqid.workflows.advance_ratio import problems_of, told
+from freqid.workflows.campaign import simulate_campaign
+from freqid.workflows.files import save
+from freqid.workflows.identify import identify_point
+from freqid.workflows.import_log import split_flight
+from freqid.workflows.inputs import File, Tell, identification_of, silent
+from freqid.workflows.output_error import identify_output_error
+
+_LONGITUDINAL = ("X", "Z", "M")
+
+
+def study_campaign(
+    scenario: Scenario,
+    folder: File,
+    *,
+    held_out: Sequence[str] = (),
+    sensors: str = "research",
+    noise: float = 1.0,
+    turbulence: float = 1.0,
+    estimator: EstimatorName | None = None,
+    seed: int = 0,
+    tell: Tell = silent,
+) -> CampaignStudy:
+    """Fly a scenario's ``[campaign]``, cut and identify its manoeuvres, fit laws and judge them.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        With ``[campaign]`` and ``[identification]`` in coefficient form.
+    folder : path
+        Where everything is kept: ``flight.h5``, ``maneuvers/m00.h5``, ``points/m00.h5``, ``global.h5`` and
+        the other models. What is there of the same campaign is used again.
+    held_out : sequence of str
+        Manoeuvres ``m03`` that models are judged by; some inside each cluster's range where empty.
+    sensors, noise, turbulence, seed
+        As `freqid.workflows.campaign.simulate_campaign`.
+    estimator : {"instruments", "least-squares"}, optional
+        In place of the scenario's.
+    tell : callable
+        Told what begins, in a few words.
+
+    Returns
+    -------
+    CampaignStudy
+
+    Raises
+    ------
+    UsageError
+        Where a section is missing, or a manoeuvre to hold out is none of the campaign's.
+    DataError
+        Where the flight diverges or a manoeuvre cannot be identified.
+    """
+    settings = identification_of(scenario)
+    at = Path(folder)
+    state = {
+        "scenario": scenario.sha256,
+        "sensors": sensors,
+        "noise": noise,
+        "turbulence": turbulence,
+        "estimator": estimator,
+        "seed": seed,
+        "freqid_version": __version__,
+    }
+    _keep_same(at, state)
+    tell("flight of all trims")
+    pieces = _maneuvers(scenario, at, sensors, noise, turbulence, seed)
+    tell(f"point models of {len(pieces)} manoeuvres")
+    points = _points(scenario, at, pieces, estimator)
+    local, vehicle, _ = told(points.values())
+    local = replace(local, ids=tuple(points))
+    out = _held_out(local, held_out)
+    tell("laws")
+    provenance = {"scenario": {"file": scenario.file, "sha256": scenario.sha256}, **state}
+    whole = global_model(local, vehicle=vehicle, provenance=provenance)
+    models = _all_kinds(whole, local)
+    for model in models:
+        save(model, at / f"{model.kind}.h5")
+    tell("held-out manoeuvres")
+    used, judged = local.of(~out), local.of(out)
+    judging = _all_kinds(global_model(used, clusters=len(whole.clusters), vehicle=vehicle), used)
+    scores = score_held_out(judging, judged, problems_of(judged))
+    shown = judged.ids[len(judged.ids) // 2]
+    maneuver = Maneuver.of(excited(read_record(pieces[shown])), scenario.aircraft())
+    outputs, remarks = _simulated(maneuver, scenario)
+    return CampaignStudy(
+        local=local,
+        models=models,
+        scores=scores,
+        shown=shown,
+        coefficients=_in_time(maneuver, scenario, local, judging, shown),
+        outputs=outputs,
+        remarks=(*whole.remarks, *remarks, *(r for r in models[-1].remarks if r not in whole.remarks)),
+        provenance={**provenance, "held out": list(judged.ids), "form": settings.form},
+    )
+
+
+def _keep_same(folder: Path, state: dict[str, Any]) -> None:
+    """Empty the folder's campaign where it is another one's."""
+    file = folder / "campaign.json"
+    same = file.is_file() and json.loads(file.read_text()) == state
+    if not same:
+        for old in (*folder.glob("maneuvers/m*.h5"), *folder.glob("points/m*.h5"), folder / "flight.h5"):
+            old.unlink(missing_ok=True)
+        with replacing(file) as temporary:
+            temporary.write_text(json.dumps(state, indent=2))
+
+
+def _maneuvers(
+    scenario: Scenario, folder: Path, sensors: str, noise: float, turbulence: float, seed: int
+) -> dict[str, Path]:
+    flight = folder / "flight.h5"
+    if not flight.is_file():
+        flown = simulate_campaign(scenario, sensors=sensors, noise=noise, turbulence=turbulence, seed=seed)
+        save(flown, flight)
+    found = {p.stem: p for p in sorted(folder.glob("maneuvers/m*.h5"))}
+    if not found:
+        pieces: list[FlightRecord] = split_flight(read_record(flight), name=str(flight))
+        for i, piece in enumerate(pieces):
+            found[f"m{i:02d}"] = folder / "maneuvers" / f"m{i:02d}.h5"
+            write_record(found[f"m{i:02d}"], piece, scenario.sha256)
+    return found
+
+
+def _points(
+    scenario: Scenario, folder: Path, pieces: dict[str, Path], estimator: EstimatorName | None
+) -> dict[str, Path]:
+    points = {}
+    for identifier, piece in pieces.items():
+        points[identifier] = folder / "points" / f"{identifier}.h5"
+        if not points[identifier].is_file():
+            try:
+                model = identify_point(excited(read_record(piece)), scenario, estimator=estimator)
+            except DataError as error:
+                raise error.at(str(piece)) from None
+            save(model, points[identifier])
+    return points
+
+
+def _held_out(local: LocalDerivatives, named: Sequence[str]) -> np.ndarray:
+    for identifier in named:
+        if identifier not in local.ids:
+            raise UsageError(
+                f"manoeuvre '{identifier}' cannot be held out, the campaign has {local.ids[0]} to "
+                f"{local.ids[-1]}",
+                remedy="name some of them",
+            )
+    if named:
+        return np.array([identifier in named for identifier in local.ids])
+    out = inner_trims(local, cluster_alpha(local.alpha))
+    if not out.any():
+        raise UsageError(
+            f"{len(local.ids)} manoeuvres are too few to hold some out that laws can be judged by",
+            remedy="fly five advance ratios or more in a cluster, or name them with --hold-out",
+        )
+    return out
+
+
+def _all_kinds(whole: AdvanceRatioModel, local: LocalDerivatives) -> tuple[AdvanceRatioModel, ...]:
+    problems = problems_of(local)
+    return whole, semi_local_model(whole, problems), one_shot_model(whole, problems)
+
+
+def _in_time(
+    maneuver: Maneuver,
+    scenario: Scenario,
+    local: LocalDerivatives,
+    models: Sequence[AdvanceRatioModel],
+    shown: str,
+) -> dict[str, dict[str, Fit]]:
+    settings = identification_of(scenario)
+    highest = scenario.excitation.band_hz[1] if scenario.excitation else None
+    i = local.ids.index(shown)
+    by_kind = {LOCAL: dict(zip(local.names, local.estimate[i].tolist(), strict=True))}
+    j, alpha = float(local.advance_ratio[i]), float(local.alpha[i])
+    by_kind |= {m.kind: m.derivatives(j, alpha, outside="hold") for m in models}
+    return {
+        kind: coefficient_histories(maneuver, settings, derivatives, highest)
+        for kind, derivatives in by_kind.items()
+    }
+
+
+def _simulated(maneuver: Maneuver, scenario: Scenario) -> tuple[dict[str, dict[str, Fit]], tuple[str, ...]]:
+    """Return the longitudinal motion with parameters of equation error and of output error."""
+    settings = identification_of(scenario)
+    wanted = tuple(r for r in _LONGITUDINAL if r in settings.responses)
+    body = msgspec.structs.replace(
+        scenario,
+        identification=overridden(
+            settings, axes="body", responses=wanted, method="time", estimator="least-squares"
+        ),
+    )
+    try:
+        found = identify_output_error(maneuver, body)
+        parameters = {
+            n: v for n, v in zip(found.names, found.start.tolist(), strict=True) if not n.startswith("x0_")
+        }
+        before = identify_output_error(maneuver, body, fixed=parameters | dict(found.held))
+    except FreqidError as error:
+        return {}, (f"Equation error and output error are not compared in time: {error}",)
+    return {"equation error": dict(before.fit), "output error": dict(found.fit)}, ()

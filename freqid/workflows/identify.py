@@ -132,7 +132,8 @@ def identify_point(
     )
     _refuse_unknown("align", align, ("off", "report", "fit"))
     _refuse_unknown("kinematics", kinematics, ("off", "report", "correct"))
-    flown = flown_maneuvers(flights, described, at, cut)
+    given = several(flights)
+    flown = flown_maneuvers(given, described, at, cut)
     maneuvers, names = list(flown.maneuvers), flown.names
     compatibility = {}
     if kinematics != "off":
@@ -156,14 +157,14 @@ def identify_point(
                 tell=tell,
             )
     except DataError as error:
-        raise error.at(" and ".join(names_of(several(flights)))) from None
+        raise error.at(" and ".join(names_of(given))) from None
     sources = {**flown.sources(), "scenario": source_of(described), "freqid_version": __version__}
     sources |= {"kinematics": compatibility} if compatibility else {}
     sources |= {"alignment": alignment} if alignment else {}
     sources |= {k: model.provenance[k] for k in ("structure", "output_error") if k in model.provenance}
     predicted = {}
     if held_out is not None:
-        name = names_of([held_out], len(several(flights)) + 1)[0]
+        name = names_of([held_out], len(given) + 1)[0]
         try:
             other = maneuver_of(held_out, described)
             if align == "fit":

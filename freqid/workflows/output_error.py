@@ -140,7 +140,8 @@ def identify_output_error(
     if method not in MAXIMUM_LIKELIHOOD:
         raise UsageError(f"method is '{method}'", remedy=nearest(method, MAXIMUM_LIKELIHOOD))
     described = scenario_of(scenario) if scenario is not None else None
-    flown = flown_maneuvers(flights, described, at, cut)
+    given = several(flights)
+    flown = flown_maneuvers(given, described, at, cut)
     identification = None
     if model is None:
         if described is None:
@@ -191,7 +192,7 @@ def identify_output_error(
             each = zip(flown.maneuvers, flown.names, strict=True)
             result = estimate(model, [signals_of(m, model, channels, n) for m, n in each], choices, settings)
     except DataError as error:
-        raise error.at(" and ".join(names_of(several(flights)))) from None
+        raise error.at(" and ".join(names_of(given))) from None
     sources = {**flown.sources(), "scenario": source_of(described), "freqid_version": __version__}
     point = result.point
     if point is not None:

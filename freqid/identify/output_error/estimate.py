@@ -164,29 +164,25 @@ def _check(model: DynamicModel, signals: Sequence[Signals], settings: Settings) 
 
 
 def _solved(likelihood: TimeDomain | FrequencyDomain) -> _Solution:
-    """Minimise, with parameters held that the data do not tell."""
+    """Minimise; hold parameters that the data do not tell where that ended, and go on with the rest.
+
+    They are judged at the minimum: at a wrong start, a delay of an input without effect tells nothing.
+    """
     free = likelihood.parameters.start
     not_excited: dict[str, tuple[str, ...]] = {}
     while True:
         parameters = likelihood.parameters
-        point = likelihood.linearise(free)
-        if not np.isfinite(point.cost):
+        found = minimise(likelihood.cost, likelihood.linearise, free, parameters.lower, parameters.upper)
+        if found is None:
             return _Solution(likelihood, None, free, not_excited)
-        found = None
-        hold, others = unexcited(point.information)
+        hold, others = unexcited(found.point.information)
         if not hold:
-            found = minimise(likelihood.cost, likelihood.linearise, free, parameters.lower, parameters.upper)
-            if found is None:
-                return _Solution(likelihood, None, free, not_excited)
-            free = found.free
-            hold, others = unexcited(found.point.information)
-        if not hold:
-            return _Solution(likelihood, found, free, not_excited)
+            return _Solution(likelihood, found, found.free, not_excited)
         names = parameters.free_names
         not_excited |= {names[i]: tuple(names[k] for k in others[i]) for i in hold}
         if len(hold) == len(names):
             return _Solution(likelihood, None, free, not_excited)
-        likelihood = likelihood.with_parameters(parameters.held([names[i] for i in hold], free))
+        likelihood = likelihood.with_parameters(parameters.held([names[i] for i in hold], found.free))
         free = likelihood.parameters.start
 
 
@@ -242,7 +238,7 @@ def _result(
     if found is None:
         why = (
             "no parameter is excited"
-            if len(solution.not_excited) == f
+            if len(solution.not_excited) >= f
             else "the simulation of the model diverges at its start"
         )
         return OutputErrorModel(

@@ -119,9 +119,11 @@ def minimise(
 def solve(point: Point, open_: NDArray[np.bool_], damping: float) -> Array:
     """Return the step, shape (f,), zero for numbers that are not open and directions not excited."""
     step = np.zeros_like(point.gradient)
+    open_ = open_ & (np.diag(point.information) > 0)
+    if not open_.any():
+        return step
     information = point.information[np.ix_(open_, open_)]
     size = np.sqrt(np.diag(information))
-    size = np.where(size > 0, size, 1.0)
     values, vectors = np.linalg.eigh(information / size[:, None] / size)
     seen = values > SINGULAR * values[-1]
     along = vectors[:, seen]

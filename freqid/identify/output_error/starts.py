@@ -117,5 +117,7 @@ def _equations(model: DynamicModel, s: Signals, p: Array) -> tuple[Array, Array]
 
 def _solve(columns: Array, z: Array) -> Array:
     size = np.sqrt((columns**2).sum(axis=0))
-    size = np.where(size > 0, size, 1.0)
-    return np.linalg.lstsq(columns / size, z, rcond=FAINT)[0] / size
+    told = size > 0
+    step = np.zeros(size.size)
+    step[told] = np.linalg.lstsq(columns[:, told] / size[told], z, rcond=FAINT)[0] / size[told]
+    return step

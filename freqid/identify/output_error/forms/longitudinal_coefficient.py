@@ -21,7 +21,7 @@ STATES = ("V", "alpha", "q", "theta")
 
 
 def build(loads: Loads) -> DynamicModel:
-    """Return the model; density, roll and yaw rate and bank angle are inputs, airspeed gives dynamic pressure.
+    """Return the model; density, roll and yaw rate and bank angle are inputs, airspeed gives qbar.
 
     Notes
     -----

@@ -186,7 +186,15 @@ def test_a_hidden_state_needs_starts():
         estimate(model, [Signals(s.dt, s.inputs, {"az": s.outputs["az"]})])
     start = {n: v * 1.2 for n, v in TRUTH.items()} | {"bias_az": 0.0}
     found = estimate(model, [Signals(s.dt, s.inputs, {"az": s.outputs["az"]})], Choices(start=start))
-    assert found["Zw"][0] == pytest.approx(TRUTH["Zw"], rel=1e-3)
+    # the accelerometer alone tells both poles and the gain; two parameters more it does not tell
+    assert len(found.not_excited) == 2
+    there, truth = found.values(), TRUTH
+    for name, of in {
+        "trace": lambda p: p["Zw"] + p["Mq"],
+        "determinant": lambda p: p["Zw"] * p["Mq"] - p["Zq"] * p["Mw"],
+        "gain": lambda p: p["Zw"] * p["Zq"] * p["Mde"],
+    }.items():
+        assert of(there) == pytest.approx(of(truth), rel=1e-4), name
 
 
 def _az_only(x, u, p):
@@ -203,3 +211,14 @@ def test_starts_are_those_of_equation_error():
     expected = np.linalg.lstsq(columns, rate)[0]
     np.testing.assert_allclose([start[n] for n in ("Mw", "Mq", "Mde")], expected, rtol=1e-6)
     assert start["x0_w"] == flight.outputs["w"][0]
+
+
+def test_nothing_excited_is_said():
+    found = estimate(
+        MODEL,
+        [Signals(DT, {"de": 0.0}, dict.fromkeys(MODEL.outputs, np.zeros(100)))],
+        Choices(fixed={"bias_az": 0.0}, initial="zero"),
+    )
+    assert not found.converged
+    assert "no parameter is excited" in found.remarks[0]
+    assert set(found.not_excited) == set(TRUTH)

@@ -13,6 +13,8 @@ covered         share of the trims' advance ratios at which the 95 % interval of
 change          range of the truth over the trims, in median standard errors of a manoeuvre
 bias            mean of local estimates less truth, in their standard errors
 spread          standard deviation of the same
+scatter         of the law, in median standard errors
+manoeuvres      that the law is made from: those that cannot be identified are left out
 
 and ``benchmarks/dep6_models.csv``, a row for each campaign and model: the misfit of held-out manoeuvres, two
 trims of each cluster that none of the models is made from, per derivative (one: the manoeuvre's own error).
@@ -44,7 +46,7 @@ from freqid.workflows.campaign import simulate_campaign
 HERE = Path(__file__).parent
 LAWS, MODELS = HERE / "dep6_laws.csv", HERE / "dep6_models.csv"
 LAW_COLUMNS = ("campaign", "cluster_deg", "derivative", "form", "unblown", "std_error", "truth_unblown")
-LAW_COLUMNS = (*LAW_COLUMNS, "covered", "change", "bias", "spread", "scatter")
+LAW_COLUMNS = (*LAW_COLUMNS, "covered", "change", "bias", "spread", "scatter", "manoeuvres")
 MODEL_COLUMNS = (
     "campaign",
     "model",
@@ -66,9 +68,15 @@ def flown(seed, estimator):
     """Return what one campaign's manoeuvres tell, and the truth at each."""
     flight = simulate_campaign("scenarios/dep6.toml", noise=1.0, turbulence=1.0, seed=seed)
     pieces = [excited(piece) for piece in fq.split_flight(flight.record)]
-    points = [fq.identify_point(piece, flight.scenario, estimator=estimator) for piece in pieces]
+    points, told = [], []
+    for i, piece in enumerate(pieces):
+        try:
+            points.append(fq.identify_point(piece, flight.scenario, estimator=estimator))
+            told.append(piece)
+        except fq.FreqidError as error:
+            print(f"campaign {seed}, manoeuvre {i} is left out: {error}", flush=True)
     local = local_derivatives(points, [f"m{i:02d}" for i in range(len(points))])
-    truths = [local_coefficients(flight.scenario, flight.truth.cut(p.time[0], p.time[-1])) for p in pieces]
+    truths = [local_coefficients(flight.scenario, flight.truth.cut(p.time[0], p.time[-1])) for p in told]
     truth = np.array([[truth_of(found, name) for name in local.names] for found in truths])
     return local, truth
 
@@ -97,6 +105,7 @@ def law_rows(seed, local, truth):
                     "bias": f"{z.mean():.3f}",
                     "spread": f"{z.std():.3f}",
                     "scatter": f"{law.scatter / np.median(error):.3f}",
+                    "manoeuvres": law.points,
                 }
             )
     return rows

@@ -77,7 +77,7 @@ def study_campaign(
     UsageError
         Where a section is missing, or a manoeuvre to hold out is none of the campaign's.
     DataError
-        Where the flight diverges or a manoeuvre cannot be identified.
+        Where the flight diverges or no manoeuvre can be identified; single ones are left out with a remark.
     """
     settings = identification_of(scenario)
     at = Path(folder)
@@ -94,7 +94,7 @@ def study_campaign(
     tell("flight of all trims")
     pieces = _maneuvers(scenario, at, sensors, noise, turbulence, seed)
     tell(f"point models of {len(pieces)} manoeuvres")
-    points = _points(scenario, at, pieces, estimator)
+    points, left_out = _points(scenario, at, pieces, estimator)
     local, vehicle, _ = told(points.values())
     local = replace(local, ids=tuple(points))
     out = _held_out(local, held_out)
@@ -118,7 +118,12 @@ def study_campaign(
         shown=shown,
         coefficients=_in_time(maneuver, scenario, local, judging, shown),
         outputs=outputs,
-        remarks=(*whole.remarks, *remarks, *(r for r in models[-1].remarks if r not in whole.remarks)),
+        remarks=(
+            *left_out,
+            *whole.remarks,
+            *remarks,
+            *(r for r in models[-1].remarks if r not in whole.remarks),
+        ),
         provenance={**provenance, "held out": list(judged.ids), "form": settings.form},
     )
 
@@ -152,17 +157,24 @@ def _maneuvers(
 
 def _points(
     scenario: Scenario, folder: Path, pieces: dict[str, Path], estimator: EstimatorName | None
-) -> dict[str, Path]:
-    points = {}
+) -> tuple[dict[str, Path], list[str]]:
+    """Return the points of the manoeuvres that can be identified, and why others are left out."""
+    points, left_out = {}, []
+    first: FreqidError | None = None
     for identifier, piece in pieces.items():
-        points[identifier] = folder / "points" / f"{identifier}.h5"
-        if not points[identifier].is_file():
+        point = folder / "points" / f"{identifier}.h5"
+        if not point.is_file():
             try:
                 model = identify_point(excited(read_record(piece)), scenario, estimator=estimator)
             except DataError as error:
-                raise error.at(str(piece)) from None
-            save(model, points[identifier])
-    return points
+                first = first or error.at(str(piece))
+                left_out.append(f"Manoeuvre {identifier} is left out: {error.message}.")
+                continue
+            save(model, point)
+        points[identifier] = point
+    if not points:
+        raise first or DataError("the campaign holds no manoeuvre", where=str(folder))
+    return points, left_out
 
 
 def _held_out(local: LocalDerivatives, named: Sequence[str]) -> np.ndarray:

@@ -67,6 +67,22 @@ def test_a_campaign_goes_from_the_flight_to_the_page(flights, tmp_path):
     assert again.scores.ids == ("m01", "m04")
 
 
+def test_a_manoeuvre_that_cannot_be_identified_is_left_out(flights, tmp_path, monkeypatch):
+    identify, calls = campaign_study.identify_point, []
+
+    def sometimes(*args, **kwargs):
+        calls.append(args)
+        if len(calls) == 3:
+            raise DataError("the injected signals hardly move 'alpha'")
+        return identify(*args, **kwargs)
+
+    monkeypatch.setattr(campaign_study, "identify_point", sometimes)
+    study = fq.study(SCENARIO, tmp_path, held_out=["m01", "m04"])
+    assert "m02" not in study.local.ids
+    assert len(study.local.ids) == len(RATIOS) - 1
+    assert "Manoeuvre m02 is left out: the injected signals hardly move 'alpha'." in study.remarks
+
+
 def test_what_a_campaign_cannot_do_is_said(flights, tmp_path):
     with pytest.raises(UsageError, match="a campaign flies all its trims"):
         fq.study(SCENARIO, tmp_path, at=["u20"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -27,11 +27,17 @@ class HeldOutScores:
     misfit : ndarray, shape (k, m)
         Twice the log likelihood lost against the manoeuvre's own fit, over the number of derivatives: one is
         the error of that own fit alone.
+    responses : tuple of str, length r
+        ``CX`` and so on.
+    by_response : ndarray, shape (k, r, m)
+        The same by response, from the expansion of the likelihood; nan where a manoeuvre tells none of it.
     """
 
     ids: tuple[str, ...]
     models: tuple[str, ...]
     misfit: Array
+    responses: tuple[str, ...] = ()
+    by_response: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))
 
     @property
     def mean(self) -> dict[str, float]:
@@ -69,6 +75,8 @@ def score_held_out(
         By the id of the manoeuvre.
     """
     rows = np.empty((1 + len(models), len(held_out.ids)))
+    responses = tuple(dict.fromkeys(name.partition(".")[0] for name in held_out.names))
+    parts = np.full((1 + len(models), len(responses), len(held_out.ids)), np.nan)
     for i, identifier in enumerate(held_out.ids):
         problem = problems[identifier]
         j, alpha = float(held_out.advance_ratio[i]), float(held_out.alpha[i])
@@ -77,7 +85,14 @@ def score_held_out(
             every = model.derivatives(j, alpha, outside="hold")
             predicted.append(np.array([every[name] for name in problem.names]))
         rows[:, i] = [problem.misfit(theta) / theta.size for theta in predicted]
-    return HeldOutScores(held_out.ids, (LOCAL, *(m.kind for m in models)), rows)
+        own = [responses.index(name.partition(".")[0]) for name in problem.names]
+        for k, theta in enumerate(predicted):
+            minimum, information = problem.expand(theta)
+            for r in set(own):
+                at = np.flatnonzero(np.array(own) == r)
+                off = (theta - minimum)[at]
+                parts[k, r, i] = off @ information[np.ix_(at, at)] @ off / at.size
+    return HeldOutScores(held_out.ids, (LOCAL, *(m.kind for m in models)), rows, responses, parts)
 
 
 def neighbour(model: AdvanceRatioModel, names: Sequence[str], j: float, alpha: float) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import degrees
 from typing import Any
 
@@ -44,11 +45,23 @@ def build_campaign_page(study: CampaignStudy) -> str:
     said = [r for r in study.remarks if r not in whole.remarks]
     findings += [finding("note", "{}", remark) for remark in said]
     scores = [
-        {"model": kind, "misfit": number(value), "less": _less(study, kind)}
-        for kind, value in study.scores.mean.items()
+        {
+            "model": kind,
+            "misfit": number(value),
+            "less": _less(study, kind),
+            "parts": [number(float(x)) for x in np.nanmean(study.scores.by_response[k], axis=1)],
+        }
+        for k, (kind, value) in enumerate(study.scores.mean.items())
     ]
     return _page(
-        whole, findings, _outputs(study), _coefficients(study), scores, [_misfits(study)], study.provenance
+        whole,
+        findings,
+        _outputs(study),
+        _coefficients(study),
+        scores,
+        [_misfits(study)],
+        study.provenance,
+        study.scores.responses,
     )
 
 
@@ -60,6 +73,7 @@ def _page(
     scores: list[dict[str, Any]],
     misfits: list[Picture],
     provenance: dict[str, Any],
+    responses: Sequence[str] = (),
 ) -> str:
     count = sum(len(c.local.ids) for c in model.clusters)
     alphas = ", ".join(f"{degrees(c.alpha):.1f}" for c in model.clusters)
@@ -84,6 +98,7 @@ def _page(
         outputs=outputs,
         coefficients=coefficients,
         scores=scores,
+        responses=list(responses),
         misfits=misfits,
         trims=_trims(model),
         provenance=provenance,

@@ -134,6 +134,8 @@ def test_held_out_manoeuvres_are_told_better_than_by_neighbours(model, local):
     assert np.mean(own) == pytest.approx(1.0, abs=0.6)
     mean, error = scores.difference("one-shot", "global")
     assert mean < 0 < error
+    assert scores.responses == ("Cm",)
+    np.testing.assert_allclose(scores.by_response[:, 0], scores.misfit)  # of one response alone
 
 
 def test_confident_laws_are_held_and_something_is_left(model, local):

@@ -147,7 +147,7 @@ def estimate(evidence: Evidence, index: int, level: float, given: Array | None =
     seen = np.flatnonzero(density > 1e-9 * density.max())
     # once more, fine enough for however sharp the data are
     near = np.linspace(fine[max(seen[0] - 1, 0)], fine[min(seen[-1] + 1, fine.size - 1)], _FINE)
-    density = _density(evidence, index, mix, beside, given, near, np.array([c.weights(s) for s in near]))
+    density = _density(evidence, index, mix, beside, given, near, c.weights(near))
     mass = np.cumsum(density) / density.sum()
     lo, hi = (float(np.interp(q, mass, near)) for q in ((1 - level) / 2, (1 + level) / 2))
     mean = float((density * near).sum() / density.sum())
@@ -230,7 +230,7 @@ def _fine(c: Candidate) -> tuple[Array, Array]:
     if c not in _GRIDS:
         low, high = min(c.prior.min(), 0.0), max(c.prior.max(), 0.0)
         fine = np.union1d(np.linspace(low, high, 2001), c.prior)
-        _GRIDS[c] = fine, np.array([c.weights(s) for s in fine])
+        _GRIDS[c] = fine, c.weights(fine)
     return _GRIDS[c]
 
 

@@ -125,7 +125,7 @@ class Weighing:
     @cached_property
     def weights(self) -> list[Array]:
         """Of each scalar's columns at each size of its prior, shape (size, column)."""
-        return [np.array([c.weights(s) for s in c.prior]) for c in map(self._candidate, self.scalars)]
+        return [c.weights(c.prior) for c in map(self._candidate, self.scalars)]
 
     @cached_property
     def alike(self) -> list[Scalars]:

@@ -123,11 +123,14 @@ class Candidate:
         """``effect`` or ``effect@place``."""
         return f"{self.effect}@{self.place.label}" if self.place.label else self.effect
 
-    def weights(self, size: float) -> Array:
-        """Return the weights of a scalar's columns at a size: straight between sizes, and to zero."""
-        sizes = self.sizes if self.curve is None else self.curve.sizes
-        weights = _straight(sizes, size)
-        return weights if self.curve is None else weights @ self.curve.mix
+    def weights(self, size: float | Array) -> Array:
+        """Return the weights of a scalar's columns at a size: straight between sizes, and to zero.
+
+        Shape (column,), or (size, column) at several sizes.
+        """
+        weights = _straight(self.sizes if self.curve is None else self.curve.sizes, np.atleast_1d(size))
+        weights = weights if self.curve is None else weights @ self.curve.mix
+        return weights if np.ndim(size) else weights[0]
 
     def settings(self, size: float | Array) -> dict[str, float]:
         """Return the effect's parameters at a size, as departures from their values in force."""
@@ -135,23 +138,20 @@ class Candidate:
         return dict(zip(self.place.parameters, values.tolist(), strict=True)) | dict(self.place.fixed)
 
 
-def _straight(sizes: Array, size: float) -> Array:
-    """Return the weights of the changes at some sizes in that at another, shape (size,)."""
-    weights = np.zeros(sizes.size)
-    same = np.flatnonzero(np.sign(sizes) == np.sign(size))
-    if same.size == 0:  # proportional, or nothing is known on that side
-        weights[0] = size / sizes[0]
-        return weights
-    order = same[np.argsort(np.abs(sizes[same]))]
-    at, wanted = np.abs(sizes[order]), abs(size)
-    if wanted <= at[0]:
-        weights[order[0]] = wanted / at[0]
-    elif wanted >= at[-1]:
-        weights[order[-1]] = wanted / at[-1]
-    else:
-        k = int(np.searchsorted(at, wanted))
-        share = (wanted - at[k - 1]) / (at[k] - at[k - 1])
-        weights[order[k - 1]], weights[order[k]] = 1 - share, share
+def _straight(sizes: Array, wanted: Array) -> Array:
+    """Return the weights of the changes at some sizes in those at others, shape (wanted, size)."""
+    weights = np.zeros((wanted.size, sizes.size))
+    for sign in (-1, 1):
+        mine, same = np.flatnonzero(np.sign(wanted) == sign), np.flatnonzero(np.sign(sizes) == sign)
+        if same.size == 0:  # proportional, or nothing is known on that side
+            weights[mine, 0] = wanted[mine] / sizes[0]
+            continue
+        order = same[np.argsort(np.abs(sizes[same]))]
+        at, x = np.abs(sizes[order]), np.abs(wanted[mine])
+        for k, column in enumerate(np.eye(at.size)):
+            weights[mine, order[k]] = np.interp(x, [0.0, *at], [0.0, *column])
+        beyond = x > at[-1]
+        weights[mine[beyond], order[-1]] = x[beyond] / at[-1]
     return weights
 
 

@@ -105,7 +105,7 @@ def _body_axes(
         v, a, b = x[0], x[1], x[2]
         velocity = v * jnp.stack([jnp.cos(a) * jnp.cos(b), jnp.sin(b), jnp.sin(a) * jnp.cos(b)])
         positions = split(parameters, x[len(MOTION) :])
-        centre = multibody.centre_of_gravity(parameters.mass, positions.tilt)
+        centre = multibody.traced_centre_of_gravity(parameters.mass, positions.tilt)
         flow = Flow(velocity - cross(x[3:6], centre), x[3:6], jnp.asarray(rho), jnp.asarray(_HIGH))
         return airframe.wrench(parameters.airframe, flow, positions).wrench.about(centre)
 

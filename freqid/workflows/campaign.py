@@ -16,7 +16,7 @@ from freqid.simulate import campaign
 from freqid.simulate.loads.coefficients import HIGHEST_ADVANCE_RATIO
 from freqid.simulate.maneuver import Conditions, with_effects
 from freqid.workflows.design import design_inputs
-from freqid.workflows.fly import Design, Effects, SimulatedManeuver, effect_settings, design_samples
+from freqid.workflows.fly import Design, Effects, SimulatedManeuver, design_samples, effect_settings
 from freqid.workflows.inputs import File, name_of, scenario_of
 
 

@@ -40,7 +40,7 @@ from freqid.simulate.control.lq import ClosedLoop, close_loop, corridor
 from freqid.simulate.control.trim import trim
 from freqid.simulate.fly import Flight, fly, sortie
 from freqid.simulate.loads import description
-from freqid.simulate.loads.airframe import Parameters
+from freqid.simulate.loads.airframe import Airframe
 from freqid.simulate.loads.quantities import Flow, Positions
 from freqid.simulate.maneuver import with_effects
 from freqid.simulate.motion import multibody
@@ -292,7 +292,7 @@ class ScenarioSimulation:
         leaves = {i: jax.tree.map(jnp.asarray, actuation.leaves(settings[i])) for i in changed}
         return airframe._replace(effects={**airframe.effects, **leaves})
 
-    def _wrench(self, airframe: Parameters, record: FlightRecord, along: loads.Along, time: Array) -> Array:
+    def _wrench(self, airframe: Airframe, record: FlightRecord, along: loads.Along, time: Array) -> Array:
         predicted = loads.wrench(airframe, self._mass(record), along, time - time[0])
         bad = np.flatnonzero(~np.isfinite(predicted).all(axis=0))
         if bad.size:

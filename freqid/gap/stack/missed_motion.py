@@ -69,7 +69,7 @@ def _missed(
 ) -> tuple[Complex, float]:
     """Return the part of y, shape (line,), that changes slowly with frequency, and the power of the rest."""
     size = np.sqrt(np.mean(np.concatenate([np.abs(x[at]) for at, _ in driven]) ** 2))
-    missed: Complex = np.zeros(y.shape, dtype=np.complex128)
+    missed = np.zeros(y.shape, dtype=np.complex128)
     if not size or not any(y[at].any() for at, _ in driven):
         return missed, 0.0
     each = []
@@ -102,7 +102,7 @@ def _missed(
         if best == before:
             break
     for (at, _), x in zip(driven, said(best), strict=True):
-        missed[at] = np.array([1.0, 1j]) @ np.reshape(x, (2, -1))
+        missed[at] = x[: at.size].astype(complex) + 1j * x[at.size :]
     return missed, 2 * known[best] / sum(z.size for *_, z in each)
 
 

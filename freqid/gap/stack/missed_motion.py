@@ -101,8 +101,8 @@ def _missed(
             best = min(asked, key=lambda s: known[s])
         if best == before:
             break
-    for (at, _), x in zip(driven, said(best), strict=True):
-        missed[at] = x[: at.size].astype(complex) + 1j * x[at.size :]
+    for (at, _), part in zip(driven, said(best), strict=True):
+        missed[at] = part[: at.size] + 1j * part[at.size :]
     return missed, 2 * known[best] / sum(z.size for *_, z in each)
 
 

@@ -134,8 +134,8 @@ def identify_output_error(
     Examples
     --------
     >>> found = identify_output_error(flight, scenario, responses=("X", "Z", "M"))
-    >>> round(found["M_de"][0]), found.coloured
-    (-42, ('u', 'q', 'theta'))
+    >>> round(found["M_de"][0]), found.valid
+    (-42, False)
     """
     if method not in MAXIMUM_LIKELIHOOD:
         raise UsageError(f"method is '{method}'", remedy=nearest(method, MAXIMUM_LIKELIHOOD))

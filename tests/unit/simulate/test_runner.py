@@ -111,7 +111,7 @@ def test_a_killed_run_resumes_with_what_is_missing(tmp_path):
                 path.write_text(str(number))
 
             def main(log, folder):
-                return runner.run(work, [{"number": n, "log": log} for n in range(6)], Path(folder))
+                return runner.run_units(work, [{"number": n, "log": log} for n in range(6)], Path(folder))
             """
         )
     )

@@ -117,7 +117,7 @@ def test_predicted_sensors_are_the_motions_and_so_are_their_derivatives(bench, m
         f"state/{n}": v for n, v in zip(("p", "q", "r", "ax", "ay", "az"), (*rates, *force), strict=True)
     }
     channels = {n: Channel(n, "", v, 50.0, "", place.get(n[6:])) for n, v in rows.items()}
-    sensors = sensors_of(bench.FlightRecord(t, channels), (0.0, 0.0, 0.0))
+    sensors = sensors_of(bench.fq.FlightRecord(t, channels), (0.0, 0.0, 0.0))
     assert set(sensors.names) == {n for n in rows if n not in bench_inertial()}
     moving = replace(path, velocity=path.velocity + wind[:, None])
     found, by_state, by_wind = predicted(moving, sensors, rates, wind)
@@ -256,7 +256,7 @@ def test_a_corrected_record_is_the_flight_and_checks_clean(bench):
     again = check_kinematics(mended, KinematicSettings(parameters=bench.ERRORS[bench.WITH_GROUND]))
     for name in ("w scale", "ground delay", "az bias", "u delay", "p bias"):
         assert abs(again[name][0]) < 1.0 * again[name][1]
-    assert isinstance(corrected(made, check), bench.FlightRecord)
+    assert isinstance(corrected(made, check), bench.fq.FlightRecord)
 
 
 def test_a_wind_that_wanders_costs_parameters_until_it_may(bench):

@@ -11,10 +11,20 @@ from freqid.gap.self_test.smallest import smallest_sizes
 
 
 @pytest.fixture(scope="module")
-def smallest(findings):
+def every(findings):
+    """Smallest sizes of all places of each effect, the least visible share last."""
     evidence = findings.evidence
     draws = DrawnData.of(evidence, evidence.system, 200, 4)
-    return smallest_sizes(evidence, draws, findings.threshold)
+    return smallest_sizes(evidence, draws, findings.threshold, every=True)
+
+
+@pytest.fixture(scope="module")
+def smallest(every):
+    """The best and the worst place of each effect."""
+    of = {}
+    for one in every:
+        of.setdefault(one.effect, []).append(one)
+    return [one for places in of.values() for one in dict.fromkeys((places[0], places[-1]))]
 
 
 def test_the_smallest_size_is_called_a_gap_and_much_smaller_ones_are_not(findings, smallest):
@@ -40,9 +50,7 @@ def test_the_smallest_size_is_called_a_gap_and_much_smaller_ones_are_not(finding
         assert called[0.6] < 0.85, one
 
 
-def test_the_closed_form_is_on_the_safe_side_of_the_draws(findings):
-    draws = DrawnData.of(findings.evidence, findings.evidence.system, 200, 4)
-    every = smallest_sizes(findings.evidence, draws, findings.threshold, every=True)
+def test_the_closed_form_is_on_the_safe_side_of_the_draws(findings, every):
     closed = detectable_sizes(findings.evidence, findings.threshold)
     for effect, (size, unit) in closed.items():
         of = [s for s in every if s.effect == effect]

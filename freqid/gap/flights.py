@@ -70,7 +70,7 @@ def maneuvers(
     Parameters
     ----------
     records : sequence of FlightRecord
-        Those that hold V, alpha and beta get u v w from them.
+        For a scenario's simulation those that hold V, alpha and beta get u v w from them.
     names : sequence of str
         Their files.
     simulation : Simulation
@@ -84,7 +84,10 @@ def maneuvers(
     DataError
         Where vehicles do not match, or a record is too short or too still to tell anything.
     """
-    records = [with_velocity(record) for record in records]
+    if (
+        simulation.kind == "scenario"
+    ):  # it needs u v w; others would gain relations that their sensors only copy
+        records = [with_velocity(record) for record in records]
     found = [
         Maneuver.of(r, vehicle or r.vehicle or simulation.vehicle or without_vehicle("unnamed vehicle", r))
         for r in records

@@ -13,6 +13,7 @@ from freqid.gap.flights import BAND_HZ, differing, injected_band, maneuvers, veh
 
 @dataclass
 class Simulated:
+    kind = "callable"
     vehicle: Vehicle | None
     responses: tuple[str, ...] = ("M",)
     name: str = "sim"

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
+from freqid.core.channels import RATES
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord
 
@@ -17,7 +18,6 @@ STEADY_S = 2.0  # shortest stretch that counts as trim
 FLOORS = {"rad": radians(0.5), "rad/s": radians(2.0), "1": 0.01, "m": 0.0025}
 SHARE = 0.05  # of the median size: the floor of rotor speeds and thrusts
 _Movements = dict[str, tuple[NDArray[np.float64], float]]
-_RATES = ("state/p", "state/q", "state/r")
 
 
 def find_maneuvers(record: FlightRecord, margin_s: float = 1.0) -> tuple[tuple[float, float], ...]:
@@ -79,7 +79,7 @@ def _is_input(record: FlightRecord, movements: _Movements, low: int, high: int) 
 
 def _steady(record: FlightRecord) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return first and one-past-last sample of every trim stretch."""
-    rates = [name for name in _RATES if name in record]
+    rates = [name for name in RATES if name in record]
     movements = [_movement(record, name) for name in (*_inputs(record), *rates)]
     moves = np.logical_or.reduce([swing > threshold for swing, threshold in movements])
     quiet = np.concatenate([[False], ~moves, [False]]).astype(np.int8)

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from freqid.core.arrays import Array
-from freqid.core.channels import si_unit, split
+from freqid.core.channels import ATTITUDE, FLOW, FORCES, GROUND, RATES, VELOCITY, si_unit, split
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.frames import cross, flow_angles, level_from_body, specific_force_at
 from freqid.core.record import Channel, FlightRecord
@@ -17,14 +17,8 @@ from freqid.core.scenario import Scenario
 from freqid.core.toml import convert
 from freqid.core.vehicle import Strict, Vector, Vehicle
 
-_VELOCITY = ("state/u", "state/v", "state/w")
-_GROUND = ("state/vn", "state/ve", "state/vd")
-_ATTITUDE = ("state/phi", "state/theta", "state/psi")
-_RATES = ("state/p", "state/q", "state/r")
 _ANGULAR_ACCELERATIONS = ("state/pdot", "state/qdot", "state/rdot")
-_SPECIFIC_FORCES = ("state/ax", "state/ay", "state/az")
-_FLOW = ("air/V", "air/alpha", "air/beta")
-_PLACED = {*_VELOCITY, *_GROUND, *_SPECIFIC_FORCES, *_FLOW}  # depend on where the sensor is
+_PLACED = {*VELOCITY, *GROUND, *FORCES, *FLOW}  # depend on where the sensor is
 _TURNING = ("state/phi", "state/psi", "air/alpha")  # may jump by a full turn, which no spline survives
 _ORIGIN = (0.0, 0.0, 0.0)
 _EXACT = ("command", "excitation")  # groups that the flight computer knows without measuring
@@ -81,11 +75,11 @@ class Sensor(Strict, frozen=True):
                 split(channel)
             except DataError as error:
                 raise ValueError(str(error)) from None
-        for channel in {*_VELOCITY, *_FLOW} & set(self.channels) if self.senses == "ground" else ():
+        for channel in {*VELOCITY, *FLOW} & set(self.channels) if self.senses == "ground" else ():
             raise ValueError(
-                f"'{channel}' is relative to the air, but senses is 'ground', expected {' '.join(_GROUND)}"
+                f"'{channel}' is relative to the air, but senses is 'ground', expected {' '.join(GROUND)}"
             )
-        for channel in set(_GROUND) & set(self.channels) if self.senses != "ground" else ():
+        for channel in set(GROUND) & set(self.channels) if self.senses != "ground" else ():
             raise ValueError(f"'{channel}' is over the ground, but senses is '{self.senses}'")
 
 
@@ -208,20 +202,20 @@ def _sensed(truth: FlightRecord, wind: Array, sensor: Sensor) -> dict[str, Array
     sensed: dict[str, Array] = {}
     if not set(sensor.channels) & _PLACED:
         return sensed
-    rates, offset = truth.matrix(_RATES), np.array(sensor.position_m or _ORIGIN)
-    if set(sensor.channels) & set(_SPECIFIC_FORCES):
-        force, turning = truth.matrix(_SPECIFIC_FORCES), truth.matrix(_ANGULAR_ACCELERATIONS)
+    rates, offset = truth.matrix(RATES), np.array(sensor.position_m or _ORIGIN)
+    if set(sensor.channels) & set(FORCES):
+        force, turning = truth.matrix(FORCES), truth.matrix(_ANGULAR_ACCELERATIONS)
         moved = specific_force_at(force, rates, turning, offset)
-        sensed |= dict(zip(_SPECIFIC_FORCES, moved, strict=True))
-    velocity = truth.matrix(_VELOCITY) + cross(rates, np.broadcast_to(offset[:, None], rates.shape))
+        sensed |= dict(zip(FORCES, moved, strict=True))
+    velocity = truth.matrix(VELOCITY) + cross(rates, np.broadcast_to(offset[:, None], rates.shape))
     if sensor.senses == "ground":
-        over_ground = np.einsum("ijn,jn->in", level_from_body(truth.matrix(_ATTITUDE)), velocity + wind)
-        return sensed | dict(zip(_GROUND, over_ground, strict=True))
+        over_ground = np.einsum("ijn,jn->in", level_from_body(truth.matrix(ATTITUDE)), velocity + wind)
+        return sensed | dict(zip(GROUND, over_ground, strict=True))
     speed, alpha, beta = flow_angles(velocity)
     if sensor.senses == "tube":
         speed = velocity[0]
     bent = (speed, (1 + sensor.upwash) * alpha, (1 + sensor.upwash) * beta)
-    return sensed | dict(zip(_VELOCITY, velocity, strict=True)) | dict(zip(_FLOW, bent, strict=True))
+    return sensed | dict(zip(VELOCITY, velocity, strict=True)) | dict(zip(FLOW, bent, strict=True))
 
 
 def _with_errors(name: str, sensor: Sensor, values: Array, seed: int) -> Array:

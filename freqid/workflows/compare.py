@@ -104,7 +104,7 @@ def compare_simulations(
     """
     given = several(flights)
     diagnose.refuse_twice(given, ())
-    candidates = diagnose.library_with(own_effects)
+    candidates = diagnose.effects_with(own_effects)
     described = diagnose.described_by(scenario, [first, second])
     sigmas = {**(described.tolerance if described else {}), **(tolerances or {})}
     records = [record_of(flight) for flight in given]

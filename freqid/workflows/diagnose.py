@@ -186,7 +186,7 @@ def diagnose_gap(
     used, kept = several(flights), several(held_out)
     refuse_twice(used, kept)
     named = tuple(dict.fromkeys([effects] if isinstance(effects, str) else effects))
-    candidates = library_with(own_effects)
+    candidates = effects_with(own_effects)
     for name in named:
         if name not in candidates:
             raise UsageError(f"effect '{name}' is unknown", remedy=nearest(name, candidates))
@@ -387,7 +387,7 @@ def _key(flight: FlightRecord | Maneuver | File) -> Any:
     return Path(flight).resolve() if isinstance(flight, str | Path) else id(flight)
 
 
-def library_with(own: File | None) -> dict[str, Effect]:
+def effects_with(own: File | None) -> dict[str, Effect]:
     """Return the effects that are asked about: all that are shipped, and the user's."""
     for effect in load_file(Path(own)).values() if own else ():
         register(effect)

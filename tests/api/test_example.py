@@ -15,8 +15,8 @@ FEW = ("surface_effectiveness", "mass")  # effects that are asked about: all tak
 
 
 def test_the_example_of_the_docs_runs(short_flights, monkeypatch, capsys):
-    every = diagnose.library_with(None)
-    monkeypatch.setattr(diagnose, "library_with", lambda own: {name: every[name] for name in FEW})
+    every = diagnose.effects_with(None)
+    monkeypatch.setattr(diagnose, "effects_with", lambda own: {name: every[name] for name in FEW})
     monkeypatch.chdir(short_flights)
     (example,) = re.findall(r"^```py\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.M | re.S)
     names = {"paths": ["u85.h5", "u102.h5"], "other": fq.read("flight3.h5")}

@@ -39,8 +39,8 @@ def sides(linear, linear_aircraft):
 
 @pytest.fixture
 def few(monkeypatch):
-    every = diagnose.library_with(None)
-    monkeypatch.setattr(diagnose, "library_with", lambda own: {name: every[name] for name in FEW})
+    every = diagnose.effects_with(None)
+    monkeypatch.setattr(diagnose, "effects_with", lambda own: {name: every[name] for name in FEW})
 
 
 def test_a_function_is_connected_with_its_scenario(linear, sides):

@@ -102,7 +102,7 @@ def folder(fly_worn, tmp_path_factory):
 def few_effects(monkeypatch):
     """Ask about three effects alone, so that a diagnosis takes a second."""
     every = library()
-    monkeypatch.setattr(diagnosing, "library_with", lambda own: {n: every[n] for n in FEW})
+    monkeypatch.setattr(diagnosing, "effects_with", lambda own: {n: every[n] for n in FEW})
 
 
 @pytest.fixture
@@ -402,7 +402,7 @@ def test_what_is_asked_wrongly_is_said(diagnose, folder, monkeypatch, words, rec
 @pytest.mark.usefixtures("few_effects")
 def test_an_effect_that_cannot_be_tested_here_is_refused(diagnose, monkeypatch):
     every = library()
-    monkeypatch.setattr(diagnosing, "library_with", lambda own: {n: every[n] for n in (*FEW, "wing_wake")})
+    monkeypatch.setattr(diagnosing, "effects_with", lambda own: {n: every[n] for n in (*FEW, "wing_wake")})
     code, _, err, _ = diagnose("good", "--effect", "wing_wake", records=("flight1",))
     assert code == 2
     assert "cannot be tested here: needs wing" in err

@@ -70,6 +70,12 @@ def test_hfb_320_output_error_is_said_to_be_invalid_and_filter_error_takes_the_b
     assert filtered.found.converged
     assert per_cent(filtered, "CLal") < 5
     assert per_cent(filtered, "Cmal") < 5
-    assert per_cent(filtered, "Cmde") < 7  # 6.5 %: the reference's 5 % is not reached (docs say why)
     # the states that turbulence drives are predicted with white innovations, what output error never has
     assert {"V", "theta", "q"} <= set(filtered.found.noise) - set(filtered.found.coloured)
+
+
+@pytest.mark.xfail(
+    strict=True, reason="6.5 % off; variants that were tried are in docs/theory/output-error.md"
+)
+def test_hfb_320_elevator_effectiveness_by_filter_error(cases, shared_data):
+    assert per_cent(cases.hfb320("filter-error", shared_data), "Cmde") < 5

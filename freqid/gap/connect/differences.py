@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from freqid.core.arrays import Array
+from freqid.core.channels import VELOCITY
 from freqid.core.frames import flow_angles
 from freqid.core.record import FlightRecord
 
-_VELOCITY = ("state/u", "state/v", "state/w")
 _SHARE = 0.1  # of a channel's rms about its mean that is stepped
 _LEAST = 1e-4  # of its size, or of one unit, for a channel that stands still
 
@@ -81,10 +81,10 @@ def moved(record: FlightRecord, name: str, step: float) -> FlightRecord:
     channel = record.channel(name)
     changed = {name: channel.values + step}
     follows = [n for n in ("V", "alpha", "beta") if f"air/{n}" in record]
-    if name in _VELOCITY and all(n in record for n in _VELOCITY):
-        before = record.matrix(_VELOCITY)
+    if name in VELOCITY and all(n in record for n in VELOCITY):
+        before = record.matrix(VELOCITY)
         after = before.copy()
-        after[_VELOCITY.index(name)] += step
+        after[VELOCITY.index(name)] += step
         change = np.subtract(flow_angles(after), flow_angles(before))
         for row, which in zip(change, ("V", "alpha", "beta"), strict=True):
             if which in follows:

@@ -6,15 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from freqid.core.arrays import Array
+from freqid.core.channels import ATTITUDE, FLOW, GROUND, RATES, VELOCITY
 from freqid.core.errors import DataError
 from freqid.core.frames import body_velocity, cross, level_from_body
 from freqid.core.record import Channel, FlightRecord
-
-RATES = ("state/p", "state/q", "state/r")
-_VELOCITY = ("state/u", "state/v", "state/w")
-_FLOW = ("air/V", "air/alpha", "air/beta")
-_GROUND = ("state/vn", "state/ve", "state/vd")
-_ATTITUDE = ("state/phi", "state/theta", "state/psi")
 
 
 def velocity(record: FlightRecord, point_m: ArrayLike) -> Array:
@@ -33,15 +28,15 @@ def velocity(record: FlightRecord, point_m: ArrayLike) -> Array:
     DataError
         Where the record has none of these, or lacks angular rates to move a sensor's velocity by.
     """
-    if all(name in record for name in _VELOCITY):
-        names, found = _VELOCITY, record.matrix(_VELOCITY)
+    if all(name in record for name in VELOCITY):
+        names, found = VELOCITY, record.matrix(VELOCITY)
     elif all(f"air/{name}" in record for name in ("V", "alpha")):
         names = ("air/alpha", "air/beta", "air/alpha")  # what tells of v and w is where the vanes are
         beta = record["air/beta"] if "air/beta" in record else np.zeros_like(record.time)
         found = body_velocity(record["air/V"], record["air/alpha"], beta)
-    elif all(name in record for name in (*_GROUND, *_ATTITUDE)):
-        names, turn = _GROUND, level_from_body(record.matrix(_ATTITUDE))
-        found = np.einsum("ijn,in->jn", turn, record.matrix(_GROUND))
+    elif all(name in record for name in (*GROUND, *ATTITUDE)):
+        names, turn = GROUND, level_from_body(record.matrix(ATTITUDE))
+        found = np.einsum("ijn,in->jn", turn, record.matrix(GROUND))
     else:
         raise DataError(
             "the record tells neither u v w, nor V and alpha, nor velocity over the ground with attitude",
@@ -58,15 +53,15 @@ def velocity(record: FlightRecord, point_m: ArrayLike) -> Array:
 
 def with_velocity(record: FlightRecord) -> FlightRecord:
     """Return a record that tells u v w of the vehicle's origin, from V, alpha and beta where it did not."""
-    if any(name in record for name in _VELOCITY) or not all(name in record for name in _FLOW):
+    if any(name in record for name in VELOCITY) or not all(name in record for name in FLOW):
         return record
-    rate = min(record.channel(name).native_rate_hz for name in _FLOW)
+    rate = min(record.channel(name).native_rate_hz for name in FLOW)
     origin = (0.0, 0.0, 0.0)
     found = velocity(record, origin)
     return record.with_channels(
         *(
             Channel(name, "m/s", row, rate, "computed from V, alpha and beta", origin)
-            for name, row in zip(_VELOCITY, found, strict=True)
+            for name, row in zip(VELOCITY, found, strict=True)
         )
     )
 

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from freqid.core.arrays import Array
-from freqid.core.channels import KNOWN, WRENCH, split
+from freqid.core.channels import FORCES, KNOWN, RATES, VELOCITY, WRENCH, split
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.frames import cross, specific_force_at
 from freqid.core.record import FlightRecord
@@ -24,7 +24,7 @@ from freqid.core.scenario import Reference, Scenario
 from freqid.core.vehicle import Vehicle
 from freqid.gap.connect import actuation, loads
 from freqid.gap.connect.differences import by_parameters
-from freqid.gap.connect.flow import RATES, density, velocity
+from freqid.gap.connect.flow import density, velocity
 from freqid.gap.connect.own_parameters import (
     actuators_with,
     changes_airframe,
@@ -50,8 +50,6 @@ from freqid.simulate.motion.derivatives import HEIGHT
 from freqid.simulate.truth import truth_of
 
 MOTION = ("state/u", "state/v", "state/w", *RATES, "air/rho", "state/alt")
-_VELOCITIES = ("state/u", "state/v", "state/w")
-_FORCES = ("state/ax", "state/ay", "state/az")
 _ACCELERATIONS = ("state/pdot", "state/qdot", "state/rdot")
 _DESIGNING = Lock()
 _COARSE = 2  # samples of smooth motion of which one is enough for what a parameter makes
@@ -361,11 +359,11 @@ def _as_measured(scenario: Scenario, flight: Flight, record: FlightRecord) -> di
     for name in truth.group("state"):
         channel, values = f"state/{name}", truth[f"state/{name}"]
         place = record.channels[channel].position_m if channel in record else None
-        if place and channel in _VELOCITIES:
+        if place and channel in VELOCITY:
             arm = np.broadcast_to(np.array(place)[:, None], rates.shape)
-            values = values + cross(rates, arm)[_VELOCITIES.index(channel)]
-        elif place and channel in _FORCES:
-            values = specific_force_at(truth.matrix(_FORCES), rates, turning, place)[_FORCES.index(channel)]
+            values = values + cross(rates, arm)[VELOCITY.index(channel)]
+        elif place and channel in FORCES:
+            values = specific_force_at(truth.matrix(FORCES), rates, turning, place)[FORCES.index(channel)]
         states[name] = CubicSpline(truth.time, values)(time)
     for name in (f"{group}/{n}" for group in ("effector", "command") for n in truth.group(group)):
         states[name] = CubicSpline(truth.time, truth[name])(time)

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from freqid.core.arrays import Array, Complex
+from freqid.core.channels import VELOCITY
 from freqid.core.errors import DataError, ImpossibleSettings, UsageError
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.results.design import MultisineDesign, SampledInputs
@@ -30,7 +31,6 @@ from freqid.gap.stack.trial import Trial
 from freqid.simulate.effects.effect import Effect
 
 _AIRFRAME = 1e-3  # of the noise: positions that a tolerance moves by less stay as they are
-_VELOCITY = ("state/u", "state/v", "state/w")
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,7 +143,7 @@ def fly_alone(simulation: Simulation, design: MultisineDesign, at: str, like: Bl
         flown |= _moved(simulation, asked)
     channels = [replace(asked.channel(n), values=x) for n, x in flown.items() if n in asked]
     record = asked.with_channels(*channels)
-    return record.with_channels(*_air_channels(record)) if all(n in record for n in _VELOCITY) else record
+    return record.with_channels(*_air_channels(record)) if all(n in record for n in VELOCITY) else record
 
 
 def _moved(simulation: Simulation, asked: FlightRecord) -> dict[str, Array]:
@@ -178,7 +178,7 @@ def _asked(like: Block, inputs: SampledInputs, at: str) -> FlightRecord:
 
 def _air_channels(record: FlightRecord) -> list[Channel]:
     """Return the air channels of a record as its velocities give them."""
-    found = air_of(*record.matrix(_VELOCITY))
+    found = air_of(*record.matrix(VELOCITY))
     if "air/qbar" in record and "air/rho" in record:
         found["air/qbar"] = 0.5 * record["air/rho"] * found["air/V"] ** 2
     return [replace(record.channel(n), values=x) for n, x in found.items() if n in record]

@@ -17,7 +17,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.linalg import expm
 
 from freqid.core.arrays import Array
-from freqid.core.channels import COEFFICIENT, WRENCH
+from freqid.core.channels import ATTITUDE, COEFFICIENT, FLOW, FORCES, RATES, VELOCITY, WRENCH
 from freqid.core.errors import DataError, UsageError
 from freqid.core.frames import cross
 from freqid.core.identification import Identification
@@ -34,11 +34,6 @@ from freqid.simulate.effects.along import centre
 
 OWN_FLIGHT = "own flight"
 MOTION = ("u", "v", "w", "p", "q", "r")
-_RATES = ("state/p", "state/q", "state/r")
-_ANGLES = ("state/phi", "state/theta", "state/psi")
-_VELOCITY = ("state/u", "state/v", "state/w")
-_FELT: tuple[str, ...] = ("state/ax", "state/ay", "state/az")
-_AIR = ("air/V", "air/alpha", "air/beta")
 _SYMMETRIC = ("state/u", "state/w", "state/q", "state/theta", "air/V", "air/alpha")
 _ROUNDS = 3  # of a fitted response: least squares, then twice with its own response as instruments
 _UNLIKE = 1.0  # share of a rate's motion that is missed: from here on it is another flight
@@ -120,21 +115,21 @@ def _about(record: FlightRecord, channels: Mapping[str, Array]) -> FlightRecord:
         group = name.partition("/")[0]
         if group in ("command", "excitation"):
             continue
-        measured = np.unwrap(record[name]) if name in _ANGLES else record[name]
+        measured = np.unwrap(record[name]) if name in ATTITUDE else record[name]
         if name in channels:
-            other = np.unwrap(channels[name]) if name in _ANGLES else channels[name]
+            other = np.unwrap(channels[name]) if name in ATTITUDE else channels[name]
             changed[name] = other + np.polyval(np.polyfit(time, measured - other, 1), time)
-        elif name not in _AIR:
+        elif name not in FLOW:
             changed[name] = np.polyval(np.polyfit(time, measured, 1), time)
-    given = [n for n in _AIR if n in record and n not in channels]
-    if given and all(n in changed for n in _VELOCITY):
-        for name, own in air_of(*(changed[n] for n in _VELOCITY)).items():
+    given = [n for n in FLOW if n in record and n not in channels]
+    if given and all(n in changed for n in VELOCITY):
+        for name, own in air_of(*(changed[n] for n in VELOCITY)).items():
             if name in given:
                 changed[name] = own + np.polyval(np.polyfit(time, record[name] - own, 1), time)
     if "air/qbar" in record and "air/rho" in record:
         speed = changed.get("air/V")
-        if speed is None and all(n in changed for n in _VELOCITY):
-            speed = np.sqrt(sum(changed[n] ** 2 for n in _VELOCITY))
+        if speed is None and all(n in changed for n in VELOCITY):
+            speed = np.sqrt(sum(changed[n] ** 2 for n in VELOCITY))
         if speed is not None:
             changed["air/qbar"] = 0.5 * changed.get("air/rho", record["air/rho"]) * speed**2
     return record.with_channels(*(replace(record.channel(n), values=x) for n, x in changed.items()))
@@ -224,11 +219,11 @@ def _fitted_loop(maneuver: Maneuver, lines: Lines) -> dict[str, Array]:
 
 def _with_attitude_and_felt(record: FlightRecord, moved: dict[str, Array]) -> dict[str, Array]:
     """Return channels with the attitude and the specific force that go with a motion, where they lack."""
-    attitude = [n for n in _ANGLES if n in record]
-    if not all(n in moved for n in _RATES) or not {"state/phi", "state/theta"} <= set(attitude):
+    attitude = [n for n in ATTITUDE if n in record]
+    if not all(n in moved for n in RATES) or not {"state/phi", "state/theta"} <= set(attitude):
         return moved
     found, dt = dict(moved), record.dt
-    rates = np.array([moved[n] for n in _RATES])
+    rates = np.array([moved[n] for n in RATES])
     lacking = [n for n in attitude if n not in moved]
     if lacking:
         slopes = angle_rates(rates, record["state/phi"], record["state/theta"])
@@ -238,13 +233,13 @@ def _with_attitude_and_felt(record: FlightRecord, moved: dict[str, Array]) -> di
             found[path] = (
                 np.unwrap(record[path]).mean() + angle - np.polyval(np.polyfit(time, angle, 1), time)
             )
-    if any(n in record and n not in moved for n in _FELT) and all(n in moved for n in _VELOCITY):
+    if any(n in record and n not in moved for n in FORCES) and all(n in moved for n in VELOCITY):
         lever = np.broadcast_to(sensor_lever(record), rates.shape)
-        level = np.array([record[n].mean() - moved[n].mean() for n in _VELOCITY])[:, None]
-        velocity = np.array([moved[n] for n in _VELOCITY]) + level + cross(rates, lever)
+        level = np.array([record[n].mean() - moved[n].mean() for n in VELOCITY])[:, None]
+        velocity = np.array([moved[n] for n in VELOCITY]) + level + cross(rates, lever)
         gravity = gravity_of(found["state/phi"], found["state/theta"])
         felt = np.gradient(velocity, dt, axis=1) + cross(rates, velocity) - gravity
-        found |= {n: x for n, x in zip(_FELT, felt, strict=True) if n in record and n not in moved}
+        found |= {n: x for n, x in zip(FORCES, felt, strict=True) if n in record and n not in moved}
     return found
 
 
@@ -263,8 +258,8 @@ def _fitted_response(record: FlightRecord) -> tuple[dict[str, Array], bool]:
         Whether a plane is smoothed.
     """
     inputs = [f"effector/{n}" for n in record.group("effector") if np.ptp(record[f"effector/{n}"]) > 0]
-    velocity = _VELOCITY if all(n in record for n in _VELOCITY) else _AIR
-    states = [n for n in (*velocity, *_RATES, "state/phi", "state/theta") if _moves(record, n)]
+    velocity = VELOCITY if all(n in record for n in VELOCITY) else FLOW
+    states = [n for n in (*velocity, *RATES, "state/phi", "state/theta") if _moves(record, n)]
     if not inputs or not states:
         return {}, False
     effectors = smooth(record.matrix(inputs), record.dt).x
@@ -275,7 +270,7 @@ def _fitted_response(record: FlightRecord) -> tuple[dict[str, Array], bool]:
     found = {n: x for response in each for n, x in response.items()}
     left = [n for n in states if n not in found]
     if left:
-        x = np.array([np.unwrap(record[n]) if n in _ANGLES else record[n] for n in left])
+        x = np.array([np.unwrap(record[n]) if n in ATTITUDE else record[n] for n in left])
         found |= dict(zip(left, smooth(x, record.dt).x, strict=True))
     time = record.time / record.time[-1]
     basis = np.array([*found.values(), *effectors, np.ones_like(time), time])
@@ -284,7 +279,7 @@ def _fitted_response(record: FlightRecord) -> tuple[dict[str, Array], bool]:
     found |= dict(zip(inputs, effectors, strict=True))
     others = [n for n in record.channels if n.startswith(("state/", "air/")) and n not in found]
     for name in others:
-        values = np.unwrap(record[name]) if name in _ANGLES else record[name]
+        values = np.unwrap(record[name]) if name in ATTITUDE else record[name]
         found[name] = np.linalg.lstsq(basis.T, values, rcond=None)[0] @ basis
     return found, bool(left)
 
@@ -297,7 +292,7 @@ def _plane_response(record: FlightRecord, states: Sequence[str], effectors: Arra
     none where all miss too much.
     """
     time, dt = record.time - record.time[0], record.dt
-    x = np.array([np.unwrap(record[n]) if n in _ANGLES else record[n] for n in states])
+    x = np.array([np.unwrap(record[n]) if n in ATTITUDE else record[n] for n in states])
     scale_x, x0 = x.std(axis=1, keepdims=True), x.mean(axis=1, keepdims=True)
     d = effectors - effectors.mean(axis=1, keepdims=True)
     d = d / d.std(axis=1, keepdims=True)
@@ -374,7 +369,7 @@ def _smoothed(simulation: Simulation, maneuver: Maneuver) -> Maneuver:
     moving = [n for n in names if _moves(record, n)]
     if not moving:
         return maneuver
-    values = np.array([np.unwrap(record[n]) if n in _ANGLES else record[n] for n in moving])
+    values = np.array([np.unwrap(record[n]) if n in ATTITUDE else record[n] for n in moving])
     found = dict(zip(moving, smooth(values, record.dt).x, strict=True))
     channels = [replace(record.channel(n), values=x) for n, x in found.items()]
     clean = Maneuver(record.with_channels(*channels), maneuver.vehicle)
@@ -382,12 +377,14 @@ def _smoothed(simulation: Simulation, maneuver: Maneuver) -> Maneuver:
     forces = {n: x for n, x in forces.items() if n in record}
     if not forces:
         return clean
-    rates = np.array([clean.record[n] if n in record else np.zeros(record.time.size) for n in _RATES])
+    rates = np.array([clean.record[n] if n in record else np.zeros(record.time.size) for n in RATES])
     turning = np.gradient(rates, record.dt, axis=1)
     arm = _arm_of_accelerometers(clean)
-    added = dict(zip(_FELT, cross(turning, arm) + cross(rates, cross(rates, arm)), strict=True))
+    added: dict[str, Array] = dict(
+        zip(FORCES, cross(turning, arm) + cross(rates, cross(rates, arm)), strict=True)
+    )
     own = {n: x / maneuver.vehicle.mass_properties.mass_kg + added[n] for n, x in forces.items()}
-    kept = {n: x for n, x in found.items() if n not in _FELT}
+    kept = {n: x for n, x in found.items() if n not in FORCES}
     return Maneuver(_about(record, {**kept, **own}), maneuver.vehicle)
 
 
@@ -399,7 +396,7 @@ def _forces(simulation: Simulation, maneuver: Maneuver) -> dict[str, Array]:
         letter = COEFFICIENT.get(name, name)
         if letter not in WRENCH[:3]:
             continue
-        channel = _FELT[WRENCH.index(letter)]
+        channel = FORCES[WRENCH.index(letter)]
         if name == letter:
             found[channel] = row
         elif area is not None:
@@ -410,7 +407,7 @@ def _forces(simulation: Simulation, maneuver: Maneuver) -> dict[str, Array]:
 def _arm_of_accelerometers(maneuver: Maneuver) -> Array:
     """Return where the accelerometers are from the centre of gravity, m, shape (3, sample)."""
     record = maneuver.record
-    place = next(record.channel(n).position_m for n in _FELT if n in record)
+    place = next(record.channel(n).position_m for n in FORCES if n in record)
     if place is None:
         return np.zeros((3, record.time.size))
     return np.array(place)[:, None] - centre(record, maneuver.vehicle)
@@ -418,7 +415,7 @@ def _arm_of_accelerometers(maneuver: Maneuver) -> Array:
 
 def _missed(record: FlightRecord, channels: Mapping[str, Array]) -> float:
     """Return the share of the rates' changes, noise apart, that is not in what stands for them."""
-    named = [n for n in _RATES if _moves(record, n) and n in channels]
+    named = [n for n in RATES if _moves(record, n) and n in channels]
     if not named:
         return 0.0 if channels else np.inf
     noise = sensor_noise(record, named)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from freqid.core.arrays import Array
-from freqid.core.channels import COEFFICIENT, RESPONSE, STATE, WRENCH
+from freqid.core.channels import COEFFICIENT, FORCES, RATES, RESPONSE, STATE, VELOCITY, WRENCH
 from freqid.core.errors import DataError
 from freqid.core.frames import cross
 from freqid.core.record import Channel, FlightRecord, Maneuver
@@ -16,9 +16,6 @@ from freqid.gap.simulation import Settings, Simulation
 from freqid.gap.stack.histories import Histories, Row
 from freqid.identify.loads.wrench import applied_wrench
 
-_VELOCITY = ("state/u", "state/v", "state/w")
-_RATES = ("state/p", "state/q", "state/r")
-_FELT = ("state/ax", "state/ay", "state/az")
 _ATTITUDE = ("state/phi", "state/theta")
 
 
@@ -128,9 +125,9 @@ def _responses(maneuver: Maneuver, responses: Sequence[str]) -> Histories:
 def _kinematics(record: FlightRecord) -> list[Histories]:
     """Return the kinematic rows that the record has the channels for."""
     found = []
-    if all(n in record for n in (*_RATES, *_ATTITUDE)):
-        rates, (phi, theta) = record.matrix(_RATES), record.matrix(_ATTITUDE)
-        if all(n in record for n in (*_VELOCITY, *_FELT)):
+    if all(n in record for n in (*RATES, *_ATTITUDE)):
+        rates, (phi, theta) = record.matrix(RATES), record.matrix(_ATTITUDE)
+        if all(n in record for n in (*VELOCITY, *FORCES)):
             found.append(_velocity_rows(record, rates, phi, theta))
         angles = angle_rates(rates, phi, theta)
         names = [n for n in angles if f"state/{n}" in record]
@@ -146,9 +143,9 @@ def _kinematics(record: FlightRecord) -> list[Histories]:
 
 def _velocity_rows(record: FlightRecord, rates: Array, phi: Array, theta: Array) -> Histories:
     """Return what is left of the velocity's kinematics at the accelerometers, m/s2."""
-    velocity = record.matrix(_VELOCITY) + cross(rates, np.broadcast_to(sensor_lever(record), rates.shape))
+    velocity = record.matrix(VELOCITY) + cross(rates, np.broadcast_to(sensor_lever(record), rates.shape))
     rows = tuple(Row(f"kinematic/{n}", "m/s2", "kinematic") for n in "uvw")
-    felt = record.matrix(_FELT) + gravity_of(phi, theta)
+    felt = record.matrix(FORCES) + gravity_of(phi, theta)
     return Histories(rows, cross(rates, velocity) - felt, velocity)
 
 

@@ -7,16 +7,13 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from freqid.core.arrays import Array
-from freqid.core.channels import AIR, STATE
+from freqid.core.channels import AIR, FLOW, RATES, STATE, VELOCITY
 from freqid.core.errors import DataError, nearest
 from freqid.core.frames import body_velocity, cross, flow_angles
 from freqid.core.identification import factors_of
 from freqid.core.record import Maneuver
 from freqid.dynamics.mass import centre_of_gravity
 
-_VELOCITY = ("state/u", "state/v", "state/w")
-_FLOW = ("air/V", "air/alpha", "air/beta")
-_RATES = ("state/p", "state/q", "state/r")
 # Rounds in which a velocity is found from V, alpha and beta of different places: each gains the ratio of a
 # sensor's own velocity to the airspeed, some two digits.
 FLOW_ROUNDS = 4
@@ -89,9 +86,9 @@ def unit_of(maneuver: Maneuver, name: str) -> str:
 def _velocity(maneuver: Maneuver) -> Array:
     """Return u v w of the centre of gravity, shape (3, sample), logged or from V, alpha and beta."""
     record = maneuver.record
-    if all(name in record for name in _VELOCITY):
-        return np.array([_at_centre_of_gravity(maneuver, name) for name in _VELOCITY])
-    logged, lever = record.matrix(_FLOW), [_lever(maneuver, name) for name in _FLOW]
+    if all(name in record for name in VELOCITY):
+        return np.array([_at_centre_of_gravity(maneuver, name) for name in VELOCITY])
+    logged, lever = record.matrix(FLOW), [_lever(maneuver, name) for name in FLOW]
     velocity = body_velocity(*logged)
     for _ in range(FLOW_ROUNDS if any(part.any() for part in lever) else 0):
         shift = [_flow_shift(k, velocity, part) for k, part in enumerate(lever)]
@@ -107,14 +104,14 @@ def _flow(maneuver: Maneuver) -> tuple[Array, Array, Array]:
 def _at_centre_of_gravity(maneuver: Maneuver, name: str) -> Array:
     """Return a logged channel, shape (sample,), as a sensor at the centre of gravity would have it."""
     values = maneuver.record[name]
-    if name not in (*_VELOCITY, *_FLOW):
+    if name not in (*VELOCITY, *FLOW):
         return values
     lever = _lever(maneuver, name)
     if not lever.any():
         return values
-    if name in _VELOCITY:
-        return values - lever[_VELOCITY.index(name)]
-    return values - _flow_shift(_FLOW.index(name), _velocity(maneuver), lever)
+    if name in VELOCITY:
+        return values - lever[VELOCITY.index(name)]
+    return values - _flow_shift(FLOW.index(name), _velocity(maneuver), lever)
 
 
 def _flow_shift(k: int, velocity: Array, lever: Array) -> Array:
@@ -135,14 +132,14 @@ def _lever(maneuver: Maneuver, name: str) -> Array:
     arm = np.asarray(position)[:, None] - centre_of_gravity(maneuver.vehicle, tilts).reshape(3, -1)
     if not arm.any():
         return np.zeros((3, 1))
-    missing = [rate for rate in _RATES if rate not in record]
+    missing = [rate for rate in RATES if rate not in record]
     if missing:
         raise DataError(
             f"channel '{name}' was measured {np.linalg.norm(arm, axis=0).max():.2g} m from the centre of "
             f"gravity and cannot be brought there, because '{missing[0]}' is missing",
             remedy="log the angular rates, or state that the channel holds for the centre of gravity",
         )
-    return cross(record.matrix(_RATES), arm)
+    return cross(record.matrix(RATES), arm)
 
 
 def _per_span(rate: str, length: str) -> Callable[[Maneuver], Array]:

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from freqid.core.arrays import Array
-from freqid.core.channels import WRENCH
+from freqid.core.channels import FORCES, RATES, WRENCH
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.frames import cross, stability_from_body
 from freqid.core.record import Maneuver
@@ -28,9 +28,7 @@ LOWEST_QBAR_SHARE = 0.05
 # Stability axes are fixed at the mean angle of attack: further off than this they say nothing.
 LARGEST_ALPHA_EXCURSION = np.pi / 4
 
-_RATES = ("state/p", "state/q", "state/r")
 _ACCELERATIONS = ("state/pdot", "state/qdot", "state/rdot")
-_SPECIFIC_FORCES = ("state/ax", "state/ay", "state/az")
 _UNITS = {
     "force": ("N",) * 3 + ("N m",) * 3,
     "specific": ("m/s2",) * 3 + ("rad/s2",) * 3,
@@ -174,11 +172,11 @@ def _force(maneuver: Maneuver, mass: MovingMass, axis: np.intp, recorded: bool) 
     ``w x d + d'``: in it are the tangential, centripetal, Coriolis and relative acceleration.
     """
     record, stated = maneuver.record, maneuver.vehicle.mass_properties
-    sensor = record.channel(_SPECIFIC_FORCES[axis])
+    sensor = record.channel(FORCES[axis])
     fixed = np.subtract(stated.cg_m, sensor.position_m or stated.cg_m)[:, None]
     if sensor.position_m is None or not (fixed.any() or mass.wings):
         return mass.mass * sensor.values, np.zeros_like(sensor.values)
-    rates = record.matrix(_RATES)
+    rates = record.matrix(RATES)
     velocity = cross(rates, fixed + mass.cg) + mass.cg_rate
     direct = sensor.values + cross(rates, velocity)[axis]
     if recorded:  # of the part that is fixed in the body; what the wings add is differentiated still
@@ -190,7 +188,7 @@ def _force(maneuver: Maneuver, mass: MovingMass, axis: np.intp, recorded: bool) 
 def _moment(maneuver: Maneuver, mass: MovingMass, rotors: bool, recorded: bool) -> tuple[Array, Array]:
     """Return the moment in its two parts, N m and N m s, shape (3, sample) each: ``w x H`` and H."""
     record = maneuver.record
-    rates = record.matrix(_RATES)
+    rates = record.matrix(RATES)
     momentum = airframe_momentum(mass, rates)
     if rotors:
         momentum += rotor_momentum(maneuver)

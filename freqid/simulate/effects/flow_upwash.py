@@ -4,22 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from freqid.core.channels import VELOCITY
 from freqid.core.frames import body_velocity, flow_angles
 from freqid.core.record import FlightRecord
 from freqid.simulate.effects.along import velocity
 from freqid.simulate.effects.channel_groups import changed
 from freqid.simulate.effects.effect import Effect, Parameter
 
-_VELOCITY = ("state/u", "state/v", "state/w")
-
 
 def _distort(settings: Mapping[str, float], record: FlightRecord) -> FlightRecord:
     """Return the log with alpha and beta magnified, and u v w as they follow from them."""
     by = {"alpha": 1 + settings["alpha"], "beta": 1 + settings["beta"]}
     bent = {f"air/{n}": by[n] * record[f"air/{n}"] for n in by if f"air/{n}" in record}
-    if all(name in record for name in _VELOCITY):
+    if all(name in record for name in VELOCITY):
         speed, alpha, beta = flow_angles(velocity(record))
-        bent |= zip(_VELOCITY, body_velocity(speed, by["alpha"] * alpha, by["beta"] * beta), strict=True)
+        bent |= zip(VELOCITY, body_velocity(speed, by["alpha"] * alpha, by["beta"] * beta), strict=True)
     return changed(record, bent)
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from freqid.core.channels import FORCES
 from freqid.core.frames import specific_force_at
 from freqid.core.record import FlightRecord
 from freqid.simulate.effects.along import rates, slope
 from freqid.simulate.effects.channel_groups import changed
 from freqid.simulate.effects.effect import Effect, Parameter
 
-_FORCES = ("state/ax", "state/ay", "state/az")
 _TURNING = ("state/pdot", "state/qdot", "state/rdot")
 
 
@@ -20,15 +20,15 @@ def _distort(settings: Mapping[str, float], record: FlightRecord) -> FlightRecor
     ``a + w' x d + w x (w x d)``; the angular acceleration is the log's, or the derivative of the rates.
     """
     arm = [settings[axis] for axis in "xyz"]
-    if not any(arm) or not all(name in record for name in _FORCES):
+    if not any(arm) or not all(name in record for name in FORCES):
         return record
     turning = (
         record.matrix(_TURNING)
         if all(name in record for name in _TURNING)
         else slope(rates(record), record.dt)
     )
-    moved = specific_force_at(record.matrix(_FORCES), rates(record), turning, arm)
-    return changed(record, dict(zip(_FORCES, moved, strict=True)))
+    moved = specific_force_at(record.matrix(FORCES), rates(record), turning, arm)
+    return changed(record, dict(zip(FORCES, moved, strict=True)))
 
 
 EFFECT = Effect(

@@ -6,23 +6,21 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from freqid.core.channels import ATTITUDE, VELOCITY
 from freqid.core.frames import level_from_body
 from freqid.core.record import FlightRecord
 from freqid.simulate.effects.along import velocity
 from freqid.simulate.effects.channel_groups import changed
 from freqid.simulate.effects.effect import Effect, Parameter
 
-_VELOCITY = ("state/u", "state/v", "state/w")
-_ATTITUDE = ("state/phi", "state/theta", "state/psi")
-
 
 def _distort(settings: Mapping[str, float], record: FlightRecord) -> FlightRecord:
     """Return the log with u v w over the ground in place of those relative to the air."""
     wind = [settings[name] for name in ("north", "east", "down")]
-    if not any(wind) or not all(name in record for name in (*_VELOCITY, *_ATTITUDE)):
+    if not any(wind) or not all(name in record for name in (*VELOCITY, *ATTITUDE)):
         return record
-    carried = np.einsum("ijn,i->jn", level_from_body(record.matrix(_ATTITUDE)), wind)
-    return changed(record, dict(zip(_VELOCITY, velocity(record) + carried, strict=True)))
+    carried = np.einsum("ijn,i->jn", level_from_body(record.matrix(ATTITUDE)), wind)
+    return changed(record, dict(zip(VELOCITY, velocity(record) + carried, strict=True)))
 
 
 EFFECT = Effect(
@@ -34,6 +32,6 @@ EFFECT = Effect(
         "east": Parameter(0.0, "m/s", "the same to the east", 1.0),
         "down": Parameter(0.0, "m/s", "the same downwards", 0.3),
     },
-    needs=(*_VELOCITY, *_ATTITUDE),
+    needs=(*VELOCITY, *ATTITUDE),
     distort=_distort,
 )

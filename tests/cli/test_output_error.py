@@ -15,6 +15,10 @@ SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
 SCENARIO, MAP = SCENARIOS / "linear.toml", SCENARIOS / "maps" / "linear.toml"
 
 
+def options(point: Path) -> list[object]:
+    return ["--scenario", SCENARIO, "--method", "output-error", "-o", point, "--json"]
+
+
 @pytest.fixture(scope="module")
 def record(linear_logs, tmp_path_factory):
     path = tmp_path_factory.mktemp("output_error") / "flight.h5"
@@ -27,18 +31,7 @@ def test_a_point_model_by_output_error_is_nearer_than_equation_error(
 ):
     truth = linear_aircraft.DERIVATIVES["M"]
     point = tmp_path / "point.h5"
-    options = [
-        "--scenario",
-        SCENARIO,
-        "--method",
-        "output-error",
-        "--responses",
-        "X,Z,M",
-        "-o",
-        point,
-        "--json",
-    ]
-    code, out, err = freqid("identify-point", record, *options)
+    code, out, err = freqid("identify-point", record, *options(point), "--responses", "X,Z,M")
     assert code == 0, err
     said = json.loads(out)
     assert (said["method"], said["estimator"]) == ("output-error", "maximum-likelihood")
@@ -62,18 +55,7 @@ def test_a_point_model_by_output_error_is_nearer_than_equation_error(
 
 def test_all_six_responses_are_two_models(freqid, record, tmp_path):
     point = tmp_path / "point.h5"
-    options = [
-        "--scenario",
-        SCENARIO,
-        "--method",
-        "output-error",
-        "--form",
-        "specific",
-        "-o",
-        point,
-        "--json",
-    ]
-    code, out, err = freqid("identify-point", record, *options)
+    code, out, err = freqid("identify-point", record, *options(point), "--form", "specific")
     assert code == 0, err
     said = json.loads(out)
     assert list(said["responses"]) == ["X", "Y", "Z", "L", "M", "N"]

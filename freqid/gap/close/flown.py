@@ -29,13 +29,13 @@ class Flown:
     Attributes
     ----------
     blocks : sequence of Block
-    known : dict of Effect
+    known_effects : dict of Effect
     tolerances : dict of float
         One sigma by name.
     """
 
     blocks: Sequence[Block]
-    known: Mapping[str, Effect]
+    known_effects: Mapping[str, Effect]
     tolerances: Mapping[str, float]
 
     @cached_property
@@ -105,7 +105,7 @@ def motions(
             nothing = Share(float("nan"), float("nan"), float("nan"), own)
             return Motions(nothing, nothing, {})
         apart = own.measured - own.flown
-        logged, places = _logged(own, flown.known, candidates, explanation)
+        logged, places = _logged(own, flown.known_effects, candidates, explanation)
         effect = _moved(own, s, candidates, index, s.fit.effect, places) + logged
         alone = _moved(own, s, candidates, index, s.fit.effect_alone, places) + logged
         tolerances = _within(own, flown, names, s)
@@ -158,7 +158,7 @@ def _within(own: OwnFlight, flown: Flown, names: Sequence[str], scored: Scored) 
     """Return what fitted tolerances make of the motion, those of sensors of its log."""
     fitted = dict(zip(names, scored.fit.tolerances.tolist(), strict=True))
     total, moving = np.zeros_like(own.flown), scored.fit.tolerances.copy()
-    for key, effect, name, sigma in of_effects(own.block.trial, flown.known, flown.tolerances):
+    for key, effect, name, sigma in of_effects(own.block.trial, flown.known_effects, flown.tolerances):
         if effect.distort is not None and key in fitted:
             moving[names.index(key)] = 0.0
             total = total + own.logged_with(effect, {name: fitted[key] * sigma})

@@ -13,10 +13,10 @@ from freqid.gap.flights import BAND_HZ, differing, injected_band, maneuvers, veh
 
 @dataclass
 class Simulated:
-    kind = "callable"
     vehicle: Vehicle | None
     responses: tuple[str, ...] = ("M",)
     name: str = "sim"
+    kind: str = "callable"
 
 
 def vehicle(name="a", mass=10.0, effectors=("de",)):
@@ -78,3 +78,13 @@ def test_the_band_is_what_the_injected_signals_drive():
     assert 0.15 < low <= 0.25
     assert 1.5 <= high < 1.7
     assert injected_band([record(vehicle())]) == BAND_HZ
+
+
+@pytest.mark.parametrize(("kind", "made"), [("scenario", True), ("callable", False)])
+def test_velocities_are_made_of_flow_angles_for_a_scenario_alone(kind, made):
+    """Beside another simulation they would be relations between sensors that nobody measured."""
+    air = {"air_V": lambda t: 20.0 + 0 * t, "air_alpha": np.sin, "air_beta": lambda t: 0 * t}
+    (found,) = maneuvers([record(vehicle(), **air)], ["x"], Simulated(None, kind=kind))
+    assert ("state/w" in found.record) == made
+    if made:
+        assert found.record["state/w"] == pytest.approx(20.0 * np.sin(np.sin(found.record.time)))

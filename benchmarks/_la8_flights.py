@@ -57,7 +57,7 @@ def corridors() -> dict[str, tuple[Reference, ...]]:
     tilted by true speed; ``"1500 m, equivalent"`` is tilted by equivalent speed.
     """
     between = tuple(
-        Reference(id=name, u=u, rho=SEA, dw1=float(np.radians(tilt)), dw2=float(np.radians(tilt)))
+        Reference.of(id=name, u=u, rho=SEA, dw1=float(np.radians(tilt)), dw2=float(np.radians(tilt)))
         for name, u, tilt in BETWEEN
     )
     faster = np.sqrt(SEA / HIGH)
@@ -105,7 +105,7 @@ def flights(ids: Sequence[str], seed: int = 0, jobs: int = 2) -> dict[str, fq.Fl
         {
             "reference": at.id,
             "corridor": corridor,
-            "among": [[at.u, at.rho, at.dw1] for at in along],
+            "among": [[at.u, at.rho, at["dw1"]] for at in along],
             "design": str(design),
         }
         for corridor, along in corridors().items()

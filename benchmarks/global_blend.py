@@ -79,10 +79,10 @@ def loads(inputs: dict[str, np.ndarray]) -> np.ndarray:
 @cache
 def trimmed(u: float, rho: float) -> dict[str, float]:
     """Return the inputs of level flight, at the scenario's tilts, straight lines between its speeds."""
-    known = sorted((r.u, r.dw1) for r in SCENARIO.reference if r.rho == SEA)
+    known = sorted((r.u, r["dw1"]) for r in SCENARIO.reference if r.rho == SEA)
     speeds, tilts = zip(*known, strict=True)
     tilt = float(np.interp(u, speeds, tilts))
-    at = trim(SCENARIO, PARAMETERS, Reference(id=f"{u:.4g}", u=u, rho=rho, dw1=tilt, dw2=tilt))
+    at = trim(SCENARIO, PARAMETERS, Reference.of(id=f"{u:.4g}", u=u, rho=rho, dw1=tilt, dw2=tilt))
     values = np.concatenate([at.body.velocity, np.zeros(3), at.positions.surface, at.positions.speed])
     return dict(zip(INPUTS, values.tolist(), strict=True)) | {"dw1": tilt, "dw2": tilt, "rho": rho}
 
@@ -117,7 +117,7 @@ def point(u: float, rho: float, seed: int) -> fq.PointModel:
         unit = ("N" if name in "XYZ" else "N m") if group == "response" else unit
         key = f"{group}/{name}"
         channels[key] = Channel(key, unit, values, RATE, "simulated")
-    reference = Reference(id=f"u{u:.4g}", u=u, rho=rho, dw1=at["dw1"], dw2=at["dw2"])
+    reference = Reference.of(id=f"u{u:.4g}", u=u, rho=rho, dw1=at["dw1"], dw2=at["dw2"])
     return identify_point(
         fq.Maneuver(fq.FlightRecord(time, channels), VEHICLE), SETTINGS, reference=reference
     )

@@ -72,7 +72,7 @@ def main() -> None:
         exact = measured(truth, 0, 0.0)
         whole, noisy = identified(exact, vehicle), identified(measured(truth, 0), vehicle)
         for what, poorer in POORER.items():
-            model = identified(exact, poorer(vehicle, reference.dw1))
+            model = identified(exact, poorer(vehicle, reference["dw1"]))
             print(f"{at:<5}{what}")
             for name, response in whole.responses.items():
                 change = model[name].estimate - response.estimate

@@ -131,7 +131,7 @@ def fly(at, seed, noise=1.0, **options):
 
 
 def reference(at, name):
-    return Reference(id=name, **{n: float(at[n]) for n in ("u", "rho", "dw1", "dw2")})
+    return Reference.of(id=name, **{n: float(at[n]) for n in ("u", "rho", "dw1", "dw2")})
 
 
 def point(at, name, seed, noise=1.0, **options):

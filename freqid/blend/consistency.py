@@ -72,7 +72,7 @@ def density_agreement(model: GlobalModel) -> list[Agreement]:
         if below.size < 2:
             continue
         line = Line(corridor, below)
-        at = line.position(corridor.u[above] * equivalent(corridor.rho[above]), corridor.tilt[:, above])
+        at = line.position(corridor.u[above] * equivalent(corridor.rho[above]), corridor.schedule[:, above])
         near = ~model.tolerance.exceeded(at)
         if not near.any():
             continue

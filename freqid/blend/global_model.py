@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from freqid.blend.line import BlendedResponse, Line
-from freqid.blend.locate import TILTS, CorridorTolerance, Located, Outside, between, locate
+from freqid.blend.locate import CorridorTolerance, Located, Outside, between, locate
 from freqid.blend.similarity import equivalent, goes_with_velocity
 from freqid.blend.state_space import StateSpace
 from freqid.core.arrays import Array
@@ -172,7 +172,8 @@ class GlobalModel(Viewable):
     through similarity alone (docs/theory/global-model.md).
 
     Inputs are a mapping of names to arrays of shape (n,), SI: all regressors of the model, ``u`` and
-    ``rho``, and ``dw1 dw2`` where they differ along the corridor. A number stands for all n.
+    ``rho``, and the scheduled variables, such as tilts, that differ along the corridor. A number stands for
+    all n.
     """
 
     def __init__(self, corridor: Corridor, tolerance: CorridorTolerance | None = None):
@@ -181,8 +182,8 @@ class GlobalModel(Viewable):
             Line(corridor, np.flatnonzero(corridor.line == i)) for i in range(corridor.line.max() + 1)
         ]
         self._velocity = goes_with_velocity(corridor.units)[:, None]
-        moves = np.ptp(corridor.tilt, axis=1) > 0
-        self._tilted = tuple(name for name, moved in zip(TILTS, moves, strict=True) if moved)
+        moves = np.ptp(corridor.schedule, axis=1) > 0
+        self._moving = tuple(name for name, moved in zip(corridor.scheduled, moves, strict=True) if moved)
 
     def __repr__(self) -> str:
         c = self.corridor
@@ -199,7 +200,7 @@ class GlobalModel(Viewable):
     @property
     def inputs(self) -> tuple[str, ...]:
         """What the model must be given, in the order of the gradient."""
-        return tuple(dict.fromkeys([*self.corridor.units, "u", *self._tilted, "rho"]))
+        return tuple(dict.fromkeys([*self.corridor.units, "u", *self._moving, "rho"]))
 
     def wrench(
         self, inputs: Mapping[str, ArrayLike] | None = None, outside: Outside = "refuse", **values: ArrayLike
@@ -249,27 +250,27 @@ class GlobalModel(Viewable):
         place = {name: i for i, name in enumerate(self.inputs)}  # regressors first
         result = np.zeros((len(self.names), len(place), at.rho.size))
         by_speed = np.array([p.by_speed for p in at.positions])
-        by_tilt = np.array([p.by_tilt for p in at.positions])
+        by_schedule = np.array([p.by_schedule for p in at.positions])
         velocity = self._velocity * at.x
         for row, mixed in zip(result, self._mixed(at), strict=True):
             by_x, by_place, own = mixed.by_regressor, mixed.by_place, mixed.columns
             speed = (by_place * by_speed).sum(axis=0)
             row[own] = by_x * at.scale[own]
             row[place["u"]] += speed * at.k
-            for i, name in enumerate(TILTS):
+            for i, name in enumerate(self.corridor.scheduled):
                 if name in place:
-                    row[place[name]] += (by_place * by_tilt[:, i]).sum(axis=0)
+                    row[place[name]] += (by_place * by_schedule[:, i]).sum(axis=0)
             moved = (by_x * velocity[own]).sum(axis=0) + speed * at.u * at.k
             row[place["rho"]] += moved / (2 * at.rho) + mixed.by_weight
         return result
 
-    def reference(self, u: ArrayLike, rho: ArrayLike) -> dict[str, Array]:
+    def reference(self, along: ArrayLike, rho: ArrayLike) -> dict[str, Array]:
         """Return the inputs at the corridor's own trim, for plots and linear models.
 
         Parameters
         ----------
-        u, rho : array_like, shape (n,)
-            True speed, m/s, and density, kg/m3.
+        along, rho : array_like, shape (n,)
+            True speed, m/s, or the variable that the corridor runs along, SI, and density, kg/m3.
 
         Returns
         -------
@@ -280,26 +281,32 @@ class GlobalModel(Viewable):
         Raises
         ------
         DataError
-            Where the speed is outside the corridor.
+            Where that is outside the corridor.
         """
-        u, rho = np.broadcast_arrays(np.atleast_1d(np.asarray(u, float)), np.asarray(rho, float))
+        c = self.corridor
+        by_speed = c.along == "u"
+        place, rho = np.broadcast_arrays(np.atleast_1d(np.asarray(along, float)), np.asarray(rho, float))
         k, weights = equivalent(rho), between(self.lines, rho)[0]
         nearest = np.clip(rho, self.lines[0].rho, self.lines[-1].rho)
-        x, tilt = np.zeros((len(self.corridor.units), u.size)), np.zeros((2, u.size))
+        x, schedule = np.zeros((len(c.units), place.size)), np.zeros((len(c.scheduled), place.size))
+        speed = np.zeros(place.size)
         for line, w in zip(self.lines, weights, strict=True):
-            s = u * k * np.sqrt(line.rho / nearest)
-            edge = 1e-9 * line.speed[-1]
-            outside = (w > 0) & ((s < line.speed[0] - edge) | (s > line.speed[-1] + edge))
+            s = place * k * np.sqrt(line.rho / nearest) if by_speed else place
+            edge = 1e-9 * np.ptp(line.knots)
+            outside = (w > 0) & ((s < line.knots[0] - edge) | (s > line.knots[-1] + edge))
             if outside.any():
-                ends = line.speed / equivalent(line.rho)
+                ends = line.knots / equivalent(line.rho) if by_speed else line.knots
+                unit = "m/s" if by_speed else c.scheduled_units[c.scheduled.index(c.along)]
                 raise DataError(
-                    f"u = {u[outside][0]:.4g} m/s is outside the corridor, which runs from {ends[0]:.4g} to "
-                    f"{ends[-1]:.4g} m/s at {line.rho:.4g} kg/m3"
+                    f"{c.along} = {place[outside][0]:.4g} {unit} is outside the corridor, which runs from "
+                    f"{ends[0]:.4g} to {ends[-1]:.4g} {unit} at {line.rho:.4g} kg/m3"
                 )
-            s = np.clip(s, line.speed[0], line.speed[-1])
-            x, tilt = x + w * line.trim(s, len(x)), tilt + w * line.tilt(s)
-        found = dict(zip(self.corridor.units, x / k**self._velocity, strict=True))
-        return {**dict(zip(TILTS, tilt, strict=True)), "u": u, "rho": rho, **found}
+            s = np.clip(s, line.knots[0], line.knots[-1])
+            x, schedule = x + w * line.trim(s, len(x)), schedule + w * line.schedule(s)
+            speed += w * line.speed(s)
+        u = place if by_speed else speed / k
+        found = dict(zip(c.units, x / k**self._velocity, strict=True))
+        return {**dict(zip(c.scheduled, schedule, strict=True)), "u": u, "rho": rho, **found}
 
     def parameters(
         self, response: str, inputs: Mapping[str, ArrayLike], outside: Outside = "refuse"
@@ -357,7 +364,8 @@ class GlobalModel(Viewable):
                 f"'{self.corridor.form}'",
                 remedy="blend points of all six responses, identified with form 'force'",
             )
-        inputs = self.reference(reference.u, reference.rho)
+        along = self.corridor.along
+        inputs = self.reference(reference.u if along == "u" else reference[along], reference.rho)
         rows = [self.names.index(r) for r in WRENCH]
         gradient = dict(zip(self.inputs, self.gradient(inputs)[rows, :, 0].T, strict=True))
         bias = self.wrench(inputs).values[rows, 0]
@@ -371,15 +379,21 @@ class GlobalModel(Viewable):
         for name in values:
             if name not in self.inputs:
                 raise UsageError(f"the model has no input '{name}'", remedy=nearest(name, self.inputs))
-        if "u" not in values:
-            raise UsageError("the speed u is not given, m/s", remedy="give it, such as u=30.0")
+        along = self.corridor.along
+        if along not in values:
+            what = "the speed u is not given, m/s" if along == "u" else f"{along} is not given, SI"
+            raise UsageError(what, remedy=f"give it, such as {along}={self._first_along():.4g}")
         if "rho" not in values and len(self.lines) > 1:
             raise UsageError(
                 "the corridor has lines of several densities and rho is not given, kg/m3",
                 remedy=f"give it, such as rho={self.lines[-1].rho:.4g}",
             )
-        trim = self.reference(values["u"], values.get("rho", self.lines[0].rho))
+        trim = self.reference(values[along], values.get("rho", self.lines[0].rho))
         return {**{name: trim[name] for name in self.inputs}, **values}
+
+    def _first_along(self) -> float:
+        """Return a value of the variable that the corridor runs along."""
+        return 30.0 if self.corridor.along == "u" else float(self.lines[0].knots[0])
 
     def _mixed(self, at: Located) -> tuple[Mixed, ...]:
         return tuple(Mixed([line.local[r] for line in self.lines], at) for r in range(len(self.names)))

@@ -15,6 +15,7 @@ from freqid.core.results.corridor import Corridor, KnotResponse
 
 # Where wings tilt by more than this per unit of speed, their tilt says where along the corridor the
 # aircraft is, and speed is a perturbation; where they tilt by less, speed says it. rad per m/s.
+# What is scheduled in another unit counts by its range over the corridor, as much as a wing's quarter turn.
 STILL_TILT = np.deg2rad(0.05)
 _GRID = 32  # starting points per interval between knots, for the search of the nearest point
 _STEPS = 12  # of Newton's method, which needs 3 or 4 from there
@@ -27,22 +28,22 @@ class Position:
     Attributes
     ----------
     s : ndarray, shape (n,)
-        Equivalent speed there, m/s.
+        The corridor's coordinate there: equivalent speed, m/s, or the variable that lines run along.
     by_speed : ndarray, shape (n,)
         Its derivative with respect to the equivalent speed flown.
-    by_tilt : ndarray, shape (2, n)
-        Its derivative with respect to the tilts flown, m/s per rad.
+    by_schedule : ndarray, shape (variable, n)
+        Its derivative with respect to the scheduled variables flown.
     speed_off : ndarray, shape (n,)
-        Equivalent speed flown less s, m/s.
-    tilt_off : ndarray, shape (2, n)
-        Tilts flown less those of the line, rad.
+        Equivalent speed flown less that of the line, m/s.
+    schedule_off : ndarray, shape (variable, n)
+        Scheduled variables flown less those of the line; tilts rad, others as `Line.turn` makes them.
     """
 
     s: Array
     by_speed: Array
-    by_tilt: Array
+    by_schedule: Array
     speed_off: Array
-    tilt_off: Array
+    schedule_off: Array
 
 
 class Line:
@@ -52,67 +53,80 @@ class Line:
     ----------
     corridor : Corridor
     members : ndarray of int
-        Its knots that belong to the line, ascending in equivalent speed; two or more.
+        Its knots that belong to the line, ascending in the corridor's coordinate; two or more.
 
     Attributes
     ----------
     rho : float
         Mean density of the knots, kg/m3.
-    tilt : Pchip
-        Front and rear wing tilt over equivalent speed.
+    knots : ndarray, shape (knot,)
+        The coordinate of the knots.
+    turn : ndarray, shape (variable,)
+        Radians that a unit of each scheduled variable counts as.
     """
 
     def __init__(self, corridor: Corridor, members: NDArray[np.int64]):
         k = equivalent(corridor.rho[members])
         self.rho = float(corridor.rho[members].mean())
-        self.speed = corridor.u[members] * k
-        self.tilt = Pchip(self.speed, corridor.tilt[:, members])
+        self.knots = corridor.coordinate[members]
+        self.turn = turns(corridor)
+        # Scheduled variables and equivalent speed, scaled so that they count alike.
+        self._scale = np.append(self.turn, STILL_TILT)[:, None]
+        path = np.vstack([corridor.schedule[:, members], corridor.u[members] * k])
+        self._path = Pchip(self.knots, path)
         names = list(corridor.units)
         knots = [EquivalentKnots(r, members, names, k) for r in corridor.responses.values()]
-        self.local = [BlendedResponse(one, self.speed) for one in knots]
-        steps = [np.linspace(a, b, _GRID, endpoint=False) for a, b in pairwise(self.speed)]
-        self._grid = np.append(np.concatenate(steps), self.speed[-1])
+        self.local = [BlendedResponse(one, self.knots) for one in knots]
+        steps = [np.linspace(a, b, _GRID, endpoint=False) for a, b in pairwise(self.knots)]
+        self._grid = np.append(np.concatenate(steps), self.knots[-1])
 
-    def position(self, speed: Array, tilt: Array) -> Position:
+    def schedule(self, s: Array) -> Array:
+        """Return the scheduled variables along the line, shape (variable, n)."""
+        return self._path(s)[:-1]
+
+    def speed(self, s: Array) -> Array:
+        """Return the equivalent speed along the line, m/s, shape (n,)."""
+        return self._path(s)[-1]
+
+    def position(self, speed: Array, schedule: Array) -> Position:
         """Return the points of the line nearest to what is flown.
 
         Parameters
         ----------
         speed : ndarray, shape (n,)
             Equivalent speed, m/s.
-        tilt : ndarray, shape (2, n)
-            rad.
+        schedule : ndarray, shape (variable, n)
+            Scheduled variables, SI.
 
         Notes
         -----
-        Nearest in ``sum (tilt - tilt(s))^2 + STILL_TILT^2 (speed - s)^2``. A point model tells what a
+        Nearest in ``sum (tilt - tilt(s))^2 + STILL_TILT^2 (speed - speed(s))^2``. A point model tells what a
         change of speed does at fixed tilt; only the corridor tells what tilting does. So s must follow
         the tilt wherever the tilt tells it.
         """
-        on_grid = np.array([*self.tilt(self._grid), STILL_TILT * self._grid])
-        flown = np.array([*tilt, STILL_TILT * speed])
+        on_grid = self._scale * self._path(self._grid)
+        flown = self._scale * np.vstack([schedule, speed])
         distance = (on_grid**2).sum(axis=0)[:, None] - 2 * on_grid.T @ flown
         nearest = distance.argmin(axis=0)
         low = self._grid[np.maximum(nearest - 1, 0)]
         high = self._grid[np.minimum(nearest + 1, self._grid.size - 1)]
         s = self._grid[nearest]
         for _ in range(_STEPS):
-            fall, curve, _ = self._pull(s, speed, tilt)
+            fall, curve, _ = self._pull(s, flown)
             s, before = np.clip(s + fall / curve, low, high), s
             if np.allclose(s, before, rtol=0, atol=1e-12):
                 break
-        fall, curve, slope = self._pull(s, speed, tilt)
+        fall, curve, slope = self._pull(s, flown)
         held = np.abs(fall) > 1e-6 * curve  # at an end of the line, beyond which nothing is known
-        by_speed = np.where(held, 0.0, STILL_TILT**2 / curve)
-        by_tilt = np.where(held, 0.0, slope / curve)
-        return Position(s, by_speed, by_tilt, speed - s, tilt - self.tilt(s))
+        by_path = np.where(held, 0.0, self._scale * slope / curve)
+        off = flown - self._scale * self._path(s)
+        return Position(s, by_path[-1], by_path[:-1], off[-1] / STILL_TILT, off[:-1])
 
-    def _pull(self, s: Array, speed: Array, tilt: Array) -> tuple[Array, Array, Array]:
-        """Return how half the squared distance falls with s, how that curves, and the tilts' slope."""
-        slope, off = self.tilt(s, 1), tilt - self.tilt(s)
-        fall = (off * slope).sum(axis=0) + STILL_TILT**2 * (speed - s)
-        base = (slope**2).sum(axis=0) + STILL_TILT**2
-        curve = base - (off * self.tilt(s, 2)).sum(axis=0)
+    def _pull(self, s: Array, flown: Array) -> tuple[Array, Array, Array]:
+        """Return how half the squared distance falls with s, how that curves, and the path's slope."""
+        slope, off = self._scale * self._path(s, 1), flown - self._scale * self._path(s)
+        fall, base = (off * slope).sum(axis=0), (slope**2).sum(axis=0)
+        curve = base - (off * self._scale * self._path(s, 2)).sum(axis=0)
         return fall, np.where(curve > 0.1 * base, curve, base), slope
 
     def trim(self, s: Array, count: int) -> Array:
@@ -121,6 +135,12 @@ class Line:
         for local in self.local:
             x[local.columns] = local.trim(s)
         return x
+
+
+def turns(corridor: Corridor) -> Array:
+    """Return the radians that a unit of each scheduled variable counts as, shape (variable,)."""
+    rows = zip(corridor.scheduled_units, corridor.schedule, strict=True)
+    return np.array([1.0 if unit == "rad" else np.pi / 2 / (np.ptp(row) or 1.0) for unit, row in rows])
 
 
 class EquivalentKnots:

@@ -8,9 +8,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.blend.line import turns
 from freqid.blend.similarity import ALIKE, equivalent, not_similar
 from freqid.core.arrays import Array
-from freqid.core.errors import DataError, UsageError
+from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.identification import factors_of
 from freqid.core.results.corridor import Corridor, KnotResponse
 from freqid.core.results.point import PointModel
@@ -19,9 +20,12 @@ Densities = Literal["apart", "together"]
 
 SAME_SPEED = 0.05  # m/s: two points closer than this are one condition
 SAME_TILT = np.deg2rad(1.0)  # what a tilt may go back by along a corridor: how well a wing is set
+_DISTINCT = 1e-3  # of its range: how far apart a scheduled variable must set neighbours that lie along it
 
 
-def line_up(points: Sequence[PointModel], files: Sequence[str], densities: Densities = "apart") -> Corridor:
+def line_up(
+    points: Sequence[PointModel], files: Sequence[str], densities: Densities = "apart", along: str = ""
+) -> Corridor:
     """Line point models up along the transition corridor.
 
     Parameters
@@ -33,6 +37,9 @@ def line_up(points: Sequence[PointModel], files: Sequence[str], densities: Densi
     densities : {"apart", "together"}
         Whether points of each density make a line of their own, or all make one line in equivalent
         speed ``u sqrt(rho / RHO0)``. Together is right where tilt is scheduled by equivalent speed.
+    along : str
+        What the lines run along: ``u``, or a variable that the references set. Where empty, speed, or if
+        all points have the same, the first scheduled variable that varies.
 
     Returns
     -------
@@ -58,35 +65,57 @@ def line_up(points: Sequence[PointModel], files: Sequence[str], densities: Densi
     _check_density_laws(points[0], rho, files)
     line = level if densities == "apart" else np.zeros_like(level)
     speed = np.array([p.reference.u for p in points]) * equivalent(rho)
-    order = np.lexsort((speed, line))
-    points, files = [points[int(i)] for i in order], [files[int(i)] for i in order]
-    line, speed = line[order], speed[order]
-    tilt = np.array([[p.reference.dw1, p.reference.dw2] for p in points]).T
-    for i in range(line.max() + 1):
-        members = np.flatnonzero(line == i)
-        _check_line(
-            speed[members], tilt[:, members], [points[k] for k in members], [files[k] for k in members]
+    names = _scheduled(points)
+    schedule = np.array([[p.reference.scheduled.get(n, 0.0) for p in points] for n in names])
+    schedule = schedule.reshape(len(names), len(points))
+    along = along or _sets_apart(speed, names, schedule)
+    if along not in ("u", *names):
+        raise UsageError(
+            f"the points set no '{along}' for the corridor to run along", remedy=nearest(along, ("u", *names))
         )
-    return Corridor(
+    place = speed if along == "u" else schedule[names.index(along)]
+    order = np.lexsort((place, line))
+    points, files = [points[int(i)] for i in order], [files[int(i)] for i in order]
+    line, place, schedule = line[order], place[order], schedule[:, order]
+    stated = {n: unit for p in points for n, unit in p.scheduled_units.items()}
+    corridor = Corridor(
         ids=tuple(p.reference.id for p in points),
         u=np.array([p.reference.u for p in points]),
         rho=np.array([p.reference.rho for p in points]),
-        tilt=tilt,
+        schedule=schedule,
         line=line,
         responses={name: _knots(name, points) for name in points[0].responses},
         form=points[0].form,
         vehicle=points[0].vehicle,
         highest_hz=_highest(points),
         provenance={"points": dict(zip(files, (p.provenance for p in points), strict=True))},
+        scheduled=names,
+        scheduled_units=tuple(stated.get(n, "rad") for n in names),
+        along=along,
     )
+    for i in range(line.max() + 1):
+        _check_line(corridor, np.flatnonzero(line == i), points, files)
+    return corridor
+
+
+def _scheduled(points: Sequence[PointModel]) -> tuple[str, ...]:
+    """Return what any of the points sets beside speed and density, in their order."""
+    return tuple(dict.fromkeys(name for p in points for name in p.reference.scheduled))
+
+
+def _sets_apart(speed: Array, names: Sequence[str], schedule: Array) -> str:
+    """Return what a corridor runs along: speed, or the first variable that varies where speed does not."""
+    if np.ptp(speed) >= SAME_SPEED:
+        return "u"
+    return next((n for n, row in zip(names, schedule, strict=True) if np.ptp(row) > 0), "u")
 
 
 def _check_alone(point: PointModel, file: str) -> None:
     at = point.reference
-    for name in ("u", "rho", "dw1", "dw2"):
-        if not np.isfinite(getattr(at, name)) or (name == "rho" and not at.rho > 0):
+    for name, value in {"u": at.u, "rho": at.rho, **at.scheduled}.items():
+        if not np.isfinite(value) or (name == "rho" and not value > 0):
             raise DataError(
-                f"reference '{at.id}' has {name} = {getattr(at, name):g}, so it has no place on the corridor",
+                f"reference '{at.id}' has {name} = {value:g}, so it has no place on the corridor",
                 where=file,
                 remedy="identify the point again with --at and a reference that states it",
             )
@@ -164,37 +193,58 @@ def _check_density_laws(point: PointModel, rho: Array, files: Sequence[str]) -> 
             )
 
 
-def _check_line(speed: Array, tilt: Array, points: Sequence[PointModel], files: Sequence[str]) -> None:
+def _check_line(
+    corridor: Corridor, members: NDArray[np.int64], points: Sequence[PointModel], files: Sequence[str]
+) -> None:
     """Refuse a line of one point, a condition that comes twice, and points that lie on no one line."""
-    if speed.size < 2:
+    points, files = [points[k] for k in members], [files[k] for k in members]
+    place, schedule = corridor.coordinate[members], corridor.schedule[:, members]
+    by_speed = corridor.along == "u"
+    if place.size < 2:
         raise DataError(
             f"is the only point at {points[0].reference.rho:.4g} kg/m3, and one point makes no line",
             where=files[0],
             remedy="add points there, leave it out, or blend with --densities together",
         )
-    close = int(np.diff(speed).argmin())
-    if speed[close + 1] - speed[close] < SAME_SPEED:
+    turned = turns(corridor)[:, None] * schedule
+    close = int(np.diff(place).argmin())
+    least = SAME_SPEED if by_speed else _DISTINCT * np.ptp(place)
+    if place[close + 1] - place[close] < least or not np.ptp(place):
         one, two = points[close].reference, points[close + 1].reference
-        turned = np.rad2deg(np.abs(tilt[:, close + 1] - tilt[:, close]).max())
-        apart = f" with tilts {turned:.3g} deg apart" if turned > np.rad2deg(SAME_TILT) else ""
+        most = np.rad2deg(np.abs(turned[:, close + 1] - turned[:, close]).max(initial=0.0))
+        other = next((n for n, row in zip(corridor.scheduled, schedule, strict=True) if _apart(row)), "")
+        apart = f" with tilts {most:.3g} deg apart" if most > np.rad2deg(SAME_TILT) else ""
         raise DataError(
-            f"reference '{two.id}' (u = {two.u:.4g} m/s, rho = {two.rho:.4g} kg/m3) repeats the equivalent "
-            f"speed of '{one.id}' in {files[close]}{apart}",
+            f"reference '{two.id}' (u = {two.u:.4g} m/s, rho = {two.rho:.4g} kg/m3) repeats the "
+            f"{'equivalent speed' if by_speed else corridor.along} of '{one.id}' in {files[close]}{apart}",
             where=files[close + 1],
-            remedy="keep one of the two",
+            remedy="keep one of the two" + (f", or blend along {other} (--along {other})" if other else ""),
         )
-    for name, row in zip(("dw1", "dw2"), tilt, strict=True):
+    for name, unit, row, plain in zip(
+        corridor.scheduled, corridor.scheduled_units, turned, schedule, strict=True
+    ):
         if _goes_back(row) > SAME_TILT:
             without = [_goes_back(np.delete(row, i)) for i in range(row.size)]
             i = int(np.argmin(without))
             at = points[i].reference
             raise DataError(
                 f"reference '{at.id}' is off the corridor of the other points: at u = {at.u:.4g} m/s its "
-                f"{name} of {np.rad2deg(row[i]):.4g} deg makes the tilt go back and forth by "
-                f"{np.rad2deg(_goes_back(row)):.3g} deg",
+                f"{name} of {_shown(plain[i], unit)} makes it go back and forth by "
+                f"{_shown(_goes_back(plain), unit, 3)}",
                 where=files[i],
                 remedy="blend points of one tilt schedule; where densities differ, blend them apart",
             )
+
+
+def _apart(row: Array) -> bool:
+    """Tell whether a scheduled variable sets all points of a line apart."""
+    return bool(np.ptp(row) > 0 and np.diff(np.sort(row)).min() >= _DISTINCT * np.ptp(row))
+
+
+def _shown(value: float, unit: str, digits: int = 4) -> str:
+    """Return a value with its unit, angles in degrees."""
+    value, unit = (np.rad2deg(value), "deg") if unit == "rad" else (value, unit)
+    return f"{value:.{digits}g} {unit}"
 
 
 def _goes_back(tilt: Array) -> float:

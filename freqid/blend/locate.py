@@ -17,8 +17,6 @@ from freqid.core.results.corridor import Corridor
 
 Outside = Literal["refuse", "hold"]
 
-TILTS: tuple[str, str] = ("dw1", "dw2")
-
 
 @dataclass(frozen=True)
 class CorridorTolerance:
@@ -27,7 +25,7 @@ class CorridorTolerance:
     Attributes
     ----------
     tilt : float
-        Of each wing, rad.
+        Of each scheduled angle, rad; of another variable, as `freqid.blend.line.turns` makes it.
     speed : float
         Equivalent, m/s.
     """
@@ -37,7 +35,7 @@ class CorridorTolerance:
 
     def exceeded(self, at: Position) -> NDArray[np.bool_]:
         """Say where a line is too far away, shape (n,)."""
-        return (np.abs(at.tilt_off) > self.tilt).any(axis=0) | (np.abs(at.speed_off) > self.speed)
+        return (np.abs(at.schedule_off) > self.tilt).any(axis=0) | (np.abs(at.speed_off) > self.speed)
 
 
 @dataclass(frozen=True)
@@ -100,11 +98,12 @@ def locate(
         Where one is not finite, or a state is outside and that is refused.
     """
     given = _checked(corridor, inputs, needed)
-    rho, u, tilt = given["rho"], given["u"], np.array([given[name] for name in TILTS])
+    rho, u = given["rho"], given["u"]
+    schedule = np.array([given[name] for name in corridor.scheduled]).reshape(-1, rho.size)
     k = equivalent(rho)
     scale = k ** goes_with_velocity(corridor.units)[:, None]
     x = np.array([given[name] for name in corridor.units]) * scale
-    positions = [line.position(u * k, tilt) for line in lines]
+    positions = [line.position(u * k, schedule) for line in lines]
     weights, slopes = between(lines, rho)
     far = [(w > 0) & tolerance.exceeded(p) for p, w in zip(positions, weights, strict=True)]
     bound = not_similar(corridor.units)
@@ -117,7 +116,7 @@ def locate(
             found = f"rho = {rho[first]:.4g} kg/m3, the points {lines[0].rho:.4g}, and no law carries "
             found += f"'{bound[0]}' from one density to another"
         else:
-            found = _distance(at, tilt, first, tolerance)
+            found = _distance(corridor, lines, at, schedule, first, tolerance)
         raise DataError(
             f"{np.count_nonzero(at.outside)} of {rho.size} samples are off the corridor; sample {first} has "
             + found,
@@ -150,8 +149,9 @@ def _checked(corridor: Corridor, inputs: Mapping[str, ArrayLike], needed: Sequen
     missing = [name for name in needed if name not in inputs]
     if missing:
         raise UsageError(f"input '{missing[0]}' is missing", remedy=f"the model needs {', '.join(needed)}")
-    still: dict[str, ArrayLike] = dict(zip(TILTS, corridor.tilt[:, 0], strict=True))
-    given = {name: np.asarray(inputs.get(name, still.get(name)), float) for name in (*TILTS, *needed)}
+    still: dict[str, ArrayLike] = dict(zip(corridor.scheduled, corridor.schedule[:, 0], strict=True))
+    names = (*corridor.scheduled, *needed)
+    given = {name: np.asarray(inputs.get(name, still.get(name)), float) for name in names}
     size = np.broadcast_shapes((1,), *(v.shape for v in given.values()))
     for name, v in given.items():
         wrong = ~np.isfinite(v) if name != "rho" else ~((v > 0) & np.isfinite(v))
@@ -165,12 +165,22 @@ def _checked(corridor: Corridor, inputs: Mapping[str, ArrayLike], needed: Sequen
     return {name: np.broadcast_to(v, size) for name, v in given.items()}
 
 
-def _distance(at: Located, tilt: Array, i: int, tolerance: CorridorTolerance) -> str:
+def _distance(
+    corridor: Corridor,
+    lines: Sequence[Line],
+    at: Located,
+    schedule: Array,
+    i: int,
+    tolerance: CorridorTolerance,
+) -> str:
     """Return in words how far one sample is from the line that counts most."""
-    p = at.positions[int(at.weights[:, i].argmax())]
+    most = int(at.weights[:, i].argmax())
+    p = at.positions[most]
     if abs(p.speed_off[i]) > tolerance.speed:
-        nearest = p.s[i] / at.k[i]
-        return f"u = {at.u[i]:.4g} m/s, the corridor at its tilt {nearest:.4g} m/s"
-    wing = int(np.abs(p.tilt_off[:, i]).argmax())
-    flown, off = np.rad2deg([tilt[wing, i], p.tilt_off[wing, i]])
-    return f"{TILTS[wing]} = {flown:.4g} deg, the corridor nearby {flown - off:.4g} deg"
+        nearest = at.u[i] - p.speed_off[i] / at.k[i]
+        return f"u = {at.u[i]:.4g} m/s, the corridor nearby {nearest:.4g} m/s"
+    row = int(np.abs(p.schedule_off[:, i]).argmax())
+    unit, name = corridor.scheduled_units[row], corridor.scheduled[row]
+    flown, off = np.array([schedule[row, i], p.schedule_off[row, i] / lines[most].turn[row]])
+    shown, factor = ("deg", np.rad2deg(1.0)) if unit == "rad" else (unit, 1.0)
+    return f"{name} = {factor * flown:.4g} {shown}, the corridor nearby {factor * (flown - off):.4g} {shown}"

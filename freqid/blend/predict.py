@@ -7,7 +7,7 @@ from typing import cast
 import numpy as np
 
 from freqid.blend.global_model import GlobalModel
-from freqid.blend.locate import TILTS, Outside
+from freqid.blend.locate import Outside
 from freqid.core.record import Maneuver
 from freqid.core.results.point import Fit
 from freqid.identify.loads.explanatory import history
@@ -62,6 +62,4 @@ def replay(
 
 def flown(model: GlobalModel, maneuver: Maneuver) -> dict[str, np.ndarray]:
     """Return the model's inputs from a manoeuvre, shape (sample,) each."""
-    channels = {name: name for name in model.inputs}
-    channels |= {tilt: wing.tilt for tilt, wing in zip(TILTS, maneuver.vehicle.wings, strict=False)}
-    return {name: history(maneuver, channels[name]) for name in model.inputs}
+    return {name: history(maneuver, name) for name in model.inputs}

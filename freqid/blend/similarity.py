@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from freqid.core.arrays import Array
+from freqid.core.units import RHO0
 
-RHO0 = 1.225  # kg/m3, sea level of the standard atmosphere: where equivalent quantities equal true ones
 ALIKE = 0.02  # relative: densities within it are one, for models that cannot be carried to another
 
 # Velocities and rates: the same load at another density needs them to go with 1/sqrt(rho).

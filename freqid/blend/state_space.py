@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from freqid.blend.locate import TILTS
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError
 from freqid.core.vehicle import Vehicle
@@ -44,7 +43,7 @@ class StateSpace:
         derivatives : mapping of str to ndarray of shape (6,)
             X to N per unit of u v w p q r, where the model has them, and of each effector; N and N m.
         trim : mapping of str to float
-            ``u v w``, ``theta``, effectors and ``dw1 dw2``.
+            ``u v w``, ``theta``, effectors and tilts.
         vehicle : Vehicle
             Mass properties, as they are at the trimmed tilts, and rotors.
 
@@ -63,7 +62,7 @@ class StateSpace:
                 f"the model has no rotor '{missing[0]}' among its regressors, whose momentum matters",
                 remedy="regress on the speeds of all rotors, or give a vehicle whose rotors have no inertia",
             )
-        tilts = {w.tilt: trim[name] for name, w in zip(TILTS, vehicle.wings, strict=False)}
+        tilts = {w.tilt: trim[w.tilt] for w in vehicle.wings if w.tilt in trim}
         momentum = rotor_spin(vehicle, rotors, tilts) @ np.array([trim[n] for n in rotors])
         velocity = np.array([trim[n] for n in STATES[:3]])
         reaction = np.zeros((3, len(effectors)))

@@ -28,6 +28,11 @@ from freqid.core.errors import UsageError
     "equivalent speed.",
 )
 @click.option(
+    "--along",
+    help="Of the corridor: what it runs along: u, or a variable that the references set; without it, "
+    "speed, or if all points have the same, the first of these that varies.",
+)
+@click.option(
     "--predict", "held_out", type=FILE, help="Of the corridor: a record that no point is made from."
 )
 @click.option(
@@ -63,7 +68,10 @@ def command(
     each cluster of trim angles of attack.
     """
     keep_inputs(destination, *points, held_out, *asked["judged"])
-    of = {"corridor": ("densities", "outside"), "advance-ratio": ("kind", "clusters", "hold", "sensor_error")}
+    of = {
+        "corridor": ("densities", "along", "outside"),
+        "advance-ratio": ("kind", "clusters", "hold", "sensor_error"),
+    }
     foreign = next(names for kind, names in of.items() if kind != by) + (
         ("judged",) if by == "corridor" else ()
     )
@@ -87,7 +95,7 @@ def _corridor(
     from freqid.workflows.blend import blend, predict
     from freqid.workflows.files import save
 
-    model = blend(points, densities=asked["densities"] or "apart")
+    model = blend(points, densities=asked["densities"] or "apart", along=asked["along"] or "")
     predicted = predict(model, held_out, outside=asked["outside"] or "refuse") if held_out else {}
     found = (model.corridor, density_agreement(model), predicted)
     save(model, destination)

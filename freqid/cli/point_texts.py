@@ -5,8 +5,6 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-import msgspec
-
 from freqid.core.results.point import Fit, PointModel, ResponseModel, per
 from freqid.identify.model.selection import DISTORTED, F_TO_STAY
 
@@ -50,7 +48,7 @@ def point_result(model: PointModel) -> dict[str, Any]:
         return {"r2": fit.r2, "rmse": fit.rms}
 
     likelihood = {k: v for k, v in model.provenance.items() if k == "output_error"}
-    reference = {k: v if v == v else None for k, v in msgspec.to_builtins(model.reference).items()}
+    reference = {k: v if v == v else None for k, v in model.reference.to_json().items()}
     return {
         "reference": reference,
         "method": model.method,

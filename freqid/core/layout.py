@@ -62,7 +62,7 @@ class Attribute:
 
 @dataclass(frozen=True)
 class Attributes:
-    """A small structure or a mapping, each of its entries an attribute of one group.
+    """A mapping, or an object by its ``to_json`` and ``from_json``, each entry an attribute of one group.
 
     Attributes
     ----------
@@ -231,7 +231,8 @@ def get_fields(file: h5py.File, of: type, layout: Layout, scopes: tuple[Any, ...
     """
     fields = {f.name: f for f in dataclasses.fields(of)}
     found: dict[str, Any] = {k: v for scope in scopes[:1] for k, v in scope.items() if k in fields}
-    scopes = (found, *scopes)
+    names = {f.name: f.default for f in fields.values() if f.default and isinstance(f.default, tuple)}
+    scopes = (found, names, *scopes)  # places may be named by a field that the file does not have
     for name, slot in layout.items():
         if name not in fields or (_optional(fields[name]) and not _present(file, slot, scopes)):
             continue
@@ -247,7 +248,8 @@ def _put(file: h5py.File, slot: Any, value: Any, scopes: tuple[Any, ...], hint: 
             places, spread = _fill_in(slot.at, scopes)
             units, _ = _fill_in(slot.units, scopes)
             rows = value if spread else [value]
-            for place, unit, row in zip(places, units * (len(places) // len(units)), rows, strict=True):
+            every = units * (len(places) // len(units)) if places else []
+            for place, unit, row in zip(places, every, rows, strict=True):
                 if _dtype(hint) is np.complex128:
                     store.put_complex(file, place, row, unit)
                 else:
@@ -261,7 +263,7 @@ def _put(file: h5py.File, slot: Any, value: Any, scopes: tuple[Any, ...], hint: 
                 )
         case Attributes():
             owner, _ = _owner(file, f"{slot.at}@")
-            entries = value if isinstance(value, Mapping) else msgspec.to_builtins(value)
+            entries = value if isinstance(value, Mapping) else value.to_json()
             for name, row in entries.items():
                 owner.attrs[name] = row
         case Table():
@@ -304,7 +306,8 @@ def _get(file: h5py.File, slot: Any, scopes: tuple[Any, ...], hint: Any) -> Any:
             return _convert(rows if spread else rows[0], hint, strict=False)  # 7.0 is a whole number
         case Attributes():
             attrs = store.subgroup(file, slot.at).attrs
-            return _convert({k: _plain(attrs[k]) for k in slot.only or attrs if k in attrs}, hint)
+            entries = {k: _plain(attrs[k]) for k in slot.only or attrs if k in attrs}
+            return hint.from_json(entries) if hasattr(hint, "from_json") else _convert(entries, hint)
         case Table():
             table = json.loads(store.dataset(file, slot.at)[()])
             return hint.from_json(table) if hasattr(hint, "from_json") else _convert(table, hint)
@@ -393,7 +396,7 @@ def _keys(file: h5py.File, place: str) -> list[str]:
     return sorted(names, key=int) if all(map(str.isdecimal, names)) else names
 
 
-def _check_shapes(found: Mapping[str, Any], layout: Layout, scopes: tuple[Any, ...]) -> None:
+def _check_shapes(found: dict[str, Any], layout: Layout, scopes: tuple[Any, ...]) -> None:
     """Raise ValueError for an array whose axes are not as long as what they run over."""
     lengths: dict[str, int] = {}
     for name, slot in layout.items():
@@ -405,7 +408,9 @@ def _check_shapes(found: Mapping[str, Any], layout: Layout, scopes: tuple[Any, .
                 listed = next((s[axis] for s in scopes if axis in s), None)
                 lengths[axis] = len(listed) if isinstance(listed, tuple) else (*shape[i:], 0)[0]
         expected = tuple(axis if isinstance(axis, int) else lengths[axis] for axis in slot.axes)
-        if shape != expected:
+        if 0 in expected and np.size(found[name]) == 0:  # an array that is spread over no places
+            found[name] = np.empty(expected)
+        elif shape != expected:
             raise ValueError(f"'{name}' has shape {shape}, expected {expected}")
 
 

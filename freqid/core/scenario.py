@@ -10,7 +10,7 @@ from typing import Any, Literal
 import msgspec
 
 from freqid.core.campaign import Campaign
-from freqid.core.channels import WRENCH
+from freqid.core.channels import AIR, STATE, WRENCH
 from freqid.core.errors import UsageError, nearest
 from freqid.core.excitation import Excitation
 from freqid.core.identification import Identification
@@ -49,15 +49,49 @@ class Reference(Strict, frozen=True):
         Forward speed, m/s; nan in a model whose record does not tell.
     rho : float
         Air density, kg/m3; likewise.
-    dw1, dw2 : float
-        Front and rear wing tilt, rad.
+    scheduled : dict of str to float
+        What else is set for the condition, by name, SI: tilts, flap settings, any effector or air quantity.
+        In a file they stand beside `u`: ``nac_l = 0.3``. A tilt that is not stated is at zero.
     """
 
     id: str
     u: float
     rho: float
-    dw1: float = 0.0
-    dw2: float = 0.0
+    scheduled: dict[str, float] = msgspec.field(default_factory=dict)
+
+    @classmethod
+    def of(cls, id: str, u: float, rho: float, **scheduled: float) -> Reference:
+        """Return a condition whose scheduled variables are named as in a file.
+
+        Examples
+        --------
+        >>> Reference.of("u20", u=20.0, rho=1.2, nac_l=0.3)["nac_l"]
+        0.3
+        """
+        return cls(id=id, u=u, rho=rho, scheduled=scheduled)
+
+    def __getitem__(self, name: str) -> float:
+        try:
+            return self.scheduled[name]
+        except KeyError:
+            raise UsageError(
+                f"reference '{self.id}' states no '{name}'", remedy=nearest(name, self.scheduled)
+            ) from None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return a flat table, as a scenario file has it."""
+        return {"id": self.id, "u": self.u, "rho": self.rho, **self.scheduled}
+
+    @classmethod
+    def from_json(cls, table: Mapping[str, Any]) -> Reference:
+        """Return the condition of a flat table."""
+        return msgspec.convert(_nested(table), cls)
+
+
+def _nested(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the table of a reference with what is scheduled in a table of its own."""
+    own = {k: v for k, v in table.items() if k in ("id", "u", "rho")}
+    return own | {"scheduled": {k: v for k, v in table.items() if k not in own}}
 
 
 class Gates(Strict, frozen=True):
@@ -159,6 +193,15 @@ class Scenario(Strict, frozen=True):
                 raise ValueError(
                     f"reference '{at.id}' has u = {at.u:g} and rho = {at.rho:g}, expected finite numbers"
                 )
+            for name, value in at.scheduled.items():
+                known = self.schedulable
+                if name not in known:
+                    raise ValueError(
+                        f"reference '{at.id}' sets '{name}', which is no effector and no air quantity; "
+                        + nearest(name, ("id", "u", "rho", *known))
+                    )
+                if not isfinite(value):
+                    raise ValueError(f"reference '{at.id}' has {name} = {value:g}, expected a finite number")
         self.aircraft()  # what does not fit together is refused when the file is read
 
     def aircraft(self) -> Vehicle:
@@ -183,6 +226,12 @@ class Scenario(Strict, frozen=True):
             wings=self.wing,
             groups=self.group,
         )
+
+    @property
+    def schedulable(self) -> tuple[str, ...]:
+        """What a reference condition may set beside speed and density: tilts first."""
+        effectors = sorted(self.effector, key=lambda e: e.kind != "tilt")
+        return (*(e.name for e in effectors), *(n for n in (*STATE, *AIR) if n not in ("u", "rho")))
 
     def reference_of(self, identifier: str) -> Reference:
         """Return one reference condition.
@@ -250,7 +299,7 @@ def read_scenario(path: Path | str) -> tuple[Scenario, str]:
     DataError, UsageError
         As `freqid.core.toml.read_toml`.
     """
-    written, sha256 = read_toml(find_scenario(path), _Written)
+    written, sha256 = read_toml(find_scenario(path), _Written, _with_scheduled)
     sections: dict[str, Any] = {name: getattr(written, name) for name in Scenario.__struct_fields__}
     try:
         sections["tolerance"] = msgspec.convert(_dotted(written.tolerance), dict[str, float])
@@ -258,6 +307,32 @@ def read_scenario(path: Path | str) -> tuple[Scenario, str]:
         raise UsageError(f"at tolerance: {error}", where=str(path)) from None
     sections |= {"file": str(path), "sha256": sha256}
     return Scenario(**sections), sha256
+
+
+def _with_scheduled(table: dict[str, Any]) -> dict[str, Any]:
+    """Return a file's table with what its references set in tables of their own.
+
+    Earlier releases knew two angles, ``dw1`` and ``dw2``, of the first and the second wing whatever their
+    effectors were called; they are still read so.
+    """
+    if not isinstance(table.get("reference"), list):
+        return table
+    rows = {kind: table.get(kind, []) for kind in ("effector", "wing")}
+    effectors, wings = (
+        [row for row in found if isinstance(row, dict)] if isinstance(found, list) else []
+        for found in rows.values()
+    )
+    names = {e.get("name") for e in effectors}
+    second = {n: w.get("tilt") for n, w in zip(("dw1", "dw2"), wings, strict=False) if n not in names}
+
+    def current(reference: Any) -> Any:
+        if not isinstance(reference, dict):
+            return reference
+        renamed = {second.get(k, k): v for k, v in reference.items()}
+        unknown = [n for n in ("dw1", "dw2") if n not in names and renamed.get(n) == 0]
+        return _nested({k: v for k, v in renamed.items() if k not in unknown})
+
+    return table | {"reference": [current(one) for one in table["reference"]]}
 
 
 def _dotted(table: Mapping[str, Any], stem: str = "") -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,7 +18,9 @@ T = TypeVar("T")
 S = TypeVar("S", bound=Strict)
 
 
-def read_toml(path: Path, kind: type[T]) -> tuple[T, str]:
+def read_toml(
+    path: Path, kind: type[T], prepare: Callable[[dict[str, Any]], dict[str, Any]] | None = None
+) -> tuple[T, str]:
     """Read and validate a TOML file.
 
     Parameters
@@ -25,6 +28,8 @@ def read_toml(path: Path, kind: type[T]) -> tuple[T, str]:
     path : Path
     kind : type
         A struct that has the file's keys.
+    prepare : callable, optional
+        Given the file's table, returns the one to convert.
 
     Returns
     -------
@@ -51,7 +56,7 @@ def read_toml(path: Path, kind: type[T]) -> tuple[T, str]:
         raise DataError(f"line {line} is no UTF-8 text", where=where, remedy="save it as UTF-8") from None
     except (ValueError, RecursionError) as error:
         raise DataError(f"is no valid TOML ({error})", where=where, remedy="mend it") from None
-    return convert(table, kind, where), hashlib.sha256(raw).hexdigest()
+    return convert(prepare(table) if prepare else table, kind, where), hashlib.sha256(raw).hexdigest()
 
 
 def convert(table: Any, kind: type[T], where: str) -> T:

@@ -12,6 +12,7 @@ from math import pi
 
 from freqid.core.errors import DataError, nearest
 
+RHO0 = 1.225  # kg/m3, sea level of the standard atmosphere: where equivalent quantities equal true ones
 STANDARD_GRAVITY = 9.80665  # m/s2, ISO 80000-3
 FOOT = 0.3048  # m, exact
 POUND = 0.45359237  # kg, exact

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import msgspec
 import numpy as np
 
 from freqid.core.arrays import Array
+from freqid.core.channels import AIR, EFFECTOR_UNITS, STATE
 from freqid.core.errors import DataError, UsageError
 from freqid.core.estimators import EstimatorName
 from freqid.core.excitation import Excitation
@@ -127,33 +128,55 @@ DENSITY_SHARE = 0.02
 TILT = np.radians(2.0)  # turns 3.5 % of a wing's thrust and lift into the other axis
 
 
-def flown_reference(maneuvers: Sequence[Maneuver]) -> Reference:
-    """Return the condition that was flown, from the means of what the records hold; nan where they do not."""
+def flown_reference(maneuvers: Sequence[Maneuver], also: Iterable[str] = ()) -> Reference:
+    """Return the condition that was flown, from the means of what the records hold; nan where they do not.
+
+    Parameters
+    ----------
+    maneuvers : sequence of Maneuver
+    also : iterable of str
+        What a stated condition sets beside the tilts.
+    """
     vehicle = maneuvers[0].vehicle
-    tilts = [_mean(maneuvers, wing.tilt) for wing in vehicle.wings] + [0.0, 0.0]
+    tilts = [e.name for e in vehicle.effectors if e.kind == "tilt"] or [w.tilt for w in vehicle.wings]
     return Reference(
         id=maneuvers[0].record.reference or "flown",
         u=_mean(maneuvers, "u"),
         rho=_mean(maneuvers, "rho"),
-        dw1=tilts[0],
-        dw2=tilts[1],
+        scheduled={name: _mean(maneuvers, name) for name in dict.fromkeys([*tilts, *also])},
     )
 
 
-def departures(stated: Reference, flown: Reference) -> tuple[str, ...]:
+def scheduled_units(maneuvers: Sequence[Maneuver], reference: Reference) -> dict[str, str]:
+    """Return the SI unit of what a reference sets beside speed and density, as far as it is known."""
+    kinds = maneuvers[0].vehicle.effector_kinds
+    units = {name: EFFECTOR_UNITS[kind] for name, kind in kinds.items()}
+    units |= {name: unit for name, (unit, _) in {**STATE, **AIR}.items()}
+    return {name: units[name] for name in reference.scheduled if name in units}
+
+
+def departures(
+    stated: Reference, flown: Reference, units: Mapping[str, str] | None = None
+) -> tuple[str, ...]:
     """Say where a stated condition is not the one that was flown, one sentence for each quantity.
 
     Parameters
     ----------
     stated, flown : Reference
-        What the flown one does not know, nan, is not compared.
+        What the flown one does not know, nan, is not compared; a tilt that is not stated is at zero.
+    units : mapping of str to str, optional
+        Of what is scheduled; rad where a name is absent. Only angles are compared: what counts as far for
+        another variable, the corridor says.
     """
     degree = np.degrees(1.0)
     rows = [
         ("forward speed u", "m/s", 1.0, stated.u, flown.u, max(LEAST_SPEED, SPEED_SHARE * abs(stated.u))),
         ("air density rho", "kg/m3", 1.0, stated.rho, flown.rho, DENSITY_SHARE * stated.rho),
-        ("front wing tilt dw1", "deg", degree, stated.dw1, flown.dw1, TILT),
-        ("rear wing tilt dw2", "deg", degree, stated.dw2, flown.dw2, TILT),
+    ]
+    rows += [
+        (f"angle {name}", "deg", degree, stated.scheduled.get(name, 0.0), was, TILT)
+        for name, was in flown.scheduled.items()
+        if (units or {}).get(name, "rad") == "rad"
     ]
     return tuple(
         f"reference '{stated.id}' states {what} = {factor * said:.4g} {unit}, but the mean flown is "
@@ -247,7 +270,8 @@ def identify_point(
         responses = flights.fit(problem)
     else:
         responses = fit_samples(problem, flights.instruments(problem.names))
-    flown = flown_reference(maneuvers)
+    flown = flown_reference(maneuvers, reference.scheduled if reference else ())
+    units = scheduled_units(maneuvers, reference or flown)
     trim, no_advance_ratio = flown_trim(maneuvers)
     records = [m.record.provenance for m in maneuvers]
     return PointModel(
@@ -262,9 +286,10 @@ def identify_point(
         provenance=({"record": records[0]} if len(records) == 1 else {"records": records})
         | ({"structure": structure} if structure else {}),
         estimator=by.name,
-        remarks=() if reference is None else departures(reference, flown),
+        remarks=() if reference is None else departures(reference, flown, units),
         trim=trim,
         no_advance_ratio=no_advance_ratio,
+        scheduled_units=units,
     )
 
 

@@ -30,6 +30,7 @@ def blend(
     points: PointModel | File | Iterable[PointModel | File],
     *,
     densities: Literal["apart", "together"] = "apart",
+    along: str = "",
 ) -> GlobalModel:
     """Blend point models into one model over the transition corridor.
 
@@ -39,6 +40,9 @@ def blend(
         Of one aircraft, at two conditions or more.
     densities : {"apart", "together"}
         A line for each air density, or all points on one line in equivalent speed.
+    along : str
+        What the lines run along: ``u``, or a variable that the references set, such as a flap's angle.
+        Where empty, speed, or if all points have the same, the first of these that varies.
 
     Returns
     -------
@@ -68,7 +72,7 @@ def blend(
     names = [
         str(g) if isinstance(g, str | Path) else r.reference.id for g, r in zip(given, read, strict=True)
     ]
-    return GlobalModel(line_up(read, names, densities))
+    return GlobalModel(line_up(read, names, densities, along))
 
 
 def predict(

@@ -74,7 +74,7 @@ def test_wrench_equals_the_slow_one_along_the_corridor(la8, wrench):
             "velocity": np.array([reference.u, 0.0, 0.1]),
             "rates": np.zeros(3),
             "rho": reference.rho,
-            "tilt": np.array([reference.dw1, reference.dw2]),
+            "tilt": np.array([reference["dw1"], reference["dw2"]]),
             "speed": np.full(8, 550.0),
         }
         assert_same(wrench(la8, *as_jax(point)), slow.wrench(**point))

@@ -51,7 +51,7 @@ def slow(points, state, response):
     points = sorted(points, key=lambda p: p.reference.u)
     k = np.sqrt(state["rho"] / points[0].reference.rho)
     u = [p.reference.u for p in points]
-    tilt = [p.reference.dw1 for p in points]
+    tilt = [p.reference["dw1"] for p in points]
 
     def distance(s):  # both wings, and 0.05 deg for every m/s: docs/theory/global-model.md
         return 2 * (state["dw1"] - cubic(u, tilt, s)) ** 2 + (np.deg2rad(0.05) * (state["u"] * k - s)) ** 2

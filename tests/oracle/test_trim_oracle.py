@@ -37,7 +37,7 @@ def centre_of_gravity(table: dict, tilt: float) -> np.ndarray:
 
 def unbalanced(slow: SlowAirframe, reference, phi, theta, surface, speed) -> np.ndarray:
     """Force with the weight and moment about the centre of gravity, over the weight."""
-    u, tilt = reference.u, reference.dw1
+    u, tilt = reference.u, reference["dw1"]
     down = np.array([-np.sin(theta), np.sin(phi) * np.cos(theta), np.cos(phi) * np.cos(theta)])
     velocity = np.array([u, 0.0, -u * down[0] / down[2]])
     still = np.zeros(3)

@@ -14,7 +14,7 @@ MODEL = GlobalModel(
     line_up([tilt_wing.exact_point(tilt_wing.trim(u, 1.225), f"{u:g}") for u in SPEEDS], "abcdefg")
 )
 DENSE = np.linspace(0.0, 25.0, 20001)
-TILTS = MODEL.lines[0].tilt(DENSE)
+TILTS = MODEL.lines[0].schedule(DENSE)
 angles = st.floats(-0.3, 2.0)
 
 
@@ -28,7 +28,7 @@ def test_the_place_is_the_nearest_there_is(speed, front, apart):
         return ((tilt - own) ** 2).sum(axis=0) + (np.deg2rad(0.05) * (speed - where)) ** 2
 
     assert 0.0 <= s[0] <= 25.0
-    assert distance(s, MODEL.lines[0].tilt(s))[0] <= distance(DENSE, TILTS).min() + 1e-9
+    assert distance(s, MODEL.lines[0].schedule(s))[0] <= distance(DENSE, TILTS).min() + 1e-9
 
 
 @settings(max_examples=60)

@@ -13,6 +13,7 @@ from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
 from freqid.core.layout import Attribute, Dataset, NestedSeries, ResultFile
 from freqid.core.results.point import per
+from freqid.core.units import RHO0
 
 
 @dataclass(frozen=True)
@@ -75,8 +76,8 @@ class Corridor:
         Of the reference conditions.
     u, rho : ndarray, shape (knot,)
         True speed, m/s, and air density, kg/m3.
-    tilt : ndarray, shape (2, knot)
-        Front and rear wing tilt ``dw1 dw2``, rad.
+    schedule : ndarray, shape (variable, knot)
+        What else was set at each condition, tilts above all, SI.
     line : ndarray of int, shape (knot,)
         Which line of the corridor a knot belongs to, from 0; lines ascend in density.
     responses : mapping of str to KnotResponse
@@ -86,18 +87,32 @@ class Corridor:
         Highest frequency that all points were identified at; nan where some were in time.
     provenance : dict
         Files of the points and their own provenance; JSON-compatible.
+    scheduled, scheduled_units : tuple of str
+        Names of the rows of `schedule`, and their units; files of releases that knew two wings name none.
+    along : str
+        What lines are sorted and interpolated by: ``u``, or the name of a scheduled variable.
     """
 
     ids: tuple[str, ...]
     u: Array
     rho: Array
-    tilt: Array
+    schedule: Array
     line: NDArray[np.int64]
     responses: Mapping[str, KnotResponse]
     form: str
     vehicle: str
     highest_hz: float = float("nan")
     provenance: dict[str, Any] = field(default_factory=dict)
+    scheduled: tuple[str, ...] = ("dw1", "dw2")
+    scheduled_units: tuple[str, ...] = ("rad", "rad")
+    along: str = "u"
+
+    @property
+    def coordinate(self) -> Array:
+        """Place of each knot along its line, shape (knot,): equivalent speed, or what `along` names."""
+        if self.along == "u":
+            return self.u * np.sqrt(self.rho / RHO0)
+        return self.schedule[self.scheduled.index(self.along)]
 
     def __getitem__(self, response: str) -> KnotResponse:
         try:
@@ -137,7 +152,10 @@ _CORRIDOR = {
     "ids": Attribute("reference@ids", json=True),
     "u": Dataset("reference/u", "m/s", ("ids",)),
     "rho": Dataset("reference/rho", "kg/m3", ("ids",)),
-    "tilt": Dataset(("reference/dw1", "reference/dw2"), "rad", (2, "ids")),
+    "scheduled": Attribute("reference@scheduled", json=True),
+    "scheduled_units": Attribute("reference@scheduled_units", json=True),
+    "along": Attribute("reference@along"),
+    "schedule": Dataset("reference/{scheduled}", "{scheduled_units}", ("scheduled", "ids")),
     "line": Dataset("reference/line", axes=("ids",)),
     "provenance": Attribute("provenance@json", json=True),
     "responses": NestedSeries(KnotResponse, _RESPONSE, "response", "@responses"),
@@ -148,8 +166,7 @@ def _check(corridor: Corridor) -> None:
     line = corridor.line
     if set(line) != set(range(line.max() + 1)) or np.bincount(line).min() < 2:
         raise ValueError("the lines have no two knots each")
-    dynamic_speed = corridor.u * np.sqrt(corridor.rho)
-    if not (np.diff(dynamic_speed)[np.diff(line) == 0] > 0).all() or (np.diff(line) < 0).any():
+    if not (np.diff(corridor.coordinate)[np.diff(line) == 0] > 0).all() or (np.diff(line) < 0).any():
         raise ValueError("the knots do not ascend along their lines")
     if not corridor.responses:
         raise ValueError("it has no response")

@@ -245,6 +245,8 @@ class PointModel(Viewable):
         they are stopped; as far as the records tell.
     no_advance_ratio : str
         Why there is none in `trim`; empty where there is.
+    scheduled_units : dict of str to str
+        SI unit of what the reference sets beside speed and density; rad where a name is absent.
     """
 
     reference: Reference
@@ -261,6 +263,7 @@ class PointModel(Viewable):
     remarks: tuple[str, ...] = ()
     trim: Mapping[str, float] = field(default_factory=dict)
     no_advance_ratio: str = ""
+    scheduled_units: dict[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         fits = ", ".join(f"{name} R2 {r.r2:.4f}" for name, r in self.responses.items())
@@ -374,6 +377,7 @@ _POINT = {
         for name in ("method", "form", "axes", "confidence", "duration", "vehicle", "estimator")
     },
     "remarks": Attribute("@remarks", json=True),
+    "scheduled_units": Attribute("@scheduled_units", json=True),
     "trim": Attributes("trim", only=("V", "alpha", "advance_ratio")),
     "no_advance_ratio": Attribute("trim@no_advance_ratio"),
     "provenance": Attribute("provenance@json", json=True),

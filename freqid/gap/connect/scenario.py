@@ -311,10 +311,10 @@ class ScenarioSimulation:
     def _reference(self, record: FlightRecord) -> Reference:
         if record.reference:
             return self.scenario.reference_of(record.reference)
-        tilts = [f"effector/{w.tilt}" for w in self.vehicle.wings]
-        means = {f"dw{i + 1}": float(record[t].mean()) for i, t in enumerate(tilts) if t in record}
+        tilts = [e.name for e in self.vehicle.effectors if e.kind == "tilt"]
+        means = {t: float(record[f"effector/{t}"].mean()) for t in tilts if f"effector/{t}" in record}
         u = float(velocity(record, (0.0, 0.0, 0.0))[0].mean())
-        return Reference(id="record", u=u, rho=float(density(record, 1.225).mean()), **means)
+        return Reference(id="record", u=u, rho=float(density(record, 1.225).mean()), scheduled=means)
 
     def _along(self, record: FlightRecord) -> loads.Along:
         """Return what the airframe feels, at the vehicle's origin, with a sample axis in front."""

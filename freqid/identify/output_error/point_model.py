@@ -22,7 +22,7 @@ from freqid.identify.output_error.forms.form import Loads, find_form, model_of
 from freqid.identify.output_error.model import DynamicModel
 from freqid.identify.output_error.parameters import numbered
 from freqid.identify.output_error.signals import signals_of
-from freqid.identify.point import departures, flown_reference
+from freqid.identify.point import departures, flown_reference, scheduled_units
 from freqid.identify.regress.regression import Collinearity, examine_columns
 from freqid.identify.spectra.trend import up_to
 
@@ -117,7 +117,8 @@ def point_model(
     Parameters that the manoeuvres do not tell are left out. The figures of fit are those of the loads: as
     the motion needed them, and as the model gives them along the measured motion, about the same mean.
     """
-    flown = flown_reference(maneuvers)
+    flown = flown_reference(maneuvers, reference.scheduled if reference else ())
+    units = scheduled_units(maneuvers, reference or flown)
     wrench: list[AppliedWrench] | None
     try:
         wrench = [measured_responses(m, settings) for m in maneuvers]
@@ -137,9 +138,10 @@ def point_model(
         vehicle=maneuvers[0].vehicle.name,
         provenance={"record": records[0]} if len(records) == 1 else {"records": records},
         estimator="maximum-likelihood",
-        remarks=(*(() if reference is None else departures(reference, flown)), *result.remarks),
+        remarks=(*(() if reference is None else departures(reference, flown, units)), *result.remarks),
         trim=trim,
         no_advance_ratio=no_advance_ratio,
+        scheduled_units=units,
     )
 
 

@@ -31,6 +31,12 @@ _FORM = {
 }
 
 
+def _scheduled(name: str, value: float, model: PointModel) -> tuple[str, float, str]:
+    """Return name, value and unit of what a condition sets, angles in degrees."""
+    unit = model.scheduled_units.get(name, "rad")
+    return (name, math.degrees(value), "deg") if unit == "rad" else (name, value, unit)
+
+
 def point_facts(model: PointModel, record: FlightRecord | None) -> list[tuple[str, str]]:
     """Return what the model is about, label and text."""
     reference = model.reference
@@ -38,10 +44,9 @@ def point_facts(model: PointModel, record: FlightRecord | None) -> list[tuple[st
     for label, value, unit in (
         ("u", reference.u, "m/s"),
         ("ρ", reference.rho, "kg/m³"),
-        ("dw1", math.degrees(reference.dw1), "deg"),
-        ("dw2", math.degrees(reference.dw2), "deg"),
+        *(_scheduled(name, value, model) for name, value in reference.scheduled.items()),
     ):
-        if math.isfinite(value) and not (label.startswith("dw") and value == 0):
+        if math.isfinite(value) and not (label in reference.scheduled and value == 0):
             condition.append(f"{label} = {notation.short(value)} {unit}")
     facts = [("Vehicle", model.vehicle or notation.NONE)]
     if record is not None:

@@ -405,8 +405,8 @@ def _bands(model: GlobalModel | None, response: str, points: list[StudiedPoint])
     lines = [line for line in model.lines if same_density(line.rho, rho)] or model.lines
     nearest = float(np.clip(rho, model.lines[0].rho, model.lines[-1].rho))
     scale = [float(equivalent(rho)) * np.sqrt(line.rho / nearest) for line in lines]
-    low = max(line.speed[0] / k for line, k in zip(lines, scale, strict=True))
-    high = min(line.speed[-1] / k for line, k in zip(lines, scale, strict=True))
+    low = max(line.knots[0] / k for line, k in zip(lines, scale, strict=True))
+    high = min(line.knots[-1] / k for line, k in zip(lines, scale, strict=True))
     if not low < high:
         return {}
     u = np.linspace(low, high, _CURVE)

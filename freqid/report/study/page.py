@@ -151,12 +151,12 @@ def held_out_rows(results: StudyResults) -> list[dict[str, Any]]:
 
 def _where(at: Reference) -> dict[str, Any]:
     """Return the cells that say which condition a row is about."""
-    front, rear = (short(round(math.degrees(tilt), 1)) for tilt in (at.dw1, at.dw2))
+    tilts = [short(round(math.degrees(tilt), 1)) for tilt in at.scheduled.values()]
     return {
         "id": at.id,
         "u": f"{at.u:.2f}" if math.isfinite(at.u) else NONE,
         "rho": short(at.rho),
-        "tilt": front if front == rear else f"{front} / {rear}",
+        "tilt": " / ".join(tilts if len(set(tilts)) > 1 else tilts[:1]) or NONE,
     }
 
 

@@ -92,7 +92,7 @@ def trim(scenario: Scenario, parameters: motion.Parameters, reference: Reference
         cannot be met and by how much, and the nearest condition that can be flown.
     """
     problem = _Problem(parameters)
-    tilts = [reference.dw1, reference.dw2][: parameters.actuators.tilt.low.size]
+    tilts = [reference.scheduled.get(e.name, 0.0) for e in scenario.effector if e.kind == "tilt"]
     condition = np.array([reference.rho, reference.u, *tilts])
     x = problem.solve(condition)
     if x is None:

@@ -53,7 +53,7 @@ def perturbed(at, seed=0, size=1.0):
 
 def test_at_a_knot_it_is_the_point_model(two):
     for point, rho in ((level(SEA)[3], SEA), (level(HIGH)[2], HIGH)):
-        at = tilt_wing.trim(point.reference.u, rho, point.reference.dw1)
+        at = tilt_wing.trim(point.reference.u, rho, point.reference["dw1"])
         inputs = perturbed(at) | {"u": np.full(5, at["u"])}  # speed moves it along the corridor, a little
         got = two.wrench(inputs)
         for r, values in zip(got.names, got.values, strict=True):
@@ -223,7 +223,7 @@ def test_off_the_corridor_is_refused_or_held_and_flagged(one):
     assert held.outside.tolist() == [False, False, True]
     assert np.isfinite(held.values).all()
     fast = tilt_wing.trim(25.0, SEA) | {"u": 30.0}
-    with pytest.raises(DataError, match=r"u = 30 m/s, the corridor at its tilt 25 m/s"):
+    with pytest.raises(DataError, match=r"u = 30 m/s, the corridor nearby 25 m/s"):
         one.gradient(fast)
     assert GlobalModel(one.corridor, CorridorTolerance(speed=6.0)).wrench(fast).outside.tolist() == [False]
 

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 import tilt_wing
 
+from freqid.blend.global_model import GlobalModel
+from freqid.blend.line import turns
 from freqid.blend.line_up import line_up
 from freqid.core.errors import DataError, UsageError
 
@@ -137,3 +139,43 @@ def test_a_throttle_is_not_carried_to_another_density(points):
     both = [unlike(p) for p in (*points, *(point(u, rho=1.06) for u in (3.0, 7.0)))]
     refused(both, r"3.h5: is at 1.06 kg/m3 and 0.h5 at 1.225, but no law carries regressor 'thr'")
     assert line_up([unlike(p) for p in points], "abc").units["thr"] == "1"
+
+
+def test_points_of_one_speed_lie_along_what_is_set(points):
+    """A corridor of a tilt at one speed, and one that is asked for, blend as one of speed does."""
+    level = tilt_wing.trim(9.0, 1.1)
+    at = [
+        moved(point(9.0, tilt=t, id=f"{t}"), u=9.0, scheduled={"dw1": t, "dw2": t}) for t in (0.7, 0.3, 0.5)
+    ]
+    corridor = line_up(at, "abc")
+    assert (corridor.along, corridor.ids) == ("dw1", ("0.3", "0.5", "0.7"))
+    model = GlobalModel(corridor)
+    middle = model.reference(0.5, level["rho"])
+    np.testing.assert_allclose(middle["u"], 9.0)
+    np.testing.assert_allclose(middle["dw2"], 0.5)
+    np.testing.assert_allclose(
+        model.parameters("Z", middle).estimate[1:, 0], corridor["Z"].estimate[:, 1], rtol=1e-9
+    )
+    assert "dw1" in model.inputs
+    assert line_up(points, "abc").along == "u"
+    by_tilt = line_up(points, "abc", along="dw1")
+    assert (np.diff(by_tilt.schedule[0]) > 0).all()
+    assert set(by_tilt.ids) == {p.reference.id for p in points}
+
+
+def test_a_variable_that_points_do_not_set_is_refused(points):
+    refused(points, r"the points set no 'dw3' .* did you mean 'dw2' or 'dw1'", UsageError, along="dw3")
+
+
+def test_what_has_another_unit_counts_by_its_range(points):
+    """A flap in degrees is the same corridor as one in radians is, along what its range makes of it."""
+    at = [
+        replace(moved(p, scheduled={"n": 100 * p.reference["dw1"]}), scheduled_units={"n": "rad/s"})
+        for p in points
+    ]
+    corridor = line_up(at, "abc")
+    assert corridor.scheduled_units == ("rad/s",)
+    assert turns(corridor) * np.ptp(corridor.schedule) == pytest.approx(np.pi / 2)
+    model = GlobalModel(corridor)
+    with pytest.raises(DataError, match=r"n = .* rad/s, the corridor nearby"):
+        model.wrench(model.reference(7.0, 1.1) | {"n": np.array([100.0])} | {"rho": np.array([1.1])})

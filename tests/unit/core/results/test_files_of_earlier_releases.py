@@ -78,4 +78,4 @@ def test_values_stand_where_the_files_have_them():
     with h5py.File(FILES / "global.h5") as file:
         model = read(FILES / "global.h5")
         np.testing.assert_array_equal(model.corridor["Z"].trim[1], file["parameter/Z/w/trim"])
-        np.testing.assert_array_equal(model.corridor.tilt[1], file["reference/dw2"])
+        np.testing.assert_array_equal(model.corridor.schedule[1], file["reference/dw2"])

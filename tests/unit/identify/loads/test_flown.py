@@ -32,12 +32,12 @@ def maneuver(seconds, **levels):
 def test_the_mean_of_several_is_weighted_by_their_length():
     flown = flown_reference([maneuver(20 * np.pi, u=10.0, rho=1.2), maneuver(40 * np.pi, u=13.0, rho=1.2)])
     assert flown.u == pytest.approx(12.0, abs=0.01)
-    assert np.isnan(flown.dw1)
+    assert np.isnan(flown["dw1"])
 
 
 def test_what_agrees_is_not_mentioned():
-    stated = Reference(id="u45", u=13.72, rho=1.225, dw1=0.384, dw2=0.384)
-    assert departures(stated, Reference(id="", u=14.3, rho=1.24, dw1=0.40, dw2=float("nan"))) == ()
+    stated = Reference.of(id="u45", u=13.72, rho=1.225, dw1=0.384, dw2=0.384)
+    assert departures(stated, Reference.of(id="", u=14.3, rho=1.24, dw1=0.40, dw2=float("nan"))) == ()
     hover = Reference(id="u00", u=0.0, rho=1.225)
     assert departures(hover, Reference(id="", u=0.45, rho=1.225)) == ()
 
@@ -52,15 +52,15 @@ def test_what_agrees_is_not_mentioned():
         ({"rho": 1.0581}, "states air density rho = 1.225 kg/m3, but the mean flown is 1.058, off by 0.167"),
         (
             {"dw1": 0.45},
-            "states front wing tilt dw1 = 22 deg, but the mean flown is 25.78, off by 3.78 where 2",
+            "states angle dw1 = 22 deg, but the mean flown is 25.78, off by 3.78 where 2",
         ),
         (
             {"dw2": 0.3},
-            "states rear wing tilt dw2 = 22 deg, but the mean flown is 17.19, off by 4.81 where 2",
+            "states angle dw2 = 22 deg, but the mean flown is 17.19, off by 4.81 where 2",
         ),
     ],
 )
 def test_what_differs_is_said_in_numbers(flown, says):
     stated = {"u": 13.72, "rho": 1.225, "dw1": 0.384, "dw2": 0.384}
-    (sentence,) = departures(Reference(id="u45", **stated), Reference(id="", **(stated | flown)))
+    (sentence,) = departures(Reference.of(id="u45", **stated), Reference.of(id="", **(stated | flown)))
     assert says in sentence

@@ -130,7 +130,7 @@ def results() -> StudyResults:
     points, held_out = [], []
     for rho in DENSITIES:
         for k, u in enumerate(SPEEDS):
-            at = Reference(id=f"u{u:g}-{rho:g}", u=u, rho=rho, dw1=0.4 - u / 60, dw2=0.4 - u / 60)
+            at = Reference.of(id=f"u{u:g}-{rho:g}", u=u, rho=rho, dw1=0.4 - u / 60, dw2=0.4 - u / 60)
             used, other = flown(at, k), flown(at, 50 + k)
             model = identify_point(used, settings, reference=at)
             responses = {n: both_ways(r, 5.0 if n == "Z" else 1.0) for n, r in model.responses.items()}

@@ -75,7 +75,7 @@ def test_a_corridor_is_of_one_density_by_speed_with_the_condition_itself():
     assert ids[0] == "u00-1500m"
     assert all(name.endswith("-1500m") for name in ids)
     assert len(ids) == 16
-    own = Reference(id="mine", u=15.24, rho=1.225, dw1=0.35, dw2=0.35)  # in place of u50
+    own = Reference.of(id="mine", u=15.24, rho=1.225, dw1=0.35, dw2=0.35)  # in place of u50
     along = corridor(SCENARIO, own)
     assert [at.u for at in along] == sorted(at.u for at in along)
     assert own in along
@@ -83,7 +83,7 @@ def test_a_corridor_is_of_one_density_by_speed_with_the_condition_itself():
 
 
 def test_a_condition_of_the_corridor_that_cannot_be_trimmed_is_left_out():
-    odd = Reference(id="odd", u=60.0, rho=1.225, dw1=0.0, dw2=0.0)
+    odd = Reference.of(id="odd", u=60.0, rho=1.225, dw1=0.0, dw2=0.0)
     scenario = msgspec.structs.replace(SCENARIO, reference=(*SCENARIO.reference[:3], odd))
     assert list(close_loop(scenario, SCENARIO.reference[0]).trims) == ["u00", "u05", "u10"]
     with pytest.raises(UsageError, match="reference 'odd': level flight is not possible"):

@@ -32,7 +32,7 @@ def unknowns(at):
     """The vector that the trim solves for, and its condition, of a trim."""
     r = at.reference
     return np.concatenate([at.angles, at.positions.surface, at.positions.speed]), np.array(
-        [r.rho, r.u, r.dw1, r.dw2]
+        [r.rho, r.u, r["dw1"], r["dw2"]]
     )
 
 
@@ -43,7 +43,7 @@ def test_every_reference_condition_is_balanced_inside_the_limits(trims, paramete
     for value, servo in ((at.positions.surface, act.surface), (at.positions.speed, act.motor)):
         assert np.all((value > servo.low) & (value < servo.high))
     assert np.all((at.commands.speed > act.motor.low) & (at.commands.speed < act.motor.high))
-    assert np.array_equal(at.positions.tilt, [at.reference.dw1, at.reference.dw2])
+    assert np.array_equal(at.positions.tilt, [at.reference["dw1"], at.reference["dw2"]])
     assert np.abs(np.degrees(at.angles)).max() < 2.5  # what the scenario says of its tilts: a level body
     # level and straight: the velocity over the ground has no part down or to the side
     (phi, theta), (u, v, w) = at.angles, at.body.velocity
@@ -136,7 +136,7 @@ NEAREST = re.compile(r"nearest that was found to fly is u = (\S+) m/s with tilts
 )
 def test_a_condition_that_cannot_be_flown_is_named_with_one_near_it_that_can(parameters, condition, equation):
     with pytest.raises(UsageError) as refused:
-        trim(SCENARIO, parameters, Reference(id="odd", rho=1.225, **condition))
+        trim(SCENARIO, parameters, Reference.of(id="odd", rho=1.225, **condition))
     said = str(refused.value)
     assert said.startswith("reference 'odd': level flight is not possible: the ")
     found = re.search(r"the (.*) cannot be balanced, (\S+) N(?: m)? is left \((\S+) % of the weight", said)
@@ -145,13 +145,13 @@ def test_a_condition_that_cannot_be_flown_is_named_with_one_near_it_that_can(par
     assert found[1] in EQUATIONS
     assert 100 * abs(float(found[2])) / WEIGHT == pytest.approx(float(found[3]), rel=0.01)
     u, dw1, dw2 = map(float, NEAREST.search(said).groups())
-    near = trim(SCENARIO, parameters, Reference(id="near", rho=1.225, u=u, dw1=dw1, dw2=dw2))
+    near = trim(SCENARIO, parameters, Reference.of(id="near", rho=1.225, u=u, dw1=dw1, dw2=dw2))
     assert np.abs(near.residual).max() < 1e-8 * WEIGHT
     # and it is close to what flies: a little nearer to what was asked for there is no trim
     asked = np.array([condition[key] for key in ("u", "dw1", "dw2")])
     closer = dict(zip(condition, asked + 0.9 * (np.array([u, dw1, dw2]) - asked), strict=True))
     with pytest.raises(UsageError, match="level flight is not possible"):
-        trim(SCENARIO, parameters, Reference(id="closer", rho=1.225, **closer))
+        trim(SCENARIO, parameters, Reference.of(id="closer", rho=1.225, **closer))
 
 
 def test_what_is_left_grows_with_the_weight(parameters):

@@ -63,14 +63,16 @@ def longitudinal(unknown: np.ndarray, reference) -> np.ndarray:
     surface = pitch * np.array([1, 1, -1, -1, 0.4, 0.4, -0.4, -0.4, -1, -1])
     speed = 600 * np.repeat([front, rear], 4)
     velocity = reference.u * np.array([1.0, 0.0, np.tan(theta)])
-    tilt = np.array([reference.dw1, reference.dw2])
+    tilt = np.array([reference["dw1"], reference["dw2"]])
     return np.concatenate([velocity, np.zeros(3), surface, tilt, speed, [reference.rho]])
 
 
 @pytest.mark.parametrize("reference", SCENARIO.reference, ids=lambda r: r.id)
 def test_level_flight_is_possible_at_every_reference_with_margin(load, reference):
     masses = multibody.mass_model(VEHICLE)
-    centre = np.asarray(multibody.traced_centre_of_gravity(masses, jnp.array([reference.dw1, reference.dw2])))
+    centre = np.asarray(
+        multibody.traced_centre_of_gravity(masses, jnp.array([reference["dw1"], reference["dw2"]]))
+    )
 
     def residual(unknown):
         found = np.asarray(load(longitudinal(unknown, reference)))
@@ -88,7 +90,7 @@ def test_level_flight_is_possible_at_every_reference_with_margin(load, reference
 
 def derivatives(load, reference_id: str) -> dict[str, np.ndarray]:
     r = SCENARIO.reference_of(reference_id)
-    x = state(r.u, 0.0, np.array([r.dw1, r.dw2]), 600.0, r.rho)
+    x = state(r.u, 0.0, np.array([r["dw1"], r["dw2"]]), 600.0, r.rho)
     steps = 1e-4 * np.eye(len(x))
     found = np.array([np.asarray(load(x + h)) - np.asarray(load(x - h)) for h in steps]) / 2e-4
     names = ["u", "v", "w", "p", "q", "r", *EFFECTORS, "dw1", "dw2", *(f"n{i}" for i in range(1, 9)), "rho"]

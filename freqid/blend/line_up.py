@@ -197,7 +197,8 @@ def _check_line(
     corridor: Corridor, members: NDArray[np.int64], points: Sequence[PointModel], files: Sequence[str]
 ) -> None:
     """Refuse a line of one point, a condition that comes twice, and points that lie on no one line."""
-    points, files = [points[k] for k in members], [files[k] for k in members]
+    points = [points[k] for k in members]
+    files = [files[k] for k in members]
     place, schedule = corridor.coordinate[members], corridor.schedule[:, members]
     by_speed = corridor.along == "u"
     if place.size < 2:

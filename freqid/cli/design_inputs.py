@@ -22,6 +22,9 @@ from freqid.cli.options import FILE
     show_default=True,
     help="Multisines on all effectors at once, or a classic input on one after the other.",
 )
+@click.option(
+    "--at", default="", help="Reference condition: its own excitation, limits counted from its tilts."
+)
 @click.option("--seed", type=int, default=0, show_default=True, help="The same seed gives the same design.")
 @click.option("--model", type=FILE, help="Point model, to forecast accuracy and motion.")
 @click.option(

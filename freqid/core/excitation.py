@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import inf
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 
@@ -96,6 +96,8 @@ class Excitation(Strict, frozen=True):
         Largest deviation from the trim by state or axis, X to N, SI, that optimal amplitudes may lead to;
         for states that are not named, half of `abort`.
     classic : Classic
+    at : dict of str to dict
+        What is different at a reference condition, by its id; keys as here, tables are merged.
     """
 
     band_hz: tuple[float, float]
@@ -116,6 +118,23 @@ class Excitation(Strict, frozen=True):
     abort: dict[str, float] = msgspec.field(default_factory=dict)
     excursions: dict[str, float] = msgspec.field(default_factory=dict)
     classic: Classic = Classic()
+    at: dict[str, dict[str, Any]] = msgspec.field(default_factory=dict)
+
+    def at_reference(self, identifier: str) -> Excitation:
+        """Return what is flown at a reference condition: this, with what `at` says for it.
+
+        Raises
+        ------
+        ValueError
+            Where a key is unknown or the values do not fit together.
+        """
+        table = msgspec.to_builtins(self) | {"at": {}}
+        for key, value in self.at.get(identifier, {}).items():
+            if key not in table or key == "at":
+                raise ValueError(f"key '{key}' is unknown; {nearest(key, set(table) - {'at'})}")
+            both = isinstance(value, dict) and isinstance(table.get(key), dict)
+            table[key] = table[key] | value if both else value
+        return msgspec.convert(table, Excitation)
 
     def __post_init__(self) -> None:
         low, high = self.band_hz

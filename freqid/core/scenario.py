@@ -202,6 +202,7 @@ class Scenario(Strict, frozen=True):
                     )
                 if not isfinite(value):
                     raise ValueError(f"reference '{at.id}' has {name} = {value:g}, expected a finite number")
+        self._check_excitations()
         self.aircraft()  # what does not fit together is refused when the file is read
 
     def aircraft(self) -> Vehicle:
@@ -226,6 +227,27 @@ class Scenario(Strict, frozen=True):
             wings=self.wing,
             groups=self.group,
         )
+
+    def _check_excitations(self) -> None:
+        """Refuse an excitation for a reference that is not there, or one that does not fit."""
+        ids = [at.id for at in self.reference]
+        for identifier in self.excitation.at if self.excitation else ():
+            if identifier not in ids:
+                raise ValueError(
+                    f"excitation.at names reference '{identifier}', which is not described; "
+                    + nearest(identifier, ids)
+                )
+            self.at(identifier)
+
+    def at(self, identifier: str) -> Scenario:
+        """Return the scenario as it is flown at a reference condition: with the excitation stated for it."""
+        if self.excitation is None or identifier not in self.excitation.at:
+            return self
+        try:
+            there = self.excitation.at_reference(identifier)
+        except (ValueError, msgspec.ValidationError) as error:
+            raise ValueError(f"excitation.at.{identifier}: {error}") from None
+        return msgspec.structs.replace(self, excitation=there)
 
     @property
     def schedulable(self) -> tuple[str, ...]:
@@ -323,14 +345,16 @@ def _with_scheduled(table: dict[str, Any]) -> dict[str, Any]:
         for found in rows.values()
     )
     names = {e.get("name") for e in effectors}
-    second = {n: w.get("tilt") for n, w in zip(("dw1", "dw2"), wings, strict=False) if n not in names}
+    second: dict[str, Any] = {
+        n: w.get("tilt") for n, w in zip(("dw1", "dw2"), wings, strict=False) if n not in names
+    }
 
     def current(reference: Any) -> Any:
         if not isinstance(reference, dict):
             return reference
         renamed = {second.get(k, k): v for k, v in reference.items()}
-        unknown = [n for n in ("dw1", "dw2") if n not in names and renamed.get(n) == 0]
-        return _nested({k: v for k, v in renamed.items() if k not in unknown})
+        still = [n for n in ("dw1", "dw2") if n not in names and renamed.get(n) == 0]
+        return _nested({k: v for k, v in renamed.items() if k not in still})
 
     return table | {"reference": [current(one) for one in table["reference"]]}
 

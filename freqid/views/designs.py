@@ -11,6 +11,7 @@ from freqid.design.classic import Extent
 from freqid.design.finish import FinishedSet
 from freqid.design.multisine.merit import Merit
 from freqid.report.design.classic_page import build_classic_page, write_classic_documents
+from freqid.report.design.flight_plan import FlightPlan
 from freqid.report.design.page import flight_plan, multisine_page, write_documents
 from freqid.report.design.summary import classic_summary, classic_table, multisine_summary, multisine_table
 from freqid.workflows.design import DesignedInputs
@@ -61,7 +62,7 @@ def write_design_files(
 
 def design_page(found: DesignedInputs) -> str:
     """Return the page of a design that has no file yet."""
-    plan = flight_plan(None, found.design, found.scenario, found.aircraft)
+    plan = _plan(None, found)
     if found.finished is None:
         return build_classic_page(*_sequence(found), plan)
     return multisine_page(*_set(found), found.scenario, plan, study=found.others, forecast=found.forecast)
@@ -71,7 +72,7 @@ def _write(
     found: DesignedInputs, path: Path, formats: Sequence[str], documents: bool
 ) -> tuple[dict[str, Any], str]:
     written = [found.save(path), *(FORMATS[suffix](found, path.with_suffix(suffix)) for suffix in formats)]
-    plan = flight_plan(path, found.design, found.scenario, found.aircraft)
+    plan = _plan(path, found)
     more = {"study": found.others, "forecast": found.forecast}
     if found.finished is None:
         written += write_classic_documents(path, *_sequence(found), plan) if documents else []
@@ -81,6 +82,10 @@ def _write(
         result = multisine_summary(*_set(found), plan, found.forecast)
         text = multisine_table(*_set(found))
     return result | {"files": list(map(str, written))}, "\n".join([text, *map(str, written)])
+
+
+def _plan(path: Path | None, found: DesignedInputs) -> FlightPlan:
+    return flight_plan(path, found.design, found.scenario, found.aircraft, found.trim, found.condition)
 
 
 def _set(found: DesignedInputs) -> tuple[FinishedSet, Merit]:

@@ -16,10 +16,10 @@ from freqid.core.toml import overridden
 from freqid.design import export
 from freqid.design.classic import ClassicWaveform, Extent, design_classic, extent
 from freqid.design.finish import FinishedSet, finish, swapped
-from freqid.design.forecast.modelled import Criterion, ModelledAircraft, about
+from freqid.design.forecast.modelled import Criterion, ModelledAircraft, about, positions_at
 from freqid.design.forecast.standard_errors import Forecast
 from freqid.design.multisine.merit import Merit, merit
-from freqid.design.multisine.orthogonal_set import design_multisines, sampled
+from freqid.design.multisine.orthogonal_set import check_feasible, design_multisines, excited, sampled
 from freqid.workflows.inputs import File, excitation_of, name_of, point_of, scenario_of, source_of
 
 STUDIED_PERIODS = (40.0, 60.0, 80.0, 100.0, 120.0)  # s, the range of the LA-8 study
@@ -40,12 +40,16 @@ class DesignedInputs:
         With the excitation that it was made from.
     aircraft : ModelledAircraft, optional
         Where a model was given.
+    trim : mapping of str to float
+        Positions of the effectors where it is flown, SI, as far as reference and model tell.
     finished : FinishedSet, optional
         Of multisines: the same before net loads were lowered, and how amplitudes were found.
     forecast : Forecast, optional
         Accuracy that is expected of the parameters, where a model was given.
     others : tuple of MultisineDesign
         Of other periods, for comparison.
+    condition : str
+        Reference that it is flown at; empty where none is named.
     swapped : DesignedInputs, optional
         The set in which effectors exchange their harmonics.
     """
@@ -58,6 +62,8 @@ class DesignedInputs:
     forecast: Forecast | None = None
     others: tuple[MultisineDesign, ...] = field(default=())
     swapped: DesignedInputs | None = None
+    trim: Mapping[str, float] = field(default_factory=dict)
+    condition: str = ""
 
     def __repr__(self) -> str:
         return f"<DesignedInputs for {self.scenario.vehicle.name!r}: {self.design!r}>"
@@ -122,6 +128,7 @@ def design_inputs(
     scenario: Scenario | File,
     *,
     waveform: Literal["multisine"] | ClassicWaveform = "multisine",
+    at: str = "",
     seed: int = 0,
     model: PointModel | File | None = None,
     optimal: Criterion | None = None,
@@ -140,6 +147,9 @@ def design_inputs(
         With ``[excitation]``.
     waveform : {"multisine", "doublet", "3-2-1-1", "sweep"}
         Multisines on all effectors at once, or a classic input on one after the other.
+    at : str
+        Reference condition: its own ``[excitation.at.ID]`` is taken, and limits count from its tilts. Where
+        empty, that of the model.
     seed : int
         The same seed gives the same design.
     model : PointModel or path, optional
@@ -185,20 +195,30 @@ def design_inputs(
     True
     """
     described = scenario_of(scenario)
+    point = point_of(model) if model is not None else None
+    known = [reference.id for reference in described.reference]
+    at = at or (point.reference.id if point is not None and point.reference.id in known else "")
+    reference = described.reference_of(at) if at else None
+    described = described.at(at)
     excitation_of(described)
     refuse_unfit(waveform, {"--optimal": optimal, "--reach": reach, "--swapped": swap})
     for option, given in (("--optimal", optimal), ("--reach", reach)):
         if given and model is None:
             raise UsageError(f"{option} needs a model to predict with", remedy="name one with --model")
     provenance = {"scenario": source_of(described), "seed": seed}
-    aircraft = ModelledAircraft.of(point_of(model), described, seed) if model is not None else None
+    aircraft = ModelledAircraft.of(point, described, seed) if point is not None else None
+    trim = {**positions_at(reference, described.aircraft()), **(aircraft.trim if aircraft else {})}
+    if at:
+        provenance["reference"] = at
     try:
         if waveform != "multisine":
-            return _classic(described, waveform, aircraft, provenance)
+            return _classic(described, waveform, aircraft, provenance, trim, at)
         return _multisines(
             described,
             aircraft,
             provenance,
+            trim=trim,
+            at=at,
             seed=seed,
             criterion=optimal,
             reach=reach,
@@ -263,6 +283,8 @@ def _multisines(
     aircraft: ModelledAircraft | None,
     provenance: dict[str, Any],
     *,
+    trim: Mapping[str, float],
+    at: str,
     seed: int,
     criterion: Criterion | None,
     reach: Sequence[str] | Mapping[str, Mapping[str, float]],
@@ -281,6 +303,8 @@ def _multisines(
         finish(one, excitation, scenario.effector, aircraft=aircraft, criterion=criterion, wanted=wanted)
         for one in searched
     ]
+    for one in finished:
+        check_feasible(one.design, excitation, excited(excitation, scenario.effector), trim)
     periods = excitation.periods
     if aircraft and wanted:
         periods = aircraft.shortest(finished[0].design, wanted, longest_s).periods
@@ -298,6 +322,8 @@ def _multisines(
                 finished=one,
                 forecast=aircraft.forecast(one.design) if aircraft else None,
                 others=compared,
+                trim=trim,
+                condition=at,
             )
         )
     return replace(results[0], swapped=results[1]) if swap else results[0]
@@ -308,12 +334,14 @@ def _classic(
     waveform: ClassicWaveform,
     aircraft: ModelledAircraft | None,
     provenance: dict[str, Any],
+    trim: Mapping[str, float],
+    at: str,
 ) -> DesignedInputs:
     """Design doublets, 3-2-1-1 or sweeps."""
     vehicle = scenario.aircraft()
-    trim = about(vehicle, aircraft.trim if aircraft else {})
-    design = replace(design_classic(waveform, excitation_of(scenario), vehicle, trim), provenance=provenance)
-    return DesignedInputs(design, extent(design), scenario, aircraft)
+    design = design_classic(waveform, excitation_of(scenario), vehicle, about(vehicle, trim))
+    design = replace(design, provenance=provenance)
+    return DesignedInputs(design, extent(design), scenario, aircraft, trim=trim, condition=at)
 
 
 def _other_periods(scenario: Scenario, seed: int) -> tuple[Iterable[MultisineDesign | None], str, int]:

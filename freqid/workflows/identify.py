@@ -139,6 +139,7 @@ def identify_point(
     if kinematics != "off":
         maneuvers, compatibility = checked(maneuvers, names, correct=kinematics == "correct", tell=tell)
     reference = described.reference_of(flown.reference) if flown.reference else None
+    described = described.at(flown.reference)
     try:
         if settings.method in MAXIMUM_LIKELIHOOD:
             from freqid.workflows.output_error import ready_point  # loads jax

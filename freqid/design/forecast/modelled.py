@@ -16,7 +16,7 @@ from freqid.core.excitation import Excitation
 from freqid.core.identification import Identification
 from freqid.core.results.design import MultisineDesign
 from freqid.core.results.point import PointModel
-from freqid.core.scenario import Scenario
+from freqid.core.scenario import Reference, Scenario
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.core.vehicle import Vehicle
 from freqid.design.forecast.closed_loop import STATES, PerturbedAircraft, index_of
@@ -228,7 +228,7 @@ class ModelledAircraft:
             Where the model is not of forces in body axes, or the loop is not stable.
         """
         vehicle = scenario.aircraft()
-        trim = {
+        trim = positions_at(point.reference, vehicle) | {
             name: float(value)
             for response in point.responses.values()
             for name, value in zip(response.regressors, response.trim, strict=True)
@@ -293,6 +293,12 @@ class ModelledAircraft:
                 "section [identification] is missing, so that no accuracy can be aimed at", remedy="add it"
             )
         return self.settings
+
+
+def positions_at(reference: Reference | None, vehicle: Vehicle) -> dict[str, float]:
+    """Return the positions that a reference condition sets, by effector, SI; of an unknown one, none."""
+    stated = reference.scheduled if reference else {}
+    return {n: x for n, x in stated.items() if n in vehicle.effector_kinds and np.isfinite(x)}
 
 
 def about(vehicle: Vehicle, trim: Mapping[str, float]) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -177,23 +177,40 @@ def _reference_powers(excitation: Excitation, sets: Sequence[NDArray[np.int64]])
     return [fractions(index, excitation.period_s, frequency, density) for index in sets]
 
 
-def check_feasible(design: MultisineDesign, excitation: Excitation, chosen: Sequence[Effector]) -> None:
+def check_feasible(
+    design: MultisineDesign,
+    excitation: Excitation,
+    chosen: Sequence[Effector],
+    trim: Mapping[str, float] | None = None,
+) -> None:
     """Refuse signals that leave their effector's range or outrun its rate; the worst of each is named.
+
+    The range is about the trim where that is given, by effector, else about its middle, which is the most.
 
     Raises
     ------
     UsageError
     """
     judged = merit(design)
-    room = np.array([(e.limits[1] - e.limits[0]) / 2 for e in chosen])
+    known = trim or {}
+    middle = [known.get(e.name, sum(e.limits) / 2) for e in chosen]
+    room = np.array([min(at - e.limits[0], e.limits[1] - at) for e, at in zip(chosen, middle, strict=True)])
+    out = np.flatnonzero(room <= 0)
+    if out.size:
+        effector, at = chosen[out[0]], middle[out[0]]
+        raise UsageError(
+            f"'{effector.name}' is at {at:.4g} {effector.unit} there, where its limits "
+            f"{list(effector.limits)} leave no room for an excitation",
+            remedy="correct the reference or the limits, or leave it out of excitation.amplitude",
+        )
     rate = np.array([np.inf if e.rate_limit is None else e.rate_limit for e in chosen])
     i = int(np.argmax(judged.peak / room))
     effector, asked, share = chosen[i], amplitude_of(excitation, chosen[i]), judged.peak[i] / room[i]
     if share > 1:
         raise UsageError(
             f"excitation.amplitude of '{effector.name}', {asked:g} {effector.unit}, makes peaks of "
-            f"{judged.peak[i]:.4g} {effector.unit} where the limits allow {room[i]:.4g} about the middle of "
-            "their range",
+            f"{judged.peak[i]:.4g} {effector.unit} where the limits allow {room[i]:.4g} about "
+            + (f"{middle[i]:.4g}, where it is" if effector.name in known else "the middle of their range"),
             remedy=f"at most {at_most(asked / share)} is feasible",
         )
     i = int(np.argmax(judged.slew / rate))

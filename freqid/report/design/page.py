@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -233,17 +233,21 @@ def flight_plan(
     design: MultisineDesign | ClassicDesign,
     scenario: Scenario,
     aircraft: ModelledAircraft | None = None,
+    trim: Mapping[str, float] | None = None,
+    condition: str = "",
 ) -> FlightPlan:
     """Return how a design is to be flown, and what motion is expected where there is a model.
 
-    `destination` is the design's file; None where it has none yet.
+    `destination` is the design's file; None where it has none yet. `trim` has the positions of effectors
+    where it is flown, SI; the model's where absent.
     """
     excitation, vehicle = scenario.excitation, scenario.aircraft()
     assert excitation is not None
     watched = tuple(dict.fromkeys((*STATES, *excitation.excursions, *design.names)))
     return FlightPlan(
         vehicle=vehicle,
-        trim=aircraft.trim if aircraft else {},
+        condition=condition,
+        trim=trim if trim is not None else (aircraft.trim if aircraft else {}),
         source=destination.name if destination else "",
         sha256=hashlib.sha256(destination.read_bytes()).hexdigest() if destination else "",
         forbidden_hz=excitation.forbidden_hz,

@@ -142,25 +142,37 @@ def test_a_throttle_is_not_carried_to_another_density(points):
 
 
 def test_points_of_one_speed_lie_along_what_is_set(points):
-    """A corridor of a tilt at one speed, and one that is asked for, blend as one of speed does."""
-    level = tilt_wing.trim(9.0, 1.1)
+    """Points of one speed differ in what is set; a corridor of several speeds may run along it if asked."""
     at = [
-        moved(point(9.0, tilt=t, id=f"{t}"), u=9.0, scheduled={"dw1": t, "dw2": t}) for t in (0.7, 0.3, 0.5)
+        moved(replace(point(u), responses=point(u).responses), u=9.0, scheduled={"flap": x, "dw1": 0.5})
+        for u, x in ((8.0, 0.7), (8.5, 0.3), (9.0, 0.5))
     ]
     corridor = line_up(at, "abc")
-    assert (corridor.along, corridor.ids) == ("dw1", ("0.3", "0.5", "0.7"))
+    assert (corridor.along, corridor.ids) == ("flap", ("u8.5", "u9", "u8"))
     model = GlobalModel(corridor)
-    middle = model.reference(0.5, level["rho"])
-    np.testing.assert_allclose(middle["u"], 9.0)
-    np.testing.assert_allclose(middle["dw2"], 0.5)
-    np.testing.assert_allclose(
-        model.parameters("Z", middle).estimate[1:, 0], corridor["Z"].estimate[:, 1], rtol=1e-9
-    )
-    assert "dw1" in model.inputs
+    middle = model.reference(0.5, SEA)
+    assert middle["flap"][0] == pytest.approx(0.5)
+    assert middle["dw1"][0] == pytest.approx(0.5)
+    found = model.parameters("Z", middle)
+    np.testing.assert_allclose(found.estimate[1:, 0], corridor["Z"].estimate[:, 1], rtol=1e-9)
+    assert {"u", "flap", "rho"} <= set(model.inputs)
+    assert "dw1" not in model.inputs  # it does not move
     assert line_up(points, "abc").along == "u"
     by_tilt = line_up(points, "abc", along="dw1")
     assert (np.diff(by_tilt.schedule[0]) > 0).all()
-    assert set(by_tilt.ids) == {p.reference.id for p in points}
+    assert by_tilt.ids == line_up(points, "abc").ids[::-1]  # the wings come down as the aircraft gets faster
+
+
+def test_the_gradient_along_a_scheduled_variable_is_that_of_the_wrench(points):
+    model = GlobalModel(line_up(points, "abc", along="dw1"))
+    at = model.reference(np.array([0.6, 0.8]), SEA)
+    step = 1e-5
+    for name in ("dw1", "u", "w"):
+        up, down = (model.wrench(at | {name: at[name] + sign * step}).values for sign in (1, -1))
+        slope = model.gradient(at)[:, model.inputs.index(name)]
+        np.testing.assert_allclose(
+            slope, (up - down) / (2 * step), rtol=1e-4, atol=1e-4 * np.abs(slope).max()
+        )
 
 
 def test_a_variable_that_points_do_not_set_is_refused(points):

@@ -21,6 +21,8 @@ __version__ = "0.1.0"
 
 _VERBS = {
     "read_scenario": "workflows.files",
+    "new_scenario": "workflows.new_scenario",
+    "check_scenario": "workflows.check_scenario",
     "read": "workflows.files",
     "save": "workflows.files",
     "page": "views.page",

@@ -20,6 +20,7 @@ from freqid.workflows.advance_ratio import blend_by_advance_ratio as blend_by_ad
 from freqid.workflows.blend import blend as blend
 from freqid.workflows.blend import predict as predict
 from freqid.workflows.campaign import simulate_campaign as simulate_campaign
+from freqid.workflows.check_scenario import check_scenario as check_scenario
 from freqid.workflows.compare import compare_simulations as compare_simulations
 from freqid.workflows.connect import check_simulation as check_simulation
 from freqid.workflows.connect import connect as connect
@@ -35,6 +36,7 @@ from freqid.workflows.identify import identify_point as identify_point
 from freqid.workflows.import_log import export_log as export_log
 from freqid.workflows.import_log import read_log as read_log
 from freqid.workflows.import_log import split_flight as split_flight
+from freqid.workflows.new_scenario import new_scenario as new_scenario
 from freqid.workflows.output_error import identify_output_error as identify_output_error
 from freqid.workflows.sensors import align_sensors as align_sensors
 from freqid.workflows.sensors import check_sensors as check_sensors

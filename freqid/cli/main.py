@@ -16,6 +16,8 @@ from freqid.core.errors import EXIT_BUG, EXIT_DATA, FreqidError
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 COMMANDS = {
+    "new-scenario": "new_scenario",
+    "check": "check",
     "design-inputs": "design_inputs",
     "simulate": "simulate",
     "import-log": "import_log",

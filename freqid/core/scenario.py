@@ -20,6 +20,9 @@ from freqid.core.vehicle import Effector, Group, Inertia, MassProperties, Rotor,
 SHIPPED = Path(__file__).resolve().parents[1] / "scenarios"
 """Folder of the scenarios that come with the package."""
 
+FILL_IN = "fill in"
+"""What marks a line of a new scenario that holds a placeholder."""
+
 _FROM_THE_FILE = ("file", "sha256")
 
 

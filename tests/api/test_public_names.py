@@ -18,6 +18,8 @@ import freqid as fq
 PACKAGE = Path(fq.__file__).parent
 VERBS = [
     "read_scenario",
+    "new_scenario",
+    "check_scenario",
     "read",
     "save",
     "page",

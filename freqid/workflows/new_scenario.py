@@ -1,0 +1,287 @@
+"""A list of effectors, or the channels of a log, becomes a commented scenario to be filled in."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from freqid.core.channels import EFFECTOR_UNITS, TAKEN
+from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.scenario import FILL_IN
+from freqid.core.store import replacing
+from freqid.workflows.inputs import File
+
+# What names of effectors usually mean, by kind; the first that fits decides.
+_NAMES = (
+    ("thrust", r"thrust|^T\d+$"),
+    ("throttle", r"thr(ottle)?|thtl|power_?lever"),
+    ("rotor", r"^(n|rpm|om|omega|w|m)_?\d+|rotor|motor|prop|rpm|esc|fan"),
+    ("tilt", r"tilt|^nac|nacelle|^dw\d*$|^sigma|conversion"),
+    (
+        "surface",
+        r"^d?(e|a|r|f|s)\d*$|^d[aefrs](_|[lr]?\d*$)|^d[lr]a?\d*$|ail|el(e)?v|rud|flap|flp|spoil|^rv|^tail|canard|"
+        r"^stab|slat|^tef|^lef|fin|vane",
+    ),
+)
+# Limits, rate and amplitude that a skeleton starts from, by kind: to be replaced.
+_START = {
+    "surface": ([-0.5, 0.5], 5.0, 0.06),
+    "tilt": ([-0.1, 1.7], 0.5, 0.03),
+    "rotor": ([0.0, 900.0], 4000.0, 15.0),
+    "thrust": ([0.0, 100.0], 200.0, 3.0),
+    "throttle": ([0.0, 1.0], 4.0, 0.04),
+}
+_NO_EFFECTOR = re.compile(r"inject|excit|cmd|command|setpoint|_sp$|target|stick|pilot", re.IGNORECASE)
+_UNIT = re.compile(r"\s*[\[(].*[\])]\s*$|_(deg|rad|rpm|rads|rad_s|pct|norm|n)$", re.IGNORECASE)
+
+
+def new_scenario(effectors: Iterable[str] = (), *, log: File | None = None, name: str = "My aircraft") -> str:
+    """Return the text of a scenario that can be read as it is and says what has to be filled in.
+
+    Parameters
+    ----------
+    effectors : iterable of str
+        Names, ``"de1"``, or names with their kind, ``"left:tilt"``.
+    log : path, optional
+        A record of freqid, or a text table with a header: columns with names of effectors are added.
+    name : str
+        Of the aircraft.
+
+    Raises
+    ------
+    UsageError
+        Where a name tells no kind and none is given, or nothing is left to describe.
+    DataError
+        Where the log cannot be read.
+
+    Examples
+    --------
+    >>> print(new_scenario(["de", "left:tilt", "n1"]).splitlines()[0])
+    # My aircraft: 1 rotor, 1 surface, 1 tilt. SI units and radians throughout.
+    """
+    kinds = _of_log(Path(log)) if log is not None else {}
+    for text in effectors:
+        given, _, kind = text.partition(":")
+        kinds[given.strip()] = _kind(given.strip(), kind.strip())
+    if not kinds:
+        raise UsageError(
+            "no effector is named" + (f" by the columns of {log}" if log else ""),
+            remedy="name them with --effectors, such as --effectors de1,de2,n1:rotor",
+        )
+    for taken in kinds:
+        if taken in TAKEN or "/" in taken or not taken:
+            raise UsageError(
+                f"effector '{taken}' has the name of a state, of air data or of nothing", remedy="rename it"
+            )
+    return _text(kinds, name)
+
+
+def write_scenario(path: Path, text: str) -> None:
+    """Write the text of a scenario, whole or not at all; a file that is there is never replaced.
+
+    Raises
+    ------
+    UsageError
+        Where the file is there.
+    DataError
+        Where the folder cannot be written.
+    """
+    if path.exists():
+        raise UsageError("is there already", where=str(path), remedy="choose another name with -o")
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
+def guess_kind(name: str) -> str:
+    """Return the kind of effector that a name suggests; empty where it suggests none."""
+    return next((kind for kind, words in _NAMES if re.search(words, name, re.IGNORECASE)), "")
+
+
+def _kind(name: str, given: str) -> str:
+    if given:
+        if given not in EFFECTOR_UNITS:
+            raise UsageError(f"effector '{name}' is of kind '{given}'", remedy=nearest(given, EFFECTOR_UNITS))
+        return given
+    guessed = guess_kind(name)
+    if not guessed:
+        raise UsageError(
+            f"the name '{name}' does not tell what kind of effector it is",
+            remedy=f"write it with its kind, such as {name}:surface; kinds are {', '.join(EFFECTOR_UNITS)}",
+        )
+    return guessed
+
+
+def _of_log(path: Path) -> dict[str, str]:
+    """Return kind by effector of a record or a table's header; columns that are no effector are left out."""
+    if path.suffix == ".h5":
+        from freqid.core.record import read_record
+
+        record = read_record(path)
+        by_unit = {"rad/s": "rotor", "N": "thrust", "1": "throttle"}
+        return {
+            n: by_unit.get(record.channel(f"effector/{n}").unit)
+            or ("tilt" if guess_kind(n) == "tilt" else "surface")
+            for n in record.group("effector")
+        }
+    found = {}
+    for column in _header(path):
+        bare = _UNIT.sub("", column).strip()
+        known = bare.lower() in {n.lower() for n in TAKEN} or bare.lower() in ("t", "time", "ax", "ay", "az")
+        if known or _NO_EFFECTOR.search(column) or not re.fullmatch(r"\w+", bare):
+            continue
+        if guess_kind(bare):
+            found[bare] = guess_kind(bare)
+    return found
+
+
+def _header(path: Path) -> list[str]:
+    """Return the names in the first line of a text table that is not empty."""
+    try:
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            first = next((line for line in file if line.strip()), "")
+    except OSError as error:
+        raise DataError(
+            f"cannot be read ({error.strerror})", where=str(path), remedy="check the path"
+        ) from None
+    if not first or "\0" in first:
+        raise DataError(
+            "is no text table with a header, and no record of freqid",
+            where=str(path),
+            remedy="import it first (freqid import-log), or name the effectors with --effectors",
+        )
+    delimiter = next((d for d in "\t;," if d in first), " ")
+    return [field.strip() for field in next(csv.reader([first.strip()], delimiter=delimiter))]
+
+
+def _text(kinds: Mapping[str, str], name: str) -> str:
+    by_kind = {kind: [n for n, k in kinds.items() if k == kind] for kind in sorted(set(kinds.values()))}
+    count = ", ".join(f"{len(n)} {kind}{'s' if len(n) > 1 else ''}" for kind, n in by_kind.items())
+    tilts, rotors = by_kind.get("tilt", []), by_kind.get("rotor", [])
+    blocks = [_HEAD.format(name=name.replace('"', "'"), count=count, fill=FILL_IN)]
+    for effector, kind in kinds.items():
+        limits, rate, _ = _START[kind]
+        unit = EFFECTOR_UNITS[kind]
+        blocks.append(
+            f'[[effector]]\nname = "{effector}"\nkind = "{kind}"\n'
+            f"limits = {limits} # {unit}; {FILL_IN}\nrate_limit = {rate} # {unit} per s; {FILL_IN}\n"
+        )
+    if tilts:
+        blocks.append(_MOUNTS)
+    for i, tilt in enumerate(tilts):
+        blocks.append(
+            f'[[wing]]\nname = "{_mount(tilt, kinds)}"\ntilt = "{tilt}"\n'
+            f"pivot_m = [{0.5 - i:.1f}, 0.0, 0.0] # {FILL_IN}\nmass_kg = 0.0 # {FILL_IN}\n"
+            f"# cg_m = [{0.6 - i:.1f}, 0.0, 0.0] # needed with a mass, at zero tilt\n"
+            "# inertia = { xx = 0.0, yy = 0.0, zz = 0.0 }\n"
+        )
+    if rotors:
+        blocks.append(_ROTORS)
+    for i, rotor in enumerate(rotors):
+        carrier = f'# wing = "{_mount(tilts[0], kinds)}" # where it turns with one\n' if tilts else ""
+        side = (i - (len(rotors) - 1) / 2) * 0.5
+        blocks.append(
+            f'[[rotor]]\nname = "{rotor}"\nspin = {1 if i % 2 == 0 else -1} # {FILL_IN}\n'
+            f"inertia = 0.0 # kg m2 of all that spins; {FILL_IN}\n"
+            f"axis = [1.0, 0.0, 0.0] # of the thrust, at zero tilt; [0, 0, -1] is upwards\n"
+            f"position_m = [0.5, {side:.2f}, 0.0] # {FILL_IN}\n{carrier}diameter_m = 0.4 # {FILL_IN}\n"
+        )
+    angles = "".join(f"{t} = 0.0 # rad; {FILL_IN}\n" for t in tilts)
+    blocks += [
+        f'[[reference]]\nid = "u{speed}"\nu = {speed}.0 # m/s; {FILL_IN}\nrho = 1.225 # kg/m3\n{angles}'
+        for speed in (15, 20)
+    ]
+    excited = [n for n, kind in kinds.items() if kind != "tilt"]
+    period = max(30.0, 10.0 * -(-len(excited) * 5 // 20))
+    blocks.append(
+        _EXCITATION.format(
+            period=period,
+            amplitudes="".join(f"{n} = {_START[kinds[n]][2]}\n" for n in excited),
+            first="u15",
+            fill=FILL_IN,
+        )
+    )
+    listing = ", ".join(f'"{n}"' for n in ("u", "v", "w", "p", "q", "r", *excited))
+    blocks.append(_IDENTIFICATION.format(regressors=listing, fill=FILL_IN))
+    return "\n".join(blocks)
+
+
+def _mount(tilt: str, kinds: Mapping[str, str]) -> str:
+    """Return a name for what an effector tilts."""
+    return f"mount_{tilt}" if f"mount_{tilt}" not in kinds else f"on_{tilt}"
+
+
+_HEAD = """\
+# {name}: {count}. SI units and radians throughout.
+# Lines that say "{fill}" hold a placeholder. `freqid check` lists them, says which commands are ready,
+# and draws the aircraft. Every key: docs/scenarios.md.
+
+[vehicle]
+name = "{name}"
+mass_kg = 10.0 # {fill}
+cg_m = [0.0, 0.0, 0.0] # x forward, y right, z down, from an origin of your choice; {fill}
+inertia = {{ xx = 1.0, yy = 1.0, zz = 1.5, xz = 0.0 }} # kg m2 about cg_m; {fill}
+# area_m2 = 1.0 # for coefficients, with span_m and chord_m
+# span_m = 2.0
+# chord_m = 0.5
+# tilt_rad = {{ mount_x = 0.0 }} # tilts at which cg_m and inertia hold, by [[wing]]; zero where absent
+"""
+_MOUNTS = """\
+# What tilts: a wing, or a nacelle without one. Rotors that name it turn with it; its mass moves the centre
+# of gravity.
+"""
+_ROTORS = """\
+# Rotors, so that their angular momentum is accounted for. Not needed where that is negligible.
+"""
+_EXCITATION = """\
+# What is flown to excite the aircraft: freqid design-inputs.
+[excitation]
+band_hz = [0.1, 2.0] # where the motion and the control law are
+period_s = {period}
+periods = 2 # with two or more, the lines between harmonics measure noise
+fade_s = [1.0, 1.0]
+abort = {{ phi = 0.5, theta = 0.35, p = 1.0, q = 0.7, r = 0.7 }} # for the test card
+
+[excitation.amplitude] # in the effector's unit; {fill}
+{amplitudes}
+# [excitation.at.{first}] # what is different at one reference
+# period_s = 40.0
+"""
+_IDENTIFICATION = """\
+[identification]
+estimator = "instruments" # not biased by noise in the regressors; needs excitation/* in the log
+residuals = "noise-lines" # needs two periods or more
+regressors = [{regressors}]
+
+# [noise] # one sigma of a sample, for forecasts: design-inputs --model
+# u = 0.1
+# p = 0.002
+# ax = 0.1
+# surface = 0.001
+
+# [gates]
+# r2 = 0.8
+
+# For simulate, study and diagnose-gap of a simulation that freqid flies: [simulation], [control]
+# (docs/scenarios.md). A simulation of your own needs neither (docs/connecting.md).
+"""
+
+
+def placeholders(path: Path) -> list[tuple[int, str]]:
+    """Return number and text of the lines of a scenario that still hold a placeholder.
+
+    Raises
+    ------
+    DataError
+        Where the file cannot be read.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f"cannot be read ({error})", where=str(path), remedy="check the path") from None
+    return [
+        (i, line.split("#")[0].strip() or line.strip())
+        for i, line in enumerate(lines, start=1)
+        if FILL_IN in line and not line.startswith("#")
+    ]

@@ -243,7 +243,13 @@ class Scenario(Strict, frozen=True):
             self.at(identifier)
 
     def at(self, identifier: str) -> Scenario:
-        """Return the scenario as it is flown at a reference condition: with the excitation stated for it."""
+        """Return the scenario as it is flown at a reference condition: with the excitation stated for it.
+
+        Parameters
+        ----------
+        identifier : str
+            Of the reference; nothing changes where nothing is stated for it.
+        """
         if self.excitation is None or identifier not in self.excitation.at:
             return self
         try:

@@ -232,6 +232,8 @@ def _notes(scenario: Scenario) -> tuple[str, ...]:
         notes.append(
             f"[[wing]] without mass: {', '.join(light)}; the centre of gravity does not move with it"
         )
+    if not scenario.simulation.loads:
+        notes.append("no loads in [simulation]: diagnose-gap needs a simulation of your own, with --sim")
     tilts = [e.name for e in vehicle.effectors if e.kind == "tilt"]
     unset = {r.id: [t for t in tilts if t not in r.scheduled] for r in scenario.reference if tilts}
     for identifier, names in unset.items():

@@ -49,6 +49,11 @@ def new_scenario(effectors: Iterable[str] = (), *, log: File | None = None, name
     name : str
         Of the aircraft.
 
+    Returns
+    -------
+    str
+        TOML, with comments that mark each placeholder.
+
     Raises
     ------
     UsageError

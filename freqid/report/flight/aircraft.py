@@ -20,7 +20,7 @@ from scipy.spatial import ConvexHull
 from freqid.core.arrays import Array
 from freqid.core.frames import shaft_axis, turn_about_y
 from freqid.core.scenario import Scenario
-from freqid.core.vehicle import Rotor, Vector, Vehicle
+from freqid.core.vehicle import Rotor, Vector, Vehicle, Wing
 from freqid.dynamics.mass import centre_of_gravity
 from freqid.report.kit.drawing import BLUE, INK, ORANGE, WIDTH, literal, plain, styled
 
@@ -256,7 +256,9 @@ def three_view(scenario: Scenario, tilt: Mapping[str, float]) -> Figure:
         rad, by the effector that tilts a wing; zero where absent.
     """
     vehicle, parts = scenario.aircraft(), outline(scenario, tilt)
-    extents = [_extent(parts, axes) for axes in (TOP, REAR, SIDE)]
+    centre = centre_of_gravity(vehicle, {w.tilt: tilt.get(w.tilt, 0.0) for w in vehicle.wings})
+    marked = np.array([centre, *(w.pivot_m for w in vehicle.wings)]).T
+    extents = [_extent(parts, marked, axes) for axes in (TOP, REAR, SIDE)]
     # The side view is widest: it sets the scale.
     scale = (WIDTH - _LEFT - _RIGHT) / max(extent[1] - extent[0] for extent in extents)
     heights = [scale * (extent[3] - extent[2]) for extent in extents]
@@ -273,7 +275,6 @@ def three_view(scenario: Scenario, tilt: Mapping[str, float]) -> Figure:
         panels.append(panel)
         y -= _BETWEEN
     top, rear, side = panels
-    centre = centre_of_gravity(vehicle, {w.tilt: tilt.get(w.tilt, 0.0) for w in vehicle.wings})
     # Paper's upwards is -z, so the axis is turned: labels say z.
     for panel in (rear, side):
         panel.yaxis.set_major_locator(MultipleLocator(0.25))
@@ -309,8 +310,9 @@ def draw_parts(panel: Axes, parts: Sequence[Solid], axes: Array, linewidth: floa
         panel.add_patch(Polygon(shape.T, facecolor=fill, edgecolor=colour, linewidth=linewidth))
 
 
-def _extent(parts: Sequence[Solid], axes: Array) -> tuple[float, float, float, float]:
-    flat = np.hstack([axes @ part.points for part in parts])
+def _extent(parts: Sequence[Solid], marked: Array, axes: Array) -> tuple[float, float, float, float]:
+    """Return left, right, low and high of parts and marked points, shape (3, point), with room for names."""
+    flat = np.hstack([axes @ marked, *(axes @ part.points for part in parts)])
     (left, low), (right, high) = flat.min(axis=1) - _ROOM, flat.max(axis=1) + _ROOM
     return float(left), float(right), float(low), float(high)
 
@@ -374,10 +376,14 @@ def _show_spin(panel: Axes, axes: Array, vehicle: Vehicle, rotor: Rotor, tilt: M
 
 
 def _name_tilts(panel: Axes, vehicle: Vehicle, tilt: Mapping[str, float], parts: Sequence[Solid]) -> None:
-    """Mark the tilt axes and say how far each wing is tilted."""
+    """Mark the tilt axes and say how far each wing is tilted; wings that look alike from here once."""
+    alike: dict[tuple[float, float, str], list[Wing]] = {}
     for wing in vehicle.wings:
-        x, _, z = wing.pivot_m
+        angle = f"{degrees(tilt.get(wing.tilt, 0.0)):.1f}°".replace("-", "−")
+        alike.setdefault((wing.pivot_m[0], wing.pivot_m[2], angle), []).append(wing)
+    for (x, z, angle), wings in alike.items():
         panel.plot(x, -z, "o", color=INK, markersize=2.6, zorder=5)
-        own = np.hstack([SIDE @ part.points for part in parts if part.group == wing.name] or [[[x], [-z]]])
-        text = f"{wing.tilt} {degrees(tilt.get(wing.tilt, 0.0)):.1f}°".replace("-", "−")
+        names = {wing.name for wing in wings}
+        own = np.hstack([SIDE @ part.points for part in parts if part.group in names] or [[[x], [-z]]])
+        text = f"{', '.join(dict.fromkeys(w.tilt for w in wings))} {angle}"
         _write(panel, x, own[1].max() + _NEAR, text)

@@ -1,4 +1,4 @@
-"""Do intervals of point models hold the truth of an aircraft of one's own? `python benchmarks/own_tiltrotor.py`.
+"""Do the intervals of models of an aircraft of one's own hold? `python benchmarks/own_tiltrotor.py`.
 
 `examples/own_tiltrotor.py` flies six conditions by formulas of its own. Each is designed for, flown once and
 logged with the noise of twenty seeds; every log is imported and identified with the settings that

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.interpolate import CubicSpline
 from scipy.linalg import solve_continuous_are
 from scipy.optimize import fsolve
 
@@ -80,7 +81,7 @@ def loads(x, flap):
         add((THRUST * n[i] ** 2 - INFLOW * n[i] * along) * axis - INPLANE * n[i] * (air - along * axis), hub)
         moment -= SPIN[i] * TORQUE * n[i] ** 2 * axis
     for side, a in ((-1, ail[0]), (1, ail[1])):  # half wings, each where its lift acts
-        place = np.array([-0.02 - 0.0 * u, side * SPAN / 4, -0.05])
+        place = np.array([-0.02, side * SPAN / 4, -0.05])
         ua, _, wa = velocity + np.cross(rates, place - cg)
         q = 0.5 * RHO * AREA / 2
         lift = q * (ua**2 * (0.25 + 1.1 * flap + 0.5 * a) + 5.0 * ua * wa)
@@ -199,7 +200,7 @@ def _cross(a, b):
 def regulator(condition):
     """Return the gains of a linear-quadratic regulator, from u v w p q r phi theta to surfaces and rotors."""
     aircraft, at = Aircraft(condition), trim(condition)[0]
-    start = np.concatenate([at[:3] - 0.0, np.zeros(6), at[14:]])
+    start = np.concatenate([at[:3], np.zeros(6), at[14:]])
     still = np.zeros((2, 4))
 
     def slope(z, command):
@@ -234,14 +235,11 @@ def fly(condition, time, excitation):
     aircraft, at, gains = Aircraft(condition), trim(condition)[0], regulator(condition)
     h = time[1] - time[0]
     added = np.array([excitation.get(name, np.zeros(time.size)) for name in FREE])
-    rate = np.gradient(added[4:8], h, axis=1)  # only for the nacelles; smooth beside the step
-    curve = np.gradient(rate, h, axis=1)
-    held = np.stack([added[4:8], rate, curve])
-
-    def middle(x, i):
-        """Return values half way to the next sample, by a cubic through four."""
-        near = np.clip([i - 1, i, i + 1, i + 2], 0, time.size - 1)
-        return x[..., near] @ np.array([-1, 9, 9, -1]) / 16
+    # Signals, and rates and accelerations of the nacelles, at every half step.
+    smooth = CubicSpline(time, added, axis=1)
+    halves = np.linspace(time[0], time[-1], 2 * time.size - 1)
+    signal = smooth(halves)
+    held = np.stack([smooth(halves, order)[4:8] for order in range(3)])
 
     def inputs(state, signals, nacelles):
         z = state[:8] - np.concatenate([at[:3], np.zeros(5)])
@@ -252,23 +250,27 @@ def fly(condition, time, excitation):
     state = np.concatenate([at[:3], np.zeros(6), at[14:]])
     rows = []
     for i in range(time.size):
-        here = inputs(state, added[:, i], held[:, :, i])
-        slope, felt = aircraft.rate(state, *here)
-        rows.append(np.concatenate([state[:9], felt, here[0], here[1][0], state[9:]]))
+        here, half, after = (
+            (signal[:, 2 * i + k], held[:, :, 2 * i + k])
+            if i + 1 < time.size
+            else (signal[:, -1], held[:, :, -1])
+            for k in range(3)
+        )
+        now = inputs(state, *here)
+        slope, felt = aircraft.rate(state, *now)
+        rows.append(np.concatenate([state[:9], felt, now[0], now[1][0], state[9:]]))
         if i + 1 == time.size:
             break
-        half, nac_half = middle(added, i), middle(held, i)
-        after, nac_after = added[:, i + 1], held[:, :, i + 1]
-        k2 = aircraft.rate(s := state + h / 2 * slope, *inputs(s, half, nac_half))[0]
-        k3 = aircraft.rate(s := state + h / 2 * k2, *inputs(s, half, nac_half))[0]
-        k4 = aircraft.rate(s := state + h * k3, *inputs(s, after, nac_after))[0]
+        k2 = aircraft.rate(s := state + h / 2 * slope, *inputs(s, *half))[0]
+        k3 = aircraft.rate(s := state + h / 2 * k2, *inputs(s, *half))[0]
+        k4 = aircraft.rate(s := state + h * k3, *inputs(s, *after))[0]
         state = state + h / 6 * (slope + 2 * k2 + 2 * k3 + k4)
     names = (*STATES, "phi", "theta", "psi", "ax", "ay", "az", *FREE)
     return dict(zip(names, np.array(rows).T, strict=True))
 
 
-def log(condition, time, excitation, clean, seed):
-    """Return the table of a log with noise, in the units of the columns' names."""
+def log(condition, time, excitation, clean, seed, noise=1.0):
+    """Return the table of a log with `noise` times the noise, in the units of the columns' names."""
     rng, degree, rpm = np.random.default_rng(seed), np.degrees(1.0), 30 / np.pi
     kinds = [
         (("u", "v", "w"), "m/s", 1.0, NOISE["uvw"]),
@@ -281,7 +283,9 @@ def log(condition, time, excitation, clean, seed):
     table = {"t [s]": time}
     for names, unit, factor, sigma in kinds:
         for name in names:
-            table[f"{name} [{unit}]"] = factor * (clean[name] + sigma * rng.standard_normal(time.size))
+            table[f"{name} [{unit}]"] = factor * (
+                clean[name] + noise * sigma * rng.standard_normal(time.size)
+            )
     table["flap [deg]"] = np.full(time.size, degree * FLAP[condition])
     table["rho [kg/m3]"] = np.full(time.size, RHO)
     for name, signal in excitation.items():
@@ -303,9 +307,11 @@ def main(arguments):
     if not arguments:
         for name, u in CONDITIONS.items():
             x, off = trim(name)
-            print(f"{name}: u = {u:g}, nacelles {x[10]:.4f} rad, flap {FLAP[name]:g} rad, rotors "
-                  f"{x[14]:.0f} and {x[18]:.0f} rad/s, unbalanced {off:.1e} N, "
-                  f"centre of gravity {np.round(centre_of_gravity(x[10:14]), 4)} m")  # fmt: skip
+            place = np.round(centre_of_gravity(x[10:14]), 4)
+            sys.stdout.write(
+                f"{name}: u = {u:g} m/s, nacelles {x[10]:.4f} rad, flap {FLAP[name]:g} rad, rotors {x[14]:.0f} and "
+                f"{x[18]:.0f} rad/s, unbalanced {off:.1e} N, centre of gravity {place} m\n"
+            )
         return
     design, condition, target, *rest = arguments
     seed = int(rest[rest.index("--seed") + 1]) if "--seed" in rest else 0

@@ -38,8 +38,8 @@ def flight(own, scenario, tmp_path_factory):
     design = fq.design_inputs(scenario, at=AT, seed=0)
     assert design.trim["nac_fl"] == scenario.reference_of(AT)["nac_fl"]
     time, excitation = own.design_of(design.write_csv(folder / "design.csv"))
-    table = own.log(AT, time, excitation, own.fly(AT, time, excitation), seed=3)
-    table.to_csv(folder / "log.csv", index=False, float_format="%.9g")
+    table = own.log(AT, time, excitation, own.fly(AT, time, excitation), seed=3, noise=0.01)
+    table.to_csv(folder / "log.csv", index=False, float_format="%.12g")
     return fq.read_log(folder / "log.csv", ROOT / "scenarios" / "maps" / "tiltrotor.toml", scenario=scenario)
 
 
@@ -56,29 +56,36 @@ def normalised(model, own):
 
 
 def test_its_derivatives_are_found_within_their_intervals(own, scenario, flight):
+    """With a hundredth of the noise, so that intervals show what the two sets of formulas do not share."""
     model = fq.identify_point(flight, scenario, at=AT)
     assert not model.remarks  # tilts and flap are where the reference says
     errors = np.array([*normalised(model, own).values()])
     assert errors.size == 120
-    assert np.mean(np.abs(errors) < 2) > 0.88  # 95 % and four standard deviations of a share of 120
-    assert np.abs(errors).max() < 6
+    assert np.mean(np.abs(errors) < 2) > 0.85  # 95 %, and five standard deviations of a share of 120
+    assert np.abs(errors).max() < 5
+    assert np.sqrt(np.mean(errors**2)) < 1.3
+
+
+def without(scenario, left_out):
+    """The same aircraft, with something left out of its description."""
+    change = msgspec.structs.replace
+    if left_out == "masses of the nacelles":
+        return change(scenario, wing=tuple(change(w, mass_kg=0.0) for w in scenario.wing))
+    if left_out == "inertia of the rotors":
+        return change(scenario, rotor=tuple(change(r, inertia=0.0) for r in scenario.rotor))
+    return change(scenario, rotor=tuple(change(r, wing=None) for r in scenario.rotor))
 
 
 @pytest.mark.parametrize(
-    ("left_out", "touches"),
-    [("mass", [("M", "nac_fl"), ("M", "nac_fr")]), ("spin", [("L", "n1"), ("N", "n2"), ("N", "n5")])],
+    "left_out", ["masses of the nacelles", "inertia of the rotors", "rotors that turn with the nacelles"]
 )
-def test_without_what_turns_they_are_missed(own, scenario, flight, left_out, touches):
-    """The nacelles' masses and the rotors' inertia are what the agreement is due to."""
-    if left_out == "mass":
-        less = tuple(msgspec.structs.replace(w, mass_kg=0.0) for w in scenario.wing)
-        poorer = msgspec.structs.replace(scenario, wing=less)
-    else:
-        less = tuple(msgspec.structs.replace(r, inertia=0.0) for r in scenario.rotor)
-        poorer = msgspec.structs.replace(scenario, rotor=less)
-    maneuver = fq.Maneuver(flight, poorer.aircraft())
-    errors = normalised(fq.identify_point(maneuver, poorer, at=AT), own)
-    assert max(abs(errors[one]) for one in touches) > 6, {one: errors[one] for one in touches}
+def test_without_what_turns_they_are_missed(own, scenario, flight, left_out):
+    """What is described of the nacelles is what the agreement is due to."""
+    poorer = without(scenario, left_out)
+    model = fq.identify_point(fq.Maneuver(flight, poorer.aircraft()), poorer, at=AT)
+    errors = normalised(model, own)
+    moments = np.array([x for (response, _), x in errors.items() if response in "LN"])
+    assert np.sqrt(np.mean(moments**2)) > 20
 
 
 def test_the_description_balances_where_its_own_formula_says(own, scenario):

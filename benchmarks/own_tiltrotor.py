@@ -4,11 +4,15 @@
 logged with the noise of twenty seeds; every log is imported and identified with the settings that
 `scenarios/tiltrotor.toml` states. Writes benchmarks/own_tiltrotor.csv: by condition and response, the share
 of 95 % intervals that hold the true derivative, and the spread of errors in standard errors.
+
+`python benchmarks/own_tiltrotor.py chain` types the commands from scenario to global model, counts them and
+writes benchmarks/own_tiltrotor_chain.csv.
 """
 
 from __future__ import annotations
 
 import csv
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -67,7 +71,48 @@ def judge(condition: str, models: list[fq.PointModel]) -> list[dict]:
     return rows
 
 
+def chain(folder: Path) -> list[dict]:
+    """Return how often each command was typed from scenario to global model, and the seconds it took."""
+    program, took = Path(sys.executable).with_name("freqid"), {}
+
+    def run(*words: object) -> str:
+        started = perf_counter()
+        result = subprocess.run(list(map(str, words)), cwd=folder, capture_output=True, text=True, check=True)
+        name = f"freqid {words[1]}" if words[0] == program else Path(str(words[1])).name
+        took.setdefault(name, []).append(perf_counter() - started)
+        return result.stdout
+
+    fly, log = ROOT / "examples" / "own_tiltrotor.py", ("--map", COLUMNS, "--scenario", SCENARIO)
+    run(program, "check", SCENARIO)
+    for at in own.CONDITIONS:
+        run(program, "design-inputs", SCENARIO, "--at", at, "--csv", "--no-study", "-o", f"design-{at}.h5")
+        run(sys.executable, fly, f"design-{at}.csv", at, f"{at}.csv", "--seed", 1)
+        run(program, "import-log", f"{at}.csv", *log, "--at", at, "-o", f"{at}.h5")
+        run(program, "identify-point", f"{at}.h5", "--scenario", SCENARIO, "-o", f"point-{at}.h5")
+    for at in own.HELD_OUT:
+        run(sys.executable, fly, "design-u16.csv", at, f"{at}.csv", "--seed", 2)
+        run(program, "import-log", f"{at}.csv", *log, "-o", f"{at}.h5")
+    points = [f"point-{at}.h5" for at in own.CONDITIONS]
+    print(run(program, "global-blend", *points, "--predict", "u19.h5", "-o", "global.h5"))
+    run(program, "report", "point-u16.h5", "-o", "point-u16.html")
+    rows = [{"command": n, "runs": len(s), "seconds": round(sum(s), 1)} for n, s in took.items()]
+    return [*rows, {k: sum(r[k] for r in rows) for k in ("runs", "seconds")} | {"command": "all"}]
+
+
+def write(path: Path, rows: list[dict]) -> None:
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
 def main() -> None:
+    if sys.argv[1:] == ["chain"]:
+        with tempfile.TemporaryDirectory() as name:
+            rows = chain(Path(name))
+        write(Path(__file__).with_name("own_tiltrotor_chain.csv"), rows)
+        print(*rows, sep="\n")
+        return
     started, rows = perf_counter(), []
     with tempfile.TemporaryDirectory() as name:
         for condition in own.CONDITIONS:
@@ -84,10 +129,7 @@ def main() -> None:
         ),
         "worst_mean_error_in_std_errors": max(r["worst_mean_error_in_std_errors"] for r in rows),
     }
-    with Path(__file__).with_suffix(".csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=list(total), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows([*rows, total])
+    write(Path(__file__).with_suffix(".csv"), [*rows, total])
     print(total, f"{perf_counter() - started:.0f} s", sep="\n")
 
 

@@ -29,7 +29,8 @@ ROTORS = ("n1", "n2", "n3", "n4", "n5", "n6")
 FREE = (*SURFACES, *NACELLES, *ROTORS)  # what can be excited
 STATES = ("u", "v", "w", "p", "q", "r")
 CONDITIONS = {"u04": 4.0, "u10": 10.0, "u16": 16.0, "u22": 22.0, "u28": 28.0, "u34": 34.0}  # m/s
-FLAP = {"u04": 0.50, "u10": 0.50, "u16": 0.35, "u22": 0.20, "u28": 0.10, "u34": 0.0}  # rad
+HELD_OUT = {"u19": 19.0}  # between two conditions: to judge a global model by
+FLAP = {"u04": 0.50, "u10": 0.50, "u16": 0.35, "u19": 0.275, "u22": 0.20, "u28": 0.10, "u34": 0.0}  # rad
 
 # Masses, kg and m, body axes from the origin at the wing's quarter chord. The body without nacelles:
 BODY_MASS, BODY_PLACE = 24.0, np.array([-0.05, 0.0, 0.04])
@@ -106,7 +107,7 @@ def loads(x, flap):
 @cache
 def trim(condition):
     """Return u v w p q r and `FREE` positions of level flight with a level body, and what is unbalanced."""
-    u, flap = CONDITIONS[condition], FLAP[condition]
+    u, flap = (CONDITIONS | HELD_OUT)[condition], FLAP[condition]
 
     def whole(unknown):
         nac, front, rear = unknown
@@ -309,8 +310,8 @@ def main(arguments):
             x, off = trim(name)
             place = np.round(centre_of_gravity(x[10:14]), 4)
             sys.stdout.write(
-                f"{name}: u = {u:g} m/s, nacelles {x[10]:.4f} rad, flap {FLAP[name]:g} rad, rotors {x[14]:.0f} and "
-                f"{x[18]:.0f} rad/s, unbalanced {off:.1e} N, centre of gravity {place} m\n"
+                f"{name}: u = {u:g} m/s, nacelles {x[10]:.4f} rad, flap {FLAP[name]:g} rad, rotors "
+                f"{x[14]:.0f} and {x[18]:.0f} rad/s, unbalanced {off:.1e} N, centre of gravity {place} m\n"
             )
         return
     design, condition, target, *rest = arguments

@@ -68,6 +68,9 @@ EFFECTOR_GROUPS = ("effector", "command", "excitation")
 GROUPS = (*KNOWN, *EFFECTOR_GROUPS)
 TAKEN = {**STATE, **AIR, "bias": ("", "")}  # regressors by themselves, so no effector may be called so
 
+ADVANCE_RATIO = "J"
+"""Name of the propellers' advance ratio, 2 pi V / (Omega d), where rotors state their diameter."""
+
 EFFECTOR_UNITS = {"surface": "rad", "tilt": "rad", "rotor": "rad/s", "thrust": "N", "throttle": "1"}
 
 

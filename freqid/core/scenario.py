@@ -10,7 +10,7 @@ from typing import Any, Literal
 import msgspec
 
 from freqid.core.campaign import Campaign
-from freqid.core.channels import AIR, STATE, WRENCH
+from freqid.core.channels import ADVANCE_RATIO, AIR, STATE, WRENCH
 from freqid.core.errors import UsageError, nearest
 from freqid.core.excitation import Excitation
 from freqid.core.identification import Identification
@@ -262,7 +262,8 @@ class Scenario(Strict, frozen=True):
     def schedulable(self) -> tuple[str, ...]:
         """What a reference condition may set beside speed and density: tilts first."""
         effectors = sorted(self.effector, key=lambda e: e.kind != "tilt")
-        return (*(e.name for e in effectors), *(n for n in (*STATE, *AIR) if n not in ("u", "rho")))
+        known = (*(e.name for e in effectors), *(n for n in (*STATE, *AIR) if n not in ("u", "rho")))
+        return (*known, ADVANCE_RATIO) if any(r.diameter_m for r in self.rotor) else known
 
     def reference_of(self, identifier: str) -> Reference:
         """Return one reference condition.

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 
 from freqid.core.arrays import Array
-from freqid.core.channels import AIR, EFFECTOR_UNITS, STATE
+from freqid.core.channels import ADVANCE_RATIO, AIR, EFFECTOR_UNITS, STATE
 from freqid.core.errors import DataError, UsageError
 from freqid.core.estimators import EstimatorName
 from freqid.core.excitation import Excitation
@@ -151,7 +151,7 @@ def scheduled_units(maneuvers: Sequence[Maneuver], reference: Reference) -> dict
     """Return the SI unit of what a reference sets beside speed and density, as far as it is known."""
     kinds = maneuvers[0].vehicle.effector_kinds
     units = {name: EFFECTOR_UNITS[kind] for name, kind in kinds.items()}
-    units |= {name: unit for name, (unit, _) in {**STATE, **AIR}.items()}
+    units |= {name: unit for name, (unit, _) in {**STATE, **AIR}.items()} | {ADVANCE_RATIO: "1"}
     return {name: units[name] for name in reference.scheduled if name in units}
 
 

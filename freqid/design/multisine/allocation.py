@@ -331,8 +331,8 @@ def search(
     if not layouts:
         raise UsageError(
             f"no layout gives {lows} low and {rests} other effectors enough of {lines.size} harmonics",
-            remedy="raise the ceiling (excitation.propulsor_share), widen band_hz or lengthen period_s, or use "
-            "allocation 'interleaved'",
+            remedy="raise the ceiling (excitation.propulsor_share), widen band_hz or lengthen period_s, "
+            "or use allocation 'interleaved'",
         )
     known: dict[tuple[int, ...], float] = {}
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from freqid.core.arrays import Array
-from freqid.core.channels import AIR, FLOW, RATES, STATE, VELOCITY
+from freqid.core.channels import ADVANCE_RATIO, AIR, FLOW, RATES, STATE, VELOCITY
 from freqid.core.errors import DataError, nearest
 from freqid.core.frames import body_velocity, cross, flow_angles
 from freqid.core.identification import factors_of
@@ -80,6 +80,8 @@ def unit_of(maneuver: Maneuver, name: str) -> str:
         return STATE[name][0]
     if name in AIR:
         return AIR[name][0]
+    if name == ADVANCE_RATIO:
+        return "1"
     return maneuver.record.channel(f"effector/{name}").unit
 
 
@@ -155,6 +157,19 @@ def _per_span(rate: str, length: str) -> Callable[[Maneuver], Array]:
     return nondimensional
 
 
+def _advance_ratio(maneuver: Maneuver) -> Array:
+    """Return the propellers' advance ratio, shape (sample,); unlike ones count by their tip speed."""
+    rotors = [r for r in maneuver.vehicle.rotors if r.diameter_m and f"effector/{r.name}" in maneuver.record]
+    if not rotors:
+        raise DataError(
+            f"the advance ratio '{ADVANCE_RATIO}' needs rotors whose diameter is stated and speed is logged",
+            remedy="add diameter_m to each [[rotor]], and import their speeds as effectors",
+        )
+    tips = np.mean([(r.diameter_m or 0.0) * maneuver.record[f"effector/{r.name}"] for r in rotors], axis=0)
+    with np.errstate(divide="ignore"):
+        return 2 * np.pi * history(maneuver, "V") / tips
+
+
 _COMPUTED: dict[str, Callable[[Maneuver], Array]] = {
     "u": lambda m: _velocity(m)[0],
     "v": lambda m: _velocity(m)[1],
@@ -166,4 +181,5 @@ _COMPUTED: dict[str, Callable[[Maneuver], Array]] = {
     "phat": _per_span("p", "span_m"),
     "qhat": _per_span("q", "chord_m"),
     "rhat": _per_span("r", "span_m"),
+    ADVANCE_RATIO: _advance_ratio,
 }

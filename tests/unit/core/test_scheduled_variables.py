@@ -63,3 +63,12 @@ def test_the_two_angles_of_earlier_files_are_those_of_the_wings(tmp_path):
     assert scenario(tmp_path, still).reference[0].scheduled == {}  # nothing tilts
     la8 = read_scenario("la8")[0].reference_of("u45")
     assert la8.scheduled == {"dw1": 0.3840, "dw2": 0.3840}
+
+
+def test_an_advance_ratio_is_known_where_rotors_have_a_diameter(tmp_path):
+    rotor = '[[rotor]]\nname = "n1"\nspin = 1\ninertia = 0.0\n'
+    at = reference(id="u20", u=20, rho=1.2, J=0.6)
+    found = scenario(tmp_path, NACELLES, rotor, "diameter_m = 0.4\n", at)
+    assert found.reference[0]["J"] == 0.6
+    with pytest.raises(UsageError, match="sets 'J', which is no effector"):
+        scenario(tmp_path, NACELLES, rotor, at)

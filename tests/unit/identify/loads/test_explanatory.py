@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
 from freqid.core.errors import DataError
 from freqid.core.record import Channel, FlightRecord, Maneuver
-from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle, Wing
-from freqid.identify.loads.explanatory import history
+from freqid.core.vehicle import Effector, Inertia, MassProperties, Rotor, Vehicle, Wing
+from freqid.identify.loads.explanatory import history, unit_of
 
 CG = np.array([0.09, 0.0, 0.03])
 VELOCITY, FLOW = ("u", "v", "w"), ("V", "alpha", "beta")
@@ -115,3 +116,19 @@ def test_without_rates_it_cannot_be_moved(motion):
         DataError, match=r"'state/w' was measured 1 m from the centre of gravity .* 'state/q' is missing"
     ):
         history(bare, "w")
+
+
+def test_the_advance_ratio_is_that_of_all_tips(motion):
+    """J = V / (n d) with n in turns per second; unlike propellers count by n d, the mean over both."""
+    v, rates = motion
+    places = dict.fromkeys(VELOCITY, tuple(CG))
+    rotors = tuple(Rotor(name=n, spin=1, inertia=0.0, diameter_m=d) for n, d in (("n1", 0.4), ("n2", 0.3)))
+    described = msgspec.structs.replace(vehicle(), rotors=rotors)
+    turns = {"n1": 400.0 + 10 * v[0], "n2": np.full(500, 500.0)}
+    maneuver = recorded(dict(zip(VELOCITY, v, strict=True)), rates, places, described, **turns)
+    per_second = [turns["n1"] / (2 * np.pi) * 0.4, turns["n2"] / (2 * np.pi) * 0.3]
+    expected = np.linalg.norm(v, axis=0) / np.mean(per_second, axis=0)
+    np.testing.assert_allclose(history(maneuver, "J"), expected, rtol=1e-12)
+    assert unit_of(maneuver, "J") == "1"
+    with pytest.raises(DataError, match="needs rotors whose diameter is stated"):
+        history(recorded(dict(zip(VELOCITY, v, strict=True)), rates, places), "J")

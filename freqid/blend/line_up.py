@@ -197,27 +197,28 @@ def _check_line(
     corridor: Corridor, members: NDArray[np.int64], points: Sequence[PointModel], files: Sequence[str]
 ) -> None:
     """Refuse a line of one point, a condition that comes twice, and points that lie on no one line."""
-    on_line, their_files = [points[k] for k in members], [files[k] for k in members]
+    here = [points[int(k)].reference for k in members]
+    named = [files[int(k)] for k in members]
     place, schedule = corridor.coordinate[members], corridor.schedule[:, members]
     by_speed = corridor.along == "u"
     if place.size < 2:
         raise DataError(
-            f"is the only point at {on_line[0].reference.rho:.4g} kg/m3, and one point makes no line",
-            where=their_files[0],
+            f"is the only point at {here[0].rho:.4g} kg/m3, and one point makes no line",
+            where=named[0],
             remedy="add points there, leave it out, or blend with --densities together",
         )
     turned = turns(corridor)[:, None] * schedule
     close = int(np.diff(place).argmin())
     least = SAME_SPEED if by_speed else _DISTINCT * np.ptp(place)
     if place[close + 1] - place[close] < least or not np.ptp(place):
-        one, two = on_line[close].reference, on_line[close + 1].reference
+        one, two = here[close], here[close + 1]
         most = np.rad2deg(np.abs(turned[:, close + 1] - turned[:, close]).max(initial=0.0))
         other = next((n for n, row in zip(corridor.scheduled, schedule, strict=True) if _apart(row)), "")
         apart = f" with tilts {most:.3g} deg apart" if most > np.rad2deg(SAME_TILT) else ""
         raise DataError(
             f"reference '{two.id}' (u = {two.u:.4g} m/s, rho = {two.rho:.4g} kg/m3) repeats the "
-            f"{'equivalent speed' if by_speed else corridor.along} of '{one.id}' in {their_files[close]}{apart}",
-            where=their_files[close + 1],
+            f"{'equivalent speed' if by_speed else corridor.along} of '{one.id}' in {named[close]}{apart}",
+            where=named[close + 1],
             remedy="keep one of the two" + (f", or blend along {other} (--along {other})" if other else ""),
         )
     for name, unit, row, plain in zip(
@@ -226,12 +227,12 @@ def _check_line(
         if _goes_back(row) > SAME_TILT:
             without = [_goes_back(np.delete(row, i)) for i in range(row.size)]
             i = int(np.argmin(without))
-            at = on_line[i].reference
+            at = here[i]
             raise DataError(
                 f"reference '{at.id}' is off the corridor of the other points: at u = {at.u:.4g} m/s its "
                 f"{name} of {_shown(plain[i], unit)} makes it go back and forth by "
                 f"{_shown(_goes_back(plain), unit, 3)}",
-                where=their_files[i],
+                where=named[i],
                 remedy="blend points of one tilt schedule; where densities differ, blend them apart",
             )
 

@@ -79,7 +79,7 @@ def trim(scenario: Scenario, parameters: motion.Parameters, reference: Reference
         For the names of the effectors.
     parameters : motion.Parameters
     reference : Reference
-        Its `u` is the velocity along the body's x axis.
+        Its `u` is the velocity along the body's x axis; tilts, and surfaces and rotors that it sets, are held.
 
     Returns
     -------
@@ -91,7 +91,7 @@ def trim(scenario: Scenario, parameters: motion.Parameters, reference: Reference
         Where no position of the effectors inside their limits balances the vehicle: which equation
         cannot be met and by how much, and the nearest condition that can be flown.
     """
-    problem = _Problem(parameters)
+    problem = _Problem(parameters, _held(scenario, reference))
     tilts = [reference.scheduled.get(e.name, 0.0) for e in scenario.effector if e.kind == "tilt"]
     condition = np.array([reference.rho, reference.u, *tilts])
     x = problem.solve(condition)
@@ -107,6 +107,12 @@ def trim(scenario: Scenario, parameters: motion.Parameters, reference: Reference
     _check_battery(scenario, reference, found.commands)
     positions = split(parameters, jnp.asarray(_effectors(parameters, condition, x)))
     return Trim(reference, x[:2], body, positions, found.commands, found.aero, around, residual)
+
+
+def _held(scenario: Scenario, reference: Reference) -> Array:
+    """Return what the reference sets of surfaces and rotor speeds, SI; nan where they are free."""
+    names = [e.name for kind in ("surface", "rotor") for e in scenario.effector if e.kind == kind]
+    return np.array([reference.scheduled.get(name, np.nan) for name in names])
 
 
 def _check_battery(scenario: Scenario, reference: Reference, commands: Commands) -> None:
@@ -181,7 +187,7 @@ def _balance(
 class _Problem:
     """The search for a trim, in scaled unknowns: angles, surfaces and speeds of comparable weight."""
 
-    def __init__(self, parameters: motion.Parameters):
+    def __init__(self, parameters: motion.Parameters, held: Array):
         surface, motor = parameters.actuators.surface, parameters.actuators.motor
         rotors = motor.high.size
         largest = np.maximum(np.abs(surface.low), np.abs(surface.high))
@@ -189,7 +195,9 @@ class _Problem:
         self._scale = np.concatenate([np.full(2, _ANGLE), largest, _SPREAD * np.asarray(motor.high)])
         low = np.concatenate([np.full(2, -LARGEST_ANGLE), surface.low, motor.low])
         high = np.concatenate([np.full(2, LARGEST_ANGLE), surface.high, motor.high])
-        self._low, self._high = low / self._scale, high / self._scale
+        fixed = np.concatenate([np.full(2, np.nan), held])
+        self._low = np.where(np.isnan(fixed), low, fixed) / self._scale
+        self._high = np.where(np.isnan(fixed), high, fixed) / self._scale
         self._weight = float(parameters.mass.mass) * STANDARD_GRAVITY
         self._effort = np.eye(low.size)  # what is made small: all, but of the speeds only their spread
         speeds = np.arange(low.size) >= low.size - rotors
@@ -206,7 +214,7 @@ class _Problem:
 
     def shortfall(self, condition: Array) -> str:
         """Say which equation cannot be met and by how much, and which effectors are at their limits."""
-        bounds = (self._low - 1e-9, self._high + 1e-9)
+        bounds = (self._low - 1e-9, self._high + 1e-9)  # apart, also where a position is held
         best = min(
             (
                 least_squares(

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import jax
 import jax.numpy as jnp
+import msgspec
 import numpy as np
 import pytest
 
@@ -168,3 +169,16 @@ def test_a_weak_battery_is_refused_by_the_rotor_and_its_command(parameters):
     said = str(refused.value)
     assert re.match(r"reference 'u00': rotor 'n1' would need a command of 1\d{3} rad/s on this battery", said)
     assert "its highest is 950 rad/s; raise the charge" in said
+
+
+def test_what_the_reference_sets_is_held(parameters):
+    """Flaps that are set stay there, and the others do what is left to do."""
+    free = trim(SCENARIO, parameters, SCENARIO.reference_of("u45"))
+    names = [e.name for e in SCENARIO.effector if e.kind == "surface"]
+    flaps = {"df1": 0.2, "df2": 0.2}
+    at = msgspec.structs.replace(free.reference, scheduled=free.reference.scheduled | flaps)
+    held = trim(SCENARIO, parameters, at)
+    positions = dict(zip(names, np.asarray(held.positions.surface), strict=True))
+    assert {n: positions[n] for n in flaps} == pytest.approx(flaps, abs=1e-12)
+    assert abs(free.positions.surface[names.index("df1")] - 0.2) > 0.01
+    assert np.abs(held.residual).max() < 1e-6

@@ -79,7 +79,7 @@ def trim(scenario: Scenario, parameters: motion.Parameters, reference: Reference
         For the names of the effectors.
     parameters : motion.Parameters
     reference : Reference
-        Its `u` is the velocity along the body's x axis; tilts, and surfaces and rotors that it sets, are held.
+        Its `u` is the velocity along the body's x axis; the effectors that it sets are held.
 
     Returns
     -------

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from freqid.blend.consistency import Agreement
 from freqid.core.results.corridor import Corridor
 from freqid.core.results.point import Fit
@@ -37,6 +40,15 @@ def blend_result(corridor: Corridor, agreement: list[Agreement], predicted: dict
     }
 
 
+def _along(corridor: Corridor, on: NDArray[np.bool_]) -> str:
+    """Return what a line runs along and how far, where that is not speed."""
+    if corridor.along == "u":
+        return ""
+    place = corridor.coordinate[on]
+    unit = corridor.scheduled_units[corridor.scheduled.index(corridor.along)]
+    return f"along {corridor.along} {place[0]:.4g} to {place[-1]:.4g} {unit}, "
+
+
 def blend_table(corridor: Corridor, agreement: list[Agreement], predicted: dict[str, Fit]) -> str:
     """Return what was blended, how densities agree and what was predicted, as text."""
     lines = []
@@ -44,7 +56,8 @@ def blend_table(corridor: Corridor, agreement: list[Agreement], predicted: dict[
         on = corridor.line == i
         lines.append(
             f"line {i + 1}: {on.sum()} points, u {corridor.u[on][0]:.4g} to {corridor.u[on][-1]:.4g} m/s, "
-            f"rho {corridor.rho[on].mean():.4g} kg/m3"
+            + _along(corridor, on)
+            + f"rho {corridor.rho[on].mean():.4g} kg/m3"
         )
     lines += [
         f"{one.response}: rho {one.rho[1]:.4g} against {one.rho[0]:.4g} kg/m3 at {one.points} points: "

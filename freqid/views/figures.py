@@ -130,7 +130,11 @@ def _of_campaign(study: CampaignStudy) -> Figure:
 
 @figure_of.register
 def _of_corridor(corridor: Corridor) -> Figure:
-    """Draw every response's parameters over speed, each over its largest value."""
+    """Draw every response's parameters along the corridor, each over its largest value."""
+    label, place = "Speed u (m/s)", corridor.u
+    if corridor.along != "u":
+        row = corridor.scheduled.index(corridor.along)
+        label, place = f"{corridor.along} ({corridor.scheduled_units[row]})", corridor.schedule[row]
     figure, panels = _stacked(len(corridor.responses), 2.2)
     for axes, (name, k) in zip(panels, corridor.responses.items(), strict=True):
         for parameter, estimate in zip(k.regressors, k.estimate, strict=True):
@@ -138,9 +142,9 @@ def _of_corridor(corridor: Corridor) -> Figure:
             (drawn,) = axes.plot([], [], "o-", markersize=3, label=parameter)
             for line in range(corridor.line.max() + 1):
                 on = corridor.line == line
-                axes.plot(corridor.u[on], share[on], "o-", color=drawn.get_color(), markersize=3)
+                axes.plot(place[on], share[on], "o-", color=drawn.get_color(), markersize=3)
         axes.set_ylabel(f"{name}, over the largest")
-        axes.set_xlabel("Speed u (m/s)")
+        axes.set_xlabel(label)
     names = {line.get_label(): line for axes in panels for line in axes.lines if line.get_xdata().size == 0}
     figure.legend(names.values(), names.keys(), loc="outside right upper", frameon=False, fontsize="small")
     return figure

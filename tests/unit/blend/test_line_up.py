@@ -10,7 +10,10 @@ import tilt_wing
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.line import turns
 from freqid.blend.line_up import line_up
+from freqid.cli.blend_texts import blend_table
 from freqid.core.errors import DataError, UsageError
+from freqid.core.results.corridor import read_global, write_global
+from freqid.views.figures import figure_of
 
 SEA = 1.225
 
@@ -191,3 +194,25 @@ def test_what_has_another_unit_counts_by_its_range(points):
     model = GlobalModel(corridor)
     with pytest.raises(DataError, match=r"n = .* rad/s, the corridor nearby"):
         model.wrench(model.reference(7.0, 1.1) | {"n": np.array([100.0])} | {"rho": np.array([1.1])})
+
+
+def test_a_corridor_along_a_tilt_is_kept_drawn_and_told_so(points, tmp_path):
+    corridor = line_up(points, "abc", along="dw1")
+    write_global(tmp_path / "g.h5", corridor)
+    back = read_global(tmp_path / "g.h5")
+    assert (back.along, back.scheduled, back.scheduled_units) == ("dw1", ("dw1", "dw2"), ("rad", "rad"))
+    np.testing.assert_array_equal(back.coordinate, corridor.coordinate)
+    axes = figure_of(back).axes[0]
+    assert axes.get_xlabel() == "dw1 (rad)"
+    np.testing.assert_array_equal(axes.lines[1].get_xdata(), corridor.schedule[0])
+    assert "along dw1 0.5165 to 0.9505 rad, rho" in blend_table(back, [], {})
+
+
+def test_a_corridor_of_an_aircraft_that_sets_nothing_is_kept(points, tmp_path):
+    corridor = line_up([moved(p, scheduled={}) for p in points], "abc")
+    assert corridor.schedule.shape == (0, 3)
+    write_global(tmp_path / "g.h5", corridor)
+    back = read_global(tmp_path / "g.h5")
+    assert (back.scheduled, back.schedule.shape) == ((), (0, 3))
+    at = GlobalModel(back).reference(7.0, SEA)
+    assert GlobalModel(back).wrench(at).values.shape == (6, 1)

@@ -138,7 +138,7 @@ def _of_corridor(corridor: Corridor) -> Figure:
     figure, panels = _stacked(len(corridor.responses), 2.2)
     for axes, (name, k) in zip(panels, corridor.responses.items(), strict=True):
         for parameter, estimate in zip(k.regressors, k.estimate, strict=True):
-            share = estimate / np.abs(estimate).max()
+            share = estimate / (np.abs(estimate).max() or 1.0)
             (drawn,) = axes.plot([], [], "o-", markersize=3, label=parameter)
             for line in range(corridor.line.max() + 1):
                 on = corridor.line == line

@@ -23,6 +23,7 @@ from freqid.workflows.inputs import (
     flight_of,
     maneuver_of,
     names_of,
+    record_of,
     scenario_of,
     several,
     source_of,
@@ -94,7 +95,8 @@ def frequency_response(
     wanted, driven = (([x] if isinstance(x, str) else list(x)) for x in (outputs, inputs))
     read = [flight_of(flight) for flight in given]
     if period_s is None and described is not None and described.excitation is not None:
-        period_s = described.excitation.period_s
+        there = described.at(record_of(read[0]).reference).excitation if read else None
+        period_s = (there or described.excitation).period_s
     try:
         maneuvers = [maneuver_of(flight, described) for flight in read]
         if windows:

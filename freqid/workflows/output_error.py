@@ -142,6 +142,7 @@ def identify_output_error(
     described = scenario_of(scenario) if scenario is not None else None
     given = several(flights)
     flown = flown_maneuvers(given, described, at, cut)
+    described = described.at(flown.reference) if described is not None else None
     identification = None
     if model is None:
         if described is None:

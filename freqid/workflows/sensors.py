@@ -123,7 +123,9 @@ def align_sensors(flight: Flight, scenario: Scenario | File) -> tuple[Maneuver, 
     """
     described = scenario_of(scenario)
     settings = identification_of(described)
-    return alignment.align(maneuver_of(flight, described), settings, lines_of(settings, described.excitation))
+    maneuver = maneuver_of(flight, described)
+    excitation = described.at(maneuver.record.reference).excitation
+    return alignment.align(maneuver, settings, lines_of(settings, excitation))
 
 
 def checked(

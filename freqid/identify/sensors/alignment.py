@@ -21,6 +21,7 @@ from freqid.core.identification import Identification, factors_of
 from freqid.core.record import Maneuver
 from freqid.core.results.point import PointModel, ResponseModel, per
 from freqid.core.scenario import Reference
+from freqid.identify.model.widening import with_covariance
 from freqid.identify.point import identify_point, lines_of
 from freqid.identify.regress.covariance_corrections import independent_share
 from freqid.identify.regress.estimators import find_estimator
@@ -206,9 +207,10 @@ def identify_aligned(
         for row, name in enumerate(settings.responses)
     }
     responses = {
-        name: _widened(
+        name: with_covariance(
             model[name],
-            np.sum([j.T @ a.covariance @ j for j, a in zip(by[name], alignments, strict=True)], axis=0),
+            model[name].covariance
+            + np.sum([j.T @ a.covariance @ j for j, a in zip(by[name], alignments, strict=True)], axis=0),
         )
         for name in settings.responses
     }
@@ -244,22 +246,6 @@ def _sensitivity(
     length = np.sqrt(np.sum([(z**2).sum(axis=1) for z, _, _ in parts], axis=0))[:, None]
     normal = np.sum([(z / length) @ x.T for z, x, _ in parts], axis=0)
     return [-np.linalg.solve(normal, (z / length) @ d.T).T for z, _, d in parts]
-
-
-def _widened(response: ResponseModel, added: Array) -> ResponseModel:
-    """Return a response whose covariance has another part; limits keep their Student factors."""
-    covariance = response.covariance + added
-    std_error = np.sqrt(np.diag(covariance))
-    ratio = std_error / response.std_error
-    return replace(
-        response,
-        covariance=covariance,
-        std_error=std_error,
-        lower=response.estimate - ratio * (response.estimate - response.lower),
-        upper=response.estimate + ratio * (response.upper - response.estimate),
-        t_statistic=response.t_statistic / ratio,
-        correlation=covariance / np.outer(std_error, std_error),
-    )
 
 
 def _remarks(

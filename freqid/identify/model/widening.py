@@ -1,4 +1,4 @@
-"""A response's model with a larger covariance than that of its fit: for what was chosen or found before it."""
+"""A response's model with a larger covariance than its fit has: for what was chosen or found before it."""
 
 from __future__ import annotations
 

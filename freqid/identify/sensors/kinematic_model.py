@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from freqid.core.arrays import Array
 from freqid.core.channels import ANGLES, ATTITUDE, FLOW, FORCES, GROUND, RATES, VELOCITY
 from freqid.core.errors import DataError
-from freqid.core.frames import body_velocity, cross, specific_force_at
+from freqid.core.frames import body_velocity, cross, flow_angles, specific_force_at
 from freqid.core.record import FlightRecord
 from freqid.identify.sensors.errors import Reading, error_name
 from freqid.identify.sensors.flight_path import (
@@ -67,8 +68,9 @@ def sensors_of(record: FlightRecord, cg_m: tuple[float, float, float] | None) ->
     Returns
     -------
     Sensors
-        u v w, or airspeed and flow angles where not all of these were logged; attitude, altitude and
-        velocity over ground, each where present.
+        u v w, airspeed and flow angles, attitude, altitude and velocity over ground, each where present. Of
+        u v w where not all three were logged, and of airspeed and flow angles that were computed from
+        u v w, nothing is taken: neither is a second measurement.
 
     Raises
     ------
@@ -77,9 +79,7 @@ def sensors_of(record: FlightRecord, cg_m: tuple[float, float, float] | None) ->
         referred to a centre of gravity, or the aircraft pitches beyond 80 deg.
     """
     rates, force = record.matrix(RATES), record.matrix(FORCES)
-    # Where both were logged one is computed from the other; u v w mean something at rest too.
-    air = FLOW if any(n in record for n in FLOW) and not all(n in record for n in VELOCITY) else VELOCITY
-    others = (*air, *ATTITUDE, "state/alt", *GROUND)
+    others = (*_air_channels(record), *ATTITUDE, "state/alt", *GROUND)
     names = tuple(n for n in others if n in record)
     if not names:
         raise DataError(
@@ -105,6 +105,27 @@ def sensors_of(record: FlightRecord, cg_m: tuple[float, float, float] | None) ->
             values[row] = np.unwrap(values[row])
     arms = np.array([places[n] - home for n in names])
     return Sensors(record.dt, rates, force, names, values, arms)
+
+
+# A flow angle, or an airspeed over its size, that is this near what u v w make was computed from them: log
+# files keep seven digits, and no two sensors agree to six.
+COMPUTED = 1e-5
+
+
+def computed_flow(record: FlightRecord) -> tuple[str, ...]:
+    """Return which of airspeed and flow angles were not measured but computed from u v w."""
+    if not all(n in record for n in VELOCITY):
+        return ()
+    made = dict(zip(FLOW, flow_angles(record.matrix(VELOCITY)), strict=True))
+    size = {n: max(1.0, float(np.abs(made[n]).max())) for n in FLOW}
+    return tuple(n for n in FLOW if n in record and np.abs(record[n] - made[n]).max() < COMPUTED * size[n])
+
+
+def _air_channels(record: FlightRecord) -> tuple[str, ...]:
+    """Return the channels of the air that are measurements."""
+    if all(n in record for n in VELOCITY):
+        return (*VELOCITY, *(n for n in FLOW if n not in computed_flow(record)))
+    return FLOW if any(n in record for n in FLOW) else VELOCITY
 
 
 def _place(record: FlightRecord, name: str, cg_m: tuple[float, float, float] | None) -> Array:
@@ -234,6 +255,9 @@ class Prediction:
         Channels by the guess, and measured less modelled.
     jacobian : ndarray, shape (m, k, n)
         Derivatives of `modelled` by the unknowns.
+    instruments : ndarray, shape (m, k, n)
+        `jacobian`, with the motion through the air that the injected signals alone make in place of the
+        measured one, where that is known.
     seen : ndarray, shape (k, 10, n)
         Derivatives of `modelled` by errors of the path at the time that is shown, and by wind.
     """
@@ -242,6 +266,7 @@ class Prediction:
     modelled: Array
     residual: Array
     jacobian: Array
+    instruments: Array
     seen: Array
 
 
@@ -255,10 +280,12 @@ class CompatibilityProblem:
     sensors : Sensors
     longest_delay : float
         Longest delay that is tried, s; as much is left out at both ends of the record.
+    driven : mapping of str to ndarray, shape (sample,)
+        Of channels of the air: what they would show of the motion that the injected signals alone make.
 
     Attributes
     ----------
-    sensors
+    sensors, driven
         As given.
     names : tuple of str, length m
         Seven initial values, then biases of rates and forces, wind, and errors of the other channels.
@@ -266,6 +293,8 @@ class CompatibilityProblem:
         Samples that are compared.
     start : Guess
         Initial values as measured, no errors.
+    driven_rows : list of int
+        Unknowns that `driven` tells.
 
     Raises
     ------
@@ -273,7 +302,7 @@ class CompatibilityProblem:
         The record is too short.
     """
 
-    def __init__(self, sensors: Sensors, longest_delay: float):
+    def __init__(self, sensors: Sensors, longest_delay: float, driven: Mapping[str, Array] | None = None):
         margin = int(np.ceil(longest_delay / sensors.dt)) + 3  # three more to interpolate and differentiate
         samples = sensors.values.shape[1]
         least = 2 * margin + 200
@@ -284,12 +313,15 @@ class CompatibilityProblem:
                 remedy="use a longer record, or lower longest_delay_s",
             )
         self.sensors, self.window = sensors, slice(margin, samples - margin)
+        self.driven = dict(driven or {})
         self.names = (*CAUSES, *_other_unknowns(sensors.names))
         self._index = {name: i for i, name in enumerate(self.names)}
         self._winds = [axis for axis, name in enumerate(WINDS) if name in self._index]
         self.start = self._initial()
         self._delays = np.array([name.endswith("delay") for name in self.names])
         self._longest_delay = longest_delay
+        told = [error_name(n, k) for n in sensors.names if n in self.driven for k in ("scale", "delay")]
+        self.driven_rows = [self._index[n] for n in told]
 
     def moved(self, guess: Guess, unknowns: NDArray[np.bool_], step: Array) -> Guess:
         """Return a guess after a step of some unknowns, of which the first three turn the attitude.
@@ -343,11 +375,26 @@ class CompatibilityProblem:
                 at = self._index.get(error_name(name, kind))
                 if at is not None:
                     jacobian[at, row] = column
+        instruments = self._instruments(jacobian, errors)
         residual = sensors.values[:, self.window] - modelled
         for row, name in enumerate(sensors.names):
             if name in ANGLES:  # whole turns apart where each was unwound by itself
                 residual[row] -= 2 * np.pi * np.round(residual[row].mean() / (2 * np.pi))
-        return Prediction(path, modelled, residual, jacobian, seen)
+        return Prediction(path, modelled, residual, jacobian, instruments, seen)
+
+    def _instruments(self, jacobian: Array, errors: Mapping[str, float]) -> Array:
+        """Return derivatives with the motion that the injected signals make, where that is known."""
+        if not self.driven:
+            return jacobian
+        instruments = jacobian.copy()
+        for row, name in enumerate(self.sensors.names):
+            if name in self.driven:
+                reading, ideal = Reading.of(name, errors), self.driven[name]
+                both = np.stack((ideal, np.gradient(ideal, self.sensors.dt)))
+                ideal, slope = self._delayed(both, reading.delay)
+                instruments[self._index[error_name(name, "scale")], row] = ideal
+                instruments[self._index[error_name(name, "delay")], row] = -(1 + reading.scale) * slope
+        return instruments
 
     def _delayed(self, rows: Array, delay: float) -> Array:
         """Return rows at t - delay over the window, by cubics through four neighbouring samples."""

@@ -22,7 +22,7 @@ from freqid.core.vehicle import Effector, Inertia, MassProperties
 
 G = 9.80665
 STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta", "psi")
-NOISE = {"velocity": 0.1, "rate": np.deg2rad(0.1), "angle": np.deg2rad(0.1), "force": 0.01 * G}
+NOISE = {"velocity": 0.05, "rate": np.deg2rad(0.1), "angle": np.deg2rad(0.1), "force": 0.01 * G}
 LATE = 0.14  # s, of air data that lag
 PERIOD, DT, INNER = 60.0, 0.02, 2
 EFFECTORS = ("de", "da", "dr", "n1")

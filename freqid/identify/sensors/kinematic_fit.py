@@ -13,6 +13,7 @@ from scipy.ndimage import uniform_filter1d
 from freqid.core.arrays import Array
 from freqid.core.channels import FLOW, VELOCITY
 from freqid.core.errors import DataError
+from freqid.identify.regress.two_stage import LEAST_STRENGTH
 from freqid.identify.sensors.kinematic_model import INITIAL, CompatibilityProblem, Guess, Prediction
 from freqid.identify.sensors.path_noise import GustStrength, PathNoise, block_of, estimate_gusts, whiten
 from freqid.identify.spectra.smoothing import smooth
@@ -75,6 +76,7 @@ _TINY = 1e-300
 # How fast an aircraft rides a vertical gust, -Z_w/m, 1/s: 0.6 of an airliner, 3.3 of a drone of 28 kg/m2.
 RIDING = 3.0
 CALM = 1e-3  # m/s; gusts below move no sensor
+MOST_WEIGHINGS = 3  # of the gusts, until the estimates have settled
 
 # A parameter is held at zero where its standard error is beyond this share of the size that it may well have:
 # the data then tell less about it than is known without them.
@@ -179,9 +181,12 @@ def fit_compatibility(
     # Delays come last: a wave fits itself again a period later, so they have to start near.
     clocked = np.array([not n.endswith("delay") for n in problem.names])
     guess, _ = _fit_unfiltered(problem, everything & clocked, guess, plausible)
-    guess, now = _fit_unfiltered(problem, everything, guess, plausible)
+    # In gusts least squares may send a delay of the air data astray; where instruments tell it, it starts at 0.
+    near = everything if problem.driven is None else everything & (clocked | ~problem.on_air)
+    guess, now = _fit_unfiltered(problem, near, guess, plausible)
 
-    active, steps, weighed = everything, 0, gusts is not None
+    active, steps = everything, 0
+    weighings = 0 if gusts is None else MOST_WEIGHINGS
     every = block_of(problem.sensors.dt, problem.window)
     noise = _first_noise(problem, now, gusts or 0.0, gust_time)
     strength = GustStrength(noise.gusts, noise.gusts, noise.gusts, 0.0)
@@ -190,15 +195,18 @@ def fit_compatibility(
     for turn in range(MOST_STEPS):
         free = turn >= HELD_STEPS
         now = problem.predict(guess)
-        rows = np.concatenate((now.residual[None], now.jacobian, now.instruments[problem.driven_rows]))
-        if free and windy and not weighed:
+        beside = now.jacobian[:0] if problem.driven is None else now.instruments
+        rows = np.concatenate((now.residual[None], now.jacobian, beside))
+        if free and windy and not weighings:
             tried = rows[:columns][np.append(True, active)]
             strength = estimate_gusts(now.path, problem.window, now.seen, noise, tried, every)
-            weighed, noise = True, replace(noise, gusts=strength.std)
+            weighings, noise = 1, replace(noise, gusts=strength.std)
         white, _ = whiten(now.path, problem.window, now.seen, noise, rows, every)
         residual, jacobian = white[0], white[1:columns]
-        explained = _explained(jacobian, white[columns:], problem.driven_rows, active)
+        explained = _explained(jacobian, white[columns:], active)
         observable = _observable(explained, active, plausible) if free else active
+        if free and problem.driven is not None and np.array_equal(observable, active):
+            observable = _reached(jacobian, explained, problem.on_air, active)
         if not np.array_equal(observable, active):
             guess, active, steps = guess.back(active & ~observable, problem.start), observable, 0
             continue
@@ -207,16 +215,17 @@ def fit_compatibility(
         outputs = np.maximum(noise.outputs * fit.spread, _floor(before))
         blocked = problem.blocked(guess, active, fit.step) if free else []
         steady = free and fit.largest < NEARLY and np.allclose(outputs, noise.outputs, rtol=STEADY, atol=0)
-        if steady and windy and gusts is None and steps > 0:
+        if steady and windy and steps > 0 and weighings < MOST_WEIGHINGS:
             tried = rows[:columns][np.append(True, active)]
             strength = estimate_gusts(now.path, problem.window, now.seen, noise, tried, every)
-            if not np.isclose(strength.std, noise.gusts, rtol=STEADY, atol=CALM) and steps < FULL_STEPS:
+            weighings += 1
+            if not np.isclose(strength.std, noise.gusts, rtol=STEADY, atol=CALM):
                 noise = replace(noise, gusts=strength.std)
                 guess, steps = problem.moved(guess, active, fit.step), steps + 1
                 continue
         if steady or blocked:
             covariance, dof = coloured_covariance(explained[active], fit.left)
-            if not problem.driven:
+            if problem.driven is None:
                 covariance = covariance + np.diag(_ridden(problem.names, active, covariance, strength) ** 2)
             share = np.zeros(active.size)
             share[active] = np.sqrt(np.diag(covariance)) / size
@@ -229,6 +238,7 @@ def fit_compatibility(
                 continue
             if fit.largest < SETTLED:
                 if windy and gusts is None:
+                    tried = rows[:columns][np.append(True, active)]
                     strength = estimate_gusts(
                         now.path, problem.window, now.seen, noise, tried, every, limits=True
                     )
@@ -267,21 +277,39 @@ def fit_compatibility(
     )
 
 
-def _explained(jacobian: Array, driven: Array, rows: list[int], active: Mask) -> Array:
+def _explained(jacobian: Array, instruments: Array, active: Mask) -> Array:
     """Return derivatives as far as instruments explain them: what least squares is to be done on.
 
-    `driven` holds the instruments of some rows; the others are their own. Two-stage least squares, as in
-    `two_stage_least_squares`, on columns that are white.
+    Without instruments all of them. Two-stage least squares, as in `two_stage_least_squares`, on columns that
+    are white.
     """
-    if not rows:
+    if not len(instruments):
         return jacobian
-    instruments = jacobian.copy()
-    instruments[rows] = driven
     flat = jacobian.reshape(len(jacobian), -1)
     chosen = instruments.reshape(flat.shape)[active]
     length = np.linalg.norm(chosen, axis=1, keepdims=True)
     basis = np.linalg.qr((chosen / np.maximum(length, _TINY)).T)[0]
     return ((flat @ basis) @ basis.T).reshape(jacobian.shape)
+
+
+def _reached(jacobian: Array, explained: Array, judged: Mask, active: Mask) -> Mask:
+    """Return the unknowns without the one that the injected signals tell worst, where that is too weak.
+
+    First-stage F as in `two_stage_least_squares`; one at a time, since what is weak makes its neighbours look
+    weak.
+    """
+    m, k, n = jacobian.shape
+    own = explained.reshape(m, k * n)[active]
+    length = np.maximum(np.linalg.norm(own, axis=1), _TINY)
+    alone = 1 / (np.linalg.inv(np.linalg.qr((own / length[:, None]).T, mode="r")) ** 2).sum(axis=1)
+    left = ((jacobian - explained).reshape(m, k * n)[active] ** 2).sum(axis=1) / n  # of one channel
+    strength = alone * length**2 / np.maximum(left, _TINY)
+    at = {row: i for i, row in enumerate(np.flatnonzero(active))}
+    weak = [(strength[i], row) for row, i in at.items() if judged[row] and strength[i] < LEAST_STRENGTH]
+    reached = active.copy()
+    if weak:
+        reached[min(weak)[1]] = False
+    return reached
 
 
 def _ridden(names: tuple[str, ...], active: Mask, covariance: Array, strength: GustStrength) -> Array:

@@ -16,11 +16,13 @@ from freqid.core.record import FlightRecord
 from freqid.identify.sensors.errors import Reading, error_name
 from freqid.identify.sensors.flight_path import (
     CAUSES,
+    GRAVITY,
     FlightPath,
     attitude_matrix,
     error_growth,
     euler_angles,
     integrate_path,
+    running_integral,
     skew,
     turned_by,
 )
@@ -256,8 +258,8 @@ class Prediction:
     jacobian : ndarray, shape (m, k, n)
         Derivatives of `modelled` by the unknowns.
     instruments : ndarray, shape (m, k, n)
-        `jacobian`, with the motion through the air that the injected signals alone make in place of the
-        measured one, where that is known.
+        `jacobian`, of the air data along the motion that the injected signals alone make, where that is
+        known.
     seen : ndarray, shape (k, 10, n)
         Derivatives of `modelled` by errors of the path at the time that is shown, and by wind.
     """
@@ -280,8 +282,8 @@ class CompatibilityProblem:
     sensors : Sensors
     longest_delay : float
         Longest delay that is tried, s; as much is left out at both ends of the record.
-    driven : mapping of str to ndarray, shape (sample,)
-        Of channels of the air: what they would show of the motion that the injected signals alone make.
+    driven : ndarray, shape (6, sample), optional
+        u v w p q r of the motion that the injected signals alone make.
 
     Attributes
     ----------
@@ -293,8 +295,8 @@ class CompatibilityProblem:
         Samples that are compared.
     start : Guess
         Initial values as measured, no errors.
-    driven_rows : list of int
-        Unknowns that `driven` tells.
+    on_air : ndarray of bool, shape (m,)
+        Unknowns that are scales and delays of the air data.
 
     Raises
     ------
@@ -302,7 +304,7 @@ class CompatibilityProblem:
         The record is too short.
     """
 
-    def __init__(self, sensors: Sensors, longest_delay: float, driven: Mapping[str, Array] | None = None):
+    def __init__(self, sensors: Sensors, longest_delay: float, driven: Array | None = None):
         margin = int(np.ceil(longest_delay / sensors.dt)) + 3  # three more to interpolate and differentiate
         samples = sensors.values.shape[1]
         least = 2 * margin + 200
@@ -313,15 +315,15 @@ class CompatibilityProblem:
                 remedy="use a longer record, or lower longest_delay_s",
             )
         self.sensors, self.window = sensors, slice(margin, samples - margin)
-        self.driven = dict(driven or {})
+        self.driven = driven
         self.names = (*CAUSES, *_other_unknowns(sensors.names))
         self._index = {name: i for i, name in enumerate(self.names)}
         self._winds = [axis for axis, name in enumerate(WINDS) if name in self._index]
         self.start = self._initial()
         self._delays = np.array([name.endswith("delay") for name in self.names])
         self._longest_delay = longest_delay
-        told = [error_name(n, k) for n in sensors.names if n in self.driven for k in ("scale", "delay")]
-        self.driven_rows = [self._index[n] for n in told]
+        air = [n for n in sensors.names if n in (*FLOW, *VELOCITY)]
+        self.on_air = np.isin(self.names, [error_name(n, k) for n in air for k in ("scale", "delay")])
 
     def moved(self, guess: Guess, unknowns: NDArray[np.bool_], step: Array) -> Guess:
         """Return a guess after a step of some unknowns, of which the first three turn the attitude.
@@ -354,11 +356,27 @@ class CompatibilityProblem:
         )
         wind = np.zeros(3)
         wind[self._winds] = [value[self._index[WINDS[axis]]] for axis in self._winds]
+        errors = dict(zip(self.names, value.tolist(), strict=True))
+        modelled, jacobian, seen = self._derived(path, rates, wind, errors)
+        instruments = jacobian
+        if self.driven is not None:
+            air = [row for row, name in enumerate(sensors.names) if name in (*FLOW, *VELOCITY)]
+            instruments = jacobian.copy()
+            instruments[:, air] = self._derived(*self._alone(guess, wind), wind, errors)[1][:, air]
+        residual = sensors.values[:, self.window] - modelled
+        for row, name in enumerate(sensors.names):
+            if name in ANGLES:  # whole turns apart where each was unwound by itself
+                residual[row] -= 2 * np.pi * np.round(residual[row].mean() / (2 * np.pi))
+        return Prediction(path, modelled, residual, jacobian, instruments, seen)
+
+    def _derived(
+        self, path: FlightPath, rates: Array, wind: Array, errors: Mapping[str, float]
+    ) -> tuple[Array, Array, Array]:
+        """Return what the sensors show on a path, and its derivatives by unknowns, and by state and wind."""
+        sensors = self.sensors
         ideal, by_state, by_wind = predicted(path, sensors, rates, wind)
         by_cause = np.einsum("ksn,scn->kcn", by_state, error_growth(path))
         slope = np.gradient(ideal, sensors.dt, axis=1)
-
-        errors = dict(zip(self.names, value.tolist(), strict=True))
         k, n, m = len(ideal), self.window.stop - self.window.start, len(CAUSES)
         modelled, jacobian = np.empty((k, n)), np.zeros((len(self.names), k, n))
         seen = np.empty((k, by_state.shape[1] + 3, n))
@@ -375,26 +393,18 @@ class CompatibilityProblem:
                 at = self._index.get(error_name(name, kind))
                 if at is not None:
                     jacobian[at, row] = column
-        instruments = self._instruments(jacobian, errors)
-        residual = sensors.values[:, self.window] - modelled
-        for row, name in enumerate(sensors.names):
-            if name in ANGLES:  # whole turns apart where each was unwound by itself
-                residual[row] -= 2 * np.pi * np.round(residual[row].mean() / (2 * np.pi))
-        return Prediction(path, modelled, residual, jacobian, instruments, seen)
+        return modelled, jacobian, seen
 
-    def _instruments(self, jacobian: Array, errors: Mapping[str, float]) -> Array:
-        """Return derivatives with the motion that the injected signals make, where that is known."""
-        if not self.driven:
-            return jacobian
-        instruments = jacobian.copy()
-        for row, name in enumerate(self.sensors.names):
-            if name in self.driven:
-                reading, ideal = Reading.of(name, errors), self.driven[name]
-                both = np.stack((ideal, np.gradient(ideal, self.sensors.dt)))
-                ideal, slope = self._delayed(both, reading.delay)
-                instruments[self._index[error_name(name, "scale")], row] = ideal
-                instruments[self._index[error_name(name, "delay")], row] = -(1 + reading.scale) * slope
-        return instruments
+    def _alone(self, guess: Guess, wind: Array) -> tuple[FlightPath, Array]:
+        """Return the path of the motion that the injected signals alone make, and its rates."""
+        assert self.driven is not None
+        rates = self.driven[3:] - self.driven[3:].mean(axis=1, keepdims=True)  # their means are biases
+        dt, origin = self.sensors.dt, self.window.start
+        still = integrate_path(rates, 0 * rates, dt, origin, guess.attitude, np.zeros(3), 0.0)
+        velocity = np.einsum("ijn,jn->in", still.turn, self.driven[:3]) + wind[:, None]
+        force = np.gradient(velocity, dt, axis=1) - np.array([[0.0], [0.0], [GRAVITY]])
+        height = -running_integral(velocity[2:], dt)[0]
+        return FlightPath(dt, origin, still.turn, velocity, height - height[origin], force), rates
 
     def _delayed(self, rows: Array, delay: float) -> Array:
         """Return rows at t - delay over the window, by cubics through four neighbouring samples."""

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from freqid.core.arrays import Array
-from freqid.core.channels import ANGLES, FLOW, FORCES, GROUND, RATES, VELOCITY
+from freqid.core.channels import FLOW, FORCES, GROUND, RATES, VELOCITY
 from freqid.core.errors import UsageError, nearest
 from freqid.core.frames import flow_angles
 from freqid.core.record import FlightRecord, Maneuver
@@ -146,7 +146,7 @@ def check_kinematics(
         over ground.
     settings : KinematicSettings
     driven : FlightRecord, optional
-        The flight as the injected signals alone would have made it, with u v w on the same samples
+        The flight as the injected signals alone would have made it, u v w p q r on the same samples
         (`instruments.driven_maneuvers`). What it says of the motion no gust has made.
 
     Returns
@@ -182,7 +182,9 @@ def check_kinematics(
         raise UsageError(f"gusts is {settings.gusts:g} m/s, expected zero or more, or none to estimate them")
     record = flown.record if isinstance(flown, Maneuver) else flown
     sensors = sensors_of(record, _centre_of_gravity(flown))
-    problem = CompatibilityProblem(sensors, settings.longest_delay_s, _driven_air(driven, sensors.names))
+    problem = CompatibilityProblem(
+        sensors, settings.longest_delay_s, None if driven is None else driven.matrix((*VELOCITY, *RATES))
+    )
     possible = problem.names[INITIAL:]
     wanted = possible if settings.parameters is None else settings.parameters
     for name in (*wanted, *settings.plausible):
@@ -221,7 +223,7 @@ def check_kinematics(
             )
         ),
         gusts=found.gusts,
-        instruments=bool(problem.driven),
+        instruments=problem.driven is not None,
         probability={n: float(averaged.probability[i]) for i, n in enumerate(names) if tried[i]},
         correction=SensorErrors(names, averaged.estimate, averaged.covariance),
         computed=computed_flow(record),
@@ -243,15 +245,6 @@ def _airspeed(record: FlightRecord) -> float:
         if all(n in record for n in group):
             return float(np.linalg.norm(record.matrix(group), axis=0).mean())
     return 0.0
-
-
-def _driven_air(driven: FlightRecord | None, names: tuple[str, ...]) -> dict[str, Array]:
-    """Return by channel of the air what it would show of a motion."""
-    if driven is None:
-        return {}
-    velocity = driven.matrix(VELOCITY)
-    shown = dict(zip((*VELOCITY, *FLOW), (*velocity, *flow_angles(velocity)), strict=True))
-    return {n: np.unwrap(x) if n in ANGLES else x for n, x in shown.items() if n in names}
 
 
 def _centre_of_gravity(flown: FlightRecord | Maneuver) -> tuple[float, float, float] | None:

@@ -135,7 +135,9 @@ def gusts(craft: Aircraft, size: float, samples: int, dt: float, rng: np.random.
     rows = []
     for axis, length in enumerate(craft.lengths):
         time = length / craft.speed
-        above, below = ([1.0], [time, 1.0]) if axis == 0 else ([np.sqrt(3) * time, 1.0], [time**2, 2 * time, 1.0])
+        above, below = (
+            ([1.0], [time, 1.0]) if axis == 0 else ([np.sqrt(3) * time, 1.0], [time**2, 2 * time, 1.0])
+        )
         b, a = bilinear(above, below, 1 / dt)
         run_in = round(10 * time / dt)
         x = lfilter(b, a, rng.standard_normal(samples + run_in))[run_in:]
@@ -145,7 +147,7 @@ def gusts(craft: Aircraft, size: float, samples: int, dt: float, rng: np.random.
 
 
 def multisines(craft: Aircraft, time: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return multisines of random phase on harmonics of their own, 0.05 to 1.8 Hz, shape (effector, sample)."""
+    """Return multisines of random phase on harmonics of their own, shape (effector, sample)."""
     lines = np.arange(3, 109)
     rows = []
     for i, name in enumerate(EFFECTORS):
@@ -161,7 +163,7 @@ def fly(craft: Aircraft, size: float, seeds: range) -> list[dict[str, np.ndarray
     Returns
     -------
     list of dict of ndarray
-        By seed: states, specific forces, effectors, injected signals and motion through the air, without noise.
+        By seed, without noise: states, specific forces, effectors, injected signals, motion through the air.
     """
     h = DT / INNER
     steps = round(PERIOD / h)
@@ -170,7 +172,9 @@ def fly(craft: Aircraft, size: float, seeds: range) -> list[dict[str, np.ndarray
     signal = np.stack([multisines(craft, fine, r) for r in rngs], axis=-1)
     air = np.stack([gusts(craft, size, fine.size, h / 2, r) for r in rngs], axis=-1)
     trim = {"n1": 420.0}
-    matrix = np.array([[row.get(n, 0.0) for n in (*STATES[:6], *EFFECTORS)] for row in craft.derivatives.values()])
+    matrix = np.array(
+        [[row.get(n, 0.0) for n in (*STATES[:6], *EFFECTORS)] for row in craft.derivatives.values()]
+    )
     gain = np.array([[craft.gains.get(e, {}).get(n, 0.0) for n in STATES] for e in EFFECTORS])
     ix, iy, iz, ixz = craft.inertia
     inertia = np.array([[ix, 0, -ixz], [0, iy, 0], [-ixz, 0, iz]])
@@ -194,7 +198,11 @@ def fly(craft: Aircraft, size: float, seeds: range) -> list[dict[str, np.ndarray
         turned = inverse @ (applied[3:] - np.cross(x[3:6], inertia @ x[3:6], axis=0))
         across = q * np.sin(phi) + r * np.cos(phi)
         return np.concatenate(
-            [moved, turned, [p + across * np.tan(theta), q * np.cos(phi) - r * np.sin(phi), across / np.cos(theta)]]
+            [
+                moved,
+                turned,
+                [p + across * np.tan(theta), q * np.cos(phi) - r * np.sin(phi), across / np.cos(theta)],
+            ]
         )
 
     x = np.zeros((9, len(seeds)))
@@ -241,7 +249,9 @@ def logged(
         rows |= {f"state/{n}": noisy(flown[n], kind) for n in names}
     u, v, w = flown["ua"], flown["va"], flown["wa"]
     if suite in ("velocity", "both"):
-        rows |= {f"state/{n}": noisy(delayed(x, late), "velocity") for n, x in zip("uvw", (u, v, w), strict=True)}
+        rows |= {
+            f"state/{n}": noisy(delayed(x, late), "velocity") for n, x in zip("uvw", (u, v, w), strict=True)
+        }
     if suite in ("vanes", "both"):
         speed = np.sqrt(u**2 + v**2 + w**2)
         by = late if suite == "vanes" else 0.0

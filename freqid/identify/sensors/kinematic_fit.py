@@ -181,7 +181,8 @@ def fit_compatibility(
     # Delays come last: a wave fits itself again a period later, so they have to start near.
     clocked = np.array([not n.endswith("delay") for n in problem.names])
     guess, _ = _fit_unfiltered(problem, everything & clocked, guess, plausible)
-    # In gusts least squares may send a delay of the air data astray; where instruments tell it, it starts at 0.
+    # In gusts least squares may send a delay of the air data astray; where instruments tell it, it starts at
+    # zero.
     near = everything if problem.driven is None else everything & (clocked | ~problem.on_air)
     guess, now = _fit_unfiltered(problem, near, guess, plausible)
 
@@ -197,16 +198,20 @@ def fit_compatibility(
         now = problem.predict(guess)
         beside = now.jacobian[:0] if problem.driven is None else now.instruments
         rows = np.concatenate((now.residual[None], now.jacobian, beside))
-        if free and windy and not weighings:
+        if windy and not weighings:
             tried = rows[:columns][np.append(True, active)]
             strength = estimate_gusts(now.path, problem.window, now.seen, noise, tried, every)
             weighings, noise = 1, replace(noise, gusts=strength.std)
         white, _ = whiten(now.path, problem.window, now.seen, noise, rows, every)
         residual, jacobian = white[0], white[1:columns]
-        explained = _explained(jacobian, white[columns:], active)
-        observable = _observable(explained, active, plausible) if free else active
-        if free and problem.driven is not None and np.array_equal(observable, active):
+        # Gusts mislead scales and delays of the air data; where none is left there is nothing to be misled.
+        by_instruments = free and problem.driven is not None and (active & problem.on_air).any()
+        explained = _explained(jacobian, white[columns:], active) if by_instruments else jacobian
+        observable = active
+        if by_instruments:
             observable = _reached(jacobian, explained, problem.on_air, active)
+        if free and np.array_equal(observable, active):
+            observable = _observable(explained, active, plausible)
         if not np.array_equal(observable, active):
             guess, active, steps = guess.back(active & ~observable, problem.start), observable, 0
             continue
@@ -214,7 +219,10 @@ def fit_compatibility(
         fit = _solve(explained[active], residual, size, FAINT if free else 1.0, away, jacobian[active])
         outputs = np.maximum(noise.outputs * fit.spread, _floor(before))
         blocked = problem.blocked(guess, active, fit.step) if free else []
-        steady = free and fit.largest < NEARLY and np.allclose(outputs, noise.outputs, rtol=STEADY, atol=0)
+        # The noise of a channel that gusts drown creeps long after the estimates rest.
+        rests = fit.largest < SETTLED and steps >= FULL_STEPS
+        level = rests or np.allclose(outputs, noise.outputs, rtol=STEADY, atol=0)
+        steady = free and fit.largest < NEARLY and level
         if steady and windy and steps > 0 and weighings < MOST_WEIGHINGS:
             tried = rows[:columns][np.append(True, active)]
             strength = estimate_gusts(now.path, problem.window, now.seen, noise, tried, every)

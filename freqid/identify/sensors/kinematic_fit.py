@@ -209,7 +209,7 @@ def fit_compatibility(
         explained = _explained(jacobian, white[columns:], active) if by_instruments else jacobian
         observable = active
         if by_instruments:
-            observable = _reached(jacobian, explained, problem.on_air, active)
+            observable = _reached(jacobian, explained, problem.on_air, active, plausible)
         if free and np.array_equal(observable, active):
             observable = _observable(explained, active, plausible)
         if not np.array_equal(observable, active):
@@ -300,18 +300,17 @@ def _explained(jacobian: Array, instruments: Array, active: Mask) -> Array:
     return ((flat @ basis) @ basis.T).reshape(jacobian.shape)
 
 
-def _reached(jacobian: Array, explained: Array, judged: Mask, active: Mask) -> Mask:
+def _reached(jacobian: Array, explained: Array, judged: Mask, active: Mask, plausible: Array) -> Mask:
     """Return the unknowns without the one that the injected signals tell worst, where that is too weak.
 
     First-stage F as in `two_stage_least_squares`; one at a time, since what is weak makes its neighbours look
     weak.
     """
-    m, k, n = jacobian.shape
-    own = explained.reshape(m, k * n)[active]
-    length = np.maximum(np.linalg.norm(own, axis=1), _TINY)
-    alone = 1 / (np.linalg.inv(np.linalg.qr((own / length[:, None]).T, mode="r")) ** 2).sum(axis=1)
-    left = ((jacobian - explained).reshape(m, k * n)[active] ** 2).sum(axis=1) / n  # of one channel
-    strength = alone * length**2 / np.maximum(left, _TINY)
+    size, n = plausible[active], jacobian.shape[2]
+    columns = np.concatenate((_columns(explained[active], size), FAINT * np.eye(size.size)))
+    alone = 1 / (np.linalg.inv(np.linalg.qr(columns, mode="r")) ** 2).sum(axis=1)
+    left = (_columns(jacobian[active] - explained[active], size) ** 2).sum(axis=0) / n  # of one channel
+    strength = alone / np.maximum(left, _TINY)
     at = {row: i for i, row in enumerate(np.flatnonzero(active))}
     weak = [(strength[i], row) for row, i in at.items() if judged[row] and strength[i] < LEAST_STRENGTH]
     reached = active.copy()

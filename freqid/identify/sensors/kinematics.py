@@ -351,7 +351,7 @@ def _air_data_following(there: FlightRecord, before: FlightRecord, computed: tup
             *(
                 replace(there.channel(n), values=v, position_m=first.position_m, source=first.source)
                 for n, v in flow
-                if n in computed
+                if n in computed and n in there
             )
         )
     if changed("air/V") and "air/qbar" in there:

@@ -29,7 +29,7 @@ from freqid.workflows.sensors import checked, with_correction_doubt
 
 SIZES = (0.0, 0.1, 0.5, 1.0)
 SUITES = ("velocity", "vanes")
-SEEDS = range(int(sys.argv[1]) if len(sys.argv) > 1 else 8)
+SEEDS = range(100, 100 + (int(sys.argv[1]) if len(sys.argv) > 1 else 8))
 LONGITUDINAL, LATERAL = ("u", "w", "q", "de", "n1"), ("v", "p", "r", "da", "dr")
 SETTINGS = Identification(
     responses=("X", "Y", "Z", "L", "M", "N"),

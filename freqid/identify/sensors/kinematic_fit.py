@@ -191,7 +191,10 @@ def fit_compatibility(
     every = block_of(problem.sensors.dt, problem.window)
     noise = _first_noise(problem, now, gusts or 0.0, gust_time)
     strength = GustStrength(noise.gusts, noise.gusts, noise.gusts, 0.0)
-    windy = any(name in (*FLOW, *VELOCITY) for name in problem.sensors.names)
+    air = np.isin(problem.sensors.names, (*FLOW, *VELOCITY))
+    windy = bool(air.any())
+    # What is white at the highest frequencies is noise, whatever gusts may explain of it.
+    least = np.where(air & (gusts is None), noise.outputs, _floor(before))
     columns = 1 + len(everything)
     for turn in range(MOST_STEPS):
         free = turn >= HELD_STEPS
@@ -217,7 +220,7 @@ def fit_compatibility(
             continue
         size, away = plausible[active], (guess.values - problem.start.values)[active]
         fit = _solve(explained[active], residual, size, FAINT if free else 1.0, away, jacobian[active])
-        outputs = np.maximum(noise.outputs * fit.spread, _floor(before))
+        outputs = np.maximum(noise.outputs * fit.spread, least)
         blocked = problem.blocked(guess, active, fit.step) if free else []
         # The noise of a channel that gusts drown creeps long after the estimates rest.
         rests = fit.largest < SETTLED and steps >= FULL_STEPS

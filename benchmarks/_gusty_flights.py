@@ -9,7 +9,7 @@ compatibility check assumes: of second order across the flight path, and of thre
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from typing import NamedTuple
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -17,6 +17,7 @@ import numpy as np
 from scipy.signal import bilinear, lfilter
 
 import freqid as fq
+from freqid.core.identification import Identification
 from freqid.core.record import Channel
 from freqid.core.vehicle import Effector, Inertia, MassProperties
 
@@ -26,10 +27,15 @@ NOISE = {"velocity": 0.05, "rate": np.deg2rad(0.1), "angle": np.deg2rad(0.1), "f
 LATE = 0.14  # s, of air data that lag
 PERIOD, DT, INNER = 60.0, 0.02, 2
 EFFECTORS = ("de", "da", "dr", "n1")
+LONGITUDINAL, LATERAL = ("u", "w", "q", "de", "n1"), ("v", "p", "r", "da", "dr")
+SETTINGS = Identification(
+    responses=("X", "Y", "Z", "L", "M", "N"),
+    regressors={**dict.fromkeys("XZM", LONGITUDINAL), **dict.fromkeys("YLN", LATERAL)},
+    frequencies_hz=tuple(np.arange(3, 109) / 60.0),
+)
 
 
-@dataclass(frozen=True)
-class Aircraft:
+class Aircraft(NamedTuple):
     """A linear aircraft.
 
     Attributes
@@ -57,7 +63,7 @@ class Aircraft:
     speed: float
     derivatives: dict[str, dict[str, float]]
     amplitude: dict[str, float]
-    gains: dict[str, dict[str, float]] = field(default_factory=dict)
+    gains: dict[str, dict[str, float]]
     lengths: tuple[float, float, float] = (180.0, 90.0, 60.0)
 
     def vehicle(self) -> fq.Vehicle:

@@ -18,11 +18,10 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
-from _gusty_flights import AIRCRAFT, LATE, fly, logged
+from _gusty_flights import AIRCRAFT, LATE, SETTINGS, fly, logged
 from joblib import Parallel, delayed
 
 from freqid.core.errors import DataError
-from freqid.core.identification import Identification
 from freqid.identify.point import identify_point
 from freqid.workflows.inputs import silent
 from freqid.workflows.sensors import checked, with_correction_doubt
@@ -30,12 +29,6 @@ from freqid.workflows.sensors import checked, with_correction_doubt
 SIZES = (0.0, 0.1, 0.5, 1.0)
 SUITES = ("velocity", "vanes")
 SEEDS = range(100, 100 + (int(sys.argv[1]) if len(sys.argv) > 1 else 8))
-LONGITUDINAL, LATERAL = ("u", "w", "q", "de", "n1"), ("v", "p", "r", "da", "dr")
-SETTINGS = Identification(
-    responses=("X", "Y", "Z", "L", "M", "N"),
-    regressors={**dict.fromkeys("XZM", LONGITUDINAL), **dict.fromkeys("YLN", LATERAL)},
-    frequencies_hz=tuple(np.arange(3, 109) / 60.0),
-)
 WATCHED = (("M", "w"), ("M", "q"), ("M", "de"), ("Z", "w"), ("N", "v"), ("N", "r"))
 
 

@@ -178,13 +178,13 @@ def fit_compatibility(
     everything = np.array([i < INITIAL or n in wanted for i, n in enumerate(problem.names)])
     initial = everything & (np.arange(everything.size) < INITIAL)
     guess, before = _fit_unfiltered(problem, initial, problem.start, plausible)
+    # In gusts least squares may send scales and delays of the air data astray; where instruments tell them,
+    # they start at zero.
+    begun = everything if problem.driven is None else everything & ~problem.on_air
     # Delays come last: a wave fits itself again a period later, so they have to start near.
     clocked = np.array([not n.endswith("delay") for n in problem.names])
-    guess, _ = _fit_unfiltered(problem, everything & clocked, guess, plausible)
-    # In gusts least squares may send a delay of the air data astray; where instruments tell it, it starts at
-    # zero.
-    near = everything if problem.driven is None else everything & (clocked | ~problem.on_air)
-    guess, now = _fit_unfiltered(problem, near, guess, plausible)
+    guess, _ = _fit_unfiltered(problem, begun & clocked, guess, plausible)
+    guess, now = _fit_unfiltered(problem, begun, guess, plausible)
 
     active, steps = everything, 0
     weighings = 0 if gusts is None else MOST_WEIGHINGS

@@ -70,9 +70,8 @@ def sensors_of(record: FlightRecord, cg_m: tuple[float, float, float] | None) ->
     Returns
     -------
     Sensors
-        u v w, airspeed and flow angles, attitude, altitude and velocity over ground, each where present. Of
-        u v w where not all three were logged, and of airspeed and flow angles that were computed from
-        u v w, nothing is taken: neither is a second measurement.
+        u v w, or airspeed and flow angles where not all of these were logged; attitude, altitude and
+        velocity over ground, each where present.
 
     Raises
     ------
@@ -81,7 +80,9 @@ def sensors_of(record: FlightRecord, cg_m: tuple[float, float, float] | None) ->
         referred to a centre of gravity, or the aircraft pitches beyond 80 deg.
     """
     rates, force = record.matrix(RATES), record.matrix(FORCES)
-    others = (*_air_channels(record), *ATTITUDE, "state/alt", *GROUND)
+    # u v w mean something at rest too.
+    air = FLOW if any(n in record for n in FLOW) and not all(n in record for n in VELOCITY) else VELOCITY
+    others = (*air, *ATTITUDE, "state/alt", *GROUND)
     names = tuple(n for n in others if n in record)
     if not names:
         raise DataError(
@@ -121,13 +122,6 @@ def computed_flow(record: FlightRecord) -> tuple[str, ...]:
     made = dict(zip(FLOW, flow_angles(record.matrix(VELOCITY)), strict=True))
     size = {n: max(1.0, float(np.abs(made[n]).max())) for n in FLOW}
     return tuple(n for n in FLOW if n in record and np.abs(record[n] - made[n]).max() < COMPUTED * size[n])
-
-
-def _air_channels(record: FlightRecord) -> tuple[str, ...]:
-    """Return the channels of the air that are measurements."""
-    if all(n in record for n in VELOCITY):
-        return (*VELOCITY, *(n for n in FLOW if n not in computed_flow(record)))
-    return FLOW if any(n in record for n in FLOW) else VELOCITY
 
 
 def _place(record: FlightRecord, name: str, cg_m: tuple[float, float, float] | None) -> Array:

@@ -1,9 +1,9 @@
 """How often 95 % intervals hold the truth after ``--select`` and ``--align``.
 
-``--select``: the linear example with all ten regressors offered to each of six responses, by least squares and
-by instruments, the same noise-free flight with the noise of each seed; intervals of the chosen model alone, and
-with what the choice may have done. ``--align``: three aircraft of `_gusty_flights`, u v w late by 0.14 s, in still
-air and in gusts of 0.5 m/s. Run as ``python benchmarks/after_choices.py`` (two minutes).
+``--select``: the linear example with all ten regressors offered to each of six responses, by least squares
+and by instruments, the same noise-free flight with the noise of each seed; intervals of the chosen model
+alone, and with what the choice may have done. ``--align``: three aircraft of `_gusty_flights`, u v w late by
+0.14 s, in still air and in gusts of 0.5 m/s. Run as ``python benchmarks/after_choices.py`` (four minutes).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def held(model, truth: dict[str, dict[str, float]]) -> list[bool]:
     ]
 
 
-def select() -> list[dict[str, object]]:
+def select(estimators: tuple[str, ...] = ("instruments", "least-squares")) -> list[dict[str, object]]:
     """Count over the linear example."""
     spec = importlib.util.spec_from_file_location("linear_record", ROOT / "examples" / "linear_record.py")
     example = importlib.util.module_from_spec(spec)
@@ -69,7 +69,7 @@ def select() -> list[dict[str, object]]:
         return replace(clean, record=replace(clean.record, channels=channels))
 
     rows, with_choice = [], point.with_choice
-    for estimator in ("instruments", "least-squares"):
+    for estimator in estimators:
         for what, structure, widen in (
             ("all offered kept", "given", with_choice),
             ("chosen, choice ignored", "stepwise", lambda chosen, before: chosen),
@@ -95,11 +95,11 @@ def select() -> list[dict[str, object]]:
     return rows
 
 
-def align() -> list[dict[str, object]]:
+def align(aircraft=AIRCRAFT, sizes: tuple[float, ...] = (0.0, 0.5)) -> list[dict[str, object]]:
     """Count over aircraft in still air and in gusts."""
     rows = []
-    for craft in AIRCRAFT:
-        for size in (0.0, 0.5):
+    for craft in aircraft:
+        for size in sizes:
             settings = msgspec.structs.replace(SETTINGS, estimator="instruments")
             found, delays = [], []
             for seed, flown in zip(ALIGN_SEEDS, fly(craft, size, ALIGN_SEEDS), strict=True):

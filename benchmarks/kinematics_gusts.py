@@ -28,7 +28,7 @@ from freqid.workflows.sensors import checked, with_correction_doubt
 
 SIZES = (0.0, 0.1, 0.5, 1.0)
 SUITES = ("velocity", "vanes")
-SEEDS = range(100, 100 + (int(sys.argv[1]) if len(sys.argv) > 1 else 8))
+SEEDS = range(200, 200 + (int(sys.argv[1]) if len(sys.argv) > 1 else 8))
 WATCHED = (("M", "w"), ("M", "q"), ("M", "de"), ("Z", "w"), ("N", "v"), ("N", "r"))
 
 
@@ -103,7 +103,10 @@ def main() -> None:
         for size in SIZES
         for late in (0.0, LATE)
     ]
-    rows = [row for part in Parallel(n_jobs=2)(delayed(rows_of)(*job) for job in jobs) for row in part]
+    rows = []
+    for part in Parallel(n_jobs=2, return_as="generator")(delayed(rows_of)(*job) for job in jobs):
+        rows += part
+        _write(rows)
     for late in (0.0, LATE):
         part = [row for row in rows if row["late"] == late]
         off, by = (np.abs([float(row[k]) for row in part]) for k in ("bias", "bias corrected"))
@@ -114,6 +117,9 @@ def main() -> None:
             f"{np.mean([float(row['covered corrected']) for row in part]):.3f} "
             f"(as logged {np.mean([float(row['covered']) for row in part]):.3f})"
         )
+
+
+def _write(rows: list[dict[str, object]]) -> None:
     with Path(__file__).with_suffix(".csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
         writer.writeheader()

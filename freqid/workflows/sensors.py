@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from freqid.core.arrays import Array
-from freqid.core.channels import FLOW, RATES, VELOCITY
+from freqid.core.channels import FLOW, VELOCITY
 from freqid.core.errors import DataError, UsageError
 from freqid.core.estimators import EstimatorName
 from freqid.core.excitation import Excitation
@@ -30,7 +30,6 @@ from freqid.workflows.inputs import File, Flight, Tell, flight_of, identificatio
 SURE = 3.0  # standard errors from which a sensor error is worth a line
 LIKELY = 0.5  # probability from which it is
 AIR_NAMES = tuple(f"{n.partition('/')[2]} " for n in (*FLOW, *VELOCITY))
-RATE_NAMES = tuple(f"{n.partition('/')[2]} " for n in RATES)
 
 
 def check_sensors(
@@ -281,7 +280,7 @@ def with_correction_doubt(
 
     Notes
     -----
-    ``J C J^T`` with C the covariance of the scales and delays that were taken out, the doubt whether they
+    ``J C J^T`` with C the covariance of the air data's errors that were taken out, the doubt whether they
     are there among it, and J the change of the estimates by each, from identifying again with the correction
     moved by one standard error. The terms are those of `model`.
     """
@@ -295,7 +294,7 @@ def with_correction_doubt(
         (m, n)
         for m, check in enumerate(checked.checks)
         for n in check.probability
-        if (aligned or n.startswith((*AIR_NAMES, *RATE_NAMES))) and check.correction[n][1] > 0
+        if n.startswith(AIR_NAMES) or (aligned and n.endswith(("delay", "scale")))
     ]
     changes: dict[str, list[Array]] = {r: [] for r in settings.responses}
     progress(0, len(jobs))

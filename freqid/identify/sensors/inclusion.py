@@ -9,7 +9,7 @@ import numpy as np
 
 from freqid.core.arrays import Array
 
-MOST = 14  # errors that are put on trial together; 2^14 combinations
+MOST = 12  # errors that are put on trial together; 2^12 combinations
 
 
 class Averaged(NamedTuple):

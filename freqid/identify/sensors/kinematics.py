@@ -99,10 +99,10 @@ class KinematicCheck(SensorErrors):
         Scales and delays of the air data are told by what the injected signals move, and by nothing else.
         Otherwise their standard errors hold what an aircraft that rides the gusts may do to them.
     probability : mapping of str to float
-        That a scale or a delay is there at all, by the evidence for it; even beforehand.
+        That an error of a sensor is there at all, by the evidence for it; even beforehand.
     correction : SensorErrors
-        What `corrected` takes out: the estimates averaged over whether each scale and delay is there. A delay
-        that hardly is, is hardly taken out; the covariance holds the doubt.
+        What `corrected` takes out: the estimates averaged over whether each error is there. One that hardly
+        is, is hardly taken out; the covariance holds the doubt.
     computed : tuple of str
         Air data that the record computed from u v w; they follow these.
     """
@@ -201,7 +201,7 @@ def check_kinematics(
     estimate, covariance = found.estimate[errors], found.covariance[np.ix_(errors, errors)]
     std_error = np.sqrt(np.diag(covariance))
     half = stdtrit(found.degrees_of_freedom[errors], 0.5 + settings.confidence / 2) * std_error
-    tried = np.array([error_kind(n) in ("scale", "delay") for n in names], dtype=bool)
+    tried = np.array([error_kind(n) != "wind" for n in names], dtype=bool)
     averaged = average_over_inclusion(estimate, covariance, plausible[_rows(problem.names, names)], tried)
     channels, time = problem.sensors.names, record.time[problem.window]
     measured = found.after.modelled + found.after.residual

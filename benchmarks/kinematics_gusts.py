@@ -27,7 +27,7 @@ from freqid.workflows.inputs import silent
 from freqid.workflows.sensors import checked, with_correction_doubt
 
 SIZES = (0.0, 0.1, 0.5, 1.0)
-SUITES = ("velocity", "vanes")
+SUITES = ("vanes", "velocity")
 SEEDS = range(200, 200 + (int(sys.argv[1]) if len(sys.argv) > 1 else 8))
 WATCHED = (("M", "w"), ("M", "q"), ("M", "de"), ("Z", "w"), ("N", "v"), ("N", "r"))
 
@@ -98,8 +98,8 @@ def main() -> None:
     """Print and write the table."""
     jobs = [
         (index, size, late, suite)
-        for index in range(len(AIRCRAFT))
         for suite in SUITES
+        for index in range(len(AIRCRAFT))
         for size in SIZES
         for late in (0.0, LATE)
     ]

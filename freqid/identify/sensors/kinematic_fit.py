@@ -212,7 +212,7 @@ def fit_compatibility(
         explained = _explained(jacobian, white[columns:], active) if by_instruments else jacobian
         observable = active
         if by_instruments:
-            observable = _reached(jacobian, explained, problem.on_air, active, plausible)
+            observable = _reached(jacobian, explained, problem, active, plausible)
         if free and np.array_equal(observable, active):
             observable = _observable(explained, active, plausible)
         if not np.array_equal(observable, active):
@@ -244,6 +244,7 @@ def fit_compatibility(
             share[beyond & active & (np.arange(active.size) >= INITIAL)] = np.inf
             worst = blocked[0] if blocked else int(np.argmax(share))
             if share[worst] > LARGEST_ERROR_SHARE:
+                worst = _scale_first(problem.names, worst, active)
                 unobservable = np.arange(active.size) == worst
                 guess, active, steps = guess.back(unobservable, problem.start), active & ~unobservable, 0
                 continue
@@ -303,7 +304,18 @@ def _explained(jacobian: Array, instruments: Array, active: Mask) -> Array:
     return ((flat @ basis) @ basis.T).reshape(jacobian.shape)
 
 
-def _reached(jacobian: Array, explained: Array, judged: Mask, active: Mask, plausible: Array) -> Mask:
+def _scale_first(names: tuple[str, ...], worst: int, active: Mask) -> int:
+    """Return what is to be held: of a delay its channel's scale first, which would take the delay up."""
+    channel, _, kind = names[worst].partition(" ")
+    scale = f"{channel} scale"
+    if kind == "delay" and scale in names and active[names.index(scale)]:
+        return names.index(scale)
+    return worst
+
+
+def _reached(
+    jacobian: Array, explained: Array, problem: CompatibilityProblem, active: Mask, plausible: Array
+) -> Mask:
     """Return the unknowns without the one that the injected signals tell worst, where that is too weak.
 
     First-stage F as in `two_stage_least_squares`; one at a time, since what is weak makes its neighbours look
@@ -315,10 +327,12 @@ def _reached(jacobian: Array, explained: Array, judged: Mask, active: Mask, plau
     left = (_columns(jacobian[active] - explained[active], size) ** 2).sum(axis=0) / n  # of one channel
     strength = alone / np.maximum(left, _TINY)
     at = {row: i for i, row in enumerate(np.flatnonzero(active))}
-    weak = [(strength[i], row) for row, i in at.items() if judged[row] and strength[i] < LEAST_STRENGTH]
+    weak = [
+        (strength[i], row) for row, i in at.items() if problem.on_air[row] and strength[i] < LEAST_STRENGTH
+    ]
     reached = active.copy()
     if weak:
-        reached[min(weak)[1]] = False
+        reached[_scale_first(problem.names, min(weak)[1], active)] = False
     return reached
 
 

@@ -15,7 +15,7 @@ from freqid.core.errors import UsageError, nearest
 from freqid.core.frames import flow_angles
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import Fit
-from freqid.identify.sensors.errors import Reading, SensorErrors, error_kind, spline_of
+from freqid.identify.sensors.errors import Reading, SensorErrors, error_kind, error_name, spline_of
 from freqid.identify.sensors.inclusion import average_over_inclusion
 from freqid.identify.sensors.kinematic_fit import fit_compatibility
 from freqid.identify.sensors.kinematic_model import (
@@ -38,9 +38,13 @@ PLAUSIBLE = {
     "phi theta bias": 0.03,
     "alpha beta bias": 0.05,
     "alpha beta scale": 0.3,
-    "V u v w bias": 3.0,
+    "V u v w bias": 3.0,  # of V: AIRSPEED_BIAS
     "V u v w scale": 0.2,
 }
+
+
+AIRSPEED_BIAS = 0.05  # of the airspeed: static ports and pitot tubes of small aircraft err by less
+AIR_BIASES = tuple(error_name(n, "bias") for n in (*FLOW, *VELOCITY))
 
 
 @dataclass(frozen=True)
@@ -99,7 +103,8 @@ class KinematicCheck(SensorErrors):
         Scales and delays of the air data are told by what the injected signals move, and by nothing else.
         Otherwise their standard errors hold what an aircraft that rides the gusts may do to them.
     probability : mapping of str to float
-        That an error of a sensor is there at all, by the evidence for it; even beforehand.
+        That a scale, a delay or a bias of the air data is there at all, by the evidence for it; even
+        beforehand.
     correction : SensorErrors
         What `corrected` takes out: the estimates averaged over whether each error is there. One that hardly
         is, is hardly taken out; the covariance holds the doubt.
@@ -192,8 +197,10 @@ def check_kinematics(
             raise UsageError(
                 f"parameter '{name}' is none of this record's sensor errors", remedy=nearest(name, possible)
             )
-    plausible = np.array([settings.plausible.get(n, _plausible(n)) for n in problem.names])
-    gust_time = settings.gust_length_m / max(_airspeed(record), SLOWEST)
+    speed = max(_airspeed(record), SLOWEST)
+    sizes = {"V bias": AIRSPEED_BIAS * speed, **settings.plausible}
+    plausible = np.array([sizes[n] if n in sizes else _plausible(n) for n in problem.names])
+    gust_time = settings.gust_length_m / speed
     found = fit_compatibility(problem, wanted, plausible, settings.gusts, gust_time)
 
     errors = [i for i, n in enumerate(found.names) if n in possible]
@@ -201,7 +208,7 @@ def check_kinematics(
     estimate, covariance = found.estimate[errors], found.covariance[np.ix_(errors, errors)]
     std_error = np.sqrt(np.diag(covariance))
     half = stdtrit(found.degrees_of_freedom[errors], 0.5 + settings.confidence / 2) * std_error
-    tried = np.array([error_kind(n) != "wind" for n in names], dtype=bool)
+    tried = np.array([error_kind(n) in ("scale", "delay") or n in AIR_BIASES for n in names], dtype=bool)
     averaged = average_over_inclusion(estimate, covariance, plausible[_rows(problem.names, names)], tried)
     channels, time = problem.sensors.names, record.time[problem.window]
     measured = found.after.modelled + found.after.residual

@@ -332,7 +332,7 @@ def _reached(
     ]
     reached = active.copy()
     if weak:
-        reached[_scale_first(problem.names, min(weak)[1], active)] = False
+        reached[_scale_first(problem.names, int(min(weak)[1]), active)] = False
     return reached
 
 

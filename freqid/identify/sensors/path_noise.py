@@ -199,12 +199,12 @@ def estimate_gusts(
     low, high = 0.0, STRONGEST
     if limits:
         level = unlikely(best)[0] + ORDER**2 / 2
-        sides = [unlikely(end)[0] > level for end in ends]  # beyond: the likelihood has fallen enough
-        cross = [
-            float(np.exp(brentq(lambda x: unlikely(x)[0] - level, *sorted((best, end)), xtol=PRECISE)))
-            if fallen
-            else None
-            for end, fallen in zip(ends, sides, strict=True)
-        ]
-        low, high = cross[0] or 0.0, cross[1] or STRONGEST
+
+        def limit(end: float, otherwise: float) -> float:
+            if unlikely(end)[0] <= level:  # as far as is possible the likelihood has not fallen enough
+                return otherwise
+            below, above = sorted((best, end))
+            return float(np.exp(brentq(lambda x: unlikely(x)[0] - level, below, above, xtol=PRECISE)))
+
+        low, high = limit(ends[0], 0.0), limit(ends[1], STRONGEST)
     return GustStrength(float(np.exp(best)), low, high, (log_above - log_below) / (4 * STEP))

@@ -198,6 +198,9 @@ def fit_compatibility(
     columns = 1 + len(everything)
     for turn in range(MOST_STEPS):
         free = turn >= HELD_STEPS
+        orphans = _scales_alone(problem, everything, active)
+        if orphans.any():
+            guess, active = guess.back(orphans, problem.start), active & ~orphans
         now = problem.predict(guess)
         beside = now.jacobian[:0] if problem.driven is None else now.instruments
         rows = np.concatenate((now.residual[None], now.jacobian, beside))
@@ -302,6 +305,21 @@ def _explained(jacobian: Array, instruments: Array, active: Mask) -> Array:
     length = np.linalg.norm(chosen, axis=1, keepdims=True)
     basis = np.linalg.qr((chosen / np.maximum(length, _TINY)).T)[0]
     return ((flat @ basis) @ basis.T).reshape(jacobian.shape)
+
+
+def _scales_alone(problem: CompatibilityProblem, wanted: Mask, active: Mask) -> Mask:
+    """Return scales of air data whose delay was asked for and is held: they would take the delay up.
+
+    Only beside instruments: without these the standard errors say what gusts may do.
+    """
+    alone = np.zeros(active.size, dtype=bool)
+    if problem.driven is None:
+        return alone
+    for row in np.flatnonzero(active & problem.on_air):
+        channel, _, kind = problem.names[row].partition(" ")
+        late = problem.names.index(f"{channel} delay")
+        alone[row] = kind == "scale" and wanted[late] and not active[late]
+    return alone
 
 
 def _scale_first(names: tuple[str, ...], worst: int, active: Mask) -> int:

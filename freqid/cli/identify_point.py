@@ -57,7 +57,8 @@ _CHOICES = {
     type=click.Choice(["off", "report", "correct"]),
     default="off",
     show_default=True,
-    help="Check first whether the sensors agree with each other: biases, scales, delays, wind.",
+    help="Check first whether the sensors agree with each other: biases, scales, delays, wind, gusts; "
+    "'correct' takes out what the data say is there and adds its uncertainty to the parameters'.",
 )
 @click.option(
     "--align",
@@ -83,6 +84,7 @@ def command(
     misses a gate of the scenario.
     """
     from freqid.cli.point_texts import point_result, point_table
+    from freqid.cli.progress import bar
     from freqid.workflows.files import save
     from freqid.workflows.identify import identify_point, refuse_missed_gates
     from freqid.workflows.inputs import scenario_of
@@ -93,6 +95,7 @@ def command(
         described,
         held_out=held_out,
         tell=lambda text: click.echo(text, err=True),
+        progress=bar,
         **asked,
     )
     destination = destination or records[0].with_name(f"{records[0].stem}-point.h5")

@@ -90,7 +90,11 @@ def _chosen(account: dict[str, Any]) -> list[str]:
     """Return what was left out of a response and what was added to it, one line each."""
     lines = []
     if account.get("left_out"):
-        listing = ", ".join(f"{name} {f:.2g}" for name, f in account["left_out"].items())
+        limits = account.get("left_out_limits", {})
+        listing = ", ".join(
+            f"{name} {f:.2g}" + (" (within {:.3g} to {:.3g})".format(*limits[name]) if name in limits else "")
+            for name, f in account["left_out"].items()
+        )
         lines.append(f"  left out, F below {F_TO_STAY:g}: {listing}")
     if "products" in account:
         level = f"residual power over noise {account['distortion']:.3g}"

@@ -15,14 +15,14 @@ from freqid.core.estimators import EstimatorName
 from freqid.core.excitation import Excitation
 from freqid.core.identification import MAXIMUM_LIKELIHOOD, Identification, factors_of
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.core.results.point import Fit, PointModel
+from freqid.core.results.point import Fit, PointModel, ResponseModel
 from freqid.core.scenario import Reference
 from freqid.identify.advance_ratio.trim import flown_trim
 from freqid.identify.instruments.driven import driven_maneuvers
 from freqid.identify.loads.explanatory import explanatory_variables, history
 from freqid.identify.model.fit import fit_samples
 from freqid.identify.model.problem import Problem, measured_responses
-from freqid.identify.model.selection import Flights, choose_terms
+from freqid.identify.model.selection import Flights, choose_terms, with_choice
 from freqid.identify.regress.estimators import Estimator, find_estimator
 from freqid.identify.spectra.fourier import frequency_grid, harmonics
 from freqid.identify.spectra.trend import up_to
@@ -264,10 +264,12 @@ def identify_point(
         alone = driven_maneuvers(maneuvers, lines, settings)
     flights = Flights(maneuvers, lines, excitation.period_s if excitation else None, alone)
     structure: dict[str, Any] = {}
+    before: dict[str, ResponseModel] = {}
     if settings.structure == "stepwise" or settings.nonlinear == "products":
-        problem, structure = choose_terms(problem, flights)
+        problem, structure, before = choose_terms(problem, flights)
     if settings.method == "frequency":
         responses = flights.fit(problem)
+        responses |= {r: with_choice(responses[r], offered) for r, offered in before.items()}
     else:
         responses = fit_samples(problem, flights.instruments(problem.names))
     flown = flown_reference(maneuvers, reference.scheduled if reference else ())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -31,7 +31,7 @@ from freqid.workflows.inputs import (
     silent,
     source_of,
 )
-from freqid.workflows.sensors import checked, identified
+from freqid.workflows.sensors import Checked, Progress, checked, identified, unwatched, with_correction_doubt
 
 TimeSpan = tuple[float, float]
 Names = Sequence[str] | Mapping[str, Sequence[str]]
@@ -55,6 +55,7 @@ def identify_point(
     structure: Literal["given", "stepwise"] | None = None,
     nonlinear: Literal["none", "products"] | None = None,
     tell: Tell = silent,
+    progress: Callable[[str, str], Progress] = lambda what, unit: unwatched,
 ) -> PointModel:
     """Identify the applied forces and moments as linear functions of states and effectors.
 
@@ -72,7 +73,9 @@ def identify_point(
         Find how late each group of sensors is, and a steady wind; ``"fit"`` takes them out and adds their
         uncertainty to the parameters'.
     kinematics : {"off", "report", "correct"}
-        Check first whether the sensors agree with each other; ``"correct"`` takes their errors out.
+        Check first whether the sensors agree with each other; ``"correct"`` takes their errors out, each as
+        far as the data say that it is there, and adds what is uncertain in that to the parameters' covariance
+        (not to those of maximum likelihood).
     held_out : FlightRecord, Maneuver or path, optional
         Another flight, to predict and score; the model's ``prediction`` holds it.
     estimator : {"least-squares", "instruments"}, optional
@@ -93,6 +96,8 @@ def identify_point(
         ``"products"`` adds products of regressors where noise lines say that a response is not linear.
     tell : callable
         Told what the sensor checks find, a line at a time.
+    progress : callable
+        Given what is done and of what unit, returns what is told how many are done of how many.
 
     Returns
     -------
@@ -135,9 +140,18 @@ def identify_point(
     given = several(flights)
     flown = flown_maneuvers(given, described, at, cut)
     maneuvers, names = list(flown.maneuvers), flown.names
-    compatibility = {}
+    compatibility: Checked | None = None
     if kinematics != "off":
-        maneuvers, compatibility = checked(maneuvers, names, correct=kinematics == "correct", tell=tell)
+        compatibility = checked(
+            maneuvers,
+            names,
+            settings=settings,
+            excitation=described.excitation,
+            correct=kinematics == "correct",
+            tell=tell,
+            progress=progress("checking sensors", "flight"),
+        )
+        maneuvers = compatibility.used
     reference = described.reference_of(flown.reference) if flown.reference else None
     described = described.at(flown.reference)
     try:
@@ -147,20 +161,21 @@ def identify_point(
             _refuse_alignment(align, settings.method)
             model, alignment = ready_point(maneuvers, settings, reference, described.excitation), {}
         else:
-            model, alignment = identified(
-                align,
-                maneuvers,
-                names,
-                settings,
-                excitation=described.excitation,
-                reference=reference,
-                estimator=estimator,
-                tell=tell,
-            )
+            named = {"excitation": described.excitation, "reference": reference, "estimator": estimator}
+            model, alignment = identified(align, maneuvers, names, settings, **named, tell=tell)
+            if compatibility is not None and compatibility.corrected:
+                model = with_correction_doubt(
+                    model,
+                    compatibility,
+                    lambda moved, fixed: identified(align, moved, names, fixed, **named, tell=silent)[0],
+                    settings,
+                    aligned=align == "fit",
+                    progress=progress("weighing corrections", "error"),
+                )
     except DataError as error:
         raise error.at(" and ".join(names_of(given))) from None
     sources = {**flown.sources(), "scenario": source_of(described), "freqid_version": __version__}
-    sources |= {"kinematics": compatibility} if compatibility else {}
+    sources |= {"kinematics": compatibility.account} if compatibility else {}
     sources |= {"alignment": alignment} if alignment else {}
     sources |= {k: model.provenance[k] for k in ("structure", "output_error") if k in model.provenance}
     predicted = {}

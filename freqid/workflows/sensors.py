@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-from freqid.core.errors import DataError
+import msgspec
+import numpy as np
+
+from freqid.core.arrays import Array
+from freqid.core.channels import FLOW, VELOCITY
+from freqid.core.errors import DataError, UsageError
 from freqid.core.estimators import EstimatorName
 from freqid.core.excitation import Excitation
 from freqid.core.identification import Identification
@@ -13,6 +19,8 @@ from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import PointModel
 from freqid.core.scenario import Reference, Scenario
 from freqid.identify import point
+from freqid.identify.instruments.driven import driven_maneuvers
+from freqid.identify.model.widening import with_covariance
 from freqid.identify.point import lines_of
 from freqid.identify.sensors import alignment, kinematics
 from freqid.identify.sensors.alignment import Alignment
@@ -20,6 +28,8 @@ from freqid.identify.sensors.kinematics import KinematicCheck, KinematicSettings
 from freqid.workflows.inputs import File, Flight, Tell, flight_of, identification_of, maneuver_of, scenario_of
 
 SURE = 3.0  # standard errors from which a sensor error is worth a line
+LIKELY = 0.5  # probability from which it is
+AIR_NAMES = tuple(f"{n.partition('/')[2]} " for n in (*FLOW, *VELOCITY))
 
 
 def check_sensors(
@@ -33,7 +43,8 @@ def check_sensors(
         With ``p q r ax ay az`` and any of airspeed, flow angles, ``u v w``, attitude, altitude and velocity
         over ground.
     scenario : Scenario, path or name, optional
-        Describes the vehicle of a record that does not.
+        Describes the vehicle of a record that does not. With its ``[identification]``, and injected signals
+        in the record, scales and delays of the air data are told by what these signals move, in gusts too.
     settings : KinematicSettings, optional
         Which errors are estimated, and how large they may well be.
 
@@ -61,7 +72,10 @@ def check_sensors(
     """
     flown = flight_of(flight)
     if scenario is not None:
-        flown = maneuver_of(flight, scenario_of(scenario))
+        described = scenario_of(scenario)
+        flown = maneuver_of(flight, described)
+        driven = _driven([flown], described.identification, described.excitation)[0]
+        return kinematics.check_kinematics(flown, settings or KinematicSettings(), driven)
     return kinematics.check_kinematics(flown, settings or KinematicSettings())
 
 
@@ -128,48 +142,187 @@ def align_sensors(flight: Flight, scenario: Scenario | File) -> tuple[Maneuver, 
     return alignment.align(maneuver, settings, lines_of(settings, excitation))
 
 
+Progress = Callable[[int, int], None]
+"""Told how many steps of how many are done."""
+
+
+def unwatched(done: int, total: int) -> None:
+    """Show no progress."""
+
+
+@dataclass(frozen=True)
+class Checked:
+    """Manoeuvres whose sensors were checked.
+
+    Attributes
+    ----------
+    flown : sequence of Maneuver
+        As they were.
+    used : list of Maneuver
+        Corrected, where that was asked for.
+    checks : list of KinematicCheck
+    corrected : bool
+    account : dict
+        By name: what was found, for the provenance of a model.
+    """
+
+    flown: Sequence[Maneuver]
+    used: list[Maneuver]
+    checks: list[KinematicCheck]
+    corrected: bool
+    account: dict[str, Any]
+
+
 def checked(
-    maneuvers: Sequence[Maneuver], names: Sequence[str], *, correct: bool, tell: Tell
-) -> tuple[list[Maneuver], dict[str, Any]]:
+    maneuvers: Sequence[Maneuver],
+    names: Sequence[str],
+    *,
+    settings: Identification,
+    excitation: Excitation | None,
+    correct: bool,
+    tell: Tell,
+    progress: Progress = unwatched,
+) -> Checked:
     """Check manoeuvres, tell what is found, and return them, corrected where asked.
 
     Returns
     -------
-    maneuvers : list of Maneuver
-    account : dict
-        By name: what was found, for the provenance of a model.
+    Checked
 
     Raises
     ------
     DataError
         Where a record lacks the channels that kinematics tie together.
     """
-    kept, account = [], {}
-    for maneuver, name in zip(maneuvers, names, strict=True):
+    used, checks, account = [], [], {}
+    progress(0, len(maneuvers))
+    driven = _driven(maneuvers, settings, excitation)
+    for done, (maneuver, name, alone) in enumerate(zip(maneuvers, names, driven, strict=True), start=1):
         try:
-            check = kinematics.check_kinematics(maneuver)
-            kept.append(kinematics.corrected(maneuver, check) if correct else maneuver)
+            check = kinematics.check_kinematics(maneuver, driven=alone)
+            used.append(kinematics.corrected(maneuver, check) if correct else maneuver)
         except DataError as error:
             raise error.at(name) from None
         _tell_errors(name, check, tell, corrected=correct)
+        checks.append(check)
         account[name] = {
             "corrected": correct,
             "errors": check.account(),
             "undetermined": {n: list(others) for n, others in check.undetermined.items()},
+            "gusts": {"std": check.gusts.std, "lower": check.gusts.lower, "upper": check.gusts.upper},
+            "told_by": "injected signals" if check.instruments else "all motion",
         }
-    return kept, account
+        progress(done, len(maneuvers))
+    return Checked(maneuvers, used, checks, correct, account)
+
+
+def _driven(
+    maneuvers: Sequence[Maneuver], settings: Identification | None, excitation: Excitation | None
+) -> Sequence[FlightRecord | None]:
+    """Return what the injected signals alone would have made of each, None where that cannot be had."""
+    try:
+        if settings is None:
+            return [None] * len(maneuvers)
+        return [m.record for m in driven_maneuvers(maneuvers, lines_of(settings, excitation), settings)]
+    except (UsageError, DataError):  # no injected signals, no lines, or channels that a loop needs missing
+        return [None] * len(maneuvers)
 
 
 def _tell_errors(name: str, check: KinematicCheck, tell: Tell, *, corrected: bool) -> None:
-    """Tell the sensor errors that are beyond doubt, and those that the data do not tell."""
+    """Tell the sensor errors that are likely, what is taken out for them, and what the data do not tell."""
     tell(f"{name}: sensor errors by kinematics" + (", corrected" if corrected else ""))
-    for parameter in check.names:
+    for parameter, unit in zip(check.names, check.units, strict=True):
         value, sigma = check[parameter]
-        if abs(value) > SURE * sigma:
-            unit = check.units[check.names.index(parameter)]
-            tell(f"  {parameter:16s}{value:11.4g} +- {sigma:.2g} {'' if unit == '1' else unit}")
+        chance = check.probability.get(parameter)
+        if abs(value) > SURE * sigma or (chance or 0.0) > LIKELY:
+            text = f"  {parameter:16s}{value:11.4g} +- {sigma:.2g} {'' if unit == '1' else unit}"
+            if corrected and chance is not None:
+                out, doubt = check.correction[parameter]
+                text += f", there with probability {chance:.2g}; taken out {out:.4g} +- {doubt:.2g}"
+            tell(text)
+    if any(n.startswith(AIR_NAMES) for n in check.names):
+        gusts = check.gusts
+        calm = "none beyond doubt" if not gusts.lower else f"{gusts.lower:.2g} to {gusts.upper:.2g}"
+        tell(f"  gusts {gusts.std:.2g} m/s (95 %: {calm})")
+        if not check.instruments:
+            tell(
+                "  no injected signals tell the aircraft's own motion from the gusts that it rides: scales "
+                "and delays of the air data are the less certain"
+            )
     if check.undetermined:
-        tell(f"  not told by these data: {', '.join(check.undetermined)}")
+        tell(f"  not told by these data, and left as they are: {', '.join(check.undetermined)}")
+
+
+def with_correction_doubt(
+    model: PointModel,
+    checked: Checked,
+    identify: Callable[[Sequence[Maneuver], Identification], PointModel],
+    settings: Identification,
+    *,
+    aligned: bool,
+    progress: Progress = unwatched,
+) -> PointModel:
+    """Return a model of corrected manoeuvres whose covariances hold what is uncertain in the corrections.
+
+    Parameters
+    ----------
+    model : PointModel
+        Of ``checked.used``.
+    checked : Checked
+    identify : callable
+        Manoeuvres and settings to a model, as `model` was made.
+    settings : Identification
+    aligned : bool
+        The model needs the attitude's clock and that of the ground too.
+    progress : callable
+
+    Returns
+    -------
+    PointModel
+
+    Notes
+    -----
+    ``J C J^T`` with C the covariance of the air data's errors that were taken out, the doubt whether they
+    are there among it, and J the change of the estimates by each, from identifying again with the correction
+    moved by one standard error. The terms are those of `model`.
+    """
+    fixed = msgspec.structs.replace(
+        settings,
+        regressors={r: model[r].regressors for r in settings.responses},
+        structure="given",
+        nonlinear="none",
+    )
+    jobs = [
+        (m, n)
+        for m, check in enumerate(checked.checks)
+        for n in check.probability
+        if n.startswith(AIR_NAMES) or (aligned and n.endswith(("delay", "scale")))
+    ]
+    changes: dict[str, list[Array]] = {r: [] for r in settings.responses}
+    progress(0, len(jobs))
+    for done, (m, name) in enumerate(jobs, start=1):
+        check, moved = checked.checks[m], list(checked.used)
+        value, doubt = check.correction[name]
+        errors = {**check.correction.errors, name: value + doubt}
+        moved[m] = kinematics.without_errors(checked.flown[m], errors, check.computed)
+        there = identify(moved, fixed)
+        for r in settings.responses:
+            changes[r].append(there[r].estimate - model[r].estimate)
+        progress(done, len(jobs))
+    if not jobs:
+        return model
+    correlation = np.eye(len(jobs))
+    for i, (m, name) in enumerate(jobs):
+        for j, (k, other) in enumerate(jobs):
+            if m == k:
+                of = checked.checks[m].correction
+                a, b = of.names.index(name), of.names.index(other)
+                correlation[i, j] = of.covariance[a, b] / (of.std_error[a] * of.std_error[b])
+    responses = dict(model.responses)
+    for r, rows in changes.items():
+        by = np.array(rows)
+        responses[r] = with_covariance(model[r], model[r].covariance + by.T @ correlation @ by)
+    return replace(model, responses=responses)
 
 
 def identified(

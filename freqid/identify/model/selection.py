@@ -23,6 +23,7 @@ from freqid.identify.loads.explanatory import explanatory_variables
 from freqid.identify.model.fit import fit_lines
 from freqid.identify.model.line_equations import LineEquations, on_lines
 from freqid.identify.model.problem import Problem, numbered
+from freqid.identify.model.widening import with_covariance
 from freqid.identify.regress.covariance_corrections import independent_share
 from freqid.identify.regress.noise_lines import HALF_WIDTH, noise_lines
 from freqid.identify.regress.structure import (
@@ -119,7 +120,9 @@ class Flights:
         return fit_lines(problem, self.lines_hz, self.instruments(problem.names), self.period_s)
 
 
-def choose_terms(problem: Problem, flights: Flights) -> tuple[Problem, dict[str, Any]]:
+def choose_terms(
+    problem: Problem, flights: Flights
+) -> tuple[Problem, dict[str, Any], dict[str, ResponseModel]]:
     """Choose the terms of every response as the settings ask.
 
     Parameters
@@ -134,7 +137,10 @@ def choose_terms(problem: Problem, flights: Flights) -> tuple[Problem, dict[str,
         With the regressors that each response is left with, products among them.
     account : dict
         By response, JSON-compatible: ``kept`` and ``left_out``, F by regressor, where regressors were chosen;
-        ``distortion`` of the linear model and ``products``, F by product, where products were tried.
+        ``distortion`` of the linear model and ``products``, F by product, where products were tried. Of a
+        regressor that was left out, ``left_out_limits`` are its confidence limits where it is kept.
+    before : dict of ResponseModel
+        The fits that regressors were chosen from, for `with_choice`; empty where none were.
 
     Raises
     ------
@@ -150,6 +156,7 @@ def choose_terms(problem: Problem, flights: Flights) -> tuple[Problem, dict[str,
     """
     settings, offered = problem.settings, problem.names
     account: dict[str, Any] = {r: {} for r in settings.responses}
+    before: dict[str, ResponseModel] = {}
     if settings.nonlinear == "products":
         models = flights.fit(problem)
         chosen = {r: settings.regressors_of(r) for r in settings.responses}
@@ -164,18 +171,56 @@ def choose_terms(problem: Problem, flights: Flights) -> tuple[Problem, dict[str,
         problem = _changed(problem, flights, chosen)
     if settings.structure == "stepwise":
         chosen = {}
-        for response, model in flights.fit(problem).items():
+        before = flights.fit(problem)
+        for response, model in before.items():
             found = _select_regressors(problem, flights, model)
             terms = _with_factors(model.regressors, found)
             f = {name: _figure(value) for name, value in found.partial_f.items()}
             account[response]["kept"] = {n: f[n] for n in terms}
             account[response]["left_out"] = {n: v for n, v in f.items() if n not in terms}
+            account[response]["left_out_limits"] = {
+                n: [float(low), float(high)]
+                for n, low, high in zip(model.regressors, model.lower, model.upper, strict=True)
+                if n not in terms
+            }
             if "products" in account[response]:
                 left = [n for n in account[response]["products"] if n in terms]
                 account[response]["products"] = {n: f[n] for n in left}
             chosen[response] = terms
         problem = _changed(problem, flights, chosen)
-    return problem, account
+    return problem, account, before
+
+
+def with_choice(chosen: ResponseModel, before: ResponseModel) -> ResponseModel:
+    """Return the fit of chosen terms with errors that hold what the choice itself may have done.
+
+    Parameters
+    ----------
+    chosen : ResponseModel
+        Of the terms that were kept.
+    before : ResponseModel
+        Of all terms that were offered, fitted to the same flights.
+
+    Returns
+    -------
+    ResponseModel
+
+    Notes
+    -----
+    A term that was left out since its effect could not be told from zero need not have none, and those that
+    are kept then stand for it. With all terms offered a kept parameter is free of that: there it has the
+    estimate ``full`` with covariance C. The chosen estimate differs from it by ``d``, and its error is d
+    beside the error of ``full``: covariance ``C + d d^T``, about the chosen estimate.
+
+    References
+    ----------
+    Claeskens & Hjort, "The focused information criterion", J. American Statistical Association 98, 2003 (the
+    squared bias of a submodel by its difference from the wide one); Leeb & Poetscher, Econometric Theory 21,
+    2005 (no interval of the chosen model alone can hold).
+    """
+    rows = [before.regressors.index(n) for n in chosen.regressors]
+    moved = chosen.estimate - before.estimate[rows]
+    return with_covariance(chosen, before.covariance[np.ix_(rows, rows)] + np.outer(moved, moved))
 
 
 def _changed(problem: Problem, flights: Flights, regressors: dict[str, tuple[str, ...]]) -> Problem:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import msgspec
 import numpy as np
@@ -21,6 +22,8 @@ from freqid.core.identification import Identification, factors_of
 from freqid.core.record import Maneuver
 from freqid.core.results.point import PointModel, ResponseModel, per
 from freqid.core.scenario import Reference
+from freqid.identify.instruments.driven import driven_maneuvers
+from freqid.identify.model.widening import with_covariance
 from freqid.identify.point import identify_point, lines_of
 from freqid.identify.regress.covariance_corrections import independent_share
 from freqid.identify.regress.estimators import find_estimator
@@ -136,7 +139,12 @@ def align(
         if name not in names:
             raise UsageError(f"the alignment has no '{name}'", remedy=nearest(name, names))
     sizes = {n: known.plausible.get(n, PLAUSIBLE[error_kind(n)]) for n in names}
-    moved, spread = fit_motion(flown, lines_hz, sizes) if by_kinematics else (np.empty(0), np.empty((0, 0)))
+    moved, spread = np.empty(0), np.empty((0, 0))
+    if by_kinematics:
+        # Over the ground gusts do not part velocity from what accelerometers feel.
+        gusty = "velocity delay" in by_kinematics and not flown.over_ground
+        alone = partial(_driven, settings=settings, lines_hz=lines_hz) if gusty else None
+        moved, spread = fit_motion(flown, lines_hz, sizes, alone)
     motion = dict(zip(by_kinematics, moved.tolist(), strict=True))
     loads = fit_loads(flown, motion, settings, lines_hz, sizes)
     passed_on = loads.by_motion @ spread
@@ -152,6 +160,14 @@ def align(
         changes=loads.changes,
     )
     return flown.at(alignment.errors), alignment
+
+
+def _driven(maneuver: Maneuver, settings: Identification, lines_hz: Array) -> Misaligned | None:
+    """Return what the injected signals alone would have made of a manoeuvre, None where unknown."""
+    try:
+        return Misaligned(driven_maneuvers((maneuver,), lines_hz, settings)[0], {})
+    except (UsageError, DataError):  # no injected signals, or channels that a loop needs are missing
+        return None
 
 
 # A parameter is named where an unknown of the alignment adds more than this many of its standard errors.
@@ -206,9 +222,10 @@ def identify_aligned(
         for row, name in enumerate(settings.responses)
     }
     responses = {
-        name: _widened(
+        name: with_covariance(
             model[name],
-            np.sum([j.T @ a.covariance @ j for j, a in zip(by[name], alignments, strict=True)], axis=0),
+            model[name].covariance
+            + np.sum([j.T @ a.covariance @ j for j, a in zip(by[name], alignments, strict=True)], axis=0),
         )
         for name in settings.responses
     }
@@ -244,22 +261,6 @@ def _sensitivity(
     length = np.sqrt(np.sum([(z**2).sum(axis=1) for z, _, _ in parts], axis=0))[:, None]
     normal = np.sum([(z / length) @ x.T for z, x, _ in parts], axis=0)
     return [-np.linalg.solve(normal, (z / length) @ d.T).T for z, _, d in parts]
-
-
-def _widened(response: ResponseModel, added: Array) -> ResponseModel:
-    """Return a response whose covariance has another part; limits keep their Student factors."""
-    covariance = response.covariance + added
-    std_error = np.sqrt(np.diag(covariance))
-    ratio = std_error / response.std_error
-    return replace(
-        response,
-        covariance=covariance,
-        std_error=std_error,
-        lower=response.estimate - ratio * (response.estimate - response.lower),
-        upper=response.estimate + ratio * (response.upper - response.estimate),
-        t_statistic=response.t_statistic / ratio,
-        correlation=covariance / np.outer(std_error, std_error),
-    )
 
 
 def _remarks(

@@ -118,7 +118,12 @@ def motion_unknowns(flown: Misaligned) -> tuple[str, ...]:
     return (*moving, "attitude delay", *(BIASES if flown.over_ground else ()), *SCALES)
 
 
-def fit_motion(flown: Misaligned, lines_hz: Array, plausible: Mapping[str, float]) -> tuple[Array, Array]:
+def fit_motion(
+    flown: Misaligned,
+    lines_hz: Array,
+    plausible: Mapping[str, float],
+    driven: Callable[[Maneuver], Misaligned | None] | None = None,
+) -> tuple[Array, Array]:
     """Estimate `motion_unknowns` on lines.
 
     Parameters
@@ -128,6 +133,10 @@ def fit_motion(flown: Misaligned, lines_hz: Array, plausible: Mapping[str, float
         Hz, where the manoeuvre was excited.
     plausible : mapping of str to float
         One sigma of each unknown beforehand, SI units.
+    driven : callable, optional
+        From a manoeuvre to the same as the injected signals alone would have made it. In gusts a velocity
+        through the air is not what accelerometers feel, and the aircraft rides the gusts: then the injected
+        signals alone tell how late the velocity is, and rates alone how late the attitude.
 
     Returns
     -------
@@ -149,7 +158,7 @@ def fit_motion(flown: Misaligned, lines_hz: Array, plausible: Mapping[str, float
     names = motion_unknowns(flown)
     sizes = np.array([plausible[n] for n in names])
 
-    def left(unknown: Array) -> Array:
+    def left(unknown: Array, flown: Misaligned = flown) -> Array:
         maneuver = flown.at(dict(zip(names, unknown.tolist(), strict=True)))
         motion = _kinematics(maneuver, ground=flown.over_ground, moving="velocity delay" in names)
         line = np.zeros((1, motion.direct.shape[1]))  # on_lines wants a regressor; nothing is regressed
@@ -160,13 +169,26 @@ def fit_motion(flown: Misaligned, lines_hz: Array, plausible: Mapping[str, float
 
     found: Array = np.zeros(len(names))
     covariance: Array = np.diag(sizes**2)
-    for _ in range(MOTION_ROUNDS):
+    prior = np.diag(sizes**-2)
+    alone: Misaligned | None = None
+    for turn in range(MOTION_ROUNDS if driven is None else 2 * MOTION_ROUNDS):
+        if driven is not None and turn >= MOTION_ROUNDS:  # made of what is nearly on time already
+            alone = driven(flown.at(dict(zip(names, found.tolist(), strict=True))))
         now = left(found)
         slope = np.array([(left(found + s) - now) / STEP for s in STEP * np.eye(len(names))])
         scale = np.tile(np.sqrt(_noise(now, lines_hz)), (1, 2))
         columns = (slope / scale).reshape(len(names), -1)
-        covariance = np.linalg.inv(columns @ columns.T + np.diag(sizes**-2)).astype(np.float64)
-        found = found - covariance @ (columns @ (now / scale).ravel() + found / sizes**2)
+        told = columns
+        if alone is not None:
+            late, nothing = names.index("velocity delay"), np.zeros(len(names))
+            step = STEP * np.eye(len(names))[late]
+            instruments = slope.copy()
+            instruments[:, len(ATTITUDE) :] = 0.0
+            instruments[late] = (left(step, alone) - left(nothing, alone)) / STEP
+            told = (instruments / scale).reshape(len(names), -1)
+        inverse = np.linalg.inv(told @ columns.T + prior).astype(np.float64)
+        found = found - inverse @ (told @ (now / scale).ravel() + found / sizes**2)
+        covariance = inverse @ (told @ told.T + prior) @ inverse.T
     return found, covariance
 
 

@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len, rfft
-from scipy.linalg.lapack import dpotrf, dtrtrs
 from scipy.ndimage import uniform_filter1d
 
 from freqid.core.arrays import Array
+from freqid.core.channels import FLOW, VELOCITY
 from freqid.core.errors import DataError
-from freqid.identify.sensors.flight_path import FlightPath, skew
+from freqid.identify.regress.two_stage import LEAST_STRENGTH
 from freqid.identify.sensors.kinematic_model import INITIAL, CompatibilityProblem, Guess, Prediction
+from freqid.identify.sensors.path_noise import GustStrength, PathNoise, block_of, estimate_gusts, whiten
 from freqid.identify.spectra.smoothing import smooth
 
 # Half width of the window that smooths a residual's power, in units of 1/T: twice that of `uncertainty`,
@@ -22,85 +23,6 @@ from freqid.identify.spectra.smoothing import smooth
 HALF_WIDTH = 4
 # Least share of the equations around a line that the fit must leave free for its residual to tell anything.
 FREE_SHARE = 0.25
-
-
-@dataclass(frozen=True, eq=False)
-class PathNoise:
-    """Standard deviations of white noise, by sample.
-
-    Attributes
-    ----------
-    rates : ndarray, shape (3,)
-        p q r, rad/s.
-    force : ndarray, shape (3,)
-        ax ay az, m/s2.
-    wind : float
-        Intensity of the wind's random walk in each axis, m/s per square root of a second.
-    outputs : ndarray, shape (k,)
-        The channels that are compared, in their units.
-    """
-
-    rates: Array
-    force: Array
-    wind: float
-    outputs: Array
-
-
-def whiten(path: FlightPath, window: slice, seen: Array, noise: PathNoise, z: Array) -> Array:
-    """Return columns as a filter sees them that knows how sensor noise makes the path drift.
-
-    Integrated noise makes residuals of path and measurement wander, and least squares on them would believe
-    far too much of slow motion. The innovations of a Kalman filter of that wandering are white; least squares
-    on them, with every column of the problem filtered alike, has least variance.
-
-    Parameters
-    ----------
-    path : FlightPath
-    window : slice
-        Samples of the path that are compared.
-    seen : ndarray, shape (k, 10, n)
-        Derivatives of the outputs by errors of the path and by wind, over the window.
-    noise : PathNoise
-    z : ndarray, shape (c, k, n)
-        Residual and derivatives by parameters, a column each.
-
-    Returns
-    -------
-    ndarray, shape (c, k, n)
-        Uncorrelated, and of unit variance for a residual that obeys `noise`.
-
-    Notes
-    -----
-    States: turn, velocity, height as in `flight_path`, and wind; none is uncertain at the window's start,
-    where the parameters hold the initial values. The filter's gain depends on no measurement, so it is
-    linear. A channel that is late shows the drift of a moment ago, in the attitude of that moment; only the
-    noise since then is neglected.
-    """
-    n = z.shape[2]
-    step = np.zeros((n, 10, 10))
-    step[:] = np.eye(10)
-    step[:, 3:6, :3] = -path.dt * skew(path.force[:, window]).transpose(2, 0, 1)
-    step[:, 6, 5] = -path.dt
-    spread = np.zeros((n, 10, 10))
-    turn = path.turn[:, :, window].transpose(2, 0, 1) * path.dt
-    spread[:, :3, :3] = (turn * noise.rates**2) @ turn.transpose(0, 2, 1)
-    spread[:, 3:6, 3:6] = (turn * noise.force**2) @ turn.transpose(0, 2, 1)
-    spread[:, 7:, 7:] = path.dt * noise.wind**2 * np.eye(3)
-    seen = seen.transpose(2, 0, 1)
-    measured, white = z.transpose(2, 1, 0), np.empty((n, z.shape[1], z.shape[0]))
-    own = np.diag(noise.outputs**2)
-    p, x = np.zeros((10, 10)), np.zeros((10, z.shape[0]))
-    for i in range(n):
-        h = seen[i]
-        hp = h @ p
-        factor, _ = dpotrf(hp @ h.T + own, lower=1)
-        solved, _ = dtrtrs(factor, np.concatenate((measured[i] - h @ x, hp), axis=1), lower=1)
-        white[i] = solved[:, : z.shape[0]]
-        gain = solved[:, z.shape[0] :]
-        f = step[i]
-        x = f @ (x + gain.T @ white[i])
-        p = f @ (p - gain.T @ gain) @ f.T + spread[i]
-    return white.transpose(2, 1, 0)
 
 
 def coloured_covariance(jacobian: Array, residual: Array) -> tuple[Array, Array]:
@@ -149,6 +71,12 @@ def coloured_covariance(jacobian: Array, residual: Array) -> tuple[Array, Array]
 
 
 Mask = NDArray[np.bool_]
+_AIR = {n.partition("/")[2] for n in (*FLOW, *VELOCITY)}
+_TINY = 1e-300
+# How fast an aircraft rides a vertical gust, -Z_w/m, 1/s: 0.6 of an airliner, 3.3 of a drone of 28 kg/m2.
+RIDING = 3.0
+CALM = 1e-3  # m/s; gusts below move no sensor
+MOST_WEIGHINGS = 3  # of the gusts, until the estimates have settled
 
 # A parameter is held at zero where its standard error is beyond this share of the size that it may well have:
 # the data then tell less about it than is known without them.
@@ -191,6 +119,7 @@ class CompatibilityFit:
         By initial values alone, and with the sensor errors.
     noise : PathNoise
         Levels that the weights rest on.
+    gusts : GustStrength
     """
 
     names: tuple[str, ...]
@@ -201,10 +130,15 @@ class CompatibilityFit:
     before: Prediction
     after: Prediction
     noise: PathNoise
+    gusts: GustStrength
 
 
 def fit_compatibility(
-    problem: CompatibilityProblem, wanted: Collection[str], plausible: Array, wind_walk: float
+    problem: CompatibilityProblem,
+    wanted: Collection[str],
+    plausible: Array,
+    gusts: float | None,
+    gust_time: float,
 ) -> CompatibilityFit:
     """Estimate initial values and sensor errors by generalised least squares.
 
@@ -215,8 +149,10 @@ def fit_compatibility(
         Sensor errors to try.
     plausible : ndarray, shape (m,)
         Size that each of the problem's unknowns may well have.
-    wind_walk : float
-        Intensity of the wind's random walk, m/s per square root of a second.
+    gusts : float, optional
+        Standard deviation of each axis of the gusts, m/s; estimated where absent.
+    gust_time : float
+        Their time constant, s.
 
     Returns
     -------
@@ -229,7 +165,10 @@ def fit_compatibility(
 
     Notes
     -----
-    Gauss-Newton on columns that the filter of `kinematic_noise.whiten` has made white. First steps, far from
+    Gauss-Newton on columns that the filter of `whiten` has made white. Scales and delays of the air data are
+    told by what the injected signals move (instruments), where these are known: the aircraft rides the gusts
+    that its vanes show, so its whole motion would tell them wrongly. Gusts are as strong as makes the
+    residuals most likely (`estimate_gusts`). First steps, far from
     the answer, are held by the plausible sizes as prior knowledge; then the prior goes, and unknowns whose
     standard error stays beyond LARGEST_SHARE of their plausible size go with it, the worst first and one at a
     time: of two that only their sum is known of, one remains. So goes one that still moves after PATIENCE
@@ -239,39 +178,85 @@ def fit_compatibility(
     everything = np.array([i < INITIAL or n in wanted for i, n in enumerate(problem.names)])
     initial = everything & (np.arange(everything.size) < INITIAL)
     guess, before = _fit_unfiltered(problem, initial, problem.start, plausible)
+    # In gusts least squares may send scales and delays of the air data astray; where instruments tell them,
+    # they start at zero.
+    begun = everything if problem.driven is None else everything & ~problem.on_air
     # Delays come last: a wave fits itself again a period later, so they have to start near.
     clocked = np.array([not n.endswith("delay") for n in problem.names])
-    guess, _ = _fit_unfiltered(problem, everything & clocked, guess, plausible)
-    guess, now = _fit_unfiltered(problem, everything, guess, plausible)
+    guess, _ = _fit_unfiltered(problem, begun & clocked, guess, plausible)
+    guess, now = _fit_unfiltered(problem, begun, guess, plausible)
 
-    active, noise, steps = everything, _first_noise(problem, now, wind_walk), 0
+    active, steps = everything, 0
+    weighings = 0 if gusts is None else MOST_WEIGHINGS
+    every = block_of(problem.sensors.dt, problem.window)
+    noise = _first_noise(problem, now, gusts or 0.0, gust_time)
+    strength = GustStrength(noise.gusts, noise.gusts, noise.gusts, 0.0)
+    air = np.isin(problem.sensors.names, (*FLOW, *VELOCITY))
+    windy = bool(air.any())
+    # What is white at the highest frequencies is noise, whatever gusts may explain of it.
+    least = np.where(air & (gusts is None), noise.outputs, _floor(before))
+    columns = 1 + len(everything)
     for turn in range(MOST_STEPS):
         free = turn >= HELD_STEPS
+        orphans = _scales_alone(problem, everything, active)
+        if orphans.any():
+            guess, active = guess.back(orphans, problem.start), active & ~orphans
         now = problem.predict(guess)
-        columns = np.concatenate((now.residual[None], now.jacobian))
-        white = whiten(now.path, problem.window, now.seen, noise, columns)
-        residual, jacobian = white[0], white[1:]
-        observable = _observable(jacobian, active, plausible) if free else active
+        beside = now.jacobian[:0] if problem.driven is None else now.instruments
+        rows = np.concatenate((now.residual[None], now.jacobian, beside))
+        if windy and not weighings:
+            tried = rows[:columns][np.append(True, active)]
+            strength = estimate_gusts(now.path, problem.window, now.seen, noise, tried, every)
+            weighings, noise = 1, replace(noise, gusts=strength.std)
+        white, _ = whiten(now.path, problem.window, now.seen, noise, rows, every)
+        residual, jacobian = white[0], white[1:columns]
+        # Gusts mislead scales and delays of the air data; where none is left there is nothing to be misled.
+        by_instruments = free and problem.driven is not None and (active & problem.on_air).any()
+        explained = _explained(jacobian, white[columns:], active) if by_instruments else jacobian
+        observable = active
+        if by_instruments:
+            observable = _reached(jacobian, explained, problem, active, plausible)
+        if free and np.array_equal(observable, active):
+            observable = _observable(explained, active, plausible)
         if not np.array_equal(observable, active):
             guess, active, steps = guess.back(active & ~observable, problem.start), observable, 0
             continue
         size, away = plausible[active], (guess.values - problem.start.values)[active]
-        fit = _solve(jacobian[active], residual, size, FAINT if free else 1.0, away)
-        outputs = np.maximum(noise.outputs * fit.spread, _floor(before))
+        fit = _solve(explained[active], residual, size, FAINT if free else 1.0, away, jacobian[active])
+        outputs = np.maximum(noise.outputs * fit.spread, least)
         blocked = problem.blocked(guess, active, fit.step) if free else []
-        steady = free and fit.largest < NEARLY and np.allclose(outputs, noise.outputs, rtol=STEADY, atol=0)
+        # The noise of a channel that gusts drown creeps long after the estimates rest.
+        rests = fit.largest < SETTLED and steps >= FULL_STEPS
+        level = rests or np.allclose(outputs, noise.outputs, rtol=STEADY, atol=0)
+        steady = free and fit.largest < NEARLY and level
+        if steady and windy and steps > 0 and weighings < MOST_WEIGHINGS:
+            tried = rows[:columns][np.append(True, active)]
+            strength = estimate_gusts(now.path, problem.window, now.seen, noise, tried, every)
+            weighings += 1
+            if not np.isclose(strength.std, noise.gusts, rtol=STEADY, atol=CALM):
+                noise = replace(noise, gusts=strength.std)
+                guess, steps = problem.moved(guess, active, fit.step), steps + 1
+                continue
         if steady or blocked:
-            covariance, dof = coloured_covariance(jacobian[active], fit.left)
+            covariance, dof = coloured_covariance(explained[active], fit.left)
+            if problem.driven is None:
+                covariance = covariance + np.diag(_ridden(problem.names, active, covariance, strength) ** 2)
             share = np.zeros(active.size)
             share[active] = np.sqrt(np.diag(covariance)) / size
             beyond = np.abs(guess.values - problem.start.values) > FARTHEST * plausible
             share[beyond & active & (np.arange(active.size) >= INITIAL)] = np.inf
             worst = blocked[0] if blocked else int(np.argmax(share))
             if share[worst] > LARGEST_ERROR_SHARE:
+                worst = _scale_first(problem.names, worst, active)
                 unobservable = np.arange(active.size) == worst
                 guess, active, steps = guess.back(unobservable, problem.start), active & ~unobservable, 0
                 continue
             if fit.largest < SETTLED:
+                if windy and gusts is None:
+                    tried = rows[:columns][np.append(True, active)]
+                    strength = estimate_gusts(
+                        now.path, problem.window, now.seen, noise, tried, every, limits=True
+                    )
                 break
             if blocked:
                 raise DataError(
@@ -303,7 +288,88 @@ def fit_compatibility(
         before=before,
         after=now,
         noise=noise,
+        gusts=strength,
     )
+
+
+def _explained(jacobian: Array, instruments: Array, active: Mask) -> Array:
+    """Return derivatives as far as instruments explain them: what least squares is to be done on.
+
+    Without instruments all of them. Two-stage least squares, as in `two_stage_least_squares`, on columns that
+    are white.
+    """
+    if not len(instruments):
+        return jacobian
+    flat = jacobian.reshape(len(jacobian), -1)
+    chosen = instruments.reshape(flat.shape)[active]
+    length = np.linalg.norm(chosen, axis=1, keepdims=True)
+    basis = np.linalg.qr((chosen / np.maximum(length, _TINY)).T)[0]
+    return ((flat @ basis) @ basis.T).reshape(jacobian.shape)
+
+
+def _scales_alone(problem: CompatibilityProblem, wanted: Mask, active: Mask) -> Mask:
+    """Return scales of air data whose delay was asked for and is held: they would take the delay up.
+
+    Only beside instruments: without these the standard errors say what gusts may do.
+    """
+    alone = np.zeros(active.size, dtype=bool)
+    if problem.driven is None:
+        return alone
+    for row in np.flatnonzero(active & problem.on_air):
+        channel, _, kind = problem.names[row].partition(" ")
+        late = problem.names.index(f"{channel} delay")
+        alone[row] = kind == "scale" and wanted[late] and not active[late]
+    return alone
+
+
+def _scale_first(names: tuple[str, ...], worst: int, active: Mask) -> int:
+    """Return what is to be held: of a delay its channel's scale first, which would take the delay up."""
+    channel, _, kind = names[worst].partition(" ")
+    scale = f"{channel} scale"
+    if kind == "delay" and scale in names and active[names.index(scale)]:
+        return names.index(scale)
+    return worst
+
+
+def _reached(
+    jacobian: Array, explained: Array, problem: CompatibilityProblem, active: Mask, plausible: Array
+) -> Mask:
+    """Return the unknowns without the one that the injected signals tell worst, where that is too weak.
+
+    First-stage F as in `two_stage_least_squares`; one at a time, since what is weak makes its neighbours look
+    weak.
+    """
+    size, n = plausible[active], jacobian.shape[2]
+    columns = np.concatenate((_columns(explained[active], size), FAINT * np.eye(size.size)))
+    alone = 1 / (np.linalg.inv(np.linalg.qr(columns, mode="r")) ** 2).sum(axis=1)
+    left = (_columns(jacobian[active] - explained[active], size) ** 2).sum(axis=0) / n  # of one channel
+    strength = alone / np.maximum(left, _TINY)
+    at = {row: i for i, row in enumerate(np.flatnonzero(active))}
+    weak = [
+        (strength[i], row) for row, i in at.items() if problem.on_air[row] and strength[i] < LEAST_STRENGTH
+    ]
+    reached = active.copy()
+    if weak:
+        reached[_scale_first(problem.names, int(min(weak)[1]), active)] = False
+    return reached
+
+
+def _ridden(names: tuple[str, ...], active: Mask, covariance: Array, strength: GustStrength) -> Array:
+    """Return by how much an aircraft that rides the gusts may mislead scales and delays of the air data.
+
+    Gusts make ``strength.equations`` of the equations. In these the motion is at most the gust itself (an
+    aircraft that rides it wholly), so the sum of motion times gust is at most that number in a scale's
+    equations, and RIDING times it in a delay's, where the motion's slope stands. An even chance of
+    everything up to there has the standard deviation of that over root three.
+    """
+    each = strength.equations / 3  # of the three axes
+    may = np.zeros(int(active.sum()))
+    for row, name in enumerate(n for n, a in zip(names, active, strict=True) if a):
+        first, _, kind = name.partition(" ")
+        if first in _AIR and kind in ("scale", "delay"):
+            rate = RIDING if kind == "delay" else 1.0
+            may[row] = covariance[row, row] * each * rate / np.sqrt(3)
+    return may
 
 
 def _observable(jacobian: Array, active: Mask, plausible: Array) -> Mask:
@@ -373,10 +439,18 @@ class _Step:
         return np.sqrt((self.left**2).sum(axis=1) / (n - len(self.step) / k))
 
 
-def _solve(jacobian: Array, residual: Array, size: Array, prior: float, away: Array) -> _Step:
+def _solve(
+    jacobian: Array,
+    residual: Array,
+    size: Array,
+    prior: float,
+    away: Array,
+    measured: Array | None = None,
+) -> _Step:
     """Solve for a step in units of plausible sizes.
 
     `prior` weighs the knowledge that unknowns, now so far `away` from where they started, stay near it.
+    Where `jacobian` is what instruments explain, `measured` are the derivatives that the residual has.
     """
     m = len(jacobian)
     columns = np.concatenate((_columns(jacobian, size), prior * np.eye(m)))
@@ -384,7 +458,8 @@ def _solve(jacobian: Array, residual: Array, size: Array, prior: float, away: Ar
     target = np.concatenate((residual.ravel(), -prior * away / size))
     step = np.linalg.solve(factor, basis.T @ target) * size
     error = np.sqrt((np.linalg.inv(factor) ** 2).sum(axis=1)) * size
-    return _Step(step, error, residual - np.einsum("m,mkn->kn", step, jacobian))
+    taken = jacobian if measured is None else measured
+    return _Step(step, error, residual - np.einsum("m,mkn->kn", step, taken))
 
 
 def _columns(jacobian: Array, size: Array) -> Array:
@@ -392,11 +467,11 @@ def _columns(jacobian: Array, size: Array) -> Array:
     return jacobian.reshape(len(jacobian), jacobian[0].size).T * size
 
 
-def _first_noise(problem: CompatibilityProblem, now: Prediction, wind_walk: float) -> PathNoise:
+def _first_noise(problem: CompatibilityProblem, now: Prediction, gusts: float, gust_time: float) -> PathNoise:
     sensors = problem.sensors
     inputs = smooth(np.concatenate((sensors.rates, sensors.force)), sensors.dt).noise_std
     outputs = np.maximum(smooth(sensors.values, sensors.dt).noise_std, _floor(now))
-    return PathNoise(inputs[:3], inputs[3:], wind_walk, outputs)
+    return PathNoise(inputs[:3], inputs[3:], gusts, gust_time, outputs)
 
 
 def _floor(now: Prediction) -> Array:

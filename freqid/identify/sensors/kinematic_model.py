@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,16 +11,18 @@ from numpy.typing import NDArray
 from freqid.core.arrays import Array
 from freqid.core.channels import ANGLES, ATTITUDE, FLOW, FORCES, GROUND, RATES, VELOCITY
 from freqid.core.errors import DataError
-from freqid.core.frames import body_velocity, cross, specific_force_at
+from freqid.core.frames import body_velocity, cross, flow_angles, specific_force_at
 from freqid.core.record import FlightRecord
 from freqid.identify.sensors.errors import Reading, error_name
 from freqid.identify.sensors.flight_path import (
     CAUSES,
+    GRAVITY,
     FlightPath,
     attitude_matrix,
     error_growth,
     euler_angles,
     integrate_path,
+    running_integral,
     skew,
     turned_by,
 )
@@ -77,7 +80,7 @@ def sensors_of(record: FlightRecord, cg_m: tuple[float, float, float] | None) ->
         referred to a centre of gravity, or the aircraft pitches beyond 80 deg.
     """
     rates, force = record.matrix(RATES), record.matrix(FORCES)
-    # Where both were logged one is computed from the other; u v w mean something at rest too.
+    # u v w mean something at rest too.
     air = FLOW if any(n in record for n in FLOW) and not all(n in record for n in VELOCITY) else VELOCITY
     others = (*air, *ATTITUDE, "state/alt", *GROUND)
     names = tuple(n for n in others if n in record)
@@ -105,6 +108,20 @@ def sensors_of(record: FlightRecord, cg_m: tuple[float, float, float] | None) ->
             values[row] = np.unwrap(values[row])
     arms = np.array([places[n] - home for n in names])
     return Sensors(record.dt, rates, force, names, values, arms)
+
+
+# A flow angle, or an airspeed over its size, that is this near what u v w make was computed from them: log
+# files keep seven digits, and no two sensors agree to six.
+COMPUTED = 1e-5
+
+
+def computed_flow(record: FlightRecord) -> tuple[str, ...]:
+    """Return which of airspeed and flow angles were not measured but computed from u v w."""
+    if not all(n in record for n in VELOCITY):
+        return ()
+    made = dict(zip(FLOW, flow_angles(record.matrix(VELOCITY)), strict=True))
+    size = {n: max(1.0, float(np.abs(made[n]).max())) for n in FLOW}
+    return tuple(n for n in FLOW if n in record and np.abs(record[n] - made[n]).max() < COMPUTED * size[n])
 
 
 def _place(record: FlightRecord, name: str, cg_m: tuple[float, float, float] | None) -> Array:
@@ -234,6 +251,9 @@ class Prediction:
         Channels by the guess, and measured less modelled.
     jacobian : ndarray, shape (m, k, n)
         Derivatives of `modelled` by the unknowns.
+    instruments : ndarray, shape (m, k, n)
+        `jacobian`, of the air data along the motion that the injected signals alone make, where that is
+        known.
     seen : ndarray, shape (k, 10, n)
         Derivatives of `modelled` by errors of the path at the time that is shown, and by wind.
     """
@@ -242,6 +262,7 @@ class Prediction:
     modelled: Array
     residual: Array
     jacobian: Array
+    instruments: Array
     seen: Array
 
 
@@ -255,10 +276,12 @@ class CompatibilityProblem:
     sensors : Sensors
     longest_delay : float
         Longest delay that is tried, s; as much is left out at both ends of the record.
+    driven : ndarray, shape (6, sample), optional
+        u v w p q r of the motion that the injected signals alone make.
 
     Attributes
     ----------
-    sensors
+    sensors, driven
         As given.
     names : tuple of str, length m
         Seven initial values, then biases of rates and forces, wind, and errors of the other channels.
@@ -266,6 +289,8 @@ class CompatibilityProblem:
         Samples that are compared.
     start : Guess
         Initial values as measured, no errors.
+    on_air : ndarray of bool, shape (m,)
+        Unknowns that are scales and delays of the air data.
 
     Raises
     ------
@@ -273,7 +298,7 @@ class CompatibilityProblem:
         The record is too short.
     """
 
-    def __init__(self, sensors: Sensors, longest_delay: float):
+    def __init__(self, sensors: Sensors, longest_delay: float, driven: Array | None = None):
         margin = int(np.ceil(longest_delay / sensors.dt)) + 3  # three more to interpolate and differentiate
         samples = sensors.values.shape[1]
         least = 2 * margin + 200
@@ -284,12 +309,15 @@ class CompatibilityProblem:
                 remedy="use a longer record, or lower longest_delay_s",
             )
         self.sensors, self.window = sensors, slice(margin, samples - margin)
+        self.driven = driven
         self.names = (*CAUSES, *_other_unknowns(sensors.names))
         self._index = {name: i for i, name in enumerate(self.names)}
         self._winds = [axis for axis, name in enumerate(WINDS) if name in self._index]
         self.start = self._initial()
         self._delays = np.array([name.endswith("delay") for name in self.names])
         self._longest_delay = longest_delay
+        air = [n for n in sensors.names if n in (*FLOW, *VELOCITY)]
+        self.on_air = np.isin(self.names, [error_name(n, k) for n in air for k in ("scale", "delay")])
 
     def moved(self, guess: Guess, unknowns: NDArray[np.bool_], step: Array) -> Guess:
         """Return a guess after a step of some unknowns, of which the first three turn the attitude.
@@ -322,11 +350,27 @@ class CompatibilityProblem:
         )
         wind = np.zeros(3)
         wind[self._winds] = [value[self._index[WINDS[axis]]] for axis in self._winds]
+        errors = dict(zip(self.names, value.tolist(), strict=True))
+        modelled, jacobian, seen = self._derived(path, rates, wind, errors)
+        instruments = jacobian
+        if self.driven is not None:
+            air = [row for row, name in enumerate(sensors.names) if name in (*FLOW, *VELOCITY)]
+            instruments = jacobian.copy()
+            instruments[:, air] = self._derived(*self._alone(guess, wind), wind, errors)[1][:, air]
+        residual = sensors.values[:, self.window] - modelled
+        for row, name in enumerate(sensors.names):
+            if name in ANGLES:  # whole turns apart where each was unwound by itself
+                residual[row] -= 2 * np.pi * np.round(residual[row].mean() / (2 * np.pi))
+        return Prediction(path, modelled, residual, jacobian, instruments, seen)
+
+    def _derived(
+        self, path: FlightPath, rates: Array, wind: Array, errors: Mapping[str, float]
+    ) -> tuple[Array, Array, Array]:
+        """Return what the sensors show on a path, and its derivatives by unknowns, and by state and wind."""
+        sensors = self.sensors
         ideal, by_state, by_wind = predicted(path, sensors, rates, wind)
         by_cause = np.einsum("ksn,scn->kcn", by_state, error_growth(path))
         slope = np.gradient(ideal, sensors.dt, axis=1)
-
-        errors = dict(zip(self.names, value.tolist(), strict=True))
         k, n, m = len(ideal), self.window.stop - self.window.start, len(CAUSES)
         modelled, jacobian = np.empty((k, n)), np.zeros((len(self.names), k, n))
         seen = np.empty((k, by_state.shape[1] + 3, n))
@@ -343,11 +387,18 @@ class CompatibilityProblem:
                 at = self._index.get(error_name(name, kind))
                 if at is not None:
                     jacobian[at, row] = column
-        residual = sensors.values[:, self.window] - modelled
-        for row, name in enumerate(sensors.names):
-            if name in ANGLES:  # whole turns apart where each was unwound by itself
-                residual[row] -= 2 * np.pi * np.round(residual[row].mean() / (2 * np.pi))
-        return Prediction(path, modelled, residual, jacobian, seen)
+        return modelled, jacobian, seen
+
+    def _alone(self, guess: Guess, wind: Array) -> tuple[FlightPath, Array]:
+        """Return the path of the motion that the injected signals alone make, and its rates."""
+        assert self.driven is not None
+        rates = self.driven[3:] - self.driven[3:].mean(axis=1, keepdims=True)  # their means are biases
+        dt, origin = self.sensors.dt, self.window.start
+        still = integrate_path(rates, 0 * rates, dt, origin, guess.attitude, np.zeros(3), 0.0)
+        velocity = np.einsum("ijn,jn->in", still.turn, self.driven[:3]) + wind[:, None]
+        force = np.gradient(velocity, dt, axis=1) - np.array([[0.0], [0.0], [GRAVITY]])
+        height = -running_integral(velocity[2:], dt)[0]
+        return FlightPath(dt, origin, still.turn, velocity, height - height[origin], force), rates
 
     def _delayed(self, rows: Array, delay: float) -> Array:
         """Return rows at t - delay over the window, by cubics through four neighbouring samples."""

@@ -4,20 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 from scipy.special import stdtrit
 
 from freqid.core.arrays import Array
-from freqid.core.channels import FLOW, FORCES, RATES, VELOCITY
+from freqid.core.channels import FLOW, FORCES, GROUND, RATES, VELOCITY
 from freqid.core.errors import UsageError, nearest
 from freqid.core.frames import flow_angles
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import Fit
-from freqid.identify.sensors.errors import Reading, SensorErrors, spline_of
+from freqid.identify.sensors.errors import Reading, SensorErrors, error_kind, error_name, spline_of
+from freqid.identify.sensors.inclusion import average_over_inclusion
 from freqid.identify.sensors.kinematic_fit import fit_compatibility
-from freqid.identify.sensors.kinematic_model import INITIAL, CompatibilityProblem, sensors_of
+from freqid.identify.sensors.kinematic_model import (
+    INITIAL,
+    CompatibilityProblem,
+    computed_flow,
+    sensors_of,
+)
+from freqid.identify.sensors.path_noise import GustStrength
 
 # Size that each error may well have, SI units: for weighing what the data tell against what is known anyway.
 PLAUSIBLE = {
@@ -31,9 +38,13 @@ PLAUSIBLE = {
     "phi theta bias": 0.03,
     "alpha beta bias": 0.05,
     "alpha beta scale": 0.3,
-    "V u v w bias": 3.0,
+    "V u v w bias": 3.0,  # of V: AIRSPEED_BIAS
     "V u v w scale": 0.2,
 }
+
+
+AIRSPEED_BIAS = 0.05  # of the airspeed: static ports and pitot tubes of small aircraft err by less
+AIR_BIASES = tuple(error_name(n, "bias") for n in (*FLOW, *VELOCITY))
 
 
 @dataclass(frozen=True)
@@ -45,8 +56,10 @@ class KinematicSettings:
     parameters : tuple of str, optional
         Sensor errors to estimate, such as ``"alpha delay"``, ``"ax bias"``, ``"V scale"``; where absent, all
         that the channels of the record allow. Those that the data do not tell are held at zero and named.
-    wind_walk : float
-        Intensity of a random walk of the wind, m/s per square root of a second: 0 for a constant wind.
+    gusts : float, optional
+        Standard deviation of each axis of the gusts, m/s: 0 for a constant wind; estimated where absent.
+    gust_length_m : float
+        Scale of the gusts, m: they change within the time that this takes to fly.
     longest_delay_s : float
         Longest delay that is tried, s; as much of the record is left out at both ends.
     plausible : mapping of str to float
@@ -56,7 +69,8 @@ class KinematicSettings:
     """
 
     parameters: tuple[str, ...] | None = None
-    wind_walk: float = 0.0
+    gusts: float | None = None
+    gust_length_m: float = 150.0  # L_u of MIL-F-8785C at 40 m, L_w at 150 m
     longest_delay_s: float = 1.0
     plausible: Mapping[str, float] = field(default_factory=dict)
     confidence: float = 0.95
@@ -83,6 +97,19 @@ class KinematicCheck(SensorErrors):
         By channel: measured and modelled history, with the sensor errors.
     noise_std : mapping of str to float
         White noise by channel that the weights rest on.
+    gusts : GustStrength
+        Of the wind about its mean.
+    instruments : bool
+        Scales and delays of the air data are told by what the injected signals move, and by nothing else.
+        Otherwise their standard errors hold what an aircraft that rides the gusts may do to them.
+    probability : mapping of str to float
+        That a scale, a delay or a bias of the air data is there at all, by the evidence for it; even
+        beforehand.
+    correction : SensorErrors
+        What `corrected` takes out: the estimates averaged over whether each error is there. One that hardly
+        is, is hardly taken out; the covariance holds the doubt.
+    computed : tuple of str
+        Air data that the record computed from u v w; they follow these.
     """
 
     lower: Array
@@ -92,10 +119,28 @@ class KinematicCheck(SensorErrors):
     rms_after: Mapping[str, float]
     fit: Mapping[str, Fit]
     noise_std: Mapping[str, float]
+    gusts: GustStrength
+    instruments: bool
+    probability: Mapping[str, float]
+    correction: SensorErrors
+    computed: tuple[str, ...]
+
+    def account(self) -> dict[str, Any]:
+        """Return what was found and what is taken out, by name, JSON-compatible."""
+        rows = super().account()
+        applied = self.correction.account()
+        for name, row in rows.items():
+            row["applied"] = applied[name]["estimate"]
+            row["applied_std_error"] = applied[name]["std_error"]
+            if name in self.probability:
+                row["probability"] = self.probability[name]
+        return rows
 
 
 def check_kinematics(
-    flown: FlightRecord | Maneuver, settings: KinematicSettings = KinematicSettings()
+    flown: FlightRecord | Maneuver,
+    settings: KinematicSettings = KinematicSettings(),
+    driven: FlightRecord | None = None,
 ) -> KinematicCheck:
     """Estimate sensor errors from the disagreement between channels that kinematics tie together.
 
@@ -105,6 +150,9 @@ def check_kinematics(
         With ``p q r ax ay az`` and any of airspeed, flow angles, ``u v w``, attitude, altitude and velocity
         over ground.
     settings : KinematicSettings
+    driven : FlightRecord, optional
+        The flight as the injected signals alone would have made it, u v w p q r on the same samples
+        (`instruments.driven_maneuvers`). What it says of the motion no gust has made.
 
     Returns
     -------
@@ -121,20 +169,27 @@ def check_kinematics(
     Notes
     -----
     Output error: rates and specific forces less their biases are integrated, and the other channels compared
-    with the result (docs/theory/kinematics.md). The clock of the inertial sensors is the reference of delays.
+    with the result, from which gusts part the air data (docs/theory/kinematics.md). The clock of the inertial
+    sensors is the reference of delays.
 
     References
     ----------
     Klein & Morelli, Aircraft System Identification, 2nd ed., ch. 10; Jategaonkar, Flight Vehicle System
     Identification, 2nd ed., ch. 10.
     """
-    if not (settings.longest_delay_s > 0 and settings.wind_walk >= 0):
-        raise UsageError(
-            f"longest_delay_s is {settings.longest_delay_s:g} and wind_walk {settings.wind_walk:g}, expected "
-            "a positive time and an intensity of zero or more"
-        )
+    for name, value in (
+        ("longest_delay_s", settings.longest_delay_s),
+        ("gust_length_m", settings.gust_length_m),
+    ):
+        if not value > 0:
+            raise UsageError(f"{name} is {value:g}, expected a positive number")
+    if settings.gusts is not None and not settings.gusts >= 0:
+        raise UsageError(f"gusts is {settings.gusts:g} m/s, expected zero or more, or none to estimate them")
     record = flown.record if isinstance(flown, Maneuver) else flown
-    problem = CompatibilityProblem(sensors_of(record, _centre_of_gravity(flown)), settings.longest_delay_s)
+    sensors = sensors_of(record, _centre_of_gravity(flown))
+    problem = CompatibilityProblem(
+        sensors, settings.longest_delay_s, None if driven is None else driven.matrix((*VELOCITY, *RATES))
+    )
     possible = problem.names[INITIAL:]
     wanted = possible if settings.parameters is None else settings.parameters
     for name in (*wanted, *settings.plausible):
@@ -142,14 +197,19 @@ def check_kinematics(
             raise UsageError(
                 f"parameter '{name}' is none of this record's sensor errors", remedy=nearest(name, possible)
             )
-    plausible = np.array([settings.plausible.get(n, _plausible(n)) for n in problem.names])
-    found = fit_compatibility(problem, wanted, plausible, settings.wind_walk)
+    speed = max(_airspeed(record), SLOWEST)
+    sizes = {"V bias": AIRSPEED_BIAS * speed, **settings.plausible}
+    plausible = np.array([sizes[n] if n in sizes else _plausible(n) for n in problem.names])
+    gust_time = settings.gust_length_m / speed
+    found = fit_compatibility(problem, wanted, plausible, settings.gusts, gust_time)
 
     errors = [i for i, n in enumerate(found.names) if n in possible]
     names = tuple(found.names[i] for i in errors)
     estimate, covariance = found.estimate[errors], found.covariance[np.ix_(errors, errors)]
     std_error = np.sqrt(np.diag(covariance))
     half = stdtrit(found.degrees_of_freedom[errors], 0.5 + settings.confidence / 2) * std_error
+    tried = np.array([error_kind(n) in ("scale", "delay") or n in AIR_BIASES for n in names], dtype=bool)
+    averaged = average_over_inclusion(estimate, covariance, plausible[_rows(problem.names, names)], tried)
     channels, time = problem.sensors.names, record.time[problem.window]
     measured = found.after.modelled + found.after.residual
     return KinematicCheck(
@@ -169,7 +229,29 @@ def check_kinematics(
                 strict=True,
             )
         ),
+        gusts=found.gusts,
+        instruments=problem.driven is not None,
+        probability={n: float(averaged.probability[i]) for i, n in enumerate(names) if tried[i]},
+        correction=SensorErrors(names, averaged.estimate, averaged.covariance),
+        computed=computed_flow(record),
     )
+
+
+SLOWEST = 1.0  # m/s; gusts pass an aircraft that stands no slower than a light air
+
+
+def _rows(names: tuple[str, ...], wanted: tuple[str, ...]) -> list[int]:
+    return [names.index(n) for n in wanted]
+
+
+def _airspeed(record: FlightRecord) -> float:
+    """Return the mean speed through the air, or over the ground; zero where neither is known."""
+    if "air/V" in record:
+        return float(record["air/V"].mean())
+    for group in (VELOCITY, GROUND):
+        if all(n in record for n in group):
+            return float(np.linalg.norm(record.matrix(group), axis=0).mean())
+    return 0.0
 
 
 def _centre_of_gravity(flown: FlightRecord | Maneuver) -> tuple[float, float, float] | None:
@@ -210,12 +292,40 @@ def corrected(flown: FlightRecord | Maneuver, check: KinematicCheck) -> FlightRe
     Returns
     -------
     FlightRecord or Maneuver
-        Channels ``(measured(t + delay) - bias) / (1 + scale)``, cut to the time that all of them cover.
-        Airspeed and flow angles follow corrected ``u v w``, dynamic pressure a corrected airspeed. The
-        provenance lists the corrections.
+        Channels ``(measured(t + delay) - bias) / (1 + scale)`` with the errors of ``check.correction``, cut
+        to the time that all of them cover. A channel that was measured keeps its own history: airspeed and
+        flow angles follow ``u v w`` only where they were computed from these, dynamic pressure follows a
+        corrected airspeed. The provenance lists the corrections.
+    """
+    return without_errors(flown, check.correction.errors, check.computed)
+
+
+@overload
+def without_errors(
+    flown: FlightRecord, error: Mapping[str, float], computed: tuple[str, ...] = ()
+) -> FlightRecord: ...
+@overload
+def without_errors(
+    flown: Maneuver, error: Mapping[str, float], computed: tuple[str, ...] = ()
+) -> Maneuver: ...
+def without_errors(
+    flown: FlightRecord | Maneuver, error: Mapping[str, float], computed: tuple[str, ...] = ()
+) -> FlightRecord | Maneuver:
+    """Return a record without given errors of its sensors.
+
+    Parameters
+    ----------
+    flown : FlightRecord or Maneuver
+    error : mapping of str to float
+        By name, SI units.
+    computed : tuple of str
+        Air data that are computed from u v w.
+
+    Returns
+    -------
+    FlightRecord or Maneuver
     """
     record = flown.record if isinstance(flown, Maneuver) else flown
-    error = check.errors
     changed, delays = [], [0.0]
     for channel in record.channels.values():
         reading = Reading.of(channel.name, error)
@@ -224,19 +334,19 @@ def corrected(flown: FlightRecord | Maneuver, check: KinematicCheck) -> FlightRe
             source = f"{channel.source}, corrected by kinematics"
             changed.append(replace(channel, values=reading.undone(later), source=source))
             delays.append(reading.delay)
-    there = _air_data_following(record.with_channels(*changed), record)
+    there = _air_data_following(record.with_channels(*changed), record, computed)
     # A channel brought forward has no samples for the last stretch, one put back none for the first.
     first = int(np.ceil(max(0.0, -min(delays)) / record.dt - 1e-9))
     last = record.time.size - 1 - int(np.ceil(max(delays) / record.dt - 1e-9))
     there = there.cut(record.time[first], record.time[last])
-    there = replace(there, provenance={**there.provenance, "kinematics": error})
+    there = replace(there, provenance={**there.provenance, "kinematics": dict(error)})
     if isinstance(flown, Maneuver):
         return Maneuver(there, flown.vehicle)
     return there
 
 
-def _air_data_following(there: FlightRecord, before: FlightRecord) -> FlightRecord:
-    """Return a corrected record with those air data recomputed that were not compared themselves."""
+def _air_data_following(there: FlightRecord, before: FlightRecord, computed: tuple[str, ...]) -> FlightRecord:
+    """Return a corrected record with those air data recomputed that are no measurement."""
 
     def changed(name: str) -> bool:
         return name in there and there[name] is not before[name]
@@ -248,7 +358,7 @@ def _air_data_following(there: FlightRecord, before: FlightRecord) -> FlightReco
             *(
                 replace(there.channel(n), values=v, position_m=first.position_m, source=first.source)
                 for n, v in flow
-                if n in there
+                if n in computed and n in there
             )
         )
     if changed("air/V") and "air/qbar" in there:

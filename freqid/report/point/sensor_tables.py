@@ -19,6 +19,15 @@ class _Error(msgspec.Struct):
     estimate: float
     std_error: float
     units: str
+    probability: float | None = None
+    applied: float | None = None
+    applied_std_error: float | None = None
+
+
+class _Gusts(msgspec.Struct):
+    std: float
+    lower: float
+    upper: float
 
 
 class _Account(msgspec.Struct):
@@ -27,6 +36,8 @@ class _Account(msgspec.Struct):
     corrected: bool
     errors: dict[str, _Error]
     undetermined: dict[str, list[str]] = {}
+    gusts: _Gusts | None = None
+    told_by: str = ""
 
 
 def sensor_accounts(model: PointModel) -> dict[str, _Account]:
@@ -53,15 +64,32 @@ def sensor_tables(model: PointModel) -> list[dict[str, Any]]:
                     "t": number(t),
                     "sure": abs(t) > SURE,
                     "unit": pretty_unit(error.units),
+                    "chance": NONE if error.probability is None else number(error.probability),
+                    "applied": _applied(error),
                 }
             )
         undetermined = [
             {"name": name, "with": ", ".join(others) or NONE} for name, others in account.undetermined.items()
         ]
         tables.append(
-            {"record": record, "corrected": account.corrected, "rows": rows, "untold": undetermined}
+            {
+                "record": record,
+                "corrected": account.corrected,
+                "rows": rows,
+                "untold": undetermined,
+                "weighed": any(e.applied is not None for e in account.errors.values()),
+                "gusts": account.gusts,
+                "told_by": account.told_by,
+            }
         )
     return tables
+
+
+def _applied(error: _Error) -> str:
+    """Return what was taken out of a channel, with its standard error."""
+    if error.applied is None or error.applied_std_error is None:
+        return NONE
+    return " ± ".join(reversed(measured_values(error.applied_std_error, error.applied)))
 
 
 def sensor_findings(model: PointModel) -> list[Finding]:

@@ -213,8 +213,8 @@ def test_what_a_quiet_flight_does_not_tell_is_named_with_what_would_take_it_up(b
 def test_an_unknown_that_never_settles_is_held_and_named(bench, monkeypatch):
     solve = kinematic_fit._solve
 
-    def swinging(jacobian, residual, size, prior, away):
-        found = solve(jacobian, residual, size, prior, away)
+    def swinging(jacobian, residual, size, prior, away, measured=None):
+        found = solve(jacobian, residual, size, prior, away, measured)
         if prior < 1 and len(found.step) == 8:  # as of a curved valley: the last of eight never comes to rest
             found.step[-1] += 0.7 * found.error[-1] * (-1) ** len(calls)
             calls.append(1)
@@ -233,8 +233,9 @@ def test_an_unknown_that_never_settles_is_held_and_named(bench, monkeypatch):
 def test_a_corrected_record_is_the_flight_and_checks_clean(bench):
     errors = bench.draw(np.random.default_rng(8), bench.ERRORS[bench.WITH_GROUND])
     made = bench.fly(6, bench.WITH_GROUND, errors)
-    qbar = Channel("air/qbar", "Pa", 0.6 * np.square(made["state/u"]), 25.0, "made")
-    speed = Channel("air/V", "m/s", made["state/u"], 25.0, "made")
+    qbar = Channel("air/qbar", "Pa", 0.6 * (made.matrix(VELOCITY) ** 2).sum(axis=0), 25.0, "made")
+    shown = np.linalg.norm(made.matrix(VELOCITY), axis=0)
+    speed = Channel("air/V", "m/s", shown, 25.0, "computed from u v w, so no measurement")
     flown = Maneuver(made.with_channels(qbar, speed), RIGID)
     check = check_kinematics(flown, KinematicSettings(parameters=bench.ERRORS[bench.WITH_GROUND]))
     mended = corrected(flown, check)
@@ -242,7 +243,9 @@ def test_a_corrected_record_is_the_flight_and_checks_clean(bench):
     record, t = mended.record, mended.record.time
     assert t[0] > 0
     assert t[-1] < 40
-    assert record.provenance["kinematics"] == dict(zip(check.names, check.estimate, strict=True))
+    assert record.provenance["kinematics"] == check.correction.errors
+    assert check.computed == ("air/V",)
+    assert "V scale" not in (*check.names, *check.undetermined)
     motion = bench.Motion(np.random.default_rng(6))
     for name in ("w", "v", "phi", "vn", "q", "az"):
         wind = np.array([errors[f"wind {a}"] for a in ("north", "east", "down")])
@@ -275,7 +278,7 @@ def test_a_wind_that_wanders_costs_parameters_until_it_may(bench):
     )
     wanted = bench.ERRORS[bench.WITH_GROUND]
     constant, walking = (
-        check_kinematics(gusty, KinematicSettings(parameters=wanted, wind_walk=walk)) for walk in (0.0, 0.3)
+        check_kinematics(gusty, KinematicSettings(parameters=wanted, gusts=gusts)) for gusts in (0.0, None)
     )
     assert "v scale" in constant.undetermined
     assert not walking.undetermined
@@ -297,8 +300,10 @@ def test_check_says_what_it_cannot_use(bench):
         check_kinematics(record.cut(0.0, 8.0))
     with pytest.raises(UsageError, match=r"'alfa delay' is none of.*alpha delay"):
         check_kinematics(record, KinematicSettings(parameters=("alfa delay",)))
-    with pytest.raises(UsageError, match="expected a positive time"):
+    with pytest.raises(UsageError, match="longest_delay_s is 0, expected a positive"):
         check_kinematics(record, KinematicSettings(longest_delay_s=0.0))
+    with pytest.raises(UsageError, match="gusts is -1 m/s"):
+        check_kinematics(record, KinematicSettings(gusts=-1.0))
     steep = replace(record.channel("state/theta"), values=record["state/theta"] + 1.4)
     with pytest.raises(DataError, match="80 deg"):
         check_kinematics(record.with_channels(steep))

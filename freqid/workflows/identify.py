@@ -249,12 +249,9 @@ def refuse_missed_gates(model: PointModel, scenario: Scenario, where: str) -> No
     GateFailed
         With every figure of merit that is missed; `where` is the model's file.
     """
-    missed = [
-        f"{m.figure} of {m.response} is {m.value:.5g}, the gate is {m.gate:g}"
-        for m in missed_gates(model, scenario.gates)
-    ]
+    missed = missed_gates(model, scenario.gates)
     if missed:
-        raise GateFailed("; ".join(missed), where=where, remedy="the model is written all the same")
+        raise GateFailed("; ".join(map(str, missed)), where=where, remedy="the model is written all the same")
 
 
 def _refuse_unknown(option: str, value: str, known: Sequence[str]) -> None:

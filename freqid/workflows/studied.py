@@ -17,6 +17,7 @@ from freqid.core.results.point import MissedGate, PointModel, missed_gates
 from freqid.core.scenario import Scenario
 from freqid.identify.in_flight.convergence import validation_rmse
 from freqid.identify.in_flight.parameter_history import parameter_history
+from freqid.identify.model.problem import measured_responses
 from freqid.identify.point import predict_responses
 from freqid.workflows.identify import identify_point
 from freqid.workflows.inputs import identification_of
@@ -52,7 +53,8 @@ def studied_point(
             estimator=next((name for name in ESTIMATOR_NAMES if name == model.estimator), None),
         )
         repeated = repeat_agreement(model, other)
-    if flown is None or any("frequency" not in r.fit for r in model.responses.values()):
+    recorded = settings.response_source == "record"  # which estimates in flight do not follow
+    if flown is None or recorded or any("frequency" not in r.fit for r in model.responses.values()):
         return StudiedPoint(model, linear or {}, {}, np.zeros(0), {}, repeated)
     histories = parameter_history(flown, settings, every_s=2.0, excitation=scenario.excitation)
     first = settings.responses[0]
@@ -74,8 +76,10 @@ def held_out_errors(scenario: Scenario, model: GlobalModel, point: PointModel, m
         Identified at that condition, from another manoeuvre.
     maneuver : Maneuver
     """
-    there = predict_responses(point, maneuver, identification_of(scenario))
-    everywhere = replay(model, maneuver, outside="hold")
+    settings = identification_of(scenario)
+    there = predict_responses(point, maneuver, settings)
+    measured = measured_responses(maneuver, settings) if settings.response_source == "record" else None
+    everywhere = replay(model, maneuver, measured=measured, outside="hold")
     highest = model.corridor.highest_hz
     if not np.isfinite(highest):
         highest = np.inf

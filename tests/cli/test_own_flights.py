@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import tilt_wing
 
+import freqid as fq
 from freqid.blend.global_model import GlobalModel
 from freqid.core.record import write_record
 from freqid.core.results.corridor import read_global
@@ -163,3 +164,16 @@ def test_theil_and_coherence_are_what_their_definitions_say():
     noisy = np.where(line < 16 / 60, clean, clean + np.exp(2j * np.pi * rng.uniform(size=line.size)))
     assert Fit(line, clean, 2j * clean).coherence == pytest.approx(1.0)
     assert 0.2 < Fit(line, noisy, clean).coherence < 0.8
+
+
+def test_predicting_a_flight_by_a_model_made_from_it_warns(freqid, flights, tmp_path, recwarn):
+    (tmp_path / "s.toml").write_text(scenario_text())
+    one, other = (flights / f"flight-7-{i}.h5" for i in (1, 2))
+    where = ("--scenario", tmp_path / "s.toml", "--at", "u7", "-o", tmp_path / "p.h5")
+    assert "made from it" not in freqid("identify-point", one, *where, "--predict", other)[2]
+    assert "made from it" in freqid("identify-point", one, *where, "--predict", one)[2]
+    model = fq.read(tmp_path / "p.h5")
+    fq.predict(model, other, tmp_path / "s.toml")
+    assert not [w for w in recwarn if "made from it" in str(w.message)]
+    with pytest.warns(UserWarning, match="made from it, which validates nothing"):
+        fq.predict(model, one, tmp_path / "s.toml")

@@ -36,6 +36,9 @@ class StudiedPoint:
     validation_rmse : mapping of str to ndarray, shape (k,)
         By response, in its unit: rms of the error when the model made from that length predicts the
         manoeuvre that was not used.
+    repeated : mapping of str to float
+        By response: probability of a larger chi-square between the parameters of this model and those of the
+        manoeuvre that was not used, were the two alike; empty where they were not compared.
     """
 
     model: PointModel
@@ -43,6 +46,7 @@ class StudiedPoint:
     history: Mapping[str, ParameterHistory]
     validation_time: Array
     validation_rmse: Mapping[str, Array]
+    repeated: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def id(self) -> str:
@@ -113,13 +117,13 @@ class StudyResults(Viewable):
     ----------
     vehicle : Vehicle
     sensors : str
-        Suite of the scenario, or what else the records were made with.
+        Suite of the scenario; empty for real flights.
     noise : float
-        Multiple of the suite's noise.
+        Multiple of the suite's noise; nan for real flights.
     estimator : {"least-squares", "instruments"}
         Of the point models.
-    design : MultisineDesign
-        The inputs of the manoeuvres that were modelled.
+    design : MultisineDesign, optional
+        The inputs of the manoeuvres that were modelled, where they are known.
     points : tuple of StudiedPoint
         One or more, all with the same responses; held-out conditions may be among them.
     model : GlobalModel, optional
@@ -132,17 +136,16 @@ class StudyResults(Viewable):
     sensors: str
     noise: float
     estimator: str
-    design: MultisineDesign
+    design: MultisineDesign | None
     points: tuple[StudiedPoint, ...]
     model: GlobalModel | None = None
     held_out: tuple[HeldOut, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        return (
-            f"<StudyResults of {self.vehicle.name!r}: {len(self.points)} conditions, {self.estimator}, "
-            f"noise {self.noise:g} times {self.sensors}>"
-        )
+        flown = f"noise {self.noise:g} times {self.sensors}" if self.sensors else "real flights"
+        count = len(self.points)
+        return f"<StudyResults of {self.vehicle.name!r}: {count} conditions, {self.estimator}, {flown}>"
 
     @property
     def responses(self) -> tuple[str, ...]:
@@ -166,10 +169,6 @@ class StudyResults(Viewable):
 def rmse_inside(fit: Fit, highest_hz: float = float("inf")) -> float:
     """Return the rms of a history's residual about its mean, without the ends of the history.
 
-    A history up to a highest frequency is made from samples on both sides, and moments from differences
-    of rates: within two periods of that frequency of an end it says more about the end than about the
-    model. A history too short for that keeps its ends.
-
     Parameters
     ----------
     fit : Fit
@@ -177,9 +176,7 @@ def rmse_inside(fit: Fit, highest_hz: float = float("inf")) -> float:
     highest_hz : float
         Of what the history holds; infinite where it holds all.
     """
-    ends = round(2 / highest_hz / (fit.axis[1] - fit.axis[0]))
-    inside = fit.residual[ends : fit.axis.size - ends]
-    return float(np.std(inside if inside.size > 2 * ends else fit.residual))
+    return float(np.std(fit.inside(highest_hz).residual))
 
 
 def spanning_conditions(references: Sequence[Reference]) -> list[int]:

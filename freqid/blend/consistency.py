@@ -14,6 +14,7 @@ from freqid.blend.line_up import density_levels
 from freqid.blend.similarity import equivalent
 from freqid.core.arrays import Array
 from freqid.core.results.corridor import Corridor
+from freqid.core.results.point import PointModel
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,35 @@ def density_agreement(model: GlobalModel) -> list[Agreement]:
             _compare(corridor, line.local[i], name, above[near], at.s[near], rho)
             for i, name in enumerate(corridor.responses)
         ]
+    return found
+
+
+def repeat_agreement(one: PointModel, other: PointModel) -> dict[str, float]:
+    """Return by response the probability of a larger chi-square between two models, were they alike.
+
+    Parameters
+    ----------
+    one, other : PointModel
+        Of one condition, from different manoeuvres and so with independent errors.
+
+    Returns
+    -------
+    dict of str to float
+        Of the responses that both have, over the derivatives that both have: ``d^T (P1 + P2)^-1 d``.
+    """
+    found = {}
+    for name in one.responses:
+        if name not in other.responses:
+            continue
+        a, b = one[name], other[name]
+        shared = [n for n in a.regressors if n in b.regressors]
+        i, j = ([r.regressors.index(n) for n in shared] for r in (a, b))
+        difference = a.estimate[i] - b.estimate[j]
+        covariance = a.covariance[np.ix_(i, i)] + b.covariance[np.ix_(j, j)]
+        scale = 1 / np.sqrt(np.diagonal(covariance))
+        scaled = difference * scale
+        statistic = scaled @ np.linalg.solve(covariance * np.outer(scale, scale), scaled)
+        found[name] = float(chi2.sf(float(statistic), len(shared)))
     return found
 
 

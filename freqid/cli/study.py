@@ -42,6 +42,14 @@ from freqid.cli import options
     type=click.FloatRange(min=0),
     help="Of a campaign: multiple of light turbulence; 1 without it.",
 )
+@click.option("--flights", type=options.FILE, help="Folder of real flights, in place of simulated ones.")
+@click.option("--map", "columns", type=options.FILE, help="Of logs among them: map of their columns.")
+@click.option(
+    "--validate",
+    default="",
+    callback=options.parsed(options.names),
+    help="Flights, by name, that validate and are not modelled; the last of each condition without it.",
+)
 @options.estimator
 @click.option("--seed", type=int, default=0, show_default=True)
 @click.option("--jobs", type=int, default=2, show_default=True, help="Processes at once; -1 for one a core.")
@@ -55,7 +63,8 @@ def command(
     """Design inputs, fly and identify SCENARIO's conditions, blend a global model, and write a page of it.
 
     A scenario with [campaign] is flown in one flight through all its trims, and laws of the propellers'
-    advance ratio are fitted.
+    advance ratio are fitted. With --flights nothing is designed or simulated: real flights are sorted to the
+    conditions, identified, blended and judged. Exit code 4 says that all is written but a gate is missed.
 
     What is done is kept: a second run, or one after a stop, goes on from there.
     """
@@ -63,6 +72,8 @@ def command(
     from freqid.cli.advance_ratio_texts import advance_ratio_result, advance_ratio_table
     from freqid.cli.study_texts import study_result, study_table
     from freqid.views.page import page
+    from freqid.workflows.inputs import scenario_of
+    from freqid.workflows.studied import refuse_missed_study_gates
     from freqid.workflows.study import study
 
     folder = folder or Path("reports") / f"{scenario.stem}-study"
@@ -74,3 +85,5 @@ def command(
     else:
         result, text = study_result(results, folder), study_table(results)
     options.emit(json_, result, f"{text}\nThe report is {drawn}")
+    if not isinstance(results, CampaignStudy):
+        refuse_missed_study_gates(results, scenario_of(scenario), str(folder))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -130,6 +131,15 @@ class FlightRecord(Viewable):
     def dt(self) -> float:
         """Sample interval, s."""
         return float(self.time[-1] - self.time[0]) / (self.time.size - 1)
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """SHA-256 of names, time and samples: the same for the same flight, wherever its file is."""
+        digest = hashlib.sha256(np.ascontiguousarray(self.time).tobytes())
+        for name in sorted(self.channels):
+            digest.update(name.encode())
+            digest.update(np.ascontiguousarray(self.channels[name].values).tobytes())
+        return digest.hexdigest()
 
     @property
     def duration(self) -> float:

@@ -106,17 +106,30 @@ class Gates(Strict, frozen=True):
         Lowest coefficient of determination, for all responses or by response.
     condition_number : float, optional
         Highest condition number of the scaled regressors.
+    coherence : float, optional
+        Lowest coherence of measured and modelled responses, in the worst octave of the band.
+    validation : float or dict, optional
+        Highest Theil coefficient on a manoeuvre that was not used, for all responses or by response; without
+        such a manoeuvre the gate is missed.
+    consistency : float, optional
+        Of a study: lowest probability that repeated flights, and points of different densities, agree; each
+        of m comparisons is held to this over m.
     """
 
     r2: float | dict[str, float] | None = None
     condition_number: float | None = None
+    coherence: float | None = None
+    validation: float | dict[str, float] | None = None
+    consistency: float | None = None
 
     def __post_init__(self) -> None:
-        asked = self.r2 if isinstance(self.r2, dict) else {}
-        for response in asked:
-            if response not in WRENCH:
-                raise ValueError(f"gate r2 names response '{response}'; {nearest(response, WRENCH)}")
-        bars = [*asked.values(), self.condition_number, None if isinstance(self.r2, dict) else self.r2]
+        bars = [self.condition_number, self.coherence, self.consistency]
+        for name in ("r2", "validation"):
+            asked = getattr(self, name)
+            for response in asked if isinstance(asked, dict) else ():
+                if response not in WRENCH:
+                    raise ValueError(f"gate {name} names response '{response}'; {nearest(response, WRENCH)}")
+            bars += asked.values() if isinstance(asked, dict) else [asked]
         if not all(isfinite(bar) for bar in bars if bar is not None):
             raise ValueError("a gate is not finite, expected a number that can be reached")
 

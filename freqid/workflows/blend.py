@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import warnings
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Literal
@@ -110,6 +112,11 @@ def predict(
     UsageError
         Where a point model comes without a scenario that identifies anything.
 
+    Warns
+    -----
+    UserWarning
+        Where the model was made from this very flight: then nothing is validated.
+
     Examples
     --------
     >>> fits = predict(model, flight, scenario)
@@ -119,6 +126,10 @@ def predict(
     described = scenario_of(scenario) if scenario is not None else None
     try:
         maneuver = maneuver_of(flight, described)
+        source = model.corridor.provenance if isinstance(model, GlobalModel) else model.provenance
+        if maneuver.record.fingerprint in json.dumps(source, default=str):
+            text = f"{names_of([flight])[0]} is predicted by a model that was made from it"
+            warnings.warn(f"{text}, which validates nothing", stacklevel=2)
         if isinstance(model, GlobalModel):
             fits = replay(model, maneuver, outside=outside)
             return {name: fit for name, fit in fits.items() if name in (responses or fits)}

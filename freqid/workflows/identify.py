@@ -186,6 +186,9 @@ def identify_point(
             if align == "fit":
                 other, _ = align_maneuver(other, settings, lines_of(settings, described.excitation))
             predicted = point.predict_responses(model, other, settings)
+            if other.record.fingerprint in {record.fingerprint for record in flown.records}:
+                remark = f"{name} is predicted by a model that was made from it, which validates nothing."
+                model = replace(model, remarks=(*model.remarks, remark))
         except DataError as error:
             raise error.at(name) from None
         sources["predicted"] = name
@@ -218,7 +221,12 @@ class FlownManeuvers:
     def sources(self) -> dict:
         """Return records, cuts and logs, as the provenance of a model has them."""
         used = [
-            {"record": name, "cut": _words(span), "log": record.provenance}
+            {
+                "record": name,
+                "record_sha256": record.fingerprint,
+                "cut": _words(span),
+                "log": record.provenance,
+            }
             for record, name, span in zip(self.records, self.names, self.cuts, strict=True)
         ]
         return used[0] if len(used) == 1 else {"manoeuvres": used}
@@ -265,12 +273,9 @@ def refuse_missed_gates(model: PointModel, scenario: Scenario, where: str) -> No
     GateFailed
         With every figure of merit that is missed; `where` is the model's file.
     """
-    missed = [
-        f"{m.figure} of {m.response} is {m.value:.5g}, the gate is {m.gate:g}"
-        for m in missed_gates(model, scenario.gates)
-    ]
+    missed = missed_gates(model, scenario.gates)
     if missed:
-        raise GateFailed("; ".join(missed), where=where, remedy="the model is written all the same")
+        raise GateFailed("; ".join(map(str, missed)), where=where, remedy="the model is written all the same")
 
 
 def _refuse_unknown(option: str, value: str, known: Sequence[str]) -> None:

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults, rmse_inside, spanning_conditions
-from freqid.blend.global_model import GlobalModel
-from freqid.blend.predict import replay
+from freqid.blend.campaign import StudyResults, spanning_conditions
 from freqid.blend.semi_local.campaign import CampaignStudy
 from freqid.core.errors import UsageError
 from freqid.core.estimators import EstimatorName
@@ -22,16 +18,15 @@ from freqid.core.results.design import read_design
 from freqid.core.results.point import PointModel, read_point
 from freqid.core.scenario import Scenario
 from freqid.core.store import replacing
-from freqid.identify.in_flight.convergence import validation_rmse
-from freqid.identify.in_flight.parameter_history import parameter_history
-from freqid.identify.point import predict_responses
 from freqid.simulate import runner
 from freqid.simulate import sensors as suites
 from freqid.workflows import units
 from freqid.workflows.blend import blend
 from freqid.workflows.campaign_study import study_campaign
 from freqid.workflows.files import save
-from freqid.workflows.inputs import File, Tell, name_of, scenario_of, silent
+from freqid.workflows.inputs import File, Flight, Tell, name_of, scenario_of, silent
+from freqid.workflows.own_flights import study_flights
+from freqid.workflows.studied import held_out_errors, studied_point
 
 _FLIGHT_SEEDS = 1000  # apart for each design, so that no two flights share their sensors' errors
 
@@ -74,11 +69,15 @@ def study(
     seed: int = 0,
     jobs: int = 2,
     turbulence: float | None = None,
+    flights: File | Iterable[Flight] | None = None,
+    columns: File | None = None,
+    validate: Sequence[str] = (),
     tell: Tell = silent,
 ) -> StudyResults | CampaignStudy:
     """Design inputs, fly and identify the conditions of a scenario, and blend a global model.
 
-    Of a scenario with ``[campaign]`` all its trims are flown in one flight, and laws of the propellers'
+    Real flights take the place of the simulation where they are given: nothing is designed or simulated
+    then. Of a scenario with ``[campaign]`` all its trims are flown in one flight, and laws of the propellers'
     advance ratio are fitted to what the manoeuvres tell.
 
     What is done is kept: a second run, or one after a stop, goes on from there.
@@ -103,6 +102,13 @@ def study(
         Processes at once; -1 for one a core.
     turbulence : float, optional
         Multiple of light turbulence, of a campaign; one where absent.
+    flights : path of a folder, or FlightRecords or paths, optional
+        Real flights, sorted to the scenario's conditions by the one that they state or else by their trim.
+        Several at a condition make one point model; the last of them, by name, validates it.
+    columns : path, optional
+        Map of columns, with which logs among the flights are read.
+    validate : sequence of str
+        Names, without suffix, of the flights that validate, in place of the last of each condition.
     tell : callable
         Told what begins, in a few words.
 
@@ -125,6 +131,25 @@ def study(
     >>> results.points[0].model["M"].r2  # doctest: +SKIP
     """
     described = scenario_of(scenario)
+    if flights is not None:
+        if turbulence is not None or (sensors, noise) != ("research", 1.0):
+            raise UsageError(
+                "sensors, noise and turbulence are of a simulation, but real flights are given",
+                remedy="leave them out",
+            )
+        return study_flights(
+            described,
+            folder,
+            flights,
+            columns=columns,
+            validate=validate,
+            at=at,
+            held_out=held_out,
+            estimator=estimator,
+            tell=tell,
+        )
+    if validate or columns is not None:
+        raise UsageError("a column map and validating flights go with flights", remedy="name their folder")
     if described.campaign is not None:
         if at:
             raise UsageError(
@@ -163,9 +188,9 @@ def study(
     suites.suite(described, sensors)  # a wrong name is said before anything is flown
     campaign.folder.mkdir(parents=True, exist_ok=True)
     tell(f"flights at {len(ids)} conditions")
-    design, flights = _fly(campaign, ids)
+    design, flown = _fly(campaign, ids)
     tell("point models")
-    points = _identify(campaign, flights)
+    points = _identify(campaign, flown)
     linear = _linearise(campaign, ids)
     tell("global model")
     model = blend(campaign.folder / "points" / f"{i}.h5" for i in used)
@@ -179,10 +204,19 @@ def study(
         estimator=points[ids[0]].estimator,
         design=read_design(design),
         points=tuple(
-            _studied(described, points[i], flights, linear[i], i, converging=i in shown) for i in ids
+            studied_point(
+                described,
+                points[i],
+                linear=linear[i],
+                flown=_maneuver(flown.modelled[i]) if i in shown else None,
+                validating=_maneuver(flown.validating[i]),
+            )
+            for i in ids
         ),
         model=model,
-        held_out=tuple(_held_out(described, model, points[i], flights, i) for i in held_out),
+        held_out=tuple(
+            held_out_errors(described, model, points[i], _maneuver(flown.validating[i])) for i in held_out
+        ),
         provenance=_provenance(campaign, ids, held_out),
     )
 
@@ -259,42 +293,5 @@ def _provenance(campaign: _Campaign, ids: Sequence[str], held_out: Sequence[str]
     }
 
 
-def _studied(
-    scenario: Scenario,
-    model: PointModel,
-    flights: _Flights,
-    linear: dict[str, dict[str, float]],
-    identifier: str,
-    *,
-    converging: bool,
-) -> StudiedPoint:
-    """Return one condition for the page, with histories where they are shown."""
-    if not converging:
-        return StudiedPoint(model, linear, {}, np.zeros(0), {})
-    settings = scenario.identification
-    assert settings is not None  # the units have refused a scenario without it
-    flown, held_out = (
-        Maneuver.of(read_record(of[identifier])) for of in (flights.modelled, flights.validating)
-    )
-    histories = parameter_history(flown, settings, every_s=2.0, excitation=scenario.excitation)
-    first = settings.responses[0]
-    highest = float(model[first].fit["frequency"].axis[-1])
-    errors = validation_rmse(histories, held_out, settings, highest)
-    return StudiedPoint(model, linear, histories, histories[first].time, errors)
-
-
-def _held_out(
-    scenario: Scenario, model: GlobalModel, point: PointModel, flights: _Flights, identifier: str
-) -> HeldOut:
-    """Return errors on a manoeuvre of a condition that the global model has not seen, about the means."""
-    settings = scenario.identification
-    assert settings is not None
-    maneuver = Maneuver.of(read_record(flights.validating[identifier]))
-    there = predict_responses(point, maneuver, settings)
-    everywhere = replay(model, maneuver, outside="hold")
-    highest = model.corridor.highest_hz
-    return HeldOut(
-        reference=point.reference,
-        global_rmse={name: rmse_inside(fit, highest) for name, fit in everywhere.items()},
-        point_rmse={name: rmse_inside(fit, highest) for name, fit in there.items()},
-    )
+def _maneuver(path: Path) -> Maneuver:
+    return Maneuver.of(read_record(path))

@@ -185,7 +185,8 @@ def missed_by_response(model: PointModel, gates: Gates) -> dict[str, tuple[Marku
             if allowed is not None and allowed < miss.gate:
                 text += Markup(" and noise allows {}").format(share(allowed))
         else:
-            text = Markup("{} {} where {:g} is allowed").format(miss.figure, number(miss.value), miss.gate)
+            bound = "asked" if miss.figure == "coherence" else "allowed"
+            text = Markup("{} {} where {:g} is {}").format(miss.figure, number(miss.value), miss.gate, bound)
         summary[miss.response] = (*summary.get(miss.response, ()), text)
     return summary
 

@@ -44,7 +44,9 @@ def study_facts(results: StudyResults) -> list[tuple[str, str]]:
     held = len(results.held_out)
     facts = [
         ("Vehicle", results.vehicle.name),
-        ("Sensors", f"{results.sensors}, {short(results.noise)} × their noise"),
+        ("Sensors", f"{results.sensors}, {short(results.noise)} × their noise")
+        if results.sensors
+        else ("Flights", "real, none simulated"),
         ("Estimator", label_of(results.estimator)),
         ("Conditions", f"{len(references)}{f', {held} held out of the global model' if held else ''}"),
     ]
@@ -54,11 +56,12 @@ def study_facts(results: StudyResults) -> list[tuple[str, str]]:
     if levels:
         facts.append(("Air density", f"{' and '.join(levels)} kg/m³"))
     design = results.design
-    facts += [
-        ("Effectors excited", str(len(design.signals))),
-        ("Manoeuvre", f"{design.periods} × {short(design.period_s)} s"),
-        ("Band", f"{short(design.band_hz[0])} to {short(design.band_hz[1])} Hz"),
-    ]
+    if design is not None:
+        facts += [
+            ("Effectors excited", str(len(design.signals))),
+            ("Manoeuvre", f"{design.periods} × {short(design.period_s)} s"),
+            ("Band", f"{short(design.band_hz[0])} to {short(design.band_hz[1])} Hz"),
+        ]
     return facts
 
 
@@ -218,13 +221,15 @@ def build_study_page(results: StudyResults) -> str:
         histories=history_pictures(results, middle),
         other_histories=[{"id": p.id, "pictures": history_pictures(results, p)} for p in others if p.history],
         inputs=_inputs(results),
-        provenance={**results.design.provenance, **results.provenance},
+        provenance={**(results.design.provenance if results.design else {}), **results.provenance},
     )
 
 
 def _inputs(results: StudyResults) -> list[Picture]:
     """Draw the spectra of all effectors and their signals over one period."""
     design, vehicle = results.design, results.vehicle
+    if design is None:
+        return []
     index = np.concatenate([s.index for s in design.signals])
     samples = samples_per_period(index, _POINTS)
     time = np.linspace(0.0, design.period_s, samples + 1)

@@ -41,6 +41,8 @@ def study_verdict(results: StudyResults) -> tuple[Finding, ...]:
 
 def settled_by(results: StudyResults) -> float | None:
     """Return when parameters should have settled, s; None where no manoeuvre is as long as that."""
+    if results.design is None:
+        return None
     by = results.design.period_s + SETTLED_BY
     return by if by < results.design.duration_s else None
 

@@ -1,0 +1,272 @@
+"""A study of real flights: sorted to conditions, identified, blended and judged, without a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from freqid.blend.campaign import StudyResults, spanning_conditions
+from freqid.core import record as record_file
+from freqid.core import store
+from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.estimators import EstimatorName
+from freqid.core.record import FlightRecord, Maneuver
+from freqid.core.results.point import PointModel
+from freqid.core.scenario import Scenario
+from freqid.identify.point import departures, flown_reference
+from freqid.workflows.blend import blend
+from freqid.workflows.files import save
+from freqid.workflows.identify import identify_point
+from freqid.workflows.import_log import read_log
+from freqid.workflows.inputs import File, Flight, Tell, name_of, record_of, several, silent
+from freqid.workflows.studied import held_out_errors, studied_point
+
+LOGS = (".csv", ".tsv", ".txt", ".asc", ".dat", ".mat")
+"""Suffixes of files that are logs where a column map is given."""
+
+Flown = Mapping[str, Maneuver]
+"""Manoeuvres by the name of their flight."""
+
+
+def study_flights(
+    scenario: Scenario,
+    folder: File,
+    flights: File | Iterable[Flight],
+    *,
+    columns: File | None = None,
+    validate: Sequence[str] = (),
+    at: Sequence[str] = (),
+    held_out: Sequence[str] = (),
+    estimator: EstimatorName | None = None,
+    tell: Tell = silent,
+) -> StudyResults:
+    """Identify real flights at their conditions, blend a global model, and judge both.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Its references are the conditions; those that no flight belongs to are left out.
+    folder : path
+        Where ``points/ID.h5`` and ``model.h5`` are kept.
+    flights, columns, validate, at, held_out, estimator, tell
+        As for `freqid.study`.
+
+    Returns
+    -------
+    StudyResults
+
+    Raises
+    ------
+    UsageError
+        Where a named flight is not there, or fewer than two conditions are left for the global model.
+    DataError
+        Where a flight cannot be read or identified, or belongs to no condition.
+    """
+    tell("flights")
+    sources = find_flights(scenario, flights, columns, Path(folder) / "records")
+    at_condition = sort_flights(scenario, {name: record_of(source) for name, source in sources.items()})
+    ids = [r.id for r in scenario.reference if r.id in at_condition]
+    for wanted in (*at, *held_out):
+        if wanted not in ids:
+            scenario.reference_of(wanted)  # a misspelt one is said to be that
+            raise UsageError(f"no flight is at reference '{wanted}'", remedy=f"flown are {', '.join(ids)}")
+    if at:
+        ids = [i for i in ids if i in (*at, *held_out)]
+    used = [i for i in ids if i not in held_out]
+    if len(used) < 2:
+        raise UsageError(
+            f"a global model needs flights at two conditions or more, found {len(used)}",
+            remedy="identify a single condition with identify-point",
+        )
+    roles = _roles({i: at_condition[i] for i in ids}, validate)
+    for identifier in held_out:
+        if not roles[identifier][1]:
+            raise UsageError(
+                f"reference '{identifier}' is held out but has a single flight; one is needed to make the "
+                "point model, and another to judge both models by",
+                remedy="leave it out of the held-out ones, or fly it again",
+            )
+    tell("point models")
+    points = {i: _identify(scenario, i, sources, *roles[i], estimator) for i in ids}
+    for identifier, point in points.items():
+        save(point, Path(folder) / "points" / f"{identifier}.h5")
+    tell("global model")
+    model = blend(Path(folder) / "points" / f"{i}.h5" for i in used)
+    save(model, Path(folder) / "model.h5")
+    tell("page")
+    shown = {used[k] for k in spanning_conditions([scenario.reference_of(i) for i in used])}
+    return StudyResults(
+        vehicle=scenario.aircraft(),
+        sensors="",
+        noise=float("nan"),
+        estimator=points[ids[0]].estimator,
+        design=None,
+        points=tuple(
+            studied_point(
+                scenario,
+                points[i],
+                flown=next(iter(roles[i][0].values())) if i in shown else None,
+                validating=next(iter(roles[i][1].values()), None),
+            )
+            for i in ids
+        ),
+        model=model,
+        held_out=tuple(
+            held_out_errors(scenario, model, points[i], next(iter(roles[i][1].values()))) for i in held_out
+        ),
+        provenance={
+            "scenario": name_of(scenario),
+            "SHA-256": scenario.sha256,
+            "held out": list(held_out),
+            "flights": {i: {"modelled": [*roles[i][0]], "validating": [*roles[i][1]]} for i in ids},
+        },
+    )
+
+
+def find_flights(
+    scenario: Scenario, flights: File | Iterable[Flight], columns: File | None, imported: Path
+) -> dict[str, Flight]:
+    """Return real flights by name, in the order of the names; logs become records.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Describes the vehicle of logs.
+    flights : path of a folder, or FlightRecords or paths
+        Of a folder, all its records (``.h5``; files of other kinds are passed over) and, with `columns`,
+        its logs.
+    columns : path, optional
+        Map of columns.
+    imported : path
+        Folder that the records of logs are written to.
+
+    Raises
+    ------
+    UsageError
+        Where the folder is missing or holds no flight, or two flights have one name.
+    DataError
+        Where a file is damaged.
+    """
+    if isinstance(flights, str | Path) and not Path(flights).is_file():
+        paths = _flights_in(Path(flights), columns)
+    else:
+        paths = several(flights)
+    found: dict[str, Flight] = {}
+    for place, given in enumerate(paths, 1):
+        name = Path(given).stem if isinstance(given, str | Path) else f"flight {place}"
+        if name in found:
+            raise UsageError(f"two flights are called '{name}'", remedy="rename one of them")
+        if isinstance(given, str | Path) and Path(given).suffix.lower() in LOGS:
+            record = read_log(given, columns, scenario=scenario)
+            found[name] = save(record, imported / f"{name}.h5", scenario=scenario)
+        else:
+            found[name] = given
+    return found
+
+
+def _flights_in(folder: Path, columns: File | None) -> list[Path]:
+    if not folder.is_dir():
+        raise UsageError("no such folder of flights", where=str(folder), remedy="check the path")
+    files = sorted(path for path in folder.iterdir() if path.is_file())
+    records = [p for p in files if p.suffix == ".h5" and store.kind_of(p) == record_file.FORMAT]
+    logs = [p for p in files if p.suffix.lower() in LOGS and columns is not None]
+    if not records + logs:
+        others = [p.name for p in files if p.suffix.lower() in LOGS]
+        raise UsageError(
+            f"holds no flight record, and {len(others)} logs" if others else "holds no flight record",
+            where=str(folder),
+            remedy="read the logs with --map COLUMNS.toml, or import them first with import-log",
+        )
+    return sorted(records + logs)
+
+
+def sort_flights(scenario: Scenario, flights: Mapping[str, FlightRecord]) -> dict[str, dict[str, Maneuver]]:
+    """Return manoeuvres by condition and name of the flight.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    flights : mapping of str to FlightRecord
+        One that states a reference is taken at its word; any other belongs to the reference that its means
+        of speed, density and tilt do not depart from, the nearest in speed where there are several.
+
+    Raises
+    ------
+    UsageError
+        Where a flight states a reference that the scenario has not.
+    DataError
+        Where a flight is at none of the references.
+    """
+    found: dict[str, dict[str, Maneuver]] = {}
+    for name, record in flights.items():
+        maneuver = Maneuver.of(record, scenario.aircraft())
+        if record.reference:
+            try:
+                identifier = scenario.reference_of(record.reference).id
+            except UsageError as error:
+                raise error.at(name) from None
+        else:
+            identifier = _condition_of(scenario, name, maneuver)
+        found.setdefault(identifier, {})[name] = maneuver
+    return found
+
+
+def _condition_of(scenario: Scenario, name: str, maneuver: Maneuver) -> str:
+    flown = flown_reference([maneuver])
+    if flown.u != flown.u:
+        raise DataError(
+            "the record states no reference and holds no speed that would tell it",
+            where=name,
+            remedy="import it with --at REFERENCE",
+        )
+    ranked = sorted(scenario.reference, key=lambda r: abs(r.u - flown.u))
+    fitting = [r for r in ranked if not departures(r, flown)]
+    if not fitting:
+        reason = departures(ranked[0], flown)[0] if ranked else "the scenario has no [[reference]]."
+        raise DataError(
+            f"the flight is at no reference of the scenario; of the nearest, {reason.rstrip('.')}",
+            where=name,
+            remedy="add a [[reference]] for it, or import it with --at REFERENCE",
+        )
+    return fitting[0].id
+
+
+def _roles(
+    flights: Mapping[str, Mapping[str, Maneuver]], validate: Sequence[str]
+) -> dict[str, tuple[Flown, Flown]]:
+    """Return by condition the manoeuvres that are modelled and those that validate."""
+    known = {name for of in flights.values() for name in of}
+    for name in validate:
+        if name not in known:
+            raise UsageError(f"no flight is called '{name}'", remedy=nearest(name, known))
+    roles = {}
+    for identifier, of in flights.items():
+        names = list(of)
+        chosen = [n for n in names if n in validate] if validate else names[1:][-1:]
+        if len(chosen) == len(names):
+            raise UsageError(
+                f"all flights at reference '{identifier}' are to validate, and none is left to model",
+                remedy="name fewer with --validate",
+            )
+        roles[identifier] = (
+            {n: m for n, m in of.items() if n not in chosen},
+            {n: m for n, m in of.items() if n in chosen},
+        )
+    return roles
+
+
+def _identify(
+    scenario: Scenario,
+    identifier: str,
+    sources: Mapping[str, Flight],
+    modelled: Flown,
+    validating: Flown,
+    estimator: EstimatorName | None,
+) -> PointModel:
+    return identify_point(
+        [sources[name] for name in modelled],
+        scenario,
+        at=identifier,
+        held_out=next((sources[name] for name in validating), None),
+        estimator=estimator,
+    )

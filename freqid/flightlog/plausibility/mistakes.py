@@ -254,7 +254,9 @@ def _finding(
 ) -> Finding:
     """Say what explains a contradiction, by how much, and what to change."""
     healed = {
-        n: (before[n], a) for n, a in after.items() if a is not None and before[n].concordance < HALF < a.concordance
+        n: (before[n], a)
+        for n, a in after.items()
+        if a is not None and before[n].concordance < HALF < a.concordance
     }
     told = max(healed, key=lambda n: healed[n][1].concordance - healed[n][0].concordance)
     was, now = healed[told]
@@ -265,7 +267,9 @@ def _finding(
     many = len(mistake.channels) > 1
     if mistake.kind == "unit" and " not " in mistake.unit:
         right = mistake.unit.partition(" not ")[0]
-        what = f"{names} {'have' if many else 'has'} been converted from {mistake.unit[len(right) + 5 :]} but "
+        what = (
+            f"{names} {'have' if many else 'has'} been converted from {mistake.unit[len(right) + 5 :]} but "
+        )
         what += f"{'were' if many else 'was'} logged in {right}"
         setting = f'set unit = "{right}" of {where} in the map'
     elif mistake.kind == "unit":

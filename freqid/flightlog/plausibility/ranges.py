@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from math import pi
 
 import numpy as np
+from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
 from freqid.core.record import Channel, FlightRecord
@@ -32,6 +34,7 @@ RANGES: dict[str, tuple[float, float, str]] = {
 BEYOND = 0.02  # of its travel that an effector may be logged beyond its limits: calibration and noise
 FASTER = 1.1  # times its rate limit that an effector may be logged to move: a limit has two digits
 NOISE_SIGMAS = 6.0
+FEW = 0.01  # of the samples beyond a range: a glitch, and not the unit
 SPIKE = 10.0  # times the 99.5 % quantile of the departures from the neighbours
 MOST_SPIKES = 1e-3  # of the samples; what departs more often belongs to the signal
 SPEEDS = {"kt": 0.514444, "ft/s": 0.3048, "km/h": 1 / 3.6, "mph": 0.44704}  # m/s
@@ -53,8 +56,8 @@ def physical(record: FlightRecord) -> Iterator[Finding]:
                 (name,),
                 f"'{name}' is {worst:.4g} {channel.unit} at worst and outside {low:.4g} to {high:.4g} "
                 f"{channel.unit}, which is {whose} range, in {_counted(outside, record)}",
-                f"correct unit of [[channel]] name = \"{name}\" in the map (now {_logged(channel)})"
-                if outside.size > 0.01 * record.time.size
+                f'correct unit of [[channel]] name = "{name}" in the map (now {_logged(channel)})'
+                if outside.size > FEW * record.time.size
                 else f"cut the record there with --cut, or repair '{name}' first",
                 {"samples": int(outside.size), "worst": float(worst), "low": low, "high": high},
                 _span(outside, record),
@@ -63,6 +66,22 @@ def physical(record: FlightRecord) -> Iterator[Finding]:
 
 def spikes(record: FlightRecord) -> Iterator[Finding]:
     """Yield channels with single samples far away from both neighbours."""
+    for name, at, largest, usual in _stray_samples(record):
+        yield Finding(
+            "warning",
+            "spike",
+            (name,),
+            f"'{name}' has {at.size} single samples that leave their neighbours by up to {largest:.3g} "
+            f"{record.channel(name).unit}, {largest / usual:.0f} times what 99.5 % of its samples do, first at "
+            f"t = {record.time[at[0]]:.4g} s",
+            f"repair '{name}' first, or cut the record there with --cut",
+            {"samples": int(at.size), "largest": largest, "usual": usual},
+            _span(at, record),
+        )
+
+
+def _stray_samples(record: FlightRecord) -> Iterator[tuple[str, NDArray[np.intp], float, float]]:
+    """Yield channels, their stray samples, the largest departure and what is usual."""
     for name, channel in record.channels.items():
         if name.startswith(("excitation/", "command/", "response/")):
             continue  # these may step
@@ -70,22 +89,34 @@ def spikes(record: FlightRecord) -> Iterator[Finding]:
         if x.size < 50 or np.ptp(x) == 0:
             continue
         away = np.abs(x[2:-2] - _median_of_five(x))
-        usual = float(np.quantile(away, 0.995))
         moves = np.abs(np.diff(x))
-        least = float(np.quantile(moves[moves > 0], 0.5))
-        at = np.flatnonzero(away > SPIKE * max(usual, least)) + 2
+        usual = max(float(np.quantile(away, 0.995)), float(np.median(moves[moves > 0])))
+        at = np.flatnonzero(away > SPIKE * usual) + 2
         if at.size and at.size <= max(1, MOST_SPIKES * x.size):
-            yield Finding(
-                "warning",
-                "spike",
-                (name,),
-                f"'{name}' has {at.size} single samples that leave their neighbours by up to "
-                f"{away[at - 2].max():.3g} {channel.unit}, {away[at - 2].max() / max(usual, least):.0f} times "
-                f"what 99.5 % of its samples do, first at t = {record.time[at[0]]:.4g} s",
-                f"repair '{name}' first, or cut the record there with --cut",
-                {"samples": int(at.size), "largest": float(away[at - 2].max()), "usual": usual},
-                _span(at, record),
-            )
+            yield name, at, float(away[at - 2].max()), usual
+
+
+def bridged(record: FlightRecord) -> FlightRecord:
+    """Return a record in which few impossible or single stray samples are bridged by straight lines.
+
+    For what compares whole channels: one sample of 65535 outweighs all others.
+    """
+    stray: dict[str, set[int]] = {}
+    for name, (low, high, _) in RANGES.items():
+        if name in record:
+            outside = np.flatnonzero((record[name] < low) | (record[name] > high))
+            if 0 < outside.size <= FEW * record.time.size:
+                stray.setdefault(name, set()).update(outside.tolist())
+    for name, at, _, _ in _stray_samples(record):
+        stray.setdefault(name, set()).update(at.tolist())
+    if not stray:
+        return record
+    channels = []
+    for name, at in stray.items():
+        kept = np.setdiff1d(np.arange(record.time.size), list(at))
+        values = np.interp(record.time, record.time[kept], record[name][kept])
+        channels.append(replace(record.channel(name), values=values))
+    return record.with_channels(*channels)
 
 
 def stated(record: FlightRecord) -> Iterator[Finding]:
@@ -129,9 +160,7 @@ def _beyond(record: FlightRecord, channel: Channel, effector: Effector) -> Findi
     )
 
 
-def _too_fast(
-    record: FlightRecord, channel: Channel, effector: Effector, limit: float
-) -> Iterator[Finding]:
+def _too_fast(record: FlightRecord, channel: Channel, effector: Effector, limit: float) -> Iterator[Finding]:
     """Yield a position that moves faster than stated, by more than its noise over two samples."""
     x, dt = channel.values, record.dt
     if x.size < 20:

@@ -14,7 +14,7 @@ lines, so that no noise is differentiated, after a line is taken away: biases dr
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -168,7 +168,15 @@ class Relation:
 def relations(record: FlightRecord) -> list[Relation]:
     """Return all relations that a record's channels allow."""
     s = Signals(record)
-    return [*_attitude(s), *_accelerations(s), *_velocity(s), *_gravity(s), *_air(s), *_height(s), *_inputs(s)]
+    return [
+        *_attitude(s),
+        *_accelerations(s),
+        *_velocity(s),
+        *_gravity(s),
+        *_air(s),
+        *_height(s),
+        *_inputs(s),
+    ]
 
 
 def thinned(record: FlightRecord) -> FlightRecord:
@@ -176,8 +184,6 @@ def thinned(record: FlightRecord) -> FlightRecord:
     size = -(-record.time.size // MOST_SAMPLES)
     if size < 2:
         return record
-    from dataclasses import replace
-
     count = record.time.size // size
 
     def mean(x: Array) -> Array:
@@ -308,6 +314,24 @@ def _velocity(s: Signals) -> Iterator[Relation]:
                 lambda s, k=axis: moving(s)[k],
                 lambda s, k=axis: rate(s, k),
             )
+            yield _force(axis, (*need[:1], *mine, *need[1:], *rest), moving, rate)
+
+
+def _force(
+    axis: int,
+    channels: tuple[str, ...],
+    moving: Callable[[Signals], tuple[Array, ...]],
+    rate: Callable[[Signals, int], Array],
+) -> Relation:
+    """Return the same equation solved for the specific force, which may be small beside the other terms."""
+    logged = f"state/a{'xyz'[axis]}"
+
+    def pair(s: Signals) -> Pair:
+        transform, integral = s.lines(*channels)
+        felt = integral * transform(s[logged])
+        return felt, transform(moving(s)[axis]) - integral * transform(rate(s, axis)) + felt
+
+    return Relation(f"specific force along {'xyz'[axis]}", channels, pair)
 
 
 def _gravity(s: Signals) -> Iterator[Relation]:
@@ -345,7 +369,9 @@ def _air(s: Signals) -> Iterator[Relation]:
             u, v, w = s["state/u"], s["state/v"], s["state/w"]
             return s.blocks(s["air/V"]), s.blocks(np.sqrt(u**2 + v**2 + w**2))
 
-        yield Relation("airspeed", tuple(n for n in ("air/V", "state/u", "state/v", "state/w") if n in s), speed)
+        yield Relation(
+            "airspeed", tuple(n for n in ("air/V", "state/u", "state/v", "state/w") if n in s), speed
+        )
         for angle, axis, k in (("alpha", "w", 2), ("beta", "v", 1)):
             if s.has(f"air/{angle}", f"state/{axis}"):
                 yield _equal(
@@ -371,6 +397,7 @@ def _height(s: Signals) -> Iterator[Relation]:
             lambda s: s["state/alt"],
             lambda s: -s["state/vd"],
         )
+    yield from _lifted(s)
     if s.velocity() is None or not s.has("state/theta"):
         return
     speeds = ("state/u", "state/w", "state/v") if s.has("state/u", "state/w") else ("air/V", "air/alpha")
@@ -386,6 +413,29 @@ def _height(s: Signals) -> Iterator[Relation]:
         yield _integrated("climb", ("state/alt", *used), lambda s: s["state/alt"], climb)
     if "state/vd" in s:
         yield _equal("vertical speed", ("state/vd", *used), lambda s: -s["state/vd"], climb)
+
+
+def _lifted(s: Signals) -> Iterator[Relation]:
+    """Yield altitude and sink rate beside the specific force turned into the vertical: no gust enters."""
+    used = ("state/az", "state/theta", "state/phi", "state/ax", "state/ay")
+    if not s.has(*used[:4]):
+        return
+
+    def sinking(s: Signals) -> Array:
+        phi, theta = s["state/phi"], s["state/theta"]
+        level = s["state/ay"] * np.sin(phi) + s["state/az"] * np.cos(phi)
+        return level * np.cos(theta) - s["state/ax"] * np.sin(theta) + G
+
+    used = tuple(n for n in used if n in s)
+    if "state/vd" in s:
+        yield _integrated("sink rate by accelerations", ("state/vd", *used), lambda s: s["state/vd"], sinking)
+    if "state/alt" in s:
+
+        def pair(s: Signals) -> Pair:
+            transform, integral = s.lines("state/alt", *used)
+            return transform(s["state/alt"]), -(integral**2) * transform(sinking(s))
+
+        yield Relation("climb by accelerations", ("state/alt", *used), pair)
 
 
 def _inputs(s: Signals) -> Iterator[Relation]:

@@ -15,6 +15,7 @@ SENSORS = (*RATES, *FORCES, *VELOCITY, *FLOW, "state/phi", "state/theta")
 """Channels that no aircraft in flight holds still; others may rest."""
 LONGER = 10.0  # times the usual run: a frozen sensor is not one that changes seldom
 LEAST_S, LEAST_SAMPLES = 0.25, 10  # of a run that counts as frozen
+STEPS = 3.0  # times the smallest changes (their 5 % quantile) that half of all are, at least, unless coarse
 USUAL = 0.99  # quantile of the runs' lengths that is called usual
 MOVING = 0.5  # share of the other sensors that must change meanwhile: else it is the log that stands still
 CHANGES = 20  # changes needed to tell a rate
@@ -28,7 +29,8 @@ def stuck(record: FlightRecord) -> Iterator[Finding]:
     Notes
     -----
     Noise and resolution decide how often a healthy sensor repeats a sample, so a run of equal samples is
-    held against the channel's own other runs, and not against a fixed time.
+    held against the channel's own other runs, and not against a fixed time. A channel that moves by single
+    steps of its resolution may rest in calm air; it is not judged.
     """
     runs = {name: _runs(record[name]) for name in SENSORS if name in record}
     moving = [name for name, (_, length) in runs.items() if length.size > 1]
@@ -39,6 +41,8 @@ def stuck(record: FlightRecord) -> Iterator[Finding]:
         longest = int(np.argmax(length))
         count = int(length[longest])
         if count < max(LONGER * usual, LEAST_SAMPLES) or count * record.dt < LEAST_S:
+            continue
+        if _coarse(np.abs(np.diff(record[name][start]))):
             continue
         first, last = int(start[longest]), int(start[longest]) + count - 1
         others = [n for n in moving if n != name]
@@ -81,7 +85,7 @@ def constant(record: FlightRecord, explained: Mapping[str, str]) -> Iterator[Fin
             (name,),
             f"'{name}' is {channel.values[0]:.6g} {channel.unit} in all {record.time.size} samples"
             + (f", although {explained[name]}" if name in explained else ", expected a sensor to move"),
-            f"correct column of [[channel]] name = \"{name}\" in the map, or leave it out",
+            f'correct column of [[channel]] name = "{name}" in the map, or leave it out',
             {"samples": int(record.time.size), "value": float(channel.values[0])},
         )
 
@@ -104,7 +108,7 @@ def latched(record: FlightRecord) -> Iterator[Finding]:
         size = np.abs(step[at])
         between = np.diff(at)
         usual = float(np.median(between))
-        if usual < 1 / SLOWER or np.median(size) < 3 * size.min():
+        if usual < 1 / SLOWER or _coarse(size):
             continue
         regular = float(np.mean(np.abs(between - usual) <= 1.0))
         rate = 1 / (record.dt * float(np.mean(between[np.abs(between - usual) <= 1.0])))
@@ -119,6 +123,11 @@ def latched(record: FlightRecord) -> Iterator[Finding]:
             f'set rate_hz = {rate:.3g} of [[channel]] name = "{name}" in the map',
             {"rate_hz": rate, "claimed_hz": channel.native_rate_hz, "regular": regular},
         )
+
+
+def _coarse(size: NDArray[np.float64]) -> bool:
+    """Tell whether changes are mostly single steps of the resolution: of noise, half are 10 times the 5 %."""
+    return bool(np.median(size) < STEPS * np.quantile(size, 0.05))
 
 
 def _runs(x: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

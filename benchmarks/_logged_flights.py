@@ -1,0 +1,68 @@
+"""Flights of several aircraft as their sensors log them, seeded, for benchmarks of what reads logs."""
+
+from __future__ import annotations
+
+import os
+from functools import lru_cache
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np
+
+import freqid as fq
+from freqid.core.results.design import MultisineDesign
+from freqid.core.scenario import Scenario
+
+SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
+# Linear aircraft; propellers in front of a wing; tilt-wing with 20 effectors: hover-like to wing-borne.
+AIRCRAFT = (
+    ("linear", "u20"),
+    ("dep6", "u15"),
+    ("la8", "u45"),
+    ("linear", "u20"),
+    ("dep6", "u21"),
+    ("la8", "u20"),
+    ("dep6", "u18"),
+    ("la8", "u70"),
+)
+
+
+@lru_cache
+def scenario(name: str) -> Scenario:
+    """Return one aircraft's scenario."""
+    return fq.read_scenario(SCENARIOS / f"{name}.toml")
+
+
+@lru_cache
+def design(name: str, seed: int) -> MultisineDesign:
+    """Return the inputs that an aircraft is flown with; the seed is that of their phases."""
+    found = fq.design_inputs(scenario(name), seed=seed).design
+    assert isinstance(found, MultisineDesign)
+    return found
+
+
+@lru_cache
+def _loop(name: str, at: str):
+    return fq.simulate(scenario(name), at=at, duration=0.5).loop
+
+
+def logged(
+    name: str, at: str, seed: int, *, turbulence: float = 0.5, flown: MultisineDesign | None = None
+) -> fq.FlightRecord:
+    """Return what an aircraft logs of one manoeuvre, with all its noise, in gusts (wind at 20 ft, m/s)."""
+    described = scenario(name)
+    return fq.simulate(
+        described,
+        design(name, seed % 3) if flown is None else flown,
+        at=at,
+        noise=1.0,
+        turbulence=turbulence,
+        seed=seed,
+        loop=_loop(name, at),
+    ).record
+
+
+def moved(record: fq.FlightRecord, channel: str) -> float:
+    """Return how much a channel moves: its standard deviation."""
+    return float(np.std(record[channel]))

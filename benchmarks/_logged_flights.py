@@ -8,6 +8,7 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import msgspec
 import numpy as np
 
 import freqid as fq
@@ -37,7 +38,13 @@ def scenario(name: str) -> Scenario:
 @lru_cache
 def design(name: str, seed: int) -> MultisineDesign:
     """Return the inputs that an aircraft is flown with; the seed is that of their phases."""
-    found = fq.design_inputs(scenario(name), seed=seed).design
+    excitation = scenario(name).excitation
+    assert excitation is not None
+    # a minute at least, as logs of one condition last
+    periods = max(excitation.periods, round(60.0 / excitation.period_s))
+    excitation = msgspec.structs.replace(excitation, periods=periods)
+    described = msgspec.structs.replace(scenario(name), excitation=excitation)
+    found = fq.design_inputs(described, seed=seed).design
     assert isinstance(found, MultisineDesign)
     return found
 

@@ -23,8 +23,12 @@ from freqid.flightlog.plausibility.finding import Finding
 from freqid.flightlog.plausibility.relations import Agreement, Relation, Signals
 
 HALF = 0.5  # concordance at which half of the signals' energy is in their difference
+SUSPECT = 0.85  # concordance of signals that differ by 1.8: no unit is off by less
+HALVED = 0.5  # of 1 - c, that undoing a mistake must leave at most of what it explains
 FLOOR = 0.02  # of 1 - c, that scale errors, delays and levers of healthy sensors cause
-SURE = log(1e6)  # gain of log likelihood, beyond the number of mistakes tried, that one is believed from
+# Gain of log likelihood from which a mistake is believed, beyond the logarithm of how many were tried: one log in
+# ten thousand is accused by chance.
+SURE = log(1e4)
 AS_LIKELY = log(20.0)  # within which another mistake explains the same
 MOST_MISTAKES = 6
 UNITS: dict[str, dict[str, float]] = {
@@ -109,13 +113,13 @@ def find_mistakes(
     signals = Signals(record)
     known = {r.name: found for r in among if (found := r.agreement(signals)) is not None}
     as_logged = dict(known)
-    tried = [m for m in _mistakes(record)]
+    tried = list(_mistakes(record))
     findings = []
     for _ in range(MOST_MISTAKES):
         scored = []
         for mistake in tried:
             touched = [r for r in among if r.name in known and set(r.channels) & set(mistake.channels)]
-            if not any(known[r.name].concordance < HALF for r in touched):
+            if not any(known[r.name].concordance < SUSPECT for r in touched):
                 continue
             undone = _undone(signals, mistake)
             after = {r.name: r.agreement(undone) for r in touched}
@@ -190,8 +194,17 @@ def _gain(before: Mapping[str, Agreement], after: Mapping[str, Agreement | None]
         n = min(was.equations, found.equations)
         left, now = max(1 - was.concordance, FLOOR), max(1 - found.concordance, FLOOR)
         total += n / 2 * log(left / now)
-        healed |= was.concordance < HALF < found.concordance
+        healed |= _heals(was, found)
     return total if healed else -np.inf
+
+
+def _heals(was: Agreement, now: Agreement) -> bool:
+    """Tell whether what contradicted itself agrees: most energy is common, and the difference is halved."""
+    return (
+        was.concordance < SUSPECT
+        and now.concordance > HALF
+        and 1 - now.concordance < HALVED * (1 - was.concordance)
+    )
 
 
 def _undone(signals: Signals, mistake: Mistake) -> Signals:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,9 @@ G = 9.80665
 HIGHEST_HZ = 5.0  # rigid-body motion and its control lie below
 NYQUIST_SHARE = 0.8  # of the lowest Nyquist frequency of the channels used
 LOWEST_PERIODS = 4.0  # in the record, of the lowest line: below, what a taper leaves of trends counts
+# Of the change of velocity that a specific force must make to be judged by itself: air data have scale errors of
+# some per cent, and what these leave of the larger terms must stay below it.
+SEEN = 0.3
 BLOCK_S = 1.0  # over which means are taken where means are compared
 MOST_SAMPLES = 60_000  # longer records are averaged over as many samples as it takes
 Pair = tuple[NDArray, NDArray]
@@ -314,7 +318,10 @@ def _velocity(s: Signals) -> Iterator[Relation]:
                 lambda s, k=axis: moving(s)[k],
                 lambda s, k=axis: rate(s, k),
             )
-            yield _force(axis, (*need[:1], *mine, *need[1:], *rest), moving, rate)
+            force = _force(axis, (*need[:1], *mine, *need[1:], *rest), moving, rate)
+            felt, change = force.pair(s)[0], s.lines(*force.channels)[0](moving(s)[axis])
+            if np.sum(np.abs(felt) ** 2) > SEEN**2 * np.sum(np.abs(change) ** 2):
+                yield force
 
 
 def _force(
@@ -443,7 +450,7 @@ def _inputs(s: Signals) -> Iterator[Relation]:
     record = s.record
     for name in dict.fromkeys((*record.group("effector"), *record.group("command"))):
         chain = [f"{g}/{name}" for g in ("effector", "command", "excitation") if f"{g}/{name}" in record]
-        for here, there in zip(chain, chain[1:], strict=False):
+        for here, there in pairwise(chain):
             if record.channel(here).unit != record.channel(there).unit or np.ptp(record[there]) == 0:
                 continue
             label = f"{here.replace('/', ' ')} and {there.partition('/')[0]}"

@@ -4,7 +4,7 @@ Notes
 -----
 Each mistake is undone in turn and all relations that it touches are computed anew. With the concordance ``c``
 of a relation, ``1 - c`` is the energy of the difference over that of both signals; under Gaussian differences
-the log likelihood of a mistake gains ``n / 2 ln((1 - c_before) / (1 - c_after))`` by each relation. The mistake
+the log likelihood of a mistake gains ``n / 2 ln((1 - c_before) / (1 - c_after))`` by each relation. The one
 that gains most is reported, undone, and the rest is searched again.
 """
 
@@ -26,8 +26,8 @@ HALF = 0.5  # concordance at which half of the signals' energy is in their diffe
 SUSPECT = 0.85  # concordance of signals that differ by 1.8: no unit is off by less
 HALVED = 0.5  # of 1 - c, that undoing a mistake must leave at most of what it explains
 FLOOR = 0.02  # of 1 - c, that scale errors, delays and levers of healthy sensors cause
-# Gain of log likelihood from which a mistake is believed, beyond the logarithm of how many were tried: one log in
-# ten thousand is accused by chance.
+# Gain of log likelihood from which a mistake is believed, beyond the logarithm of how many were tried: one log
+# in ten thousand is accused by chance.
 SURE = log(1e4)
 AS_LIKELY = log(20.0)  # within which another mistake explains the same
 MOST_MISTAKES = 6

@@ -72,8 +72,8 @@ def spikes(record: FlightRecord) -> Iterator[Finding]:
             "spike",
             (name,),
             f"'{name}' has {at.size} single samples that leave their neighbours by up to {largest:.3g} "
-            f"{record.channel(name).unit}, {largest / usual:.0f} times what 99.5 % of its samples do, first at "
-            f"t = {record.time[at[0]]:.4g} s",
+            f"{record.channel(name).unit}, {largest / usual:.0f} times what 99.5 % of its samples do, first "
+            f"at t = {record.time[at[0]]:.4g} s",
             f"repair '{name}' first, or cut the record there with --cut",
             {"samples": int(at.size), "largest": largest, "usual": usual},
             _span(at, record),
@@ -173,8 +173,8 @@ def _too_fast(record: FlightRecord, channel: Channel, effector: Effector, limit:
             "warning",
             "rate limit",
             (channel.name,),
-            f"'{channel.name}' moves at up to {rate.max():.4g} {channel.unit}/s, the scenario's rate limit is "
-            f"{limit:g} {channel.unit}/s; it is faster in {_counted(fast, record)}",
+            f"'{channel.name}' moves at up to {rate.max():.4g} {channel.unit}/s, the scenario's rate limit "
+            f"is {limit:g} {channel.unit}/s; it is faster in {_counted(fast, record)}",
             f'correct rate_limit of [[effector]] name = "{effector.name}" in the scenario, or the unit of '
             f"'{channel.name}' in the map",
             {"samples": int(fast.size), "fastest": float(rate.max()), "rate_limit": limit},

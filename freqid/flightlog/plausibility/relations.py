@@ -7,8 +7,8 @@ Each relation compares two signals a and b that are equal for ideal sensors, by 
     c = 2 <a, b> / (|a|^2 + |b|^2)
 
 (Lin, Biometrics 45, 1989, about zero): 1 where they are equal, 2 g / (1 + g^2) where b is g times a, -1 where
-the sign is opposite, 0 where they have nothing in common. Relations with derivatives are integrated on Fourier
-lines, so that no noise is differentiated, after a line is taken away: biases drop out.
+the sign is opposite, 0 where they have nothing in common. Relations with derivatives are integrated on
+Fourier lines, so that no noise is differentiated, after a line is taken away: biases drop out.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ G = 9.80665
 HIGHEST_HZ = 5.0  # rigid-body motion and its control lie below
 NYQUIST_SHARE = 0.8  # of the lowest Nyquist frequency of the channels used
 LOWEST_PERIODS = 4.0  # in the record, of the lowest line: below, what a taper leaves of trends counts
-# Of the change of velocity that a specific force must make to be judged by itself: air data have scale errors of
-# some per cent, and what these leave of the larger terms must stay below it.
+# Of the change of velocity that a specific force must make to be judged by itself: air data have scale errors
+# of some per cent, and what these leave of the larger terms must stay below it.
 SEEN = 0.3
 BLOCK_S = 1.0  # over which means are taken where means are compared
 MOST_SAMPLES = 60_000  # longer records are averaged over as many samples as it takes

@@ -55,8 +55,8 @@ def stuck(record: FlightRecord) -> Iterator[Finding]:
             "error",
             "stuck",
             (name,),
-            f"'{name}' stands at {channel.values[first]:.6g} {channel.unit} in {count} samples in a row, from "
-            f"t = {begin:.6g} to {end:.6g} s, where it usually repeats {usual:.0f} and "
+            f"'{name}' stands at {channel.values[first]:.6g} {channel.unit} in {count} samples in a row, "
+            f"from t = {begin:.6g} to {end:.6g} s, where it usually repeats {usual:.0f} and "
             f"{len(others) - still} of {len(others)} other sensors move",
             f"cut the record around {begin:.4g}:{end:.4g} s with --cut, or leave '{name}' out of the map",
             {"samples": count, "usual": usual, "value": float(channel.values[first])},

@@ -26,8 +26,8 @@ HALF = 0.5  # concordance at which half of the signals' energy is in their diffe
 SUSPECT = 0.85  # concordance of signals that differ by 1.8: no unit is off by less
 HALVED = 0.5  # of 1 - c, that undoing a mistake must leave at most of what it explains
 FLOOR = 0.02  # of 1 - c, that scale errors, delays and levers of healthy sensors cause
-# Gain of log likelihood from which a mistake is believed, beyond the logarithm of how many were tried: one log
-# in ten thousand is accused by chance.
+# Gain of log likelihood from which a mistake is believed, beyond the logarithm of how many were tried: one
+# log in ten thousand is accused by chance.
 SURE = log(1e4)
 AS_LIKELY = log(20.0)  # within which another mistake explains the same
 MOST_MISTAKES = 6
@@ -266,11 +266,7 @@ def _finding(
     gain: float,
 ) -> Finding:
     """Say what explains a contradiction, by how much, and what to change."""
-    healed = {
-        n: (before[n], a)
-        for n, a in after.items()
-        if a is not None and before[n].concordance < HALF < a.concordance
-    }
+    healed = {n: (before[n], a) for n, a in after.items() if a is not None and _heals(before[n], a)}
     told = max(healed, key=lambda n: healed[n][1].concordance - healed[n][0].concordance)
     was, now = healed[told]
     names = _listed(mistake.channels)
@@ -280,9 +276,8 @@ def _finding(
     many = len(mistake.channels) > 1
     if mistake.kind == "unit" and " not " in mistake.unit:
         right = mistake.unit.partition(" not ")[0]
-        what = (
-            f"{names} {'have' if many else 'has'} been converted from {mistake.unit[len(right) + 5 :]} but "
-        )
+        wrong = mistake.unit.partition(" not ")[2]
+        what = f"{names} {'have' if many else 'has'} been converted from {wrong} but "
         what += f"{'were' if many else 'was'} logged in {right}"
         setting = f'set unit = "{right}" of {where} in the map'
     elif mistake.kind == "unit":

@@ -14,6 +14,7 @@ from freqid.flightlog.plausibility.finding import Finding
 SENSORS = (*RATES, *FORCES, *VELOCITY, *FLOW, "state/phi", "state/theta")
 """Channels that no aircraft in flight holds still; others may rest."""
 LONGER = 10.0  # times the usual run: a frozen sensor is not one that changes seldom
+MOST_FROZEN = 0.01  # of the record that a frozen stretch may last and cost no more than itself
 LEAST_S, LEAST_SAMPLES = 0.25, 10  # of a run that counts as frozen
 STEPS = 3.0  # times the smallest changes (their 5 % quantile) that half of all are, at least, unless coarse
 USUAL = 0.99  # quantile of the runs' lengths that is called usual
@@ -52,7 +53,7 @@ def stuck(record: FlightRecord) -> Iterator[Finding]:
         begin, end = float(record.time[first]), float(record.time[last])
         channel = record.channel(name)
         yield Finding(
-            "error",
+            "error" if count > MOST_FROZEN * record.time.size else "warning",
             "stuck",
             (name,),
             f"'{name}' stands at {channel.values[first]:.6g} {channel.unit} in {count} samples in a row, "

@@ -9,7 +9,6 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import msgspec
-import numpy as np
 
 import freqid as fq
 from freqid.core.results.design import MultisineDesign
@@ -49,9 +48,14 @@ def design(name: str, seed: int) -> MultisineDesign:
     return found
 
 
+LEVEL = 0.5  # m/s, to whose multiples gusts are rounded: each has a compiled simulation of its own
+
+
 @lru_cache
-def _loop(name: str, at: str):
-    return fq.simulate(scenario(name), at=at, duration=0.5).loop
+def _loop(name: str, rho: float, turbulence: float):
+    described = scenario(name)
+    at = next(r.id for r in described.reference if r.rho == rho and r.u > 5.0)
+    return fq.simulate(described, at=at, duration=0.5, turbulence=turbulence).loop
 
 
 def logged(
@@ -59,17 +63,13 @@ def logged(
 ) -> fq.FlightRecord:
     """Return what an aircraft logs of one manoeuvre, with all its noise, in gusts (wind at 20 ft, m/s)."""
     described = scenario(name)
+    level = LEVEL * round(turbulence / LEVEL)
     return fq.simulate(
         described,
         design(name, seed % 3) if flown is None else flown,
         at=at,
         noise=1.0,
-        turbulence=turbulence,
+        turbulence=level,
         seed=seed,
-        loop=_loop(name, at),
+        loop=_loop(name, described.reference_of(at).rho, level),
     ).record
-
-
-def moved(record: fq.FlightRecord, channel: str) -> float:
-    """Return how much a channel moves: its standard deviation."""
-    return float(np.std(record[channel]))

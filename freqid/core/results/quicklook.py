@@ -83,7 +83,7 @@ class ParameterLook:
     response, name, unit : str
     estimate, std_error : float
     contribution_error : float
-        Standard error times the regressor's rms, over the response's rms.
+        Standard error times the regressor's rms, over the rms of what the model explains of the response.
     met : bool
         Whether the standard error, or the error of the contribution, is as small as was asked for.
     """
@@ -112,8 +112,8 @@ class Quicklook:
         What is worth knowing and does not spoil the log.
     start_s : float
         When the design starts, on the record's clock, s; nan where it was not found.
-    start_error_s : float
-        Standard error of the start, s.
+    likeness : float
+        Mean correlation of the inputs' channels with the design at that start.
     band_hz : tuple of 2 floats
         Of the design.
     inputs : tuple of InputLook
@@ -135,7 +135,7 @@ class Quicklook:
     reasons: tuple[str, ...]
     remarks: tuple[str, ...]
     start_s: float
-    start_error_s: float
+    likeness: float
     band_hz: tuple[float, float]
     inputs: tuple[InputLook, ...]
     rates: tuple[RateLook, ...]

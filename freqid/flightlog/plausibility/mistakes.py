@@ -125,10 +125,12 @@ def find_mistakes(
             after = {r.name: r.agreement(undone) for r in touched}
             scored.append((_gain(known, after), mistake, after))
         scored.sort(key=lambda s: (-s[0], len(s[1].channels)))
-        if not scored or scored[0][0] < SURE + log(len(tried)):
+        sure = [s for s in scored if s[0] > SURE + log(len(tried))]
+        found = next((s for s in sure if s[0] > _gain_without(signals, s[1], among, known) + AS_LIKELY), None)
+        if found is None:
             break
-        best, mistake, after = scored[0]
-        alike = [m for gain, m, _ in scored[1:] if gain > best - AS_LIKELY]
+        best, mistake, after = found
+        alike = [m for gain, m, _ in scored if m is not mistake and gain > best - AS_LIKELY]
         findings.append(_finding(record, mistake, alike, known, after, best))
         signals = _undone(signals, mistake)
         known |= {name: found for name, found in after.items() if found is not None}
@@ -186,16 +188,38 @@ def _moves(relation: Relation, signals: Signals) -> bool:
 
 def _gain(before: Mapping[str, Agreement], after: Mapping[str, Agreement | None]) -> float:
     """Return the gain of log likelihood; none unless what was contradictory agrees and the rest stays so."""
-    total, healed = 0.0, False
+    if any(found is None for found in after.values()):
+        return -np.inf
+    healed = any(found is not None and _heals(before[name], found) for name, found in after.items())
+    return _log_likelihood(before, after) if healed else -np.inf
+
+
+def _log_likelihood(before: Mapping[str, Agreement], after: Mapping[str, Agreement | None]) -> float:
+    """Return the gain of log likelihood; a relation that has nothing left to compare gains nothing."""
+    total = 0.0
     for name, found in after.items():
-        was = before[name]
-        if found is None:
-            return -np.inf
-        n = min(was.equations, found.equations)
-        left, now = max(1 - was.concordance, FLOOR), max(1 - found.concordance, FLOOR)
-        total += n / 2 * log(left / now)
-        healed |= _heals(was, found)
-    return total if healed else -np.inf
+        if found is not None:
+            was = before[name]
+            n = min(was.equations, found.equations)
+            left, now = max(1 - was.concordance, FLOOR), max(1 - found.concordance, FLOOR)
+            total += n / 2 * log(left / now)
+    return total
+
+
+def _gain_without(
+    signals: Signals, mistake: Mistake, among: Sequence[Relation], known: Mapping[str, Agreement]
+) -> float:
+    """Return what is gained by leaving channels out: as much, and they tell nothing of their unit or sign.
+
+    A small unit makes any noisy channel smaller, which helps where its motion does not matter.
+    """
+    if not mistake.factor:
+        return -np.inf
+    touched = [r for r in among if r.name in known and set(r.channels) & set(mistake.channels)]
+    silent = Signals(
+        signals.record, {**signals.factor, **dict.fromkeys(mistake.channels, 0.0)}, signals.column
+    )
+    return _log_likelihood(known, {r.name: r.agreement(silent) for r in touched})
 
 
 def _heals(was: Agreement, now: Agreement) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ from freqid.report.kit.drawing import (
     styled,
 )
 from freqid.report.kit.findings import Finding, finding
-from freqid.report.kit.notation import NONE, number, percent, share, short, shown_unit
+from freqid.report.kit.notation import NONE, number, percent, short, shown_unit
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.kit.rendering import render
 
@@ -136,10 +137,11 @@ def _facts(look: Quicklook, missed: int) -> list[tuple[str, str]]:
 def _input_row(look: InputLook) -> dict[str, Any]:
     return {
         "name": look.name,
-        "coherence": f"{share(look.coherence)} on {look.source}" if look.source else NONE,
+        "source": look.source or NONE,
+        "coherence": f"{look.coherence:.3f}",
         "missing": not look.present,
-        "gain": number(look.gain, 3) if look.present else NONE,
-        "achieved": number(look.achieved_gain, 3),
+        "gain": f"{look.gain:.2f}" if look.present else NONE,
+        "achieved": f"{look.achieved_gain:.2f}" if math.isfinite(look.achieved_gain) else NONE,
         "weak": look.achieved_gain < _OK["gain"],
         "lag": number(1e3 * look.achieved_lag_s, 2),
         "at_limit": percent(look.at_limit),
@@ -173,13 +175,16 @@ def _pictures(look: Quicklook) -> list[Picture]:
         key=lambda i: (i.present, not i.at_limit > _OK["limit"], not i.achieved_gain < _OK["gain"]),
     )
     names = [i.name for i in order]
-    parts = [names[k : k + _STRIPS] for k in range(0, len(names), _STRIPS)][:_MOST_PICTURES]
+    count = 1 if len(names) <= _STRIPS else 2 * -(-len(names) // (2 * _STRIPS))  # pairs stand side by side
+    bounds = np.linspace(0, len(names), count + 1).round().astype(int)
+    parts = [names[low:high] for low, high in pairwise(bounds) if high > low][:_MOST_PICTURES]
     return [
         picture(
             input_strips(look, part),
             f"inputs{k}",
             f"Inputs over the first {_SHOWN_S:g} s: {', '.join(part)}",
-            f"First {_SHOWN_S:g} s of the design, about the mean. Commands hold the feedback too.",
+            f"{', '.join(part)}: first {_SHOWN_S:g} s of the design, about the mean."
+            + ("" if k else " Commands hold the feedback too."),
         )
         for k, part in enumerate(parts)
     ]

@@ -34,8 +34,9 @@ def check_plausibility(record: FlightRecord, reference: Reference | None = None)
     findings: list[Finding] = []
     agreement = {}
     missed: dict[str, str] = {}
+    stray = tuple(ranges.stray_samples(record))
     if record.time.size >= SHORTEST:
-        fewer = thinned(ranges.bridged(record))
+        fewer = thinned(ranges.bridged(record, stray))
         known = relations(fewer)
         found, before, right = find_mistakes(fewer, known)
         findings += found
@@ -46,7 +47,7 @@ def check_plausibility(record: FlightRecord, reference: Reference | None = None)
     more = [
         *ranges.physical(record),
         *ranges.stated(record),
-        *ranges.spikes(record),
+        *ranges.spikes(record, stray),
         *ranges.at_reference(record, reference),
         *repeats.stuck(record),
         *repeats.constant(record, missed),

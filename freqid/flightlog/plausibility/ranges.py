@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from freqid.core.arrays import Array
 from freqid.core.record import Channel, FlightRecord
@@ -38,6 +39,7 @@ FEW = 0.01  # of the samples beyond a range: a glitch, and not the unit
 SPIKE = 10.0  # times the 99.5 % quantile of the departures from the neighbours
 MOST_SPIKES = 1e-3  # of the samples; what departs more often belongs to the signal
 SPEEDS = {"kt": 0.514444, "ft/s": 0.3048, "km/h": 1 / 3.6, "mph": 0.44704}  # m/s
+Stray = tuple[str, NDArray[np.intp], float, float]
 CLOSE = 0.12  # a flown speed is about the reference's: what tells kt from mph
 
 
@@ -64,9 +66,9 @@ def physical(record: FlightRecord) -> Iterator[Finding]:
             )
 
 
-def spikes(record: FlightRecord) -> Iterator[Finding]:
-    """Yield channels with single samples far away from both neighbours."""
-    for name, at, largest, usual in _stray_samples(record):
+def spikes(record: FlightRecord, stray: Iterable[Stray]) -> Iterator[Finding]:
+    """Yield channels with single samples far away from both neighbours, as `stray_samples` has them."""
+    for name, at, largest, usual in stray:
         yield Finding(
             "warning",
             "spike",
@@ -80,15 +82,15 @@ def spikes(record: FlightRecord) -> Iterator[Finding]:
         )
 
 
-def _stray_samples(record: FlightRecord) -> Iterator[tuple[str, NDArray[np.intp], float, float]]:
-    """Yield channels, their stray samples, the largest departure and what is usual."""
+def stray_samples(record: FlightRecord) -> Iterator[Stray]:
+    """Yield channels with their stray samples, the largest departure from the neighbours and what is usual."""
     for name, channel in record.channels.items():
         if name.startswith(("excitation/", "command/", "response/")):
             continue  # these may step
         x = channel.values
         if x.size < 50 or np.ptp(x) == 0:
             continue
-        away = np.abs(x[2:-2] - _median_of_five(x))
+        away = np.abs(x - median_filter(x, 5))[2:-2]
         moves = np.abs(np.diff(x))
         usual = max(float(np.quantile(away, 0.995)), float(np.median(moves[moves > 0])))
         at = np.flatnonzero(away > SPIKE * usual) + 2
@@ -96,23 +98,23 @@ def _stray_samples(record: FlightRecord) -> Iterator[tuple[str, NDArray[np.intp]
             yield name, at, float(away[at - 2].max()), usual
 
 
-def bridged(record: FlightRecord) -> FlightRecord:
+def bridged(record: FlightRecord, stray: Iterable[Stray]) -> FlightRecord:
     """Return a record in which few impossible or single stray samples are bridged by straight lines.
 
     For what compares whole channels: one sample of 65535 outweighs all others.
     """
-    stray: dict[str, set[int]] = {}
+    left_out: dict[str, set[int]] = {}
     for name, (low, high, _) in RANGES.items():
         if name in record:
             outside = np.flatnonzero((record[name] < low) | (record[name] > high))
             if 0 < outside.size <= FEW * record.time.size:
-                stray.setdefault(name, set()).update(outside.tolist())
-    for name, at, _, _ in _stray_samples(record):
-        stray.setdefault(name, set()).update(at.tolist())
-    if not stray:
+                left_out.setdefault(name, set()).update(outside.tolist())
+    for name, at, _, _ in stray:
+        left_out.setdefault(name, set()).update(at.tolist())
+    if not left_out:
         return record
     channels = []
-    for name, at in stray.items():
+    for name, at in left_out.items():
         kept = np.setdiff1d(np.arange(record.time.size), list(at))
         values = np.interp(record.time, record.time[kept], record[name][kept])
         channels.append(replace(record.channel(name), values=values))
@@ -205,11 +207,6 @@ def at_reference(record: FlightRecord, reference: Reference | None) -> Iterator[
                         {"mean": mean, "reference": reference.u, "ratio": mean / reference.u},
                     )
                     return
-
-
-def _median_of_five(x: Array) -> Array:
-    """Return the running median over five samples, shape (sample - 4,)."""
-    return np.median(np.lib.stride_tricks.sliding_window_view(x, 5), axis=1)
 
 
 def _counted(at: Array, record: FlightRecord) -> str:

@@ -15,11 +15,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import detrend, get_window
+from scipy.fft import next_fast_len
+from scipy.signal import get_window
 
 from freqid.core.arrays import Array
 from freqid.core.record import FlightRecord
@@ -32,6 +34,7 @@ LOWEST_PERIODS = 4.0  # in the record, of the lowest line: below, what a taper l
 # of some per cent, and what these leave of the larger terms must stay below it.
 SEEN = 0.3
 BLOCK_S = 1.0  # over which means are taken where means are compared
+ENOUGH_HZ = 2.5 * HIGHEST_HZ / NYQUIST_SHARE  # of samples, that hold the highest line with room for averaging
 MOST_SAMPLES = 60_000  # longer records are averaged over as many samples as it takes
 Pair = tuple[NDArray, NDArray]
 
@@ -77,10 +80,12 @@ class Signals:
         f = np.fft.rfftfreq(n, record.dt)
         low = LOWEST_PERIODS / record.duration
         kept = (f >= low) & (f <= min(NYQUIST_SHARE * 0.5 * rate, HIGHEST_HZ))
-        window = get_window("hann", n)
+        window, ramp = _taper(n), np.linspace(-1.0, 1.0, n)
+        steepness = ramp / np.sum(ramp**2)
 
         def transform(x: Array) -> NDArray:
-            return np.fft.rfft(window * detrend(x))[kept]
+            flat = x - x.mean() - (steepness @ x) * ramp
+            return np.fft.rfft(window * flat)[kept]
 
         return transform, 1 / (2j * np.pi * f[kept])
 
@@ -106,6 +111,11 @@ class Signals:
             speed * np.sin(beta),
             speed * np.sin(alpha) * np.cos(beta),
         )
+
+
+@lru_cache(maxsize=4)
+def _taper(samples: int) -> Array:
+    return get_window("hann", samples)
 
 
 @dataclass(frozen=True)
@@ -184,11 +194,11 @@ def relations(record: FlightRecord) -> list[Relation]:
 
 
 def thinned(record: FlightRecord) -> FlightRecord:
-    """Return a record of at most `MOST_SAMPLES` samples, each the mean of as many."""
-    size = -(-record.time.size // MOST_SAMPLES)
-    if size < 2:
-        return record
+    """Return a record of means of as many samples as leave `ENOUGH_HZ`, of a length that transforms fast."""
+    rate = 1 / record.dt
+    size = max(1, int(rate / ENOUGH_HZ), -(-record.time.size // MOST_SAMPLES))
     count = record.time.size // size
+    count = next(n for n in range(count, 0, -1) if next_fast_len(n, real=True) == n)
 
     def mean(x: Array) -> Array:
         return x[: count * size].reshape(count, size).mean(axis=1)

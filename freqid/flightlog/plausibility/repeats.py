@@ -33,10 +33,9 @@ def stuck(record: FlightRecord) -> Iterator[Finding]:
     held against the channel's own other runs, and not against a fixed time. A channel that moves by single
     steps of its resolution may rest in calm air; it is not judged.
     """
-    runs = {name: _runs(record[name]) for name in SENSORS if name in record}
-    moving = [name for name, (_, length) in runs.items() if length.size > 1]
+    moving = [name for name in SENSORS if name in record and np.ptp(record[name]) > 0]
     for name in moving:
-        start, length = runs[name]
+        start, length = _runs(record[name])
         usual = float(np.quantile(length, USUAL, method="inverted_cdf")) if length.size > 100 else 1.0
         usual = max(usual, float(np.median(length)))
         longest = int(np.argmax(length))

@@ -119,7 +119,7 @@ def quicklook(
         design=planned.name,
         verdict="repeat" if reasons else "usable",
         reasons=tuple(reasons),
-        remarks=tuple(_remarks(looks, report, described, parameters)),
+        remarks=tuple(_remarks(record, looks, report, described, parameters)),
         start_s=start.time_s if start and found_at_all else float("nan"),
         likeness=start.likeness if start else 0.0,
         band_hz=planned.band_hz,
@@ -401,6 +401,7 @@ def _why_parameter(parameters: tuple[ParameterLook, ...], accuracy: float) -> It
 
 
 def _remarks(
+    record: FlightRecord,
     looks: tuple[InputLook, ...],
     report: PlausibilityReport,
     scenario: Scenario | None,
@@ -410,6 +411,10 @@ def _remarks(
     for look in looks:
         if look.present and abs(look.gain - 1) > SCALED and look.source.startswith("excitation/"):
             yield f"'{look.name}' was injected at {look.gain:.2f} times the design"
+    filled = record.provenance.get("resampled", {}).get("filled_samples") or {}
+    total = sum(filled.values()) if isinstance(filled, dict) else int(filled)
+    if total:
+        yield f"{total} samples were missing in the log and were interpolated"
     yield from (str(f)[:-1] for f in report.warnings)
     if scenario is None or not parameters:
         yield "no parameters were judged: name a scenario with [identification]"

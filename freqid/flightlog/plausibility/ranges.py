@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
-from freqid.core.arrays import Array
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Effector
@@ -83,7 +82,7 @@ def spikes(record: FlightRecord, stray: Iterable[Stray]) -> Iterator[Finding]:
 
 
 def stray_samples(record: FlightRecord) -> Iterator[Stray]:
-    """Yield channels with their stray samples, the largest departure from the neighbours and what is usual."""
+    """Yield channels, their stray samples, the largest departure from the neighbours and what is usual."""
     for name, channel in record.channels.items():
         if name.startswith(("excitation/", "command/", "response/")):
             continue  # these may step
@@ -209,14 +208,14 @@ def at_reference(record: FlightRecord, reference: Reference | None) -> Iterator[
                     return
 
 
-def _counted(at: Array, record: FlightRecord) -> str:
+def _counted(at: NDArray[np.intp], record: FlightRecord) -> str:
     """Say how many samples, and from when to when."""
     first, last = record.time[at[0]], record.time[at[-1]]
     where = f"t = {first:.4g} s" if first == last else f"t = {first:.4g} to {last:.4g} s"
     return f"{at.size} of {record.time.size} samples, {where}"
 
 
-def _span(at: Array, record: FlightRecord) -> tuple[float, float]:
+def _span(at: NDArray[np.intp], record: FlightRecord) -> tuple[float, float]:
     return float(record.time[at[0]]), float(record.time[at[-1]])
 
 

@@ -72,7 +72,7 @@ class Signals:
         values = values if factor == 1.0 else factor * values
         return np.unwrap(values) if name in ("state/phi", "state/psi") else values
 
-    def lines(self, *names: str) -> tuple[Callable[[Array], NDArray], Array]:
+    def lines(self, *names: str) -> tuple[Callable[[Array], NDArray], NDArray]:
         """Return the transform onto the lines that all these channels can tell, and 1 / (j omega) there."""
         record = self.record
         rate = min(1 / record.dt, *(record.channel(n).native_rate_hz for n in names if n in record))

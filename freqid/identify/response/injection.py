@@ -125,7 +125,7 @@ def own_lines(
     """Return the lines of each input, Hz: its harmonics, or all that its samples resolve in the band."""
     if isinstance(design, MultisineDesign):
         return {s.name: np.unique(s.index) / design.period_s for s in design.signals}
-    f = np.arange(max(1, np.ceil(band_hz[0] * duration)), np.floor(band_hz[1] * duration) + 1) / duration
+    f = np.arange(max(1, int(np.ceil(band_hz[0] * duration))), int(band_hz[1] * duration) + 1) / duration
     return dict.fromkeys(inputs.names, f)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from functools import lru_cache
 from pathlib import Path
 
@@ -14,7 +15,8 @@ import freqid as fq
 from freqid.core.results.design import MultisineDesign
 from freqid.core.scenario import Scenario
 
-SCENARIOS = Path(__file__).resolve().parents[1] / "scenarios"
+HERE = Path(__file__).resolve().parent
+SCENARIOS = HERE.parent / "scenarios"
 # Linear aircraft; propellers in front of a wing; tilt-wing with 20 effectors: hover-like to wing-borne.
 AIRCRAFT = (
     ("linear", "u20"),
@@ -26,12 +28,22 @@ AIRCRAFT = (
     ("dep6", "u18"),
     ("la8", "u70"),
 )
+# Flown for judging alone: nothing was written or tuned with it.
+UNSEEN = (("transport", "u50"),)
+
+
+def asked(first_seed: int) -> tuple[int, tuple[tuple[str, str], ...], str]:
+    """Return first seed, aircraft and the end of the table's name; the latter is empty for no table."""
+    if "--seed" in sys.argv:
+        return int(sys.argv[sys.argv.index("--seed") + 1]), AIRCRAFT, ""
+    return (first_seed, UNSEEN, "_unseen.csv") if "--unseen" in sys.argv else (first_seed, AIRCRAFT, ".csv")
 
 
 @lru_cache
 def scenario(name: str) -> Scenario:
     """Return one aircraft's scenario."""
-    return fq.read_scenario(SCENARIOS / f"{name}.toml")
+    folder = HERE if name == "transport" else SCENARIOS
+    return fq.read_scenario(folder / f"{name}.toml")
 
 
 @lru_cache

@@ -3,21 +3,20 @@
 Flights of three aircraft (linear, propellers in front of a wing, tilt-wing) in gusts, logged with all noise
 of their sensors; one mistake of the map or the instruments is put into each of 40, none into 40 others. A
 mistake counts as found where a finding names its kind and its channels, and no error blames another channel.
-Run as ``python benchmarks/plausibility.py``; ``--seed 1000`` and ``2000`` fly the logs that the checks were
-written with.
+Run as ``python benchmarks/plausibility.py``; ``--unseen`` flies an aircraft that the checks were not written
+with, ``--seed 1000`` and ``--seed 2000`` the logs that they were.
 """
 
 from __future__ import annotations
 
 import csv
-import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from _logged_flights import AIRCRAFT, logged, scenario
+from _logged_flights import asked, logged, scenario
 
 import freqid as fq
 from freqid.core.arrays import Array
@@ -169,11 +168,12 @@ MISTAKES: dict[str, Callable[..., Faulty | None]] = {
 }
 
 
-def main(first: int = FIRST_SEED) -> None:
+def main() -> None:
     """Judge and write the tables."""
+    first, aircraft, table = asked(FIRST_SEED)
     rows, kinds = [], list(MISTAKES)
     for i in range(FAULTS):
-        kind, (name, at) = kinds[i % len(kinds)], AIRCRAFT[(i + i // len(kinds)) % len(AIRCRAFT)]
+        kind, (name, at) = kinds[i % len(kinds)], aircraft[(i + i // len(kinds)) % len(aircraft)]
         rng = np.random.default_rng([first, i])
         flight = logged(name, at, first + i, turbulence=rng.uniform(0.0, 1.5))
         made = MISTAKES[kind](flight, rng)
@@ -183,15 +183,16 @@ def main(first: int = FIRST_SEED) -> None:
         assert made is not None
         rows.append(judged(kind, name, at, first + i, *made))
     for i in range(GOOD):
-        name, at = AIRCRAFT[i % len(AIRCRAFT)]
+        name, at = aircraft[i % len(aircraft)]
         seed = first + FAULTS + i
         turbulence = np.random.default_rng([first, FAULTS + i]).uniform(0.0, 1.5)
         rows.append(judged("none", name, at, seed, logged(name, at, seed, turbulence=turbulence), "", ()))
     faulty, good = rows[:FAULTS], rows[FAULTS:]
     print(f"{sum(r['right'] for r in faulty)} of {FAULTS} mistakes found, ", end="")
     print(f"{GOOD - sum(r['right'] for r in good)} of {GOOD} good logs with a warning or an error")
-    if first == FIRST_SEED:
-        with Path(__file__).with_suffix(".csv").open("w", newline="") as file:
+    if table:
+        path = Path(__file__)
+        with path.with_name(path.stem + table).open("w", newline="") as file:
             writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
             writer.writeheader()
             writer.writerows(rows)
@@ -228,4 +229,4 @@ def judged(
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[sys.argv.index("--seed") + 1]) if "--seed" in sys.argv else FIRST_SEED)
+    main()

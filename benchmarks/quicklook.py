@@ -3,14 +3,14 @@
 Thirty seeded logs of three aircraft in gusts, flown by the simulation: half as they should be (some without
 logged excitation, on another clock or a little smaller), half with a fault put into the flight or the
 logger. A verdict counts as right where it is as expected and, for a fault, where a reason names it. Run as
-``python benchmarks/quicklook.py``; ``--seed 1000`` flies others, as were used while it was written.
+``python benchmarks/quicklook.py``; ``--unseen`` flies an aircraft that it was not written with, ``--seed 1000``
+the logs that it was.
 """
 
 from __future__ import annotations
 
 import csv
 import re
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
-from _logged_flights import AIRCRAFT, design, logged, scenario
+from _logged_flights import asked, design, logged, scenario
 
 import freqid as fq
 from freqid.core.errors import FreqidError
@@ -210,12 +210,13 @@ FAULTY = (
 )
 
 
-def main(first: int = FIRST_SEED) -> None:
+def main() -> None:
     """Judge and write the table."""
+    first, aircraft, table = asked(FIRST_SEED)
     rows = []
     for i in range(LOGS):
         kinds = FAULTY if i % 2 else USABLE
-        make, (name, at) = kinds[(i // 2) % len(kinds)], AIRCRAFT[(i + i // 4) % len(AIRCRAFT)]
+        make, (name, at) = kinds[(i // 2) % len(kinds)], aircraft[(i + i // 4) % len(aircraft)]
         case = make(name, at, first + i)
         start = time.perf_counter()
         try:
@@ -239,12 +240,13 @@ def main(first: int = FIRST_SEED) -> None:
         )
         print("  ".join(f"{value!s:<12}" for value in rows[-1].values()), flush=True)
     print(f"{sum(bool(r['right']) for r in rows)} of {LOGS} right")
-    if first == FIRST_SEED:
-        with Path(__file__).with_suffix(".csv").open("w", newline="") as file:
+    if table:
+        path = Path(__file__)
+        with path.with_name(path.stem + table).open("w", newline="") as file:
             writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
             writer.writeheader()
             writer.writerows(rows)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[sys.argv.index("--seed") + 1]) if "--seed" in sys.argv else FIRST_SEED)
+    main()

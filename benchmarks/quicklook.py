@@ -3,8 +3,8 @@
 Thirty seeded logs of three aircraft in gusts, flown by the simulation: half as they should be (some without
 logged excitation, on another clock or a little smaller), half with a fault put into the flight or the
 logger. A verdict counts as right where it is as expected and, for a fault, where a reason names it. Run as
-``python benchmarks/quicklook.py``; ``--unseen`` flies an aircraft that it was not written with, ``--seed 1000``
-the logs that it was.
+``python benchmarks/quicklook.py``; ``--unseen`` flies an aircraft that it was not written with, ``--seed
+1000`` the logs that it was.
 """
 
 from __future__ import annotations

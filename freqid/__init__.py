@@ -32,6 +32,7 @@ _VERBS = {
     "read_log": "workflows.import_log",
     "split_flight": "workflows.import_log",
     "export_log": "workflows.import_log",
+    "quicklook": "workflows.quicklook",
     "check_sensors": "workflows.sensors",
     "correct_sensors": "workflows.sensors",
     "align_sensors": "workflows.sensors",

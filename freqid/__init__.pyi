@@ -38,6 +38,7 @@ from freqid.workflows.import_log import read_log as read_log
 from freqid.workflows.import_log import split_flight as split_flight
 from freqid.workflows.new_scenario import new_scenario as new_scenario
 from freqid.workflows.output_error import identify_output_error as identify_output_error
+from freqid.workflows.quicklook import quicklook as quicklook
 from freqid.workflows.sensors import align_sensors as align_sensors
 from freqid.workflows.sensors import check_sensors as check_sensors
 from freqid.workflows.sensors import correct_sensors as correct_sensors

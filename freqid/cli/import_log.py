@@ -24,6 +24,13 @@ from freqid.cli.options import FILE
     help="Keep START:STOP, seconds on the log's clock, for example 12.5:72.5.",
 )
 @click.option("--split", is_flag=True, help="Find the manoeuvres and write each to NAME-1.h5, NAME-2.h5, ...")
+@click.option(
+    "--plausibility",
+    type=click.Choice(["refuse", "report", "off"]),
+    default="refuse",
+    show_default=True,
+    help="Units, signs, columns, limits, frozen channels: refuse a log with errors, report, or look away.",
+)
 @options.as_json
 def command(
     log: Path,
@@ -36,9 +43,10 @@ def command(
 ) -> None:
     """Read LOG (CSV, MATLAB, SIDPAC columns) and write a flight record.
 
-    Units are converted to SI, time is checked to be uniform, and nothing is resampled unless asked.
+    Units are converted to SI, time is checked to be uniform, channels are checked against each other, and
+    nothing is resampled unless asked.
     """
-    from freqid.cli.record_texts import records_result, records_text
+    from freqid.cli.record_texts import plausibility_sentences, records_result, records_text
     from freqid.workflows.files import save
     from freqid.workflows.import_log import read_log, split_flight
     from freqid.workflows.inputs import scenario_of
@@ -53,6 +61,8 @@ def command(
         pieces = {destination.with_name(name.format(i)): piece for i, piece in enumerate(every, start=1)}
     for path in pieces:
         options.keep_inputs(path, log, columns, scenario)
+    for sentence in plausibility_sentences(record):
+        click.echo(sentence, err=True)
     for path, piece in pieces.items():
         save(piece, path, scenario=described)
     options.emit(json_, records_result(pieces), records_text(pieces))

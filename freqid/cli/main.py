@@ -21,6 +21,7 @@ COMMANDS = {
     "design-inputs": "design_inputs",
     "simulate": "simulate",
     "import-log": "import_log",
+    "quicklook": "quicklook",
     "export-log": "export_log",
     "identify-point": "identify_point",
     "frequency-response": "frequency_response",

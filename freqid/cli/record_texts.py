@@ -19,6 +19,7 @@ def records_result(records: Mapping[Path, FlightRecord]) -> dict[str, Any]:
                 "duration_s": record.duration,
                 "rate_hz": 1 / record.dt,
                 "samples": record.time.size,
+                "plausibility": record.provenance.get("plausibility"),
                 "channels": {n: {"units": c.unit, "source": c.source} for n, c in record.channels.items()},
             }
             for path, record in records.items()
@@ -32,3 +33,9 @@ def records_text(records: Mapping[Path, FlightRecord]) -> str:
         f"{path}: {len(record.channels)} channels, {record.duration:.6g} s at {1 / record.dt:.6g} Hz"
         for path, record in records.items()
     )
+
+
+def plausibility_sentences(record: FlightRecord) -> list[str]:
+    """Return what the plausibility checks said of a record, a sentence each."""
+    findings = record.provenance.get("plausibility", {}).get("findings", [])
+    return [f"{f['severity']}: {f['message']}; {f['setting']}." for f in findings]

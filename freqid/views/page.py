@@ -13,6 +13,7 @@ from freqid.core.results.advance_ratio import AdvanceRatioModel
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.results.gap import GapResult
 from freqid.core.results.point import PointModel
+from freqid.core.results.quicklook import Quicklook
 from freqid.core.results.rivals import Rivals
 from freqid.core.scenario import Scenario
 from freqid.workflows.inputs import File, Flight, record_of, scenario_of
@@ -102,6 +103,10 @@ def page(result: Any, *, record: Flight | None = None, scenario: Scenario | File
         from freqid.report.response.page import build_frequency_response_page
 
         return Page(build_frequency_response_page(result, str(result.provenance.get("vehicle", ""))))
+    if isinstance(result, Quicklook):
+        from freqid.report.quicklook.page import build_quicklook_page
+
+        return Page(build_quicklook_page(result))
     if isinstance(result, AdvanceRatioModel):
         from freqid.report.advance_ratio.page import build_advance_ratio_page
 

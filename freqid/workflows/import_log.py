@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord, read_record
@@ -11,6 +12,7 @@ from freqid.core.scenario import Scenario
 from freqid.flightlog import read
 from freqid.flightlog.column_map import ColumnMap
 from freqid.flightlog.cut import find_maneuvers
+from freqid.flightlog.plausibility.check import check_plausibility
 from freqid.flightlog.sidpac import write_sidpac
 from freqid.workflows.inputs import File, scenario_of
 
@@ -23,6 +25,7 @@ def read_log(
     at: str = "",
     cut: tuple[float, float] | None = None,
     resample_hz: float | None = None,
+    plausibility: Literal["refuse", "report", "off"] = "refuse",
 ) -> FlightRecord:
     """Read a flight log: CSV, MATLAB (v5 to v7.3), or SIDPAC's 90 columns.
 
@@ -40,6 +43,9 @@ def read_log(
         Start and stop on the log's clock, s; applied before anything is checked.
     resample_hz : float, optional
         Put all channels on this rate; without it the log must be uniform and complete.
+    plausibility : {"refuse", "report", "off"}
+        Check units, signs, columns, limits and frozen channels (docs/flight-logs.md). What is found is in the
+        record's provenance; ``"refuse"`` raises for errors.
 
     Returns
     -------
@@ -49,7 +55,8 @@ def read_log(
     Raises
     ------
     DataError
-        Where the log is missing, damaged, not uniform, not finite or of an unknown kind.
+        Where the log is missing, damaged, not uniform, not finite or of an unknown kind, or contradicts
+        itself.
     UsageError
         Where a map is needed and none is given, or the map, cut or condition is at fault.
 
@@ -69,7 +76,13 @@ def read_log(
         resample_hz=resample_hz,
         vehicle=described.aircraft() if described else None,
     )
-    return replace(record, reference=at) if at else record
+    record = replace(record, reference=at) if at else record
+    if plausibility == "off":
+        return record
+    report = check_plausibility(record, described.reference_of(at) if described and at else None)
+    if plausibility == "refuse":
+        report.refuse(str(path))
+    return replace(record, provenance={**record.provenance, "plausibility": report.to_dict()})
 
 
 def split_flight(record: FlightRecord, *, name: str = "") -> list[FlightRecord]:

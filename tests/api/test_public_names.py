@@ -29,6 +29,7 @@ VERBS = [
     "read_log",
     "split_flight",
     "export_log",
+    "quicklook",
     "check_sensors",
     "correct_sensors",
     "align_sensors",

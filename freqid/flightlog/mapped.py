@@ -73,9 +73,11 @@ def assemble_map(
         """Return values by the column that the channel names as its clock; rows without a time are none."""
         assert place.time is not None
         if place.time not in own_clocks:
-            in_struct = reader == "matlab" and isinstance(place.time, str)
-            spot = {"variable": place.time} if in_struct else {"column": place.time}
-            seconds = _seconds(picked(Place(**spot, unit="s")), column_map) - start
+            if reader == "matlab" and isinstance(place.time, str):
+                spot = Place(variable=place.time, unit="s")
+            else:
+                spot = Place(column=place.time, unit="s")
+            seconds = _seconds(picked(spot), column_map) - start
             there = np.isfinite(seconds)
             own_clocks[place.time] = seconds[there], there
         time, there = own_clocks[place.time]

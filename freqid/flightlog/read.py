@@ -15,7 +15,7 @@ from freqid.flightlog.column_map import ColumnMap, read_column_map
 from freqid.flightlog.signal import Signal
 
 # Modules of this folder in the order in which they are asked: layouts of their own before what needs a map.
-_MODULES = ("parquet", "sidpac", "matlab", "record", "csv")
+_MODULES = ("ulog", "dataflash", "parquet", "sidpac", "matlab", "record", "csv")
 
 
 @dataclass(frozen=True)

@@ -28,10 +28,10 @@ def find_spikes(values: NDArray[np.float64]) -> NDArray[np.bool_]:
 
     Notes
     -----
-    The median of five removes what lasts one or two samples and passes steps and slow motion; the median of the
-    neighbours alone also differs from a sample by noise and curvature, so it tells the usual size. This is the
-    Hampel filter (R. K. Pearson, "Mining Imperfect Data", SIAM 2005) with a scale that a quiet stretch cannot
-    shrink.
+    The median of five removes what lasts one or two samples and passes steps and slow motion; the median of
+    the neighbours alone also differs from a sample by noise and curvature, so it tells the usual size. This
+    is the Hampel filter (R. K. Pearson, "Mining Imperfect Data", SIAM 2005) with a scale that a quiet stretch
+    cannot shrink.
     """
     spikes = np.zeros(values.shape, dtype=bool)
     present = np.flatnonzero(np.isfinite(values))

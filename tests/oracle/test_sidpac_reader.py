@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from freqid.flightlog.column_map import ChannelPlace, ColumnMap
+from freqid.flightlog.column_map import ChannelPlace, ColumnMap, TimePlace
 from freqid.flightlog.cut import find_maneuvers
 from freqid.flightlog.matlab import load_variables, read_matlab
 from freqid.flightlog.read import read_log

@@ -128,13 +128,17 @@ class DataFlashFile:
         reader = extra("pymavlink.DFReader", "logs", path)
         if not _starts_with_magic(path):
             raise DataError("is no DataFlash log, it does not begin as one", remedy="check the path")
+        self._log = reader.DFReader_binary.__new__(reader.DFReader_binary)
         try:
             with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-                self._log = reader.DFReader_binary(str(path))
+                self._log.__init__(str(path))
         except Exception as error:  # a damaged byte can make it raise almost anything
             raise DataError(
                 f"no intact DataFlash log ({type(error).__name__})", remedy="copy it again from the vehicle"
             ) from None
+        finally:
+            if hasattr(self._log, "filehandle"):
+                self._log.filehandle.close()  # the mapping of the file stays
         self._raw = np.frombuffer(self._log.data_map, dtype=np.uint8)
         self._offsets: dict[str, NDArray[np.int64]] = {}
         self._formats: dict[str, Any] = {}

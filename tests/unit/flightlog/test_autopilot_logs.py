@@ -151,11 +151,10 @@ def test_faults_of_a_ulog_are_one_sentence_each(tmp_path):
     assert "two logs are joined" in said(whole + whole)
     topics = px4_topics()
     assert "topic 'wind' instance 0 is logged twice" in said(ulog_bytes([*topics, topics[4]]))
-    name, instance, t, fields = topics[0]
-    t = t.copy()
-    t[1000] -= 1.0
     assert "is no ULog file" in said(b"rubbish" + whole)
-    assert "nothing" not in said(whole[:20] + b"\x05\x00\xff" + whole[23:])
+    after_flags = 16 + 3 + 40
+    damaged = whole[: after_flags + 2] + b"\xff" + whole[after_flags + 3 :]
+    assert f"is damaged at byte {after_flags}: a message of unknown type 255" in said(damaged)
     with pytest.raises(UsageError, match="--map px4-multirotor"):
         path.write_bytes(whole)
         read_log(path)

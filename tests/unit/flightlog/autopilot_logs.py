@@ -57,7 +57,7 @@ def write_ulog(path: Path, topics, **about) -> None:
 
 
 def dataflash_bytes(messages):
-    """A DataFlash log: ``messages`` is a list of (name, format, columns, rows), rows beginning with TimeUS."""
+    """A DataFlash log: ``messages`` is a list of (name, format, columns, rows); rows begin with TimeUS."""
     fmt_fmt = DFFormat(0x80, "FMT", 89, "BBnNZ", "Type,Length,Name,Format,Columns")
     writer = SimpleNamespace(formats={0x80: fmt_fmt})
     formats = [fmt_fmt]

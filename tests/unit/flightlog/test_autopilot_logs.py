@@ -1,4 +1,4 @@
-"""PX4 and ArduPilot logs through the maps that come with freqid: rates, axes, rotors, chirps, and what is refused."""
+"""PX4 and ArduPilot logs by the maps that come with freqid: rates, axes, rotors, chirps, faults."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ def command(
     json_: bool,
     **asked: Any,
 ) -> None:
-    """Read LOG (CSV, Parquet, MATLAB, SIDPAC columns, PX4 ULog, ArduPilot DataFlash) and write a flight record.
+    """Read LOG (CSV, Parquet, MATLAB, SIDPAC columns, ULog, DataFlash) and write a flight record.
 
     Units are converted to SI, time is checked to be uniform, and nothing is resampled unless asked.
     """

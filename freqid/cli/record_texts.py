@@ -10,7 +10,6 @@ from typing import Any
 from freqid.core.record import FlightRecord
 from freqid.flightlog.listing import Listing
 
-
 # What reading did to the samples, from the provenance.
 _TOLD = ("dropouts", "whole_spans_s", "spikes", "excitation_aligned", "not_logged")
 
@@ -49,8 +48,8 @@ def records_text(records: Mapping[Path, FlightRecord]) -> str:
         aligned = record.provenance.get("excitation_aligned")
         if aligned:
             lines.append(
-                f"  excitation from {aligned['start_s']:.4f} s +- {2e3 * aligned['start_std_s']:.2g} ms, clock "
-                f"{aligned['drift_ppm']:+.3g} ppm +- {2 * aligned['drift_std_ppm']:.2g}, found in "
+                f"  excitation from {aligned['start_s']:.4f} s +- {2e3 * aligned['start_std_s']:.2g} ms, "
+                f"clock {aligned['drift_ppm']:+.3g} ppm +- {2 * aligned['drift_std_ppm']:.2g}, found in "
                 + ", ".join(aligned["found_in"].values())
             )
     return "\n".join(lines)

@@ -3,7 +3,8 @@
 The log holds the excitation inside commands, or effectors, together with what feedback and the pilot added.
 The design is fitted to these at a start and a rate of its clock that are searched for. A free gain for each
 effector, the aircraft's logged motion (feedback), a constant and a trend are fitted with it and taken out
-(variable projection).
+(variable projection). What is left is taken as autoregressive noise and whitened, so that lines count by what
+noise leaves of them.
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.linalg import solve_toeplitz
 from scipy.optimize import least_squares
-from scipy.signal import correlate
+from scipy.signal import correlate, lfilter
 
 from freqid.core.channels import ATTITUDE, RATES, VELOCITY
 from freqid.core.errors import DataError
@@ -24,6 +26,8 @@ from freqid.core.results.design import SampledInputs
 GROUPS = ("command", "effector")  # where the excitation is looked for, in this order
 _FEEDBACK = (*RATES, *ATTITUDE, *VELOCITY)
 _FOUND = 6.0  # standard errors of the largest gain: chance gives it at none of 1e6 starts
+_ORDER = 40  # of the autoregressive noise
+_WHITENED = 2  # times that the noise is estimated anew and the fit repeated
 _STEP_S, _STEP_DRIFT = 1e-3, 1e-6  # sizes on which start and drift are searched
 
 
@@ -71,13 +75,13 @@ def align_excitation(record: FlightRecord, inputs: SampledInputs) -> tuple[Fligh
     Raises
     ------
     DataError
-        Where the record has none of the effectors, has an excitation already, is shorter than the design, or
-        the design is not found.
+        Where the record has none of the effectors, has an excitation already, is shorter than the design,
+        or the design is not found.
 
     Notes
     -----
-    In a command the start is that of the injection. In an effector it is that of the motion, an actuator's lag
-    included. Standard errors allow for coloured residuals (Newey & West, Econometrica 55, 1987).
+    In a command the start is that of the injection. In an effector it is that of the motion, an actuator's
+    lag included. Standard errors allow for coloured residuals (Newey & West, Econometrica 55, 1987).
     """
     channels = {
         name: next(f"{group}/{name}" for group in GROUPS if f"{group}/{name}" in record)
@@ -97,15 +101,19 @@ def align_excitation(record: FlightRecord, inputs: SampledInputs) -> tuple[Fligh
             f"lasts {record.duration:.6g} s, expected at least the {inputs.time[-1]:.6g} s of the design"
         )
     fit = _Fit(record, inputs, channels)
-    solution = least_squares(
-        fit.residual,
-        [fit.coarse(), 0.0],
-        jac=lambda unknowns: fit.slopes(*unknowns).T,  # type: ignore[arg-type]
-        x_scale=[_STEP_S, _STEP_DRIFT],
-        xtol=1e-12,
-        ftol=1e-12,
-    )
-    start, drift = (float(x) for x in solution.x)
+    unknowns = np.array([fit.coarse(), 0.0])
+    for _ in range(_WHITENED + 1):
+        solution = least_squares(
+            fit.residual,
+            unknowns,
+            jac=lambda at: fit.slopes(*at).T,  # type: ignore[arg-type]
+            x_scale=[_STEP_S, _STEP_DRIFT],
+            xtol=1e-12,
+            ftol=1e-12,
+        )
+        unknowns = solution.x
+        fit.whiten(fit.unfiltered_residual(*unknowns))
+    start, drift = (float(x) for x in unknowns)
     gains, errors = fit.gains(start, drift)
     if max(abs(gains[name]) / errors[name] for name in gains) < _FOUND:
         raise DataError(
@@ -114,7 +122,7 @@ def align_excitation(record: FlightRecord, inputs: SampledInputs) -> tuple[Fligh
             + f": its largest gain is {max(abs(gains[n]) / errors[n] for n in gains):.2g} standard errors",
             remedy="check the design and the names of effectors",
         )
-    spread = _covariance(fit.slopes(start, drift), fit.residual(solution.x), len(channels), fit.memory)
+    spread = _covariance(fit.slopes(start, drift), fit.residual(unknowns), len(channels), fit.memory)
     timing = ExcitationTiming(
         start_s=start + float(record.time[0]),
         start_std_s=float(np.sqrt(spread[0, 0])),
@@ -137,13 +145,14 @@ class _Fit:
         motion = [record[name] for name in _FEEDBACK if name in record]
         nuisance = np.array([np.ones(self.time.size), self.time, *motion])
         size = np.linalg.norm(nuisance, axis=1, keepdims=True)
-        self._nuisance = np.linalg.qr((nuisance / np.where(size > 0, size, 1)).T)[0]
+        self._nuisance = nuisance / np.where(size > 0, size, 1)
         raw = record.matrix(channels.values())
         self._size = raw.std(axis=1)
         still = [c for c, s in zip(channels.values(), self._size, strict=True) if s == 0]
         if still:
             raise DataError(f"channel '{still[0]}' does not move", remedy="leave it out of the map")
-        self.measured = self.without_motion(raw) / self._size[:, None]
+        self._raw = raw / self._size[:, None]
+        self._set_filters([np.ones(1)] * len(raw))
         # Residuals are taken to be related over the longest period of the excitation at most.
         spectrum = np.abs(np.fft.rfft(inputs.values - inputs.values.mean(axis=1, keepdims=True), axis=1)).sum(
             0
@@ -152,8 +161,50 @@ class _Fit:
         slowest = max(1, int(strong[0])) / float(inputs.time[-1])
         self.memory = max(1, round(1 / slowest / record.dt))
 
-    def without_motion(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
-        return rows - (rows @ self._nuisance) @ self._nuisance.T
+    def _set_filters(self, filters: list[NDArray[np.float64]]) -> None:
+        """Filter all channels so that their noise becomes white; where filters start, samples are zero."""
+        self._filters = filters
+        self._motion = [np.linalg.qr(self._filtered(self._nuisance, f).T)[0] for f in filters]
+        self.measured = self._without_motion(self._raw)
+
+    def whiten(self, residual: NDArray[np.float64]) -> None:
+        """Take the noise of each channel as autoregressive, as its residual, shape (effector, sample), is."""
+        filters = []
+        for row in residual:
+            every = correlate(row, row, mode="full", method="fft")[row.size - 1 :][: _ORDER + 1] / row.size
+            every[0] *= 1 + 1e-9  # what rounding leaves of a noise that has no power at some frequency
+            filters.append(np.concatenate([[1.0], -solve_toeplitz(every[:-1], every[1:])]))
+        self._set_filters(filters)
+
+    @staticmethod
+    def _filtered(rows: NDArray[np.float64], taps: NDArray[np.float64]) -> NDArray[np.float64]:
+        found = lfilter(taps, np.ones(1), rows, axis=-1)
+        found[..., : taps.size - 1] = 0.0
+        return found
+
+    def _without_motion(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        filtered = [self._filtered(row, taps) for row, taps in zip(rows, self._filters, strict=True)]
+        return np.array([x - basis @ (x @ basis) for x, basis in zip(filtered, self._motion, strict=True)])
+
+    def unfiltered_residual(self, start: float, drift: float) -> NDArray[np.float64]:
+        """Return what the fit leaves of the channels as they were logged, shape (effector, sample)."""
+        filtered = self._raw - self._gain(start, drift)[:, None] * self._own_rows(start, drift)
+        left = []
+        for row, taps in zip(filtered, self._filters, strict=True):
+            motion, *_ = np.linalg.lstsq(
+                self._filtered(self._nuisance, taps).T, self._filtered(row, taps), rcond=None
+            )
+            left.append(row - motion @ self._nuisance)
+        return np.array(left)
+
+    def _own_rows(self, start: float, drift: float) -> NDArray[np.float64]:
+        every = self.excitation(start, drift)
+        return every[[self.inputs.names.index(name) for name in self.names]]
+
+    def _gain(self, start: float, drift: float) -> NDArray[np.float64]:
+        x = self._projected(start, drift)
+        power = (x**2).sum(axis=1)
+        return (x * self.measured).sum(axis=1) / np.where(power > 0, power, 1)
 
     def excitation(self, start: float, drift: float) -> NDArray[np.float64]:
         """Return the design on the record's clock, shape (effector, sample); zero outside of it."""
@@ -172,14 +223,12 @@ class _Fit:
         return float((np.argmax(total) - (own.size - 1)) * step)
 
     def _projected(self, start: float, drift: float) -> NDArray[np.float64]:
-        every = self.excitation(start, drift)
-        return self.without_motion(every[[self.inputs.names.index(n) for n in self.names]])
+        return self._without_motion(self._own_rows(start, drift))
 
     def residual(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what the fit leaves of the filtered channels, shape (effector * sample,)."""
         x = self._projected(*unknowns)
-        power = (x**2).sum(axis=1)
-        gain = (x * self.measured).sum(axis=1) / np.where(power > 0, power, 1)
-        return (self.measured - gain[:, None] * x).ravel()
+        return (self.measured - self._gain(*unknowns)[:, None] * x).ravel()
 
     def slopes(self, start: float, drift: float) -> NDArray[np.float64]:
         """Return the derivatives of the residual by start and drift, shape (2, effector * sample)."""

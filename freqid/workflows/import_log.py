@@ -28,7 +28,7 @@ def read_log(
     resample_hz: float | None = None,
     despike: bool = False,
 ) -> FlightRecord:
-    """Read a flight log: CSV, Parquet, MATLAB (v5 to v7.3), SIDPAC's 90 columns, PX4 ULog, ArduPilot DataFlash.
+    """Read a flight log: CSV, Parquet, MATLAB (v5 to v7.3), SIDPAC's columns, PX4 ULog, ArduPilot DataFlash.
 
     Parameters
     ----------
@@ -52,8 +52,8 @@ def read_log(
     Returns
     -------
     FlightRecord
-        SI units, uniform time; nothing is repaired or resampled unasked. Where a channel drops out, the longest
-        stretch without a dropout: `read_pieces` returns all.
+        SI units, uniform time; nothing is repaired or resampled unasked. Where a channel drops out, the
+        longest stretch without a dropout: `read_pieces` returns all.
 
     Raises
     ------

@@ -14,10 +14,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from freqid.core.frames import level_from_body
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.results.design import SampledInputs
 from freqid.flightlog.align import align_excitation
-from freqid.flightlog.column_map import ChannelPlace, ColumnMap, TimePlace
+from freqid.flightlog.column_map import AttitudePlace, ChannelPlace, ColumnMap, TimePlace
 from freqid.flightlog.read import read_log
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "nanodrone"
@@ -146,7 +147,8 @@ from freqid.flightlog.read import read_log
 import resource
 columns = tuple(ChannelPlace(name=f"effector/x{i}", column=f"x{i}", unit="deg") for i in range(60))
 rate = float(sys.argv[2]) or None
-record = read_log(Path(sys.argv[1]), ColumnMap(time=TimePlace(column="t", unit="s"), channel=columns), resample_hz=rate)
+column_map = ColumnMap(time=TimePlace(column="t", unit="s"), channel=columns)
+record = read_log(Path(sys.argv[1]), column_map, resample_hz=rate)
 write_record(Path(sys.argv[1]).with_suffix(".h5"), record)
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 """
@@ -173,25 +175,35 @@ def memory():
 
 
 def nanodrone():
-    """Weight-scaled specific force along the rotors against the sum of squared speeds, three flights."""
-    erpm = 1 / 6  # pole pairs: mechanical speed by electrical
+    """Force along the rotors, from velocity and attitude, against the sum of squared speeds, three flights."""
     column_map = ColumnMap(
         time=TimePlace(column="t", unit="s"),
+        # East, north, up and forward, left, up: the algebra of the attitude is that of our own axes.
+        attitude=AttitudePlace(quaternion=("qw", "qx", "qy", "qz")),
         channel=(
-            ChannelPlace(name="state/az", column="az", unit="m/s2", sign=-1),
             *(
-                ChannelPlace(name=f"effector/n{i}", column=f"m{i}_erpm", unit="rpm", scale=erpm)
+                ChannelPlace(name=f"state/{ours}", column=theirs, unit="m/s")
+                for ours, theirs in (("vn", "vx"), ("ve", "vy"), ("vd", "vz"))
+            ),
+            # Six pole pairs: mechanical speed by electrical.
+            *(
+                ChannelPlace(name=f"effector/n{i}", column=f"m{i}_erpm", unit="rpm", scale=1 / 6)
                 for i in range(1, 5)
             ),
         ),
     )
     spikes, top, bottom = 0, 0.0, 0.0
     for path in sorted(DATA.glob("multisine_*.parquet")):
-        record = read_log(path, column_map, cut=(5.0, 60.0), resample_hz=100.0, despike=True)
+        record = read_log(path, column_map, resample_hz=100.0, despike=True)
+        flying = (record.time > 5) & (record.time < record.time[-1] - 5)
         spikes += sum(n for name, n in record.provenance["spikes"].items() if name.startswith("effector"))
         squares = sum(record[f"effector/n{i}"] ** 2 for i in range(1, 5))
-        force = -0.045 * record["state/az"]
-        top, bottom = top + float(force @ squares), bottom + float(squares @ squares)
+        acceleration = np.gradient(record.matrix(["state/vn", "state/ve", "state/vd"]), record.dt, axis=1)
+        acceleration[2] += 9.80665
+        up = level_from_body(record.matrix(["state/phi", "state/theta", "state/psi"]))[:, 2]
+        force = 0.045 * (up * acceleration).sum(axis=0)
+        top += float(force[flying] @ squares[flying])
+        bottom += float(squares[flying] @ squares[flying])
     yield "nano drone, three multisine flights: thrust constant", "1e-8 N/(rad/s)2", 1e8 * top / bottom
     yield "nano drone, three multisine flights: spikes of rotor speeds left out", "samples", spikes
 

@@ -21,7 +21,7 @@ def tones(name, t, rng):
     return np.where((t >= 0) & (t <= 2 * PERIOD), x, 0.0)
 
 
-def flown(seed, *, group="command", noise=0.02, drift=DRIFT):
+def flown(seed, *, group="command", noise=0.005, drift=DRIFT):
     """A closed loop in steps of 1 ms: rates follow commands, and commands hold their feedback."""
     rng = np.random.default_rng(seed)
     t = 100.0 + np.arange(0, 75, 0.001)
@@ -73,9 +73,8 @@ def test_start_and_drift_within_two_milliseconds_in_a_closed_loop(seed):
     truth = tones("de", (record.time - START) * (1 + DRIFT), np.random.default_rng(5))
     assert record.channel("excitation/de").unit == "rad"
     inside = (record.time > START + 1) & (record.time < START + 59)
-    np.testing.assert_allclose(
-        record["excitation/de"][inside], truth[inside], atol=3e-3 * np.abs(truth).max()
-    )
+    largest = 0.002 * np.abs(np.gradient(truth, record.dt)).max()  # what 2 ms make of the steepest slope
+    np.testing.assert_allclose(record["excitation/de"][inside], truth[inside], atol=largest)
     about = record.provenance["excitation_aligned"]
     assert about["drift_ppm"] == pytest.approx(1e6 * timing.drift)
 

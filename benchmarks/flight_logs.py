@@ -175,7 +175,7 @@ def memory():
 
 
 def nanodrone():
-    """Force along the rotors, from velocity and attitude, against the sum of squared speeds, three flights."""
+    """Force along the rotors, by velocity and attitude, against the sum of squared speeds; three flights."""
     column_map = ColumnMap(
         time=TimePlace(column="t", unit="s"),
         # East, north, up and forward, left, up: the algebra of the attitude is that of our own axes.

@@ -27,6 +27,7 @@ GROUPS = ("command", "effector")  # where the excitation is looked for, in this 
 _FEEDBACK = (*RATES, *ATTITUDE, *VELOCITY)
 _FOUND = 6.0  # standard errors of the largest gain: chance gives it at none of 1e6 starts
 _ORDER = 40  # of the autoregressive noise
+_ENDS_S = 0.1  # by which the first guess of the start may be off
 _WHITENED = 2  # times that the noise is estimated anew and the fit repeated
 _STEP_S, _STEP_DRIFT = 1e-3, 1e-6  # sizes on which start and drift are searched
 
@@ -102,6 +103,7 @@ def align_excitation(record: FlightRecord, inputs: SampledInputs) -> tuple[Fligh
         )
     fit = _Fit(record, inputs, channels)
     unknowns = np.array([fit.coarse(), 0.0])
+    fit.leave_out_ends(unknowns[0])
     for _ in range(_WHITENED + 1):
         solution = least_squares(
             fit.residual,
@@ -152,6 +154,7 @@ class _Fit:
         if still:
             raise DataError(f"channel '{still[0]}' does not move", remedy="leave it out of the map")
         self._raw = raw / self._size[:, None]
+        self._used = np.ones(self.time.size)
         self._set_filters([np.ones(1)] * len(raw))
         # Residuals are taken to be related over the longest period of the excitation at most.
         spectrum = np.abs(np.fft.rfft(inputs.values - inputs.values.mean(axis=1, keepdims=True), axis=1)).sum(
@@ -176,11 +179,17 @@ class _Fit:
             filters.append(np.concatenate([[1.0], -solve_toeplitz(every[:-1], every[1:])]))
         self._set_filters(filters)
 
-    @staticmethod
-    def _filtered(rows: NDArray[np.float64], taps: NDArray[np.float64]) -> NDArray[np.float64]:
+    def leave_out_ends(self, start: float) -> None:
+        """Leave out the samples around the design's ends: it may jump there, and a jump has no slope."""
+        step = float(self.time[-1]) / (self.time.size - 1)
+        for end in (start, start + float(self.inputs.time[-1])):
+            self._used[(self.time > end - _ENDS_S) & (self.time < end + _ENDS_S + _ORDER * step)] = 0.0
+        self._set_filters(self._filters)
+
+    def _filtered(self, rows: NDArray[np.float64], taps: NDArray[np.float64]) -> NDArray[np.float64]:
         found = lfilter(taps, np.ones(1), rows, axis=-1)
         found[..., : taps.size - 1] = 0.0
-        return found
+        return found * self._used
 
     def _without_motion(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         filtered = [self._filtered(row, taps) for row, taps in zip(rows, self._filters, strict=True)]

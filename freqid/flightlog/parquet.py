@@ -89,6 +89,7 @@ class _Columns:
         else:
             name = self.names[column - 1]
         try:
+            pa.default_memory_pool().release_unused()  # of the column before
             values = self._file.read(columns=[name]).column(0)
             if pa.types.is_timestamp(values.type):
                 return values.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy().astype(np.float64) * 1e-9

@@ -30,7 +30,7 @@ _FASTEST = 10.0  # times the log's own rate: above it a request is a slip
 _JITTER = 1e-3  # of a sample: closer than this to a uniform grid is on it
 _CROWDED = 1e-3  # of the usual interval: closer samples are one sample logged twice
 _WRAPPED = ("state/phi", "state/psi")
-_TOGETHER = 1 << 22  # samples filtered at a time, for the same reason
+_TOGETHER = 1 << 21  # samples filtered at a time, for the same reason
 _BLOCK = 1 << 20  # weights at a time, to bound the memory of long records
 METHOD = (
     f"zero-phase windowed sinc, Kaiser {_ATTENUATION_DB:g} dB, pass band {PASS:g} of the lower Nyquist "

@@ -33,8 +33,11 @@ from freqid.workflows.files import save as save
 from freqid.workflows.fly import simulate as simulate
 from freqid.workflows.frequency_response import frequency_response as frequency_response
 from freqid.workflows.identify import identify_point as identify_point
+from freqid.workflows.import_log import align_excitation as align_excitation
 from freqid.workflows.import_log import export_log as export_log
+from freqid.workflows.import_log import list_log as list_log
 from freqid.workflows.import_log import read_log as read_log
+from freqid.workflows.import_log import read_pieces as read_pieces
 from freqid.workflows.import_log import split_flight as split_flight
 from freqid.workflows.new_scenario import new_scenario as new_scenario
 from freqid.workflows.output_error import identify_output_error as identify_output_error

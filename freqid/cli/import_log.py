@@ -14,10 +14,13 @@ from freqid.cli.options import FILE
 @click.command("import-log")
 @click.argument("log", type=FILE)
 @options.output("the log's name with .h5, in reports/")
-@click.option("--map", "columns", type=FILE, help="TOML map of columns to channels.")
+@click.option("--map", "columns", type=FILE, help="TOML map of columns to channels, or name of a ready one.")
+@click.option("--list", "list_", is_flag=True, help="Show the channels and propose a map, as TOML on stdout.")
 @click.option("--scenario", type=FILE, help="Scenario that describes the vehicle.")
 @click.option("--at", default="", help="Id of the reference condition that was flown.")
 @click.option("--resample", "resample_hz", type=float, help="Put all channels on this rate, Hz.")
+@click.option("--despike", is_flag=True, help="Leave single outlying samples out and count them.")
+@click.option("--align", "design", type=FILE, help="Design that was flown and not logged: find and add it.")
 @click.option(
     "--cut",
     callback=options.parsed(options.span),
@@ -36,33 +39,52 @@ def command(
     log: Path,
     destination: Path | None,
     columns: Path | None,
+    list_: bool,
     scenario: Path | None,
+    design: Path | None,
     split: bool,
     json_: bool,
     **asked: Any,
 ) -> None:
-    """Read LOG (CSV, MATLAB, SIDPAC columns) and write a flight record.
+    """Read LOG (CSV, Parquet, MATLAB, SIDPAC columns, ULog, DataFlash) and write a flight record.
 
     Units are converted to SI, time is checked to be uniform, channels are checked against each other, and
     nothing is resampled unless asked.
     """
-    from freqid.cli.record_texts import plausibility_sentences, records_result, records_text
+    from freqid.cli.record_texts import (
+        dropouts_text,
+        listing_result,
+        plausibility_sentences,
+        records_result,
+        records_text,
+    )
     from freqid.workflows.files import save
-    from freqid.workflows.import_log import read_log, split_flight
+    from freqid.workflows.import_log import align_excitation, list_log, read_log, read_pieces, split_flight
     from freqid.workflows.inputs import scenario_of
 
+    if list_:
+        listing = list_log(log)
+        options.emit(json_, listing_result(listing), str(listing).rstrip())
+        return
     described = scenario_of(scenario) if scenario else None
-    record = read_log(log, columns, scenario=described, **asked)
+    read = read_pieces if split else read_log
+    found = read(log, columns, scenario=described, **asked)
+    flights = found if isinstance(found, list) else [found]
+    if design is not None:
+        flights = [align_excitation(flight, design) for flight in flights]
     destination = destination or Path("reports") / f"{log.stem}.h5"
-    pieces = {destination: record}
+    pieces = {destination: flights[0]}
     if split:
         name = f"{destination.stem}-{{}}{destination.suffix}"
-        every = split_flight(record, name=str(log))
+        every = [piece for flight in flights for piece in split_flight(flight, name=str(log))]
         pieces = {destination.with_name(name.format(i)): piece for i, piece in enumerate(every, start=1)}
     for path in pieces:
-        options.keep_inputs(path, log, columns, scenario)
-    for sentence in plausibility_sentences(record):
+        options.keep_inputs(path, log, columns, scenario, design)
+    for sentence in dict.fromkeys(s for flight in flights for s in plausibility_sentences(flight)):
         click.echo(sentence, err=True)
     for path, piece in pieces.items():
         save(piece, path, scenario=described)
+    told = dropouts_text(flights[0], split=split)
+    if told:
+        click.echo(told, err=True)
     options.emit(json_, records_result(pieces), records_text(pieces))

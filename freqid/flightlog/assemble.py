@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,9 @@ from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Channel, Configuration, FlightRecord, check_time
 from freqid.core.units import parse_unit, to_si
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
-from freqid.flightlog.column_map import MASS_PROPERTIES, ColumnMap, Place
-from freqid.flightlog.resample import METHOD, onto_grid
+from freqid.flightlog.column_map import MASS_PROPERTIES
+from freqid.flightlog.resample import METHOD, Gridded, onto_grid
+from freqid.flightlog.spikes import find_spikes
 
 # Effectors whose kind nobody stated, and pilots' controls, take the SI unit of their dimension.
 _EFFECTOR_SI = (*dict.fromkeys(EFFECTOR_UNITS.values()), "m")
@@ -41,6 +42,8 @@ class Column:
     position_m : tuple of 3 floats, optional
     rate_hz : float, optional
         Rate of the source where it is known to be lower than the log's.
+    time : ndarray, shape (sample,), optional
+        The channel's own clock, s; the log's where absent.
     """
 
     name: str
@@ -50,17 +53,19 @@ class Column:
     sign: int = 1
     position_m: tuple[float, float, float] | None = None
     rate_hz: float | None = None
+    time: NDArray[np.float64] | None = None
 
 
 def assemble(
     path: Path,
     reader: str,
-    time: Column,
-    columns: Sequence[Column],
+    time: Column | None,
+    columns: Iterable[Column],
     mass: Sequence[Column] = (),
     *,
     cut: tuple[float, float] | None = None,
     resample_hz: float | None = None,
+    despike: bool = False,
     vehicle: Vehicle | None = None,
     reference: str = "",
     configuration: Configuration | None = None,
@@ -74,13 +79,20 @@ def assemble(
         The log, named in errors and provenance.
     reader : str
         The layout that was read, for the provenance.
-    time : Column
-    columns, mass : sequence of Column
-        Channels and mass properties; of the latter the mean over the record is kept.
+    time : Column, optional
+        The clock of all columns that have none of their own.
+    columns : iterable of Column
+        Channels. Each is dropped once it is converted, so that a generator keeps one raw column in memory.
+    mass : sequence of Column
+        Mass properties; the mean over the record is kept.
     cut : tuple of 2 floats, optional
         Start and stop on the log's clock, s. Applied first, so that a fault outside does no harm.
     resample_hz : float, optional
-        Rate of the record. Without it the log must be uniform and complete.
+        Rate of the record. Without it the log must be uniform and complete, and have one clock. Where a
+        channel drops out, the record is the longest stretch that all channels have; provenance lists all of
+        these as ``whole_spans_s``.
+    despike : bool
+        Leave single outlying samples out, count them, and bridge them as missing ones are.
     vehicle : Vehicle, optional
         Gives the kinds of the effectors, and goes into the record.
     reference, configuration
@@ -93,53 +105,54 @@ def assemble(
     DataError
         Where time, a unit or a channel is not fit for a record; the file is named.
     UsageError
-        Where `cut` is not inside the log, or `resample_hz` is out of range.
+        Where `cut` is not inside the log, `resample_hz` is out of range, or spikes are to be left out without
+        resampling.
     """
+    if despike and resample_hz is None:
+        raise UsageError(
+            "spikes are left out and bridged, which is resampling",
+            where=str(path),
+            remedy="state --resample too",
+        )
     try:
-        if not columns:
-            raise DataError("holds no channel that is not zero throughout", remedy="check the log")
         with np.errstate(all="ignore"):  # what overflows is not finite, and refused as that
-            clock = _si_values(time, "s")
-            rows = _rows(clock, cut)
-            clock = clock[rows]
-            _check_clock(clock, uniform=resample_hz is None)
+            log_clock = _si_values(time, "s") if time is not None else np.empty(0)
             kinds = vehicle.effector_kinds if vehicle else {}
-            units = {c.name: _si(c, kinds) for c in columns}
-            values = {c.name: _si_values(c, units[c.name]) for c in columns}
-            for name, x in values.items():
-                if x.shape != time.values.shape:
-                    raise DataError(f"channel '{name}' has shape {x.shape}, time has {time.values.shape}")
-            values = {name: x[rows] for name, x in values.items()}
+            facts, signals = _signals(columns, log_clock, kinds, cut, uniform=resample_hz is None)
             history: dict[str, Any] = {
-                "source": {
-                    "file": Path(path).name,
-                    "sha256": hashlib.sha256(Path(path).read_bytes()).hexdigest(),
-                    "reader": reader,
-                },
+                "source": {"file": Path(path).name, "sha256": _sha256(Path(path)), "reader": reader},
                 **(provenance or {}),
             }
             if cut is not None:
                 history["cut_s"] = list(cut)
+            if despike:
+                history["spikes"] = {name: n for name in signals if (n := _leave_out_spikes(signals, name))}
             if resample_hz is None:
+                _check_one_clock(signals)
+                clock = next(iter(signals.values()))[0]
+                values = {name: x for name, (_, x) in signals.items()}
                 native = dict.fromkeys(values, (clock.size - 1) / float(clock[-1] - clock[0]))
             else:
-                clock, values, native, filled = onto_grid(clock, values, resample_hz)
-                history["resampled"] = {"rate_hz": resample_hz, "method": METHOD, "filled_samples": filled}
+                found = onto_grid(signals, resample_hz)
+                clock, values, native = found.time, found.values, found.native_rate_hz
+                history |= _resampling(found, resample_hz)
             return FlightRecord(
                 time=clock,
                 channels={
-                    c.name: Channel(
-                        name=c.name,
-                        unit=units[c.name],
-                        values=values[c.name],
-                        native_rate_hz=min(native[c.name], c.rate_hz or np.inf),
+                    name: Channel(
+                        name=name,
+                        unit=unit,
+                        values=values[name],
+                        native_rate_hz=min(native[name], c.rate_hz or np.inf),
                         source=c.source,
                         position_m=c.position_m,
                     )
-                    for c in columns
+                    for name, (unit, c) in facts.items()
                 },
                 vehicle=vehicle,
-                mass_properties=_mass_properties(mass, rows),
+                mass_properties=_mass_properties(
+                    mass, _rows(log_clock, cut) if log_clock.size else slice(None)
+                ),
                 reference=reference,
                 configuration=configuration or Configuration(),
                 provenance=history,
@@ -148,55 +161,86 @@ def assemble(
         raise error.at(str(path)) from None
 
 
-def assemble_map(
-    path: Path,
-    reader: str,
-    column_map: ColumnMap,
-    pick: Callable[[Place], NDArray[np.float64]],
-    **options: Any,
-) -> FlightRecord:
-    """Assemble what a column map names; `pick` returns the values at one of its places.
+_Signals = dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
+_EMPTY = np.empty(0)
 
-    Parameters
-    ----------
-    path, reader
-        As in `assemble`.
-    column_map : ColumnMap
-    pick : callable
-        Raises DataError where the log has no such place.
-    **options
-        Passed to `assemble`.
-    """
 
-    def column(name: str, place: Any) -> Column:
-        try:
-            values = pick(place)
-        except DataError as error:
-            raise error.at(str(path)) from None
-        spot = [f"column {place.column!r}"] if place.column is not None else []
-        spot += [f"variable {place.variable!r}"] if place.variable is not None else []
-        sign = getattr(place, "sign", 1)
-        return Column(
-            name=name,
-            values=values,
-            unit=place.unit,
-            source=f"{Path(path).name}: {' of '.join(spot)}, {place.unit}{', sign -1' if sign < 0 else ''}",
-            sign=sign,
-            position_m=getattr(place, "position_m", None),
-            rate_hz=getattr(place, "rate_hz", None),
-        )
+def _signals(
+    columns: Iterable[Column],
+    log_clock: NDArray[np.float64],
+    kinds: dict[str, str],
+    cut: tuple[float, float] | None,
+    *,
+    uniform: bool,
+) -> tuple[dict[str, tuple[str, Column]], _Signals]:
+    """Return each channel's SI unit and column, without its values, and its time and values in SI, cut."""
+    facts: dict[str, tuple[str, Column]] = {}
+    signals: _Signals = {}
+    clocks: dict[
+        int, tuple[NDArray[np.float64], slice, NDArray[np.float64]]
+    ] = {}  # raw, rows, cut and checked
+    for column in columns:
+        raw = log_clock if column.time is None else column.time
+        if id(raw) not in clocks:
+            try:
+                rows = _rows(raw, cut)
+                _check_clock(raw[rows], uniform=uniform)
+            except (DataError, UsageError) as error:
+                whose = "" if column.time is None else f"clock of channel '{column.name}': "
+                raise type(error)(whose + error.message, remedy=error.remedy) from None
+            clocks[id(raw)] = raw, rows, raw[rows]
+        _, rows, clock = clocks[id(raw)]
+        unit = _si(column, kinds)
+        x = _si_values(column, unit)
+        if x.shape != raw.shape:
+            raise DataError(f"channel '{column.name}' has shape {x.shape}, time has {raw.shape}")
+        signals[column.name] = clock, x[rows]
+        facts[column.name] = unit, replace(column, values=_EMPTY, time=None)
+    if not signals:
+        raise DataError("holds no channel that is not zero throughout", remedy="check the log")
+    return facts, signals
 
-    entries = column_map.record
-    return assemble(
-        path,
-        reader,
-        column("time", column_map.time),
-        [column(place.name, place) for place in column_map.channel],
-        [column(place.name, place) for place in column_map.mass_property],
-        reference=entries.reference,
-        configuration=Configuration(entries.tail, entries.firmware, entries.parameter_hash),
-        **options,
-    )
+
+def _check_one_clock(signals: _Signals) -> None:
+    """Refuse channels that were sampled at times of their own; the same times twice are one clock."""
+    (first, (clock, _)), *others = signals.items()
+    for name, (time, _) in others:
+        if time is not clock and not np.array_equal(time, clock):
+            a, b = ((t.size - 1) / float(t[-1] - t[0]) for t in (clock, time))
+            raise DataError(
+                f"channels have clocks of their own: '{first}' at {a:.4g} Hz, '{name}' at {b:.4g} Hz",
+                remedy="put them on one with --resample RATE",
+            )
+
+
+def _leave_out_spikes(signals: _Signals, name: str) -> int:
+    """Mark the spikes of one channel as missing and return their number."""
+    time, x = signals[name]
+    spikes = find_spikes(x)
+    if spikes.any():
+        signals[name] = time, np.where(spikes, np.nan, x)
+    return int(spikes.sum())
+
+
+def _resampling(found: Gridded, rate_hz: float) -> dict[str, Any]:
+    """Return what resampling took, for the provenance."""
+    history: dict[str, Any] = {
+        "resampled": {
+            "rate_hz": rate_hz,
+            "method": METHOD,
+            "filled_samples": found.filled,
+            "jitter_s": found.jitter_s,
+        }
+    }
+    if found.dropouts:
+        history["dropouts"] = [{"channel": c, "start_s": a, "stop_s": b} for c, a, b in found.dropouts]
+        history["whole_spans_s"] = [list(span) for span in found.spans]
+    return history
+
+
+def _sha256(path: Path) -> str:
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _si(column: Column, kinds: dict[str, str]) -> str:

@@ -23,9 +23,10 @@ from numpy.typing import NDArray
 
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.record import FlightRecord
-from freqid.flightlog.assemble import assemble_map
 from freqid.flightlog.column_map import ColumnMap, Place
+from freqid.flightlog.mapped import assemble_map
 from freqid.flightlog.read import Reader
+from freqid.flightlog.signal import NotLogged
 
 _HEADER = 128
 _MATRIX, _COMPRESSED = 14, 15
@@ -237,7 +238,7 @@ def read_matlab(path: Path, column_map: ColumnMap | None, **options: Any) -> Fli
         if isinstance(column, str):
             labels = _labels(variables, column_map.labels)
             if column not in labels:
-                raise DataError(f"column '{column}' is missing", remedy=nearest(column, labels))
+                raise NotLogged(f"column '{column}' is missing", remedy=nearest(column, labels))
             column = labels.index(column) + 1
         if column > matrix.shape[1]:
             raise DataError(
@@ -298,7 +299,7 @@ def numeric(variables: dict[str, Any], name: str) -> NDArray[np.float64]:
     """
     found = lookup(variables, name)
     if found is None:
-        raise DataError(f"variable '{name}' is missing", remedy=nearest(name, variables))
+        raise NotLogged(f"variable '{name}' is missing", remedy=nearest(name, variables))
     if not isinstance(found, np.ndarray) or not _is_real(found):
         raise DataError(f"variable '{name}' is no real vector or matrix", remedy="map another one")
     return np.atleast_1d(np.asarray(found, dtype=np.float64))

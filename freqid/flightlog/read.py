@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -12,13 +12,10 @@ from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
 from freqid.flightlog.column_map import ColumnMap, read_column_map
+from freqid.flightlog.signal import Signal
 
 # Modules of this folder in the order in which they are asked: layouts of their own before what needs a map.
-_MODULES = ("sidpac", "matlab", "record", "csv")
-_PLANNED = {
-    b"ULog\x01\x12\x35": "a PX4 ULog file",
-    b"\xa3\x95": "an ArduPilot DataFlash file",
-}
+_MODULES = ("ulog", "dataflash", "parquet", "sidpac", "matlab", "record", "csv")
 
 
 @dataclass(frozen=True)
@@ -30,16 +27,19 @@ class Reader:
     suffixes : tuple of str
         That its files have, in lower case.
     read : callable
-        ``read(path, column_map, *, cut, resample_hz, vehicle) -> FlightRecord``; a reader of files that
-        do not say what their columns are raises `UsageError` where the map is None.
+        ``read(path, column_map, *, cut, resample_hz, despike, vehicle) -> FlightRecord``; a reader of files
+        that do not say what their columns are raises `UsageError` where the map is None.
     knows : callable, optional
         ``knows(path, column_map) -> bool``: whether a file of such a suffix is of this kind. All are where
         it is absent.
+    signals : callable, optional
+        ``signals(path) -> iterator of Signal``: all that a file holds, to be listed.
     """
 
     suffixes: tuple[str, ...]
     read: Callable[..., FlightRecord]
     knows: Callable[[Path, ColumnMap | None], bool] = lambda path, column_map: True
+    signals: Callable[[Path], Iterator[Signal]] | None = None
 
 
 @cache
@@ -54,6 +54,7 @@ def read_log(
     *,
     cut: tuple[float, float] | None = None,
     resample_hz: float | None = None,
+    despike: bool = False,
     vehicle: Vehicle | None = None,
 ) -> FlightRecord:
     """Read a flight log of any kind that freqid knows.
@@ -61,13 +62,18 @@ def read_log(
     Parameters
     ----------
     path : Path
-        ``.csv .tsv .txt .asc .dat`` text tables, ``.mat``, or ``.h5`` of a record.
-    column_map : ColumnMap or path, optional
-        Needed for all but SIDPAC's own layout, which is recognised by its 90 columns.
+        ``.csv .tsv .txt .asc .dat`` text tables, ``.parquet``, ``.mat``, ``.ulg`` of PX4, ``.bin`` of
+        ArduPilot, or ``.h5`` of a record.
+    column_map : ColumnMap, path or name, optional
+        A file or the name of a map that comes with freqid. Needed for all but SIDPAC's own layout, which is
+        recognised by its 90 columns.
     cut : tuple of 2 floats, optional
         Start and stop on the log's clock, s. Applied before anything is checked or resampled.
     resample_hz : float, optional
-        Rate of the record; without it the log must be uniform and complete.
+        Rate of the record; without it the log must be uniform and complete, and have one clock. Of a log with
+        dropouts, the longest stretch without one.
+    despike : bool
+        Leave single outlying samples out and count them; with `resample_hz`.
     vehicle : Vehicle, optional
         Gives the kinds of the effectors, and goes into the record.
 
@@ -85,34 +91,33 @@ def read_log(
     """
     path = Path(path)
     if isinstance(column_map, (str, Path)):
-        column_map = read_column_map(Path(column_map))
+        column_map = read_column_map(column_map)
+    reader = reader_of(path, column_map)
+    return reader.read(path, column_map, cut=cut, resample_hz=resample_hz, despike=despike, vehicle=vehicle)
+
+
+def reader_of(path: Path, column_map: ColumnMap | None = None) -> Reader:
+    """Return the first reader that knows a file.
+
+    Raises
+    ------
+    DataError
+        Where the file is missing or of an unknown kind.
+    """
+    try:
+        with open(path, "rb"):
+            pass
+    except OSError as error:
+        raise DataError(
+            f"cannot be read ({error.strerror})", where=str(path), remedy="check the path"
+        ) from None
     suffix = path.suffix.lower()
-    _refuse_planned(path, suffix)
     for reader in readers():
         if suffix in reader.suffixes and reader.knows(path, column_map):
-            return reader.read(path, column_map, cut=cut, resample_hz=resample_hz, vehicle=vehicle)
+            return reader
     *known, last = dict.fromkeys(s for reader in reversed(readers()) for s in reader.suffixes)
     raise DataError(
         f"a log of kind '{suffix or 'no suffix'}' is not known, expected {' '.join(known)} or {last}",
         where=str(path),
         remedy="export it as one of these",
     )
-
-
-def _refuse_planned(path: Path, suffix: str) -> None:
-    """Say clearly which logs are planned but not read yet."""
-    try:
-        with open(path, "rb") as file:
-            head = file.read(8)
-    except OSError as error:
-        raise DataError(
-            f"cannot be read ({error.strerror})", where=str(path), remedy="check the path"
-        ) from None
-    kind = next((kind for magic, kind in _PLANNED.items() if head.startswith(magic)), None)
-    kind = kind or {".ulg": "a PX4 ULog file", ".bin": "an ArduPilot DataFlash file"}.get(suffix)
-    if kind:
-        raise DataError(
-            f"is {kind}: planned, not yet read",
-            where=str(path),
-            remedy="convert it to CSV and map its columns",
-        )

@@ -19,6 +19,7 @@ def read_own(
     *,
     cut: tuple[float, float] | None = None,
     resample_hz: float | None = None,
+    despike: bool = False,
     vehicle: Vehicle | None = None,
 ) -> FlightRecord:
     """Read a record that freqid wrote.
@@ -41,6 +42,10 @@ def read_own(
     if column_map is not None:
         raise UsageError(
             "a flight record names its channels itself", where=str(path), remedy="leave the column map out"
+        )
+    if despike:
+        raise UsageError(
+            "a flight record has no spikes left out any more", where=str(path), remedy="despike its log"
         )
     record = read_record(path)
     if cut is not None:

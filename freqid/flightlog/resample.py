@@ -1,15 +1,15 @@
-"""Resampling onto a uniform clock: band-limited, alike for all channels, refused where it would invent data.
+"""Resampling onto a uniform clock: band-limited, alike for all channels, never across a dropout.
 
-Every channel passes one linear-phase low-pass, so that inputs and outputs keep their relation, phase
-included. The value at time t is the sum of the samples under a sinc with a Kaiser window, its band edge
-below the lower of the two Nyquist frequencies: it removes what would alias when the rate falls, and
-the images when it rises. What fits no uniform grid is first put onto one by a cubic spline.
+Every channel may have its own clock. Each passes one linear-phase low-pass, so that inputs and outputs
+keep their relation, phase included. The value at time t is the sum of the samples under a sinc with a
+Kaiser window, its band edge below the lower of the two Nyquist frequencies: it removes what would alias when
+the rate falls, and the images when it rises. What fits no uniform grid is put onto one by a cubic spline.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+import hashlib
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +23,14 @@ from freqid.core.record import FlightRecord
 
 PASS = 0.8  # of the lower Nyquist frequency: what passes unchanged
 LONGEST_GAP = 3.5  # native sample intervals that a spline may bridge
+# Intervals of the slowest channel. The filter settles within 25 at either end: a shorter piece is all ends.
+SHORTEST_PIECE = 50
 _ATTENUATION_DB = 100.0
 _FASTEST = 10.0  # times the log's own rate: above it a request is a slip
 _JITTER = 1e-3  # of a sample: closer than this to a uniform grid is on it
 _CROWDED = 1e-3  # of the usual interval: closer samples are one sample logged twice
 _WRAPPED = ("state/phi", "state/psi")
+_TOGETHER = 1 << 21  # samples filtered at a time, for the same reason
 _BLOCK = 1 << 20  # weights at a time, to bound the memory of long records
 METHOD = (
     f"zero-phase windowed sinc, Kaiser {_ATTENUATION_DB:g} dB, pass band {PASS:g} of the lower Nyquist "
@@ -68,68 +71,122 @@ def resample(
                 f"expected {band_hz[1]:g} Hz as the band asks",
                 remedy=f"resample to {2 * band_hz[1] / PASS:g} Hz or more",
             )
-    values = {name: channel.values for name, channel in record.channels.items()}
-    time, resampled, _, _ = onto_grid(record.time, values, rate_hz)
-    channels = {n: replace(c, values=resampled[n]) for n, c in record.channels.items()}
+    found = onto_grid({n: (record.time, c.values) for n, c in record.channels.items()}, rate_hz)
+    channels = {n: replace(c, values=found.values[n]) for n, c in record.channels.items()}
     history = {"rate_hz": rate_hz, "from_hz": 1 / record.dt, "method": METHOD, "filled_samples": {}}
     return replace(
-        record, time=time, channels=channels, provenance={**record.provenance, "resampled": history}
+        record, time=found.time, channels=channels, provenance={**record.provenance, "resampled": history}
     )
 
 
-def onto_grid(
-    time: NDArray[np.float64], values: Mapping[str, NDArray[np.float64]], rate_hz: float
-) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float64]], dict[str, float], dict[str, int]]:
-    """Put channels onto one uniform clock.
+@dataclass(frozen=True)
+class Gridded:
+    """Channels on one uniform clock, and what it took to put them there.
 
-    Parameters
+    Attributes
     ----------
-    time : ndarray, shape (sample,)
-        Increasing, s.
-    values : mapping of str to ndarray, shape (sample,)
-        NaN where a channel has no sample of its own.
-    rate_hz : float
-
-    Returns
-    -------
     time : ndarray, shape (new sample,)
-        From the latest first to the earliest last sample of any channel: nothing is extrapolated.
+        s.
     values : dict of str to ndarray, shape (new sample,)
     native_rate_hz : dict of str to float
         From each channel's own median interval.
     filled : dict of str to int
         Samples bridged inside channels, by channel, where there are any.
+    jitter_s : dict of str to float
+        RMS deviation of a channel's intervals from their median, s, dropouts and missing samples left out.
+    dropouts : tuple of (str, float, float)
+        Channel, last sample before and first one after, s; of channels that share a clock the first one.
+    spans : tuple of (float, float)
+        All stretches, s, that no channel drops out of and that are long enough to be filtered; `time` is
+        the longest of them.
+    """
+
+    time: NDArray[np.float64]
+    values: dict[str, NDArray[np.float64]]
+    native_rate_hz: dict[str, float]
+    filled: dict[str, int]
+    jitter_s: dict[str, float]
+    dropouts: tuple[tuple[str, float, float], ...]
+    spans: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class _Clock:
+    """The times of channels that were sampled together; `kept` says which samples of their array they are."""
+
+    names: list[str]
+    kept: NDArray[np.bool_] | slice
+    own: NDArray[np.float64]
+    step: float
+
+    def runs(self) -> list[tuple[float, float]]:
+        """Return the stretches without a dropout."""
+        ends = np.flatnonzero(np.diff(self.own) > LONGEST_GAP * self.step)
+        starts = self.own[np.concatenate([[0], ends + 1])]
+        stops = self.own[np.concatenate([ends, [self.own.size - 1]])]
+        return list(zip(starts.tolist(), stops.tolist(), strict=True))
+
+    def dropouts(self, first: float, last: float) -> list[tuple[str, float, float]]:
+        """Return the dropouts, those before the first and after the last sample included."""
+        edges = np.concatenate([[first], self.own, [last]])
+        at = np.flatnonzero(np.diff(edges) > LONGEST_GAP * self.step)
+        return [(self.names[0], float(edges[i]), float(edges[i + 1])) for i in at]
+
+    def jitter(self) -> float:
+        """Return the RMS deviation of single intervals from the median, s."""
+        steps = np.diff(self.own)
+        single = steps[steps < 1.5 * self.step]
+        return float(np.sqrt(np.mean((single - self.step) ** 2)))
+
+
+def onto_grid(signals: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]], rate_hz: float) -> Gridded:
+    """Put channels, each with its own clock, onto one uniform clock.
+
+    Parameters
+    ----------
+    signals : dict of str to (time, values), each of shape (sample,)
+        Time increases, s; values are NaN where the channel has no sample of its own. Emptied while it is
+        read: a long log need not stand in memory twice.
+    rate_hz : float
+
+    Returns
+    -------
+    Gridded
+        From the latest first to the earliest last sample of any channel: nothing is extrapolated. Where
+        a channel drops out for longer than a few of its samples, the longest stretch that all have.
 
     Raises
     ------
     UsageError
         Where the rate is not positive, or beyond ten times the log's.
     DataError
-        For a dropout longer than a few native samples, with its time and length; nearly
-        repeated times; a channel that is infinite or hardly there.
+        For nearly repeated times; a channel that is infinite or hardly there; channels that have no
+        stretch in common.
     """
-    log_rate = 1 / float(np.median(np.diff(time)))
-    if not 0 < rate_hz <= _FASTEST * log_rate:
-        raise UsageError(
-            f"the resampling rate is {rate_hz:g} Hz, expected more than 0 and at most "
-            f"{_FASTEST * log_rate:g} Hz for a log of {log_rate:.6g} Hz"
-        )
-    groups: dict[bytes, list[str]] = {}
-    for name, x in values.items():
+    names = list(signals)
+    fastest = 0.0
+    clocks: dict[tuple[int, bytes], _Clock] = {}
+    for name, (time, x) in signals.items():
         if np.isinf(x).any():
             raise DataError(f"channel '{name}' is infinite at t = {time[np.isinf(x)][0]:.6g} s")
-        groups.setdefault(np.isnan(x).tobytes(), []).append(name)
-    native, filled, own_times = {}, {}, {}
-    for names in groups.values():
-        kept = ~np.isnan(values[names[0]])
-        own = time[kept]
-        step = _native_step(time, own, names[0])
-        own_times[names[0]] = kept, own, step
-        native |= dict.fromkeys(names, 1 / step)
-        bridged = int(np.rint(np.diff(own) / step - 1).sum())
-        filled |= dict.fromkeys(names, bridged) if bridged else {}
-    start = max(own[0] for _, own, _ in own_times.values())
-    stop = min(own[-1] for _, own, _ in own_times.values())
+        missing = np.isnan(x)
+        mask = hashlib.sha1(missing.tobytes()).digest() if missing.any() else b""
+        if (id(time), mask) in clocks:
+            clocks[id(time), mask].names.append(name)
+            continue
+        kept = ~missing if mask else slice(None)
+        step = _native_step(time[kept], name)
+        fastest = max(fastest, 1 / float(np.median(np.diff(time))))
+        clocks[id(time), mask] = _Clock([name], kept, time[kept], step)
+    if not 0 < rate_hz <= _FASTEST * fastest:
+        raise UsageError(
+            f"the resampling rate is {rate_hz:g} Hz, expected more than 0 and at most "
+            f"{_FASTEST * fastest:g} Hz for a log of {fastest:.6g} Hz"
+        )
+    first = min(float(time[0]) for time, _ in signals.values())
+    last = max(float(time[-1]) for time, _ in signals.values())
+    spans = _common_spans(list(clocks.values()))
+    start, stop = max(spans, key=lambda span: span[1] - span[0])
     count = int(np.floor((stop - start) * rate_hz + 1e-6)) + 1
     if count < 2:
         raise DataError(
@@ -137,19 +194,61 @@ def onto_grid(
             remedy="raise the rate",
         )
     grid = start + np.arange(count) / rate_hz
-    result = {}
-    for names in groups.values():
-        kept, own, step = own_times[names[0]]
-        stacked = np.array([np.unwrap(values[n][kept]) if n in _WRAPPED else values[n][kept] for n in names])
-        even = np.linspace(own[0], own[-1], round((own[-1] - own[0]) / step) + 1)
-        if even.size != own.size or np.abs(own - even).max() > _JITTER * step:
-            stacked = CubicSpline(own, stacked, axis=1)(even)
-        result |= zip(names, _band_limited(even, stacked, grid, rate_hz), strict=True)
-    return grid, {name: result[name] for name in values}, native, filled
+    values, native, filled, jitter = {}, {}, {}, {}
+    for clock in clocks.values():
+        low, high = next(run for run in clock.runs() if run[0] <= start and stop <= run[1])
+        rows = slice(*np.searchsorted(clock.own, [low, np.nextafter(high, np.inf)]))
+        own = clock.own[rows]
+        native |= dict.fromkeys(clock.names, 1 / clock.step)
+        jitter |= dict.fromkeys(clock.names, clock.jitter())
+        bridged = int(np.rint(np.diff(own) / clock.step - 1).sum())
+        filled |= dict.fromkeys(clock.names, bridged) if bridged else {}
+        even = np.linspace(own[0], own[-1], max(2, own.size + bridged))
+        uneven = even.size != own.size or np.abs(own - even).max() > _JITTER * clock.step
+        at_once = max(1, _TOGETHER // max(own.size, count))
+        for block in (clock.names[i : i + at_once] for i in range(0, len(clock.names), at_once)):
+            stacked = np.array([_own_values(name, *signals.pop(name), clock.kept, rows) for name in block])
+            if uneven:
+                stacked = CubicSpline(own, stacked, axis=1)(even)
+            values |= zip(block, _band_limited(even, stacked, grid, rate_hz), strict=True)
+    dropouts = [gap for clock in clocks.values() for gap in clock.dropouts(first, last)]
+    return Gridded(
+        grid, {name: values[name] for name in names}, native, filled, jitter, tuple(dropouts), spans
+    )
 
 
-def _native_step(time: NDArray[np.float64], own: NDArray[np.float64], name: str) -> float:
-    """Return a channel's median interval, s, after refusing dropouts and crowded samples."""
+def _own_values(
+    name: str,
+    time: NDArray[np.float64],
+    values: NDArray[np.float64],
+    kept: NDArray[np.bool_] | slice,
+    rows: slice,
+) -> NDArray[np.float64]:
+    """Return the samples of one channel in a stretch; angles that go round are unwrapped."""
+    own = values[kept][rows]
+    return np.unwrap(own) if name in _WRAPPED else own
+
+
+def _common_spans(clocks: list[_Clock]) -> tuple[tuple[float, float], ...]:
+    """Return the stretches, s, in which no channel drops out and that are long enough to be filtered."""
+    spans = clocks[0].runs()
+    for clock in clocks[1:]:
+        runs = clock.runs()
+        both = [(max(a[0], b[0]), min(a[1], b[1])) for a in spans for b in runs]
+        spans = [(start, stop) for start, stop in both if start < stop]
+        if not spans:
+            raise DataError(
+                f"channels '{clocks[0].names[0]}' and '{clock.names[0]}' have no stretch of time in common "
+                "in which no channel drops out",
+                remedy="leave one of them out of the map",
+            )
+    slowest = max(clock.step for clock in clocks)
+    long = [span for span in spans if span[1] - span[0] >= SHORTEST_PIECE * slowest]
+    return tuple(long or [max(spans, key=lambda span: span[1] - span[0])])
+
+
+def _native_step(own: NDArray[np.float64], name: str) -> float:
+    """Return a channel's median interval, s, after refusing crowded samples."""
     if own.size < 2:
         raise DataError(
             f"channel '{name}' has {own.size} samples, expected at least two",
@@ -157,16 +256,6 @@ def _native_step(time: NDArray[np.float64], own: NDArray[np.float64], name: str)
         )
     steps = np.diff(own)
     step = float(np.median(steps))
-    # The stretches before the first and after the last sample are dropouts too.
-    edges = np.concatenate([time[:1], own, time[-1:]])
-    gaps = np.diff(edges)
-    worst = int(np.argmax(gaps))
-    if gaps[worst] > LONGEST_GAP * step:
-        raise DataError(
-            f"channel '{name}' drops out for {gaps[worst]:.4g} s after t = {edges[worst]:.6g} s "
-            f"where its usual interval is {step:.4g} s",
-            remedy="cut around the dropout",
-        )
     if steps.min() < _CROWDED * step:
         at = int(np.argmin(steps))
         raise DataError(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from freqid.flightlog.column_map import ChannelPlace, ColumnMap, Place
+from freqid.flightlog.column_map import ChannelPlace, ColumnMap, TimePlace
 from freqid.flightlog.cut import find_maneuvers
 from freqid.flightlog.matlab import load_variables, read_matlab
 from freqid.flightlog.read import read_log
@@ -211,7 +211,7 @@ def test_hfb320_by_its_map(shared_data):
 def test_the_water_tunnel_record_by_its_labels(shared_data):
     path = shared_data / "sidpac" / "f16xl_r1263e_data.mat"
     column_map = ColumnMap(
-        time=Place(column="time_s", unit="s"),
+        time=TimePlace(column="time_s", unit="s"),
         labels="lab",
         channel=(
             ChannelPlace(name="air/alpha", column="alph_d", unit="deg"),

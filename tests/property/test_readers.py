@@ -14,7 +14,7 @@ from scipy.io import savemat
 
 from freqid.core.errors import DataError, FreqidError, UsageError
 from freqid.core.record import FlightRecord, check_time
-from freqid.flightlog.column_map import ChannelPlace, ColumnMap, MassPlace, Place, read_column_map
+from freqid.flightlog.column_map import ChannelPlace, ColumnMap, MassPlace, TimePlace, read_column_map
 from freqid.flightlog.csv import read_csv
 from freqid.flightlog.matlab import read_matlab
 from freqid.flightlog.read import read_log
@@ -24,7 +24,7 @@ many = settings(max_examples=150, deadline=None, derandomize=True)
 some = settings(max_examples=60, deadline=None, derandomize=True)
 
 BY_NUMBER = ColumnMap(
-    time=Place(column=1, unit="s"),
+    time=TimePlace(column=1, unit="s"),
     channel=(
         ChannelPlace(name="state/q", column=2, unit="deg/s"),
         ChannelPlace(name="state/psi", column=3, unit="deg"),
@@ -35,10 +35,10 @@ BY_NUMBER = ColumnMap(
     ),
 )
 BY_NAME = ColumnMap(
-    time=Place(column="t", unit="ms"), channel=(ChannelPlace(name="effector/x", column="a", unit="rpm"),)
+    time=TimePlace(column="t", unit="ms"), channel=(ChannelPlace(name="effector/x", column="a", unit="rpm"),)
 )
 MATRIX = ColumnMap(
-    time=Place(column=1, unit="s"), channel=(ChannelPlace(name="state/q", column=2, unit="deg/s"),)
+    time=TimePlace(column=1, unit="s"), channel=(ChannelPlace(name="state/q", column=2, unit="deg/s"),)
 )
 MAGIC = [
     b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM",
@@ -181,7 +181,7 @@ def test_arbitrary_cells_in_a_table(folder, cells, delimiter):
         "t a b\n".replace(" ", delimiter)
         + "".join(delimiter.join([str(i), *row[1:]]) + "\n" for i, row in enumerate(cells))
     )
-    seconds = ColumnMap(time=Place(column="t", unit="s"), channel=BY_NAME.channel)
+    seconds = ColumnMap(time=TimePlace(column="t", unit="s"), channel=BY_NAME.channel)
     record = whole_or_refused(read_csv, path, seconds)
     if record is not None:
         expected = [float(row[1]) * 2 * np.pi / 60 for row in cells]

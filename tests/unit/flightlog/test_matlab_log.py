@@ -9,7 +9,7 @@ from scipy.io import savemat
 from scipy.sparse import csc_array
 
 from freqid.core.errors import DataError
-from freqid.flightlog.column_map import ChannelPlace, ColumnMap, MassPlace, Place
+from freqid.flightlog.column_map import ChannelPlace, ColumnMap, MassPlace, TimePlace
 from freqid.flightlog.matlab import load_variables, read_matlab
 
 T = 0.05 * np.arange(40)
@@ -87,7 +87,7 @@ def test_variables_come_back_without_unit_axes(tmp_path, write):
 def test_columns_of_the_only_matrix_by_number_and_by_label(tmp_path, write):
     path = write(tmp_path / "x.mat", data=DATA, lab=LABELS, mass=5.0)
     column_map = ColumnMap(
-        time=Place(column=1, unit="s"),
+        time=TimePlace(column=1, unit="s"),
         labels="lab",
         channel=(
             ChannelPlace(name="air/alpha", column="alph_d", unit="deg"),
@@ -105,7 +105,7 @@ def test_columns_of_the_only_matrix_by_number_and_by_label(tmp_path, write):
 def test_named_variables_struct_fields_and_scalars(tmp_path, write):
     content = {"flight": {"t": T, "q": DATA[:, 2:]}, "other": DATA, "more": DATA + 1, "m": 3.0}
     column_map = ColumnMap(
-        time=Place(variable="flight.t", unit="s"),
+        time=TimePlace(variable="flight.t", unit="s"),
         variable="more",
         channel=(
             ChannelPlace(name="state/q", variable="flight.q", unit="deg/s"),
@@ -124,7 +124,7 @@ def test_named_variables_struct_fields_and_scalars(tmp_path, write):
     assert record.mass_properties.inertia.zz == 3.0
 
 
-TIME = Place(variable="t", unit="s")
+TIME = TimePlace(variable="t", unit="s")
 
 
 @WRITERS
@@ -166,10 +166,10 @@ def test_what_is_no_real_matrix_is_refused(tmp_path, value):
 def test_a_misspelt_label_suggests_the_nearest(tmp_path, write):
     path = write(tmp_path / "x.mat", data=DATA, lab=LABELS)
     channel = (ChannelPlace(name="state/q", column="q_dp", unit="deg/s"),)
-    column_map = ColumnMap(time=Place(column=1, unit="s"), labels="lab", channel=channel)
+    column_map = ColumnMap(time=TimePlace(column=1, unit="s"), labels="lab", channel=channel)
     with pytest.raises(DataError, match="column 'q_dp' is missing; did you mean 'q_dps'"):
         read_matlab(path, column_map)
-    column_map = ColumnMap(time=Place(column=1, unit="s"), labels="lap", channel=channel)
+    column_map = ColumnMap(time=TimePlace(column=1, unit="s"), labels="lap", channel=channel)
     with pytest.raises(DataError, match="variable 'lap' is missing; did you mean 'lab'"):
         read_matlab(path, column_map)
 

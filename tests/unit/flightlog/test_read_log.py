@@ -56,11 +56,8 @@ def test_matlab_with_a_map_and_in_the_sidpac_layout(folder):
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
-        ("x.ulg", TABLE, "PX4 ULog file: planned, not yet read"),
-        ("x.csv", b"ULog\x01\x12\x35\x01rest", "PX4 ULog file: planned"),
-        ("x.bin", TABLE, "DataFlash file: planned"),
-        ("x.log", b"\xa3\x95\x80\x80FMT", "DataFlash file: planned"),
-        ("x.parquet", b"PAR1", r"kind '.parquet' is not known, expected .csv .* or .mat"),
+        ("x.xlsx", TABLE, r"kind '.xlsx' is not known, expected .csv .* or "),
+        ("x.parquet", b"PAR1", "no intact Parquet file"),
         ("log", TABLE, "kind 'no suffix' is not known"),
     ],
 )

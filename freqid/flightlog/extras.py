@@ -1,0 +1,36 @@
+"""Readers' libraries that are installed only where they are wanted."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+
+from freqid.core.errors import DataError
+
+
+def extra(module: str, name: str, path: Path) -> ModuleType:
+    """Import a module of an optional extra.
+
+    Parameters
+    ----------
+    module : str
+        To be imported.
+    name : str
+        Of the extra that has it.
+    path : Path
+        The log that needs it.
+
+    Raises
+    ------
+    DataError
+        Where it is not installed; the sentence names the command that installs it.
+    """
+    try:
+        return import_module(module)
+    except ImportError:
+        raise DataError(
+            f"needs {module.partition('.')[0]}, which is not installed",
+            where=str(path),
+            remedy=f"install it with: pip install 'freqid[{name}]'",
+        ) from None

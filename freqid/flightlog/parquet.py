@@ -1,0 +1,119 @@
+"""Logs in Parquet, read one column at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.record import FlightRecord
+from freqid.flightlog.column_map import ColumnMap, Place
+from freqid.flightlog.extras import extra
+from freqid.flightlog.mapped import assemble_map
+from freqid.flightlog.read import Reader
+from freqid.flightlog.signal import NotLogged, Signal, clock_of_table
+
+
+def read_parquet(path: Path, column_map: ColumnMap | None, **options: Any) -> FlightRecord:
+    """Read the mapped columns of a Parquet file.
+
+    Parameters
+    ----------
+    path : Path
+    column_map : ColumnMap
+        Columns by name or number. None is refused.
+    **options
+        As in `assemble`.
+
+    Raises
+    ------
+    DataError
+        Where pyarrow is not installed, the file is no intact Parquet file, lacks a mapped column, or its
+        columns do not make a record.
+    UsageError
+        Where there is no map; as `assemble`.
+    """
+    if column_map is None:
+        raise UsageError(
+            "a Parquet file needs a column map",
+            where=str(path),
+            remedy=f"make one with freqid import-log --list {path} > map.toml",
+        )
+    file = _Columns(Path(path))
+
+    def pick(place: Place) -> NDArray[np.float64]:
+        if place.column is None:
+            raise DataError(f"'{place.variable}' is a variable, expected a column of a Parquet file")
+        return file.numbers(place.column)
+
+    return assemble_map(Path(path), "parquet", column_map, pick, **options)
+
+
+class _Columns:
+    """The columns of an open file."""
+
+    def __init__(self, path: Path) -> None:
+        pyarrow = extra("pyarrow", "parquet", path)
+        parquet = extra("pyarrow.parquet", "parquet", path)
+        self._faults = (pyarrow.ArrowException, OSError, ValueError)
+        try:
+            self._file = parquet.ParquetFile(path)
+        except self._faults as error:
+            said = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise DataError(
+                f"no intact Parquet file ({said})", where=str(path), remedy="export the log again"
+            ) from None
+        self.names: list[str] = self._file.schema_arrow.names
+
+    def numbers(self, column: int | str) -> NDArray[np.float64]:
+        """Return one column as numbers, NaN where it is null; of dates, s since 1970."""
+        import pyarrow as pa
+
+        if isinstance(column, str):
+            if column not in self.names:
+                raise NotLogged(f"column '{column}' is missing", remedy=nearest(column, self.names))
+            if self.names.count(column) > 1:
+                raise DataError(
+                    f"{self.names.count(column)} columns are named '{column}'",
+                    remedy="rename them in the log",
+                )
+            name = column
+        elif column > len(self.names):
+            raise NotLogged(
+                f"column {column} is missing, the file has {len(self.names)}", remedy="correct the column map"
+            )
+        else:
+            name = self.names[column - 1]
+        try:
+            pa.default_memory_pool().release_unused()  # of the column before
+            values = self._file.read(columns=[name]).column(0)
+            if pa.types.is_timestamp(values.type):
+                return values.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy().astype(np.float64) * 1e-9
+            if pa.types.is_boolean(values.type) or pa.types.is_integer(values.type):
+                values = values.cast(pa.float64(), safe=False)
+            if not pa.types.is_floating(values.type):
+                raise DataError(f"column '{name}' holds {values.type}, expected numbers")
+            return values.to_numpy().astype(np.float64, copy=False)
+        except self._faults as error:
+            raise DataError(
+                f"column '{name}' cannot be read ({type(error).__name__})", remedy="export the log again"
+            ) from None
+
+
+def parquet_signals(path: Path) -> Iterator[Signal]:
+    """Yield the numeric columns with the clock that their names give; for listing."""
+    file = _Columns(Path(path))
+    columns = []
+    for name in file.names:
+        try:
+            columns.append((name, "", file.numbers(name)))
+        except DataError:
+            continue  # text, or a name that is there twice
+    yield from clock_of_table(columns)
+
+
+READER = Reader((".parquet",), read_parquet, signals=parquet_signals)

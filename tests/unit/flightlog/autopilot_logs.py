@@ -68,8 +68,7 @@ def dataflash_bytes(messages):
     out = b"".join(DFReader_binary.make_format_msgbuf(writer, fmt) for fmt in formats)
     body = []
     for fmt, (_, _, _, rows) in zip(formats[1:], messages, strict=True):
-        for row in rows:
-            body.append((row[0], DFReader_binary.make_msgbuf(writer, fmt, [_plain(x) for x in row])))
+        body += [(row[0], DFReader_binary.make_msgbuf(writer, fmt, [_plain(x) for x in row])) for row in rows]
     return out + b"".join(row for _, row in sorted(body, key=lambda pair: pair[0]))
 
 

@@ -155,8 +155,8 @@ def test_faults_of_a_ulog_are_one_sentence_each(tmp_path):
     after_flags = 16 + 3 + 40
     damaged = whole[: after_flags + 2] + b"\xff" + whole[after_flags + 3 :]
     assert f"is damaged at byte {after_flags}: a message of unknown type 255" in said(damaged)
+    path.write_bytes(whole)
     with pytest.raises(UsageError, match="--map px4-multirotor"):
-        path.write_bytes(whole)
         read_log(path)
 
 

@@ -60,5 +60,10 @@ def _late_up_and_down(trial: Trial, name: str) -> tuple[float, float]:
 
 
 def slope_of(values: Array, dt: float) -> Array:
-    """Return a signal's rate of change, shape (sample,)."""
-    return np.asarray(np.gradient(values, dt))
+    """Return a signal's rate of change, shape (sample,), by a cubic spline.
+
+    Differences of samples 0.04 s apart would be 4 % short at 2 Hz.
+    """
+    from scipy.interpolate import CubicSpline
+
+    return np.asarray(CubicSpline(dt * np.arange(values.size), values)(dt * np.arange(values.size), 1))

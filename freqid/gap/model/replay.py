@@ -16,6 +16,7 @@ from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.vehicle import Vehicle
 from freqid.gap.simulation import Simulation
 from freqid.identify.loads.explanatory import history
+from freqid.simulate.effects.signals import delayed, lagged
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,29 +54,12 @@ class Replay:
         return np.array([self._gradients[c] for c in channels])
 
     def lagged(self, values: Array, time_constant: float) -> Array:
-        """Return signals, shape (..., sample), through a first-order lag that starts in its steady state.
-
-        The signal is taken to be straight between samples.
-        """
-        from scipy.signal import lfilter, lfilter_zi
-
-        values = np.asarray(values, dtype=float)
-        if time_constant <= 0:
-            return values
-        ratio = self.record.dt / time_constant
-        decay = np.exp(-ratio)
-        # y[n] = decay y[n-1] + b0 x[n] + b1 x[n-1], exact for straight pieces
-        share = (1 - decay) / ratio
-        b, a = np.array([1 - share, share - decay]), np.array([1.0, -decay])
-        start = lfilter_zi(b, a) * values[..., :1]
-        return lfilter(b, a, values, axis=-1, zi=start)[0]
+        """Return signals, shape (..., sample), through a first-order lag that starts in its steady state."""
+        return lagged(np.asarray(values, dtype=float), self.record.dt, time_constant)
 
     def delayed(self, values: Array, delay: float) -> Array:
         """Return signals, shape (..., sample), a time later, s; the first value is held before the start."""
-        time = self.record.time
-        values = np.asarray(values, dtype=float)
-        rows = [np.interp(time - delay, time, row) for row in values.reshape(-1, time.size)]
-        return np.reshape(rows, values.shape)
+        return delayed(np.asarray(values, dtype=float), self.record.dt, delay)
 
     def responses(self, extra: Any) -> Array:
         """Return what an effect adds as rows of the simulation's responses, shape (response, sample).

@@ -8,7 +8,7 @@ from freqid.core.arrays import Array
 
 
 def delayed(values: Array, dt: float, delay: float) -> Array:
-    """Return a signal, shape (sample,), a time later, s; its first and last values are held outside.
+    """Return signals, shape (..., sample), a time later, s; first and last values are held outside.
 
     Cubic between samples, so that a fraction of a sample costs a band-limited signal nothing.
     """
@@ -16,22 +16,36 @@ def delayed(values: Array, dt: float, delay: float) -> Array:
         return values
     from scipy.interpolate import CubicSpline
 
-    time = dt * np.arange(values.size)
-    return CubicSpline(time, values)(np.clip(time - delay, 0.0, time[-1]))
+    time = dt * np.arange(values.shape[-1])
+    return CubicSpline(time, values, axis=-1)(np.clip(time - delay, 0.0, time[-1]))
 
 
 def lagged(values: Array, dt: float, time_constant: float) -> Array:
     """Return signals, shape (..., sample), through a first-order lag that starts in its steady state.
 
-    Exact for signals that are straight between samples.
+    Exact for cubic splines through the samples. Straight lines between samples 0.04 s apart take 2 % off an
+    amplitude at 2 Hz: as much as a lag of 16 ms does, which was then given as a delay.
     """
     if time_constant <= 0:
         return values
+    from scipy.interpolate import CubicSpline
     from scipy.signal import lfilter
 
-    ratio = dt / time_constant
-    decay = np.exp(-ratio)
-    share = -np.expm1(-ratio) / ratio
-    b, a = np.array([1 - share, share - decay]), np.array([1.0, -decay])
-    start = (1 - b[0]) * values[..., :1]  # the memory after an endless past of the first value
-    return lfilter(b, a, values, axis=-1, zi=start)[0]
+    cubic, square, slope, level = CubicSpline(dt * np.arange(values.shape[-1]), values, axis=-1).c
+    steady = _steady(level, slope, 2 * square, 6 * cubic, time_constant)
+    ends = (
+        level + dt * (slope + dt * (square + dt * cubic)),
+        slope + dt * (2 * square + 3 * dt * cubic),
+        2 * square + 6 * dt * cubic,
+    )
+    decay = np.exp(-dt / time_constant)
+    # between two samples the memory decays to what follows a cubic without any
+    pushed = np.moveaxis(_steady(*ends, 6 * cubic, time_constant) - decay * steady, 0, -1)
+    start = values[..., :1]  # the memory after an endless past of the first value
+    return lfilter([1.0], [1.0, -decay], np.concatenate([start, pushed], axis=-1), axis=-1)
+
+
+def _steady(level: Array, slope: Array, curve: Array, third: Array, time_constant: float) -> Array:
+    """Return what a lag makes of a cubic once its start is forgotten, from the cubic's derivatives."""
+    t = time_constant
+    return level - t * (slope - t * (curve - t * third))

@@ -119,7 +119,7 @@ def predict(
 
     Examples
     --------
-    >>> fits = predict(model, flight, scenario)
+    >>> fits = predict(model, other, scenario)
     >>> sorted(fits) == sorted(model.responses)
     True
     """

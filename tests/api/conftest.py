@@ -83,4 +83,5 @@ def linear(linear_logs, tmp_path_factory) -> dict[str, Any]:
     columns = folder / "columns.toml"
     flight = fq.read_log(folder / "flight.csv", columns=columns, scenario=scenario, at="u20")
     model = fq.identify_point(flight, scenario)
-    return {"folder": folder, "scenario": scenario, "flight": flight, "model": model}
+    other = fq.read_log(linear_logs["clean"], columns=columns, scenario=scenario, at="u20")
+    return {"folder": folder, "scenario": scenario, "flight": flight, "other": other, "model": model}

@@ -28,7 +28,7 @@ def scenario_text(gates=""):
     ]
     for u in SPEEDS:
         at = tilt_wing.reference(tilt_wing.trim(u, 1.225), f"u{u:g}")
-        where = f"u = {at.u}\nrho = {at.rho}\ndw1 = {at.dw1}\ndw2 = {at.dw2}"
+        where = f"u = {at.u}\nrho = {at.rho}\ndw1 = {at['dw1']}\ndw2 = {at['dw2']}"
         lines.append(f'[[reference]]\nid = "{at.id}"\n{where}')
     wanted = tilt_wing.SETTINGS
     lines.append('[identification]\nresponse_source = "record"\nresponses = ["X","Y","Z","L","M","N"]')

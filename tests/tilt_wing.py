@@ -7,10 +7,10 @@ slipstream included, so density acts by similarity alone. Nothing here knows how
 import numpy as np
 from scipy.optimize import fsolve
 
-from freqid.core.identification import Identification
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.results.point import Fit, PointModel, ResponseModel
 from freqid.core.scenario import Reference
+from freqid.core.sections.identification import Identification
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle, Wing
 from freqid.identify.point import identify_point
 

@@ -12,9 +12,9 @@ from freqid.blend.line import turns
 from freqid.blend.similarity import ALIKE, equivalent, not_similar
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError, nearest
-from freqid.core.identification import factors_of
 from freqid.core.results.corridor import Corridor, KnotResponse
 from freqid.core.results.point import PointModel
+from freqid.core.sections.identification import factors_of
 
 Densities = Literal["apart", "together"]
 

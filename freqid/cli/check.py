@@ -17,8 +17,8 @@ from freqid.cli import options
 @options.as_json
 def command(scenario: Path, at: str, destination: Path | None, draw: bool, json_: bool) -> None:
     """Say what SCENARIO lacks for each command, and the point that moments are about; draw the aircraft."""
-    from freqid.workflows.check_scenario import check_scenario, three_view_of
     from freqid.workflows.inputs import scenario_of
+    from freqid.workflows.scenarios.check_scenario import check_scenario, three_view_of
 
     described = scenario_of(scenario)
     found = check_scenario(described)

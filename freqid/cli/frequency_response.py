@@ -63,7 +63,7 @@ def command(
     from freqid.cli.response_texts import response_result, response_table
     from freqid.views.page import page as page_of
     from freqid.workflows.files import save
-    from freqid.workflows.frequency_response import frequency_response
+    from freqid.workflows.models.frequency_response import frequency_response
 
     response = frequency_response(records, **asked)
     destination = destination or records[0].with_name(f"{records[0].stem}-response.h5")

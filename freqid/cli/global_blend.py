@@ -92,8 +92,8 @@ def _corridor(
 ) -> None:
     from freqid.blend.consistency import density_agreement
     from freqid.cli.blend_texts import blend_result, blend_table
-    from freqid.workflows.blend import blend, predict
     from freqid.workflows.files import save
+    from freqid.workflows.models.blend import blend, predict
 
     model = blend(points, densities=asked["densities"] or "apart", along=asked["along"] or "")
     predicted = predict(model, held_out, outside=asked["outside"] or "refuse") if held_out else {}
@@ -104,8 +104,8 @@ def _corridor(
 
 def _advance_ratio(points: tuple[Path, ...], destination: Path, asked: dict[str, Any], json_: bool) -> None:
     from freqid.cli.advance_ratio_texts import advance_ratio_result, advance_ratio_table
-    from freqid.workflows.advance_ratio import blend_by_advance_ratio, compare_held_out
     from freqid.workflows.files import save
+    from freqid.workflows.models.advance_ratio import blend_by_advance_ratio, compare_held_out
 
     hold = names(asked["hold"]) if asked["hold"] is not None else None
     model = blend_by_advance_ratio(

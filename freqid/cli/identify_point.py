@@ -86,8 +86,8 @@ def command(
     from freqid.cli.point_texts import point_result, point_table
     from freqid.cli.progress import bar
     from freqid.workflows.files import save
-    from freqid.workflows.identify import identify_point, refuse_missed_gates
     from freqid.workflows.inputs import scenario_of
+    from freqid.workflows.models.identify import identify_point, refuse_missed_gates
 
     described = scenario_of(scenario)
     model = identify_point(

@@ -24,7 +24,7 @@ def command(
     effectors: tuple[str, ...] | None, log: Path | None, name: str, destination: Path | None, json_: bool
 ) -> None:
     """Write a scenario that can be read as it is, with a comment at each line that is to be filled in."""
-    from freqid.workflows.new_scenario import new_scenario, write_scenario
+    from freqid.workflows.scenarios.new_scenario import new_scenario, write_scenario
 
     text, destination = (
         new_scenario(effectors or (), log=log, name=name),

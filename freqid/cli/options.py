@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import click
 
-from freqid.core.estimators import ESTIMATOR_NAMES
+from freqid.core.sections.estimators import ESTIMATOR_NAMES
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 FILE = click.Path(path_type=Path)

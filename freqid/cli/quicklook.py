@@ -24,6 +24,7 @@ _WORST = 8  # parameters in the text
 @click.option(
     "--map", "columns", type=FILE, help="TOML map of columns to channels, for a log that needs one."
 )
+@click.option("--resample", "resample_hz", type=float, help="Put all channels of a log on this rate, Hz.")
 @click.option("--at", default="", help="Id of the reference condition that was flown.")
 @click.option(
     "--accuracy",

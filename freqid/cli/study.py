@@ -44,6 +44,7 @@ from freqid.cli import options
 )
 @click.option("--flights", type=options.FILE, help="Folder of real flights, in place of simulated ones.")
 @click.option("--map", "columns", type=options.FILE, help="Of logs among them: map of their columns.")
+@click.option("--resample", "resample_hz", type=float, help="Put these logs on this rate, Hz.")
 @click.option(
     "--validate",
     default="",
@@ -73,8 +74,8 @@ def command(
     from freqid.cli.study_texts import study_result, study_table
     from freqid.views.page import page
     from freqid.workflows.inputs import scenario_of
-    from freqid.workflows.studied import refuse_missed_study_gates
-    from freqid.workflows.study import study
+    from freqid.workflows.studies.studied import refuse_missed_study_gates
+    from freqid.workflows.studies.study import study
 
     folder = folder or Path("reports") / f"{scenario.stem}-study"
     results = study(scenario, folder, tell=lambda text: click.echo(f"{text} ...", err=True), **asked)

@@ -9,11 +9,11 @@ from typing import Any, Literal
 
 import msgspec
 
-from freqid.core.campaign import Campaign
 from freqid.core.channels import ADVANCE_RATIO, AIR, STATE, WRENCH
 from freqid.core.errors import UsageError, nearest
-from freqid.core.excitation import Excitation
-from freqid.core.identification import Identification
+from freqid.core.sections.campaign import Campaign
+from freqid.core.sections.excitation import Excitation
+from freqid.core.sections.identification import Identification
 from freqid.core.toml import read_toml
 from freqid.core.vehicle import Effector, Group, Inertia, MassProperties, Rotor, Strict, Vector, Vehicle, Wing
 

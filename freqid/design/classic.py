@@ -10,8 +10,8 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
-from freqid.core.excitation import MOST_SAMPLES, Excitation
 from freqid.core.results.design import ClassicDesign, SampledInputs
+from freqid.core.sections.excitation import MOST_SAMPLES, Excitation
 from freqid.core.vehicle import Vehicle
 from freqid.design.forecast.limits import effector_travel
 from freqid.design.multisine.orthogonal_set import amplitude_of, excited

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from freqid.core.errors import UsageError, nearest
-from freqid.core.excitation import Excitation
 from freqid.core.results.design import Multisine, MultisineDesign
+from freqid.core.sections.excitation import Excitation
 from freqid.core.vehicle import Effector
 from freqid.design.forecast.modelled import Criterion, ModelledAircraft, Wanted
 from freqid.design.forecast.optimal import Optimum

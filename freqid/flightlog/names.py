@@ -54,7 +54,27 @@ _BY_WORD = {word: channel for channel, words in _WORDS.items() for word in words
 _SURFACE = re.compile(
     r"^(?:fcs)?(elevator|aileron|rudder|elevon|flap|throttle|de|da|dr|df)(left|right|l|r|\d*)(?:pos)?$"
 )
+# What names of effectors usually mean, by kind; the first that fits decides.
+_KINDS = (
+    ("thrust", r"thrust|^T\d+$"),
+    ("throttle", r"thr(ottle)?|thtl|power_?lever"),
+    ("rotor", r"^(n|rpm|om|omega|w|m)_?\d+|rotor|motor|(^|_)prop|rpm|(^|_)esc|(^|_)fan"),
+    ("tilt", r"tilt|^nac|nacelle|^dw\d*$|^sigma|conversion"),
+    (
+        "surface",
+        r"^d?(e|a|r|f|s)\d*$|^d[aefrs](_|[lr]?\d*$)|^d[lr]a?\d*$|ail|el(e)?v|rud|flap|flp|spoil|^rv|^tail|canard|"
+        r"^stab|slat|^tef|^lef|(^|_)fin|vane",
+    ),
+)
+_NO_POSITION = re.compile(
+    r"inject|excit|cmd|command|setpoint|_sp$|target|stick|pilot|elevation|alpha|beta", re.IGNORECASE
+)
 _ROTOR = re.compile(r"^(?:n|rpm|motor|esc|rotor|engine|m)(\d+)(?:rpm|speed|erpm)?$")
+
+
+def guess_kind(name: str) -> str:
+    """Return the kind of effector that a name suggests; empty where it suggests none."""
+    return next((kind for kind, words in _KINDS if re.search(words, name, re.IGNORECASE)), "")
 
 
 def recognise(name: str, unit: str = "") -> tuple[str, str]:
@@ -90,6 +110,8 @@ def recognise(name: str, unit: str = "") -> tuple[str, str]:
         return f"effector/{surface[1]}{side}", unit
     if rotor:
         return f"effector/n{rotor[1]}", unit or ("rpm" if "rpm" in word else "")
+    if re.fullmatch(r"[A-Za-z]\w*", leaf) and guess_kind(leaf) and not _NO_POSITION.search(base):
+        return f"effector/{leaf}", unit
     return "", unit
 
 

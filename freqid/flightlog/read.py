@@ -14,7 +14,7 @@ from freqid.core.vehicle import Vehicle
 from freqid.flightlog.column_map import ColumnMap, read_column_map
 from freqid.flightlog.signal import Signal
 
-# Modules of this folder in the order in which they are asked: layouts of their own before what needs a map.
+# Modules of `readers` in the order in which they are asked: layouts of their own before what needs a map.
 _MODULES = ("ulog", "dataflash", "parquet", "sidpac", "matlab", "record", "csv")
 
 
@@ -45,7 +45,7 @@ class Reader:
 @cache
 def readers() -> tuple[Reader, ...]:
     """Return all readers in the order in which they are asked."""
-    return tuple(import_module(f"{__package__}.{name}").READER for name in _MODULES)
+    return tuple(import_module(f"{__package__}.readers.{name}").READER for name in _MODULES)
 
 
 def read_log(

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.errors import DataError
+from freqid.core.errors import DataError, nearest
 from freqid.core.units import to_si
 
 
@@ -40,6 +40,37 @@ class Signal:
 
 class NotLogged(DataError):
     """The log has no such column, variable or message."""
+
+
+def column_index(column: int | str, names: Sequence[str]) -> int:
+    """Return the position of a table's column, counted from 0.
+
+    Parameters
+    ----------
+    column : int or str
+        Number, counted from 1, or name.
+    names : sequence of str
+        Of all columns.
+
+    Raises
+    ------
+    NotLogged
+        Where there is none of that name or number.
+    DataError
+        Where there are two of that name.
+    """
+    if isinstance(column, int):
+        if column > len(names):
+            raise NotLogged(
+                f"column {column} is missing, the table has {len(names)}", remedy="correct the column map"
+            )
+        return column - 1
+    if column not in names:
+        raise NotLogged(f"column '{column}' is missing", remedy=nearest(column, names))
+    count = sum(name == column for name in names)
+    if count > 1:
+        raise DataError(f"{count} columns are named '{column}'", remedy="map the wanted one by number")
+    return list(names).index(column)
 
 
 def clock_of_table(columns: Sequence[tuple[str, str, NDArray[np.float64]]]) -> Iterator[Signal]:

@@ -11,12 +11,12 @@ import numpy as np
 from freqid.core.arrays import Array
 from freqid.core.channels import ADVANCE_RATIO, AIR, EFFECTOR_UNITS, STATE
 from freqid.core.errors import DataError, UsageError
-from freqid.core.estimators import EstimatorName
-from freqid.core.excitation import Excitation
-from freqid.core.identification import MAXIMUM_LIKELIHOOD, Identification, factors_of
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import Fit, PointModel, ResponseModel
 from freqid.core.scenario import Reference
+from freqid.core.sections.estimators import EstimatorName
+from freqid.core.sections.excitation import Excitation
+from freqid.core.sections.identification import MAXIMUM_LIKELIHOOD, Identification, factors_of
 from freqid.identify.advance_ratio.trim import flown_trim
 from freqid.identify.instruments.driven import driven_maneuvers
 from freqid.identify.loads.explanatory import explanatory_variables, history

@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from freqid.core.arrays import Array
-from freqid.core.campaign import Campaign
 from freqid.core.errors import UsageError
 from freqid.core.results.design import SampledInputs
 from freqid.core.scenario import Scenario
+from freqid.core.sections.campaign import Campaign
 from freqid.simulate.air.atmosphere import air, altitude_of
 from freqid.simulate.control.lq import ClosedLoop
 from freqid.simulate.control.tecs import Goal, tecs

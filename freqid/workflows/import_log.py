@@ -10,12 +10,13 @@ from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord, read_record
 from freqid.core.results.design import SampledInputs, read_inputs
 from freqid.core.scenario import Scenario
-from freqid.flightlog import align, listing, read
+from freqid.flightlog import listing, read
 from freqid.flightlog.column_map import ColumnMap
 from freqid.flightlog.cut import find_maneuvers
 from freqid.flightlog.listing import Listing
 from freqid.flightlog.plausibility.check import check_plausibility
-from freqid.flightlog.sidpac import write_sidpac
+from freqid.flightlog.readers.sidpac import write_sidpac
+from freqid.identify.response import unlogged_excitation
 from freqid.workflows.inputs import File, scenario_of
 
 
@@ -182,7 +183,7 @@ def align_excitation(record: FlightRecord | File, design: SampledInputs | File) 
     """
     flight = record if isinstance(record, FlightRecord) else read_record(Path(record))
     inputs = design if isinstance(design, SampledInputs) else read_inputs(Path(design))
-    return align.align_excitation(flight, inputs)[0]
+    return unlogged_excitation.align_excitation(flight, inputs)[0]
 
 
 def split_flight(record: FlightRecord, *, name: str = "") -> list[FlightRecord]:

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from freqid.core.errors import UsageError
-from freqid.core.excitation import Excitation
-from freqid.core.identification import Identification
 from freqid.core.record import FlightRecord, Maneuver, read_record
 from freqid.core.results.point import PointModel
 from freqid.core.scenario import Scenario, read_scenario
+from freqid.core.sections.excitation import Excitation
+from freqid.core.sections.identification import Identification
 
 File = Path | str
 Flight = FlightRecord | Maneuver | File

@@ -12,12 +12,12 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError
-from freqid.core.identification import MAXIMUM_LIKELIHOOD, Identification
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledInputs, read_design, read_inputs
 from freqid.core.results.point import PointModel
 from freqid.core.results.quicklook import InputLook, ParameterLook, Quicklook, RateLook
 from freqid.core.scenario import Scenario
+from freqid.core.sections.identification import MAXIMUM_LIKELIHOOD, Identification
 from freqid.core.vehicle import Effector, Vehicle
 from freqid.design.multisine.orthogonal_set import sampled
 from freqid.flightlog.plausibility.check import check_plausibility
@@ -54,6 +54,7 @@ def quicklook(
     scenario: Scenario | File | None = None,
     *,
     columns: File | None = None,
+    resample_hz: float | None = None,
     at: str = "",
     accuracy: float = ACCURACY,
 ) -> Quicklook:
@@ -70,6 +71,8 @@ def quicklook(
         own vehicle where absent, and no parameters are estimated.
     columns : path, optional
         Column map of a log that needs one.
+    resample_hz : float, optional
+        Rate that such a log is put on; without it the log must be uniform and have one clock.
     at : str
         Id of the reference condition; the record's own where empty.
     accuracy : float
@@ -103,7 +106,8 @@ def quicklook(
         raise UsageError(f"accuracy is {accuracy:g}, expected a positive share such as 0.1")
     described = scenario_of(scenario) if scenario is not None else None
     name = names_of([log])[0]
-    record, report = _record_of(log, described, columns, at)
+    record, report = _record_of(log, described, columns, resample_hz, at)
+    described = described.at(at or record.reference) if described else None
     planned = _planned_of(design)
     vehicle = described.aircraft() if described else record.vehicle
     start = injection.find_start(record, planned.inputs)
@@ -134,11 +138,11 @@ def quicklook(
 
 
 def _record_of(
-    log: Flight, scenario: Scenario | None, columns: File | None, at: str
+    log: Flight, scenario: Scenario | None, columns: File | None, resample_hz: float | None, at: str
 ) -> tuple[FlightRecord, PlausibilityReport]:
     """Return the record, refused where it contradicts itself, and what is said of it."""
     if isinstance(log, str | Path) and Path(log).suffix.lower() != ".h5":
-        record = read_log(log, columns, scenario=scenario, at=at, plausibility="off")
+        record = read_log(log, columns, scenario=scenario, at=at, resample_hz=resample_hz, plausibility="off")
     else:
         record = record_of(log)
         if scenario is not None:

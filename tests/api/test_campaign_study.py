@@ -7,7 +7,7 @@ from scipy_flight import SCENARIO, derivatives, one_flight
 import freqid as fq
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import write_record
-from freqid.workflows import campaign_study
+from freqid.workflows.studies import campaign_study
 
 RATIOS = (0.36, 0.45, 0.55, 0.65, 0.75, 0.9, np.inf, np.inf)
 

@@ -8,7 +8,7 @@ import re
 import pytest
 
 from freqid.core.scenario import read_scenario
-from freqid.workflows.new_scenario import guess_kind
+from freqid.workflows.scenarios.new_scenario import guess_kind
 
 MIXED = "ail_l,ail_r,rudder,nac_l,nac_r,n1,n2,thr,left:tilt,fan:thrust"
 
@@ -55,12 +55,15 @@ def test_a_skeleton_is_designed_for_as_it_is(freqid, tmp_path):
 def test_effectors_of_a_log_are_found_by_their_columns(freqid, tmp_path):
     log = tmp_path / "flight.csv"
     log.write_text(
-        "time,u [m/s],q [deg/s],elev (deg),rpm_1,rpm_1_cmd,battery,nac [deg],de injected\n1" + ",2" * 8
+        "time,u [m/s],q [deg/s],elev (deg),rpm_1,rpm_1_cmd,battery,nac [deg],de injected\n1"
+        + ",2" * 8
+        + "\n2"
+        + ",3" * 8
     )
     code, out, err = freqid("new-scenario", "--log", log, "-o", tmp_path / "s.toml")
     assert code == 0, err
     scenario = read_scenario(tmp_path / "s.toml")[0]
-    assert {e.name: e.kind for e in scenario.effector} == {"elev": "surface", "rpm_1": "rotor", "nac": "tilt"}
+    assert {e.name: e.kind for e in scenario.effector} == {"elev": "surface", "n1": "rotor", "nac": "tilt"}
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """``freqid study --flights``: real flights in place of the simulation, judged by gates."""
 
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -61,7 +62,7 @@ def study(freqid, flights, tmp_path):
 
 def test_flights_become_points_a_global_model_and_a_page_without_a_simulation(study, tmp_path, monkeypatch):
     monkeypatch.setattr("freqid.simulate.runner.run_units", None)  # calling it fails
-    monkeypatch.setattr("freqid.workflows.units.fly", None)
+    monkeypatch.setattr("freqid.workflows.studies.units.fly", None)
     code, out, _ = study("--hold-out", "u5", "--json")
     assert code == 0
     said = json.loads(out)
@@ -89,6 +90,25 @@ def test_named_flights_validate_and_the_others_are_modelled(study, tmp_path):
     assert code == 0
     assert read_point(tmp_path / "out" / "points" / "u3.h5").provenance["record"].endswith("flight-3-2.h5")
     assert len(read_point(tmp_path / "out" / "points" / "u7.h5").provenance["manoeuvres"]) == 2
+
+
+def test_logs_are_read_by_their_map(study, flights, write_log, tmp_path):
+    folder = tmp_path / "mixed"
+    folder.mkdir()
+    for path in flights.glob("flight-*.h5"):
+        if path.stem != "flight-3-1":
+            shutil.copy(path, folder)
+    record = fq.read(flights / "flight-3-1.h5")
+    log, column_map = write_log(record, folder / "flight-3-1.csv")
+    code, _, err = study(folder=folder)
+    assert code == 0, err
+    assert read_point(tmp_path / "out" / "points" / "u3.h5").provenance["record"].endswith("flight-3-2.h5")
+    code, _, err = study("--map", column_map, folder=folder)
+    assert code == 0, err
+    point = read_point(tmp_path / "out" / "points" / "u3.h5")
+    assert point.provenance["record"].endswith("records/flight-3-1.h5")
+    direct = fq.identify_point(record, fq.read_scenario(tmp_path / "s.toml"), at="u3")
+    np.testing.assert_allclose(point["M"].estimate, direct["M"].estimate, rtol=1e-6)
 
 
 def test_missed_gates_are_sentences_and_everything_is_written(study, tmp_path):

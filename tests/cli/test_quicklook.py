@@ -49,6 +49,20 @@ def test_a_good_flight_is_usable(freqid, flown):
     assert "http" not in page.replace("http://www.w3.org", "")  # it fetches nothing
 
 
+def test_a_log_with_a_jittering_clock_is_looked_at_once_it_is_resampled(freqid, flown, write_log, tmp_path):
+    folder, record = flown
+    jitter = np.random.default_rng(0).uniform(-0.004, 0.004, record.time.size)
+    jitter[[0, -1]] = 0.0
+    log, column_map = write_log(record, tmp_path / "log.csv", record.time + jitter)
+    asked = ("quicklook", log, folder / "design.h5", "--scenario", SCENARIO, "--map", column_map)
+    code, _, err = freqid(*asked)
+    assert code == 3
+    assert "--resample" in err
+    code, out, err = freqid(*asked, "--resample", "50")
+    assert (code, err) == (0, "")
+    assert out.startswith("Usable.")
+
+
 def test_json_tells_gain_lag_and_parameters(freqid, flown):
     folder, _ = flown
     code, out, _ = look(freqid, folder, None, "--json", "--no-page")

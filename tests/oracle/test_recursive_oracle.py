@@ -7,7 +7,7 @@ import cmath
 import numpy as np
 import pytest
 
-from freqid.core.identification import Identification
+from freqid.core.sections.identification import Identification
 from freqid.identify.in_flight.recursive import RecursiveRegression, RecursiveTransform
 
 DT = 0.02

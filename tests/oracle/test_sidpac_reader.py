@@ -10,9 +10,9 @@ from scipy.io import loadmat
 
 from freqid.flightlog.column_map import ChannelPlace, ColumnMap, TimePlace
 from freqid.flightlog.cut import find_maneuvers
-from freqid.flightlog.matlab import load_variables, read_matlab
 from freqid.flightlog.read import read_log
-from freqid.flightlog.sidpac import write_sidpac
+from freqid.flightlog.readers.matlab import load_variables, read_matlab
+from freqid.flightlog.readers.sidpac import write_sidpac
 
 MAPS = Path(__file__).resolve().parents[2] / "scenarios" / "maps"
 DEG = 0.017453292519943295

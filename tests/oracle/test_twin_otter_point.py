@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from freqid.core.identification import FrequencyGrid, Identification
 from freqid.core.record import Maneuver
+from freqid.core.sections.identification import FrequencyGrid, Identification
 from freqid.flightlog.read import read_log
 from freqid.identify.point import identify_point, predict_responses
 

@@ -15,10 +15,10 @@ from scipy.io import savemat
 from freqid.core.errors import DataError, FreqidError, UsageError
 from freqid.core.record import FlightRecord, check_time
 from freqid.flightlog.column_map import ChannelPlace, ColumnMap, MassPlace, TimePlace, read_column_map
-from freqid.flightlog.csv import read_csv
-from freqid.flightlog.matlab import read_matlab
 from freqid.flightlog.read import read_log
-from freqid.flightlog.sidpac import read_sidpac, write_sidpac
+from freqid.flightlog.readers.csv import read_csv
+from freqid.flightlog.readers.matlab import read_matlab
+from freqid.flightlog.readers.sidpac import read_sidpac, write_sidpac
 
 many = settings(max_examples=150, deadline=None, derandomize=True)
 some = settings(max_examples=60, deadline=None, derandomize=True)

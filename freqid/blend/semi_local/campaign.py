@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from freqid.blend.semi_local.held_out import HeldOutScores
 from freqid.core.arrays import Array
 from freqid.core.channels import COEFFICIENT
-from freqid.core.identification import Identification
 from freqid.core.record import Maneuver
 from freqid.core.results.advance_ratio import AdvanceRatioModel, LocalDerivatives
 from freqid.core.results.point import Fit
+from freqid.core.sections.identification import Identification
 from freqid.core.viewable import Viewable
 from freqid.identify.loads.explanatory import history
 from freqid.identify.model.problem import measured_responses

@@ -11,8 +11,8 @@ from freqid.blend.semi_local.problem import Expansion, LocalProblem
 from freqid.core.arrays import Array
 from freqid.core.channels import COEFFICIENT
 from freqid.core.errors import DataError
-from freqid.core.identification import Identification
 from freqid.core.record import Maneuver
+from freqid.core.sections.identification import Identification
 from freqid.identify.advance_ratio.local import about_zero
 from freqid.identify.loads.explanatory import history
 from freqid.identify.output_error.estimate import Settings, estimate

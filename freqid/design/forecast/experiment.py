@@ -12,8 +12,8 @@ from freqid.core.arrays import Array, Complex
 from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError
 from freqid.core.frames import cross
-from freqid.core.identification import Identification
 from freqid.core.results.design import MultisineDesign
+from freqid.core.sections.identification import Identification
 from freqid.core.vehicle import Vector
 from freqid.design.forecast.closed_loop import SPECIFIC_FORCES, STATES, PerturbedAircraft
 from freqid.design.multisine.signals import band_lines, tones

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 from freqid.core.arrays import Array
 from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError
-from freqid.core.excitation import Excitation
-from freqid.core.identification import Identification
 from freqid.core.results.design import MultisineDesign
 from freqid.core.results.point import PointModel
 from freqid.core.scenario import Reference, Scenario
+from freqid.core.sections.excitation import Excitation
+from freqid.core.sections.identification import Identification
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.core.vehicle import Vehicle
 from freqid.design.forecast.closed_loop import STATES, PerturbedAircraft, index_of

@@ -12,8 +12,8 @@ from scipy.optimize import minimize
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
-from freqid.core.identification import Identification
 from freqid.core.results.design import MultisineDesign
+from freqid.core.sections.identification import Identification
 from freqid.core.vehicle import Vector
 from freqid.design.forecast.closed_loop import PerturbedAircraft
 from freqid.design.forecast.experiment import Experiment, refuse_unidentified

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from freqid.core.arrays import Array
 from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError, nearest
-from freqid.core.excitation import MOST_HARMONICS, Excitation
 from freqid.core.results.design import Multisine, MultisineDesign, SampledInputs
+from freqid.core.sections.excitation import MOST_HARMONICS, Excitation
 from freqid.core.vehicle import Effector
 from freqid.design.forecast.closed_loop import STATES, PerturbedAircraft
 from freqid.design.multisine.allocation import (

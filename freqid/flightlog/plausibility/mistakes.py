@@ -90,6 +90,8 @@ class Mistake:
     column : mapping of str to str
     unit : str
         That the channels' values are in, where it is the unit.
+    converted_from : str
+        Unit that values in `unit` were converted from, though they were in `unit` already.
     """
 
     kind: str
@@ -97,6 +99,7 @@ class Mistake:
     factor: Mapping[str, float] = field(default_factory=dict)
     column: Mapping[str, str] = field(default_factory=dict)
     unit: str = ""
+    converted_from: str = ""
 
 
 def find_mistakes(
@@ -257,7 +260,8 @@ def _mistakes(record: FlightRecord) -> Iterator[Mistake]:
         for unit, factor in _units(record, channels[0]).items():
             yield Mistake("unit", channels, dict.fromkeys(channels, factor), unit=unit)
             claimed = record.channel(channels[0]).unit
-            yield Mistake("unit", channels, dict.fromkeys(channels, 1 / factor), unit=f"{claimed} not {unit}")
+            undone = dict.fromkeys(channels, 1 / factor)
+            yield Mistake("unit", channels, undone, unit=claimed, converted_from=unit)
     for axes in TURNED_AXES:
         channels = tuple(n for n in axes if n in record)
         if len(channels) > 1:
@@ -298,12 +302,10 @@ def _finding(
     where = " and ".join(f'[[channel]] name = "{n}"' for n in mistake.channels)
     sources = ", ".join(dict.fromkeys(record.channel(n).source for n in mistake.channels))
     many = len(mistake.channels) > 1
-    if mistake.kind == "unit" and " not " in mistake.unit:
-        right = mistake.unit.partition(" not ")[0]
-        wrong = mistake.unit.partition(" not ")[2]
-        what = f"{names} {'have' if many else 'has'} been converted from {wrong} but "
-        what += f"{'were' if many else 'was'} logged in {right}"
-        setting = f'set unit = "{right}" of {where} in the map'
+    if mistake.converted_from:
+        what = f"{names} {'have' if many else 'has'} been converted from {mistake.converted_from} but "
+        what += f"{'were' if many else 'was'} logged in {mistake.unit}"
+        setting = f'set unit = "{mistake.unit}" of {where} in the map'
     elif mistake.kind == "unit":
         what = f"{names} {'are' if many else 'is'} in {mistake.unit} where {claimed} is claimed"
         setting = f'set unit = "{mistake.unit}" of {where} in the map'
@@ -315,7 +317,7 @@ def _finding(
         what += ", as of axes that point left and up" if mistake.kind == "axes" else ""
         signs = "the opposite sign (sign = -1, or none where it is set)"
         setting = f"set {signs} of {where} in the map"
-    others = [f"{_listed(m.channels)} ({m.kind}{' ' + m.unit if m.unit else ''})" for m in alike[:3]]
+    others = [f"{_listed(m.channels)} ({_in_words(m)})" for m in alike[:3]]
     doubt = f"; the same would follow from {', or '.join(others)}" if others else ""
     return Finding(
         "error",
@@ -332,6 +334,11 @@ def _finding(
             "log_likelihood_gain": gain,
         },
     )
+
+
+def _in_words(mistake: Mistake) -> str:
+    wrong = f" not {mistake.converted_from}" if mistake.converted_from else ""
+    return f"{mistake.kind} {mistake.unit}{wrong}" if mistake.unit else mistake.kind
 
 
 def _listed(names: Sequence[str]) -> str:

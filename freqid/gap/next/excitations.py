@@ -10,10 +10,10 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
-from freqid.core.excitation import Excitation
 from freqid.core.record import FlightRecord
 from freqid.core.results.design import MultisineDesign
 from freqid.core.scenario import Reference, Scenario
+from freqid.core.sections.excitation import Excitation
 from freqid.core.vehicle import Vehicle
 from freqid.design.multisine.orthogonal_set import design_multisines
 from freqid.gap.stack.block import Block

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from freqid.core.errors import UsageError
-from freqid.core.excitation import Excitation
 from freqid.core.record import FlightRecord
 from freqid.core.results.design import MultisineDesign
 from freqid.core.scenario import Scenario
+from freqid.core.sections.excitation import Excitation
 from freqid.gap.next.excitations import (
     STRONGEST,
     Plan,

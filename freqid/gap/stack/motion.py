@@ -20,8 +20,8 @@ from freqid.core.arrays import Array
 from freqid.core.channels import ATTITUDE, COEFFICIENT, FLOW, FORCES, RATES, VELOCITY, WRENCH
 from freqid.core.errors import DataError, UsageError
 from freqid.core.frames import cross
-from freqid.core.identification import Identification
 from freqid.core.record import FlightRecord, Maneuver
+from freqid.core.sections.identification import Identification
 from freqid.gap.simulation import Departures, Simulation
 from freqid.gap.stack.lines import Lines
 from freqid.gap.stack.missed_motion import with_missed

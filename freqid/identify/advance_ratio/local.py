@@ -9,9 +9,9 @@ import numpy as np
 from freqid.core.arrays import Array
 from freqid.core.channels import COEFFICIENT
 from freqid.core.errors import DataError
-from freqid.core.identification import factors_of
 from freqid.core.results.advance_ratio import LocalDerivatives
 from freqid.core.results.point import PointModel, ResponseModel, per
+from freqid.core.sections.identification import factors_of
 
 _SYMBOLS = {response: symbol for symbol, response in COEFFICIENT.items()}
 

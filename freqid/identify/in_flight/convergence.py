@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from freqid.core.arrays import Array
-from freqid.core.identification import Identification
 from freqid.core.record import Maneuver
+from freqid.core.sections.identification import Identification
 from freqid.identify.in_flight.parameter_history import ParameterHistory
 from freqid.identify.loads.explanatory import history
 from freqid.identify.model.problem import measured_responses

@@ -8,9 +8,9 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError
-from freqid.core.excitation import Excitation
-from freqid.core.identification import FrequencyGrid, Identification
 from freqid.core.record import Maneuver
+from freqid.core.sections.excitation import Excitation
+from freqid.core.sections.identification import FrequencyGrid, Identification
 from freqid.identify.in_flight.recursive import RecursiveRegression, RunningEstimate
 from freqid.identify.loads.explanatory import explanatory_variables
 from freqid.identify.model.problem import measured_responses

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError
-from freqid.core.identification import Identification
+from freqid.core.sections.identification import Identification
 from freqid.identify.regress.covariance_corrections import correct_coloured_lines, correct_line_spacing
 from freqid.identify.regress.regression import LeastSquares, least_squares
 from freqid.identify.spectra.fourier import ORDER, fourier_end_weights

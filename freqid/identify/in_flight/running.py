@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from freqid.core.arrays import Array
 from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError, nearest
-from freqid.core.identification import Identification, factors_of
 from freqid.core.record import Channel, FlightRecord, Maneuver
+from freqid.core.sections.identification import Identification, factors_of
 from freqid.core.vehicle import Vector, Vehicle
 from freqid.identify.in_flight.recursive import RecursiveRegression, RunningEstimate
 from freqid.identify.loads.wrench import applied_wrench

@@ -18,8 +18,8 @@ from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from freqid.core.arrays import Array, Complex
 from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError
-from freqid.core.identification import Identification
 from freqid.core.record import Channel, FlightRecord, Maneuver
+from freqid.core.sections.identification import Identification
 from freqid.identify.instruments.loop_model import LoopModel, fit_loop
 from freqid.identify.loads.explanatory import explanatory_variables
 from freqid.identify.loads.wrench import applied_wrench

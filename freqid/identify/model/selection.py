@@ -16,9 +16,9 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from freqid.core.arrays import Array, Complex
-from freqid.core.identification import factors_of
 from freqid.core.record import Maneuver
 from freqid.core.results.point import ResponseModel
+from freqid.core.sections.identification import factors_of
 from freqid.identify.loads.explanatory import explanatory_variables
 from freqid.identify.model.fit import fit_lines
 from freqid.identify.model.line_equations import LineEquations, on_lines

@@ -8,11 +8,11 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError, nearest
-from freqid.core.identification import Identification, factors_of
 from freqid.core.record import Maneuver
 from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import Fit, PointModel, ResponseModel, per
 from freqid.core.scenario import Reference
+from freqid.core.sections.identification import Identification, factors_of
 from freqid.identify.advance_ratio.trim import flown_trim
 from freqid.identify.loads.explanatory import explanatory_variables, unit_of
 from freqid.identify.loads.wrench import AppliedWrench, response_unit

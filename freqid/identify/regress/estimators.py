@@ -13,8 +13,8 @@ from typing import TypedDict
 from numpy.typing import NDArray
 
 from freqid.core.errors import UsageError, nearest
-from freqid.core.estimators import ESTIMATOR_NAMES
 from freqid.core.results.point import ErrorsInVariables
+from freqid.core.sections.estimators import ESTIMATOR_NAMES
 from freqid.identify.regress.regression import LeastSquares, least_squares
 
 
@@ -91,7 +91,7 @@ class Estimator:
     Attributes
     ----------
     name : str
-        Among `freqid.core.estimators.ESTIMATOR_NAMES`.
+        Among `freqid.core.sections.estimators.ESTIMATOR_NAMES`.
     label : str
         What reports call it.
     fit : callable

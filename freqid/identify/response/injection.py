@@ -57,9 +57,9 @@ class Gain:
     p_value: float
 
 
-def source_of(record: FlightRecord, name: str) -> str:
+def source_of(record: FlightRecord, name: str, groups: Sequence[str] = GROUPS) -> str:
     """Return the channel that an effector's injection is best seen in; empty where there is none."""
-    return next((f"{g}/{name}" for g in GROUPS if f"{g}/{name}" in record), "")
+    return next((f"{g}/{name}" for g in groups if f"{g}/{name}" in record), "")
 
 
 def on_clock(inputs: SampledInputs, time: Array, start_s: float) -> Array:
@@ -87,21 +87,37 @@ def find_start(record: FlightRecord, inputs: SampledInputs) -> Start | None:
         return None
     dt = record.dt
     grid = np.arange(0.0, inputs.time[-1] + 0.5 * dt, dt)
-    size = next_fast_len(record.time.size + grid.size, real=True)
-    total = np.zeros(size)
-    for source, row in pairs:
-        x = record[source]
-        x = x if source.startswith("excitation/") else detrend(x)
-        d = np.interp(grid, inputs.time, row)
-        scale = np.sqrt(np.sum(x**2) * np.sum(d**2))
-        if scale > 0:
-            total += np.fft.irfft(np.fft.rfft(x, size) * np.fft.rfft(d, size).conj(), size) / scale
+    logged = [record[n] if n.startswith("excitation/") else detrend(record[n]) for n, _ in pairs]
+    flown = [np.interp(grid, inputs.time, row) for _, row in pairs]
+    total = correlations(np.array(logged), np.array(flown)).sum(axis=0)
+    size = total.size
     best = int(np.argmax(total))
     left, middle, right = total[best - 1], total[best], total[(best + 1) % size]
     bend = left - 2 * middle + right
     part = 0.5 * (left - right) / bend if bend < 0 else 0.0
     shift = best + part - (size if best >= record.time.size else 0)
     return Start(float(record.time[0] + shift * dt), float(middle / len(pairs)))
+
+
+def correlations(logged: Array, flown: Array) -> Array:
+    """Return how like logged signals are to flown ones at every shift, 1 where equal.
+
+    Parameters
+    ----------
+    logged : ndarray, shape (effector, sample)
+    flown : ndarray, shape (effector, step)
+        At the same rate.
+
+    Returns
+    -------
+    ndarray, shape (effector, shift)
+        Shifts of 0, 1, ... samples; those from ``sample`` on are less than zero, by the length of the axis.
+        Zero for a signal that is zero.
+    """
+    size = next_fast_len(logged.shape[1] + flown.shape[1], real=True)
+    product = np.fft.irfft(np.fft.rfft(logged, size) * np.fft.rfft(flown, size).conj(), size)
+    scale = np.sqrt(np.sum(logged**2, axis=1) * np.sum(flown**2, axis=1))[:, None]
+    return product / np.where(scale > 0, scale, np.inf)
 
 
 def flown_span(record: FlightRecord, design: object, inputs: SampledInputs, start_s: float) -> slice:

@@ -16,12 +16,12 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError, nearest
-from freqid.core.estimators import EstimatorName
-from freqid.core.excitation import Excitation
-from freqid.core.identification import Identification, factors_of
 from freqid.core.record import Maneuver
 from freqid.core.results.point import PointModel, ResponseModel, per
 from freqid.core.scenario import Reference
+from freqid.core.sections.estimators import EstimatorName
+from freqid.core.sections.excitation import Excitation
+from freqid.core.sections.identification import Identification, factors_of
 from freqid.identify.instruments.driven import driven_maneuvers
 from freqid.identify.model.widening import with_covariance
 from freqid.identify.point import identify_point, lines_of

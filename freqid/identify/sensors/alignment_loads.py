@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
-from freqid.core.identification import Identification
 from freqid.core.record import Maneuver
+from freqid.core.sections.identification import Identification
 from freqid.identify.instruments.driven import driven_maneuvers
 from freqid.identify.loads.explanatory import explanatory_variables
 from freqid.identify.model.line_equations import LineEquations, on_lines

@@ -7,7 +7,7 @@ from linear_design import AMPLITUDE, GAINS, VEHICLE
 from scipy.signal import lsim
 
 from freqid.core.errors import UsageError
-from freqid.core.excitation import Classic, Excitation
+from freqid.core.sections.excitation import Classic, Excitation
 from freqid.design.classic import design_classic, extent
 from freqid.design.forecast.excursions import excursions
 from freqid.design.forecast.modelled import perturbed_aircraft

@@ -8,7 +8,7 @@ import pytest
 from freqid.core.errors import DataError, UsageError
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 from freqid.flightlog.column_map import ChannelPlace, ColumnMap, MassPlace, TimePlace
-from freqid.flightlog.csv import read_csv
+from freqid.flightlog.readers.csv import read_csv
 
 TIME = TimePlace(column="t", unit="s")
 U = ChannelPlace(name="state/u", column="u", unit="ft/s", sign=-1)

@@ -11,7 +11,7 @@ import pytest
 from scipy.io import savemat
 
 from freqid.core.errors import DataError
-from freqid.flightlog.matlab import read_mat5
+from freqid.flightlog.readers.matlab import read_mat5
 
 MATRIX = np.arange(6.0).reshape(3, 2)
 VARIABLES = {

@@ -10,7 +10,7 @@ from scipy.sparse import csc_array
 
 from freqid.core.errors import DataError
 from freqid.flightlog.column_map import ChannelPlace, ColumnMap, MassPlace, TimePlace
-from freqid.flightlog.matlab import load_variables, read_matlab
+from freqid.flightlog.readers.matlab import load_variables, read_matlab
 
 T = 0.05 * np.arange(40)
 DATA = np.column_stack([T, np.sin(T), 10 * np.cos(T)])

@@ -78,9 +78,9 @@ def test_a_text_table_without_a_map_and_a_missing_file(folder):
 
 
 def test_every_reader_of_the_folder_is_asked():
-    folder = Path(__file__).resolve().parents[3] / "freqid" / "flightlog"
+    folder = Path(__file__).resolve().parents[3] / "freqid" / "flightlog" / "readers"
     modules = [p.stem for p in folder.glob("*.py") if "\nREADER = " in p.read_text(encoding="utf-8")]
-    found = [import_module(f"freqid.flightlog.{name}").READER for name in modules]
+    found = [import_module(f"freqid.flightlog.readers.{name}").READER for name in modules]
     assert len(found) >= 3
     assert sorted(map(id, found)) == sorted(map(id, readers()))
     assert all(isinstance(reader, Reader) and reader.suffixes for reader in found)

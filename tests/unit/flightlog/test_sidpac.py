@@ -12,7 +12,7 @@ from scipy.io import loadmat, savemat
 from freqid.core.errors import DataError
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
-from freqid.flightlog.sidpac import CHANNELS, GEOMETRY, MASS, SPARE, read_sidpac, write_sidpac
+from freqid.flightlog.readers.sidpac import CHANNELS, GEOMETRY, MASS, SPARE, read_sidpac, write_sidpac
 
 N = 60
 MASS_PROPERTIES = MassProperties(

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from freqid.core.identification import Identification
 from freqid.core.record import Channel, Configuration, FlightRecord, Maneuver
 from freqid.core.results.point import Fit, PointModel
 from freqid.core.scenario import Reference
+from freqid.core.sections.identification import Identification
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 from freqid.identify.point import identify_point
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from freqid.core.errors import UsageError
-from freqid.core.identification import factors_of
+from freqid.core.sections.identification import factors_of
 from freqid.identify.output_error.model import DynamicModel, Named
 
 COEFFICIENT, DIMENSIONAL = ("coefficient",), ("force", "specific")

@@ -7,9 +7,9 @@ from linear_design import AMPLITUDE, GAINS, VEHICLE
 from msgspec.structs import replace
 from scipy.signal import lsim
 
-from freqid.core.excitation import Excitation
 from freqid.core.results.design import Multisine
 from freqid.core.scenario import read_scenario
+from freqid.core.sections.excitation import Excitation
 from freqid.design.forecast.excursions import excursions
 from freqid.design.forecast.modelled import perturbed_aircraft
 from freqid.design.multisine.allocation import limits_from_db

@@ -10,9 +10,9 @@ from wrench_cases import TIME as SHORT
 from wrench_cases import record as maneuver_of
 
 from freqid.core.errors import DataError, UsageError
-from freqid.core.identification import Identification
 from freqid.core.record import Maneuver
 from freqid.core.scenario import read_scenario
+from freqid.core.sections.identification import Identification
 from freqid.core.toml import overridden
 from freqid.flightlog.read import read_log
 from freqid.identify.in_flight.parameter_history import parameter_history

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import UsageError
-from freqid.core.estimators import ESTIMATOR_NAMES
+from freqid.core.sections.estimators import ESTIMATOR_NAMES
 from freqid.identify.regress.covariance_corrections import correct_coloured_lines, correct_line_spacing
 from freqid.identify.regress.estimators import Regression, estimators, find_estimator
 from freqid.identify.regress.two_stage import WeakInstruments

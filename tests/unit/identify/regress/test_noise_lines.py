@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import DataError
-from freqid.core.excitation import Excitation
-from freqid.core.identification import Identification
 from freqid.core.record import Channel, FlightRecord, Maneuver
+from freqid.core.sections.excitation import Excitation
+from freqid.core.sections.identification import Identification
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 from freqid.identify.point import identify_point
 from freqid.identify.regress.noise_lines import Noise, correct_by_noise_lines, noise_lines, noise_power

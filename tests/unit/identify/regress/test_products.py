@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import UsageError
-from freqid.core.identification import Identification
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.results.point import read_point, write_point
+from freqid.core.sections.identification import Identification
 from freqid.core.toml import convert
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
 from freqid.identify.loads.explanatory import explanatory_variables

@@ -12,7 +12,7 @@ from freqid.identify.point import identify_point
 from freqid.identify.sensors.alignment import align
 from freqid.identify.sensors.kinematics import KinematicSettings, check_kinematics, corrected
 from freqid.workflows.inputs import silent
-from freqid.workflows.sensors import checked, with_correction_doubt
+from freqid.workflows.models.sensors import checked, with_correction_doubt
 
 LATE = 0.14
 

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from test_page import HOSTILE, Page
 
-from freqid.core.identification import Identification
 from freqid.core.results.design import Multisine, MultisineDesign
+from freqid.core.sections.identification import Identification
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 from freqid.design.forecast.excursions import excursions
 from freqid.design.forecast.modelled import perturbed_aircraft

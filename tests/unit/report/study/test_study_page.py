@@ -14,11 +14,11 @@ from test_page import HOSTILE, Page
 
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.line_up import line_up
-from freqid.core.identification import Identification
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.results.design import Multisine, MultisineDesign
 from freqid.core.results.point import ErrorsInVariables, ResponseModel
 from freqid.core.scenario import Reference
+from freqid.core.sections.identification import Identification
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 from freqid.design.multisine.signals import sample
 from freqid.identify.in_flight.parameter_history import parameter_history

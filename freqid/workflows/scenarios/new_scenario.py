@@ -2,29 +2,19 @@
 
 from __future__ import annotations
 
-import csv
-import re
+import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from freqid.core.channels import EFFECTOR_UNITS, TAKEN
 from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.record import read_record
 from freqid.core.scenario import FILL_IN
 from freqid.core.store import replacing
+from freqid.flightlog.listing import list_log
+from freqid.flightlog.names import guess_kind
 from freqid.workflows.inputs import File
 
-# What names of effectors usually mean, by kind; the first that fits decides.
-_NAMES = (
-    ("thrust", r"thrust|^T\d+$"),
-    ("throttle", r"thr(ottle)?|thtl|power_?lever"),
-    ("rotor", r"^(n|rpm|om|omega|w|m)_?\d+|rotor|motor|prop|rpm|esc|fan"),
-    ("tilt", r"tilt|^nac|nacelle|^dw\d*$|^sigma|conversion"),
-    (
-        "surface",
-        r"^d?(e|a|r|f|s)\d*$|^d[aefrs](_|[lr]?\d*$)|^d[lr]a?\d*$|ail|el(e)?v|rud|flap|flp|spoil|^rv|^tail|canard|"
-        r"^stab|slat|^tef|^lef|fin|vane",
-    ),
-)
 # Limits, rate and amplitude that a skeleton starts from, by kind: to be replaced.
 _START = {
     "surface": ([-0.5, 0.5], 5.0, 0.06),
@@ -33,8 +23,6 @@ _START = {
     "thrust": ([0.0, 100.0], 200.0, 3.0),
     "throttle": ([0.0, 1.0], 4.0, 0.04),
 }
-_NO_EFFECTOR = re.compile(r"inject|excit|cmd|command|setpoint|_sp$|target|stick|pilot", re.IGNORECASE)
-_UNIT = re.compile(r"\s*[\[(].*[\])]\s*$|_(deg|rad|rpm|rads|rad_s|pct|norm|n)$", re.IGNORECASE)
 
 
 def new_scenario(effectors: Iterable[str] = (), *, log: File | None = None, name: str = "My aircraft") -> str:
@@ -45,7 +33,7 @@ def new_scenario(effectors: Iterable[str] = (), *, log: File | None = None, name
     effectors : iterable of str
         Names, ``"de1"``, or names with their kind, ``"left:tilt"``.
     log : path, optional
-        A record of freqid, or a text table with a header: columns with names of effectors are added.
+        A record of freqid, or a log of another tool: the effectors that `list_log` proposes are added.
     name : str
         Of the aircraft.
 
@@ -99,11 +87,6 @@ def write_scenario(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def guess_kind(name: str) -> str:
-    """Return the kind of effector that a name suggests; empty where it suggests none."""
-    return next((kind for kind, words in _NAMES if re.search(words, name, re.IGNORECASE)), "")
-
-
 def _kind(name: str, given: str) -> str:
     if given:
         if given not in EFFECTOR_UNITS:
@@ -119,45 +102,30 @@ def _kind(name: str, given: str) -> str:
 
 
 def _of_log(path: Path) -> dict[str, str]:
-    """Return kind by effector of a record or a table's header; columns that are no effector are left out."""
+    """Return kind by effector of a record, or of the column map that is proposed for a log."""
     if path.suffix == ".h5":
-        from freqid.core.record import read_record
-
         record = read_record(path)
-        by_unit = {"rad/s": "rotor", "N": "thrust", "1": "throttle"}
-        return {
-            n: by_unit.get(record.channel(f"effector/{n}").unit)
-            or ("tilt" if guess_kind(n) == "tilt" else "surface")
-            for n in record.group("effector")
-        }
-    found = {}
-    for column in _header(path):
-        bare = _UNIT.sub("", column).strip()
-        known = bare.lower() in {n.lower() for n in TAKEN} or bare.lower() in ("t", "time", "ax", "ay", "az")
-        if known or _NO_EFFECTOR.search(column) or not re.fullmatch(r"\w+", bare):
-            continue
-        if guess_kind(bare):
-            found[bare] = guess_kind(bare)
-    return found
+        units = {name: record.channel(f"effector/{name}").unit for name in record.group("effector")}
+        return {name: _kind_of(name, unit) for name, unit in units.items()}
+    listing = list_log(path)
+    logged, proposed = {c.name for c in listing.channels}, tomllib.loads(listing.map)
+    found = {
+        place["name"].removeprefix("effector/"): place["unit"]
+        for place in proposed.get("channel", ())
+        if place["name"].startswith("effector/") and logged & {place.get("column"), place.get("variable")}
+    }
+    found |= {
+        rotor["name"]: "rad/s"
+        for rotor in proposed.get("rotor", ())
+        if logged & {rotor.get("telemetry"), rotor.get("command")}
+    }
+    return {name: _kind_of(name, unit) for name, unit in found.items()}
 
 
-def _header(path: Path) -> list[str]:
-    """Return the names in the first line of a text table that is not empty."""
-    try:
-        with path.open(encoding="utf-8-sig", errors="replace") as file:
-            first = next((line for line in file if line.strip()), "")
-    except OSError as error:
-        raise DataError(
-            f"cannot be read ({error.strerror})", where=str(path), remedy="check the path"
-        ) from None
-    if not first or "\0" in first:
-        raise DataError(
-            "is no text table with a header, and no record of freqid",
-            where=str(path),
-            remedy="import it first (freqid import-log), or name the effectors with --effectors",
-        )
-    delimiter = next((d for d in "\t;," if d in first), " ")
-    return [field.strip() for field in next(csv.reader([first.strip()], delimiter=delimiter))]
+def _kind_of(name: str, unit: str) -> str:
+    """Return the kind of effector of a logged position: by its unit, where that tells, else by its name."""
+    by_unit = {"rad/s": "rotor", "rpm": "rotor", "N": "thrust"}
+    return by_unit.get(unit) or guess_kind(name) or "surface"
 
 
 def _text(kinds: Mapping[str, str], name: str) -> str:

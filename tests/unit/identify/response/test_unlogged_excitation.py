@@ -8,7 +8,7 @@ import pytest
 from freqid.core.errors import DataError
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.results.design import SampledInputs
-from freqid.flightlog.align import align_excitation
+from freqid.identify.response.unlogged_excitation import align_excitation
 
 PERIOD, DRIFT, START = 30.0, 50e-6, 107.3137
 TONES = {"de": np.arange(3, 60, 3), "da": np.arange(4, 60, 3)}

@@ -10,12 +10,12 @@ import msgspec
 
 from freqid import __version__
 from freqid.core.errors import DataError, UsageError, nearest
-from freqid.core.excitation import Excitation
-from freqid.core.identification import MAXIMUM_LIKELIHOOD, Identification
 from freqid.core.record import Maneuver
 from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
 from freqid.core.scenario import Reference, Scenario
+from freqid.core.sections.excitation import Excitation
+from freqid.core.sections.identification import MAXIMUM_LIKELIHOOD, Identification
 from freqid.core.toml import overridden
 from freqid.identify.output_error.estimate import Settings, estimate
 from freqid.identify.output_error.forms.form import parted
@@ -29,7 +29,6 @@ from freqid.identify.output_error.point_model import (
 )
 from freqid.identify.output_error.signals import signals_of
 from freqid.identify.point import lines_of
-from freqid.workflows.identify import Names, TimeSpan, flown_maneuvers
 from freqid.workflows.inputs import (
     File,
     Flight,
@@ -39,6 +38,7 @@ from freqid.workflows.inputs import (
     several,
     source_of,
 )
+from freqid.workflows.models.identify import Names, TimeSpan, flown_maneuvers
 
 
 def identify_output_error(

@@ -9,20 +9,18 @@ from freqid.blend.campaign import StudyResults, spanning_conditions
 from freqid.core import record as record_file
 from freqid.core import store
 from freqid.core.errors import DataError, UsageError, nearest
-from freqid.core.estimators import EstimatorName
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import PointModel
 from freqid.core.scenario import Scenario
+from freqid.core.sections.estimators import EstimatorName
+from freqid.flightlog.read import readers
 from freqid.identify.point import departures, flown_reference
-from freqid.workflows.blend import blend
 from freqid.workflows.files import save
-from freqid.workflows.identify import identify_point
 from freqid.workflows.import_log import read_log
 from freqid.workflows.inputs import File, Flight, Tell, name_of, record_of, several, silent
-from freqid.workflows.studied import held_out_errors, studied_point
-
-LOGS = (".csv", ".tsv", ".txt", ".asc", ".dat", ".mat")
-"""Suffixes of files that are logs where a column map is given."""
+from freqid.workflows.models.blend import blend
+from freqid.workflows.models.identify import identify_point
+from freqid.workflows.studies.studied import held_out_errors, studied_point
 
 Flown = Mapping[str, Maneuver]
 """Manoeuvres by the name of their flight."""
@@ -34,6 +32,7 @@ def study_flights(
     flights: File | Iterable[Flight],
     *,
     columns: File | None = None,
+    resample_hz: float | None = None,
     validate: Sequence[str] = (),
     at: Sequence[str] = (),
     held_out: Sequence[str] = (),
@@ -48,7 +47,7 @@ def study_flights(
         Its references are the conditions; those that no flight belongs to are left out.
     folder : path
         Where ``points/ID.h5`` and ``model.h5`` are kept.
-    flights, columns, validate, at, held_out, estimator, tell
+    flights, columns, resample_hz, validate, at, held_out, estimator, tell
         As for `freqid.study`.
 
     Returns
@@ -63,7 +62,7 @@ def study_flights(
         Where a flight cannot be read or identified, or belongs to no condition.
     """
     tell("flights")
-    sources = find_flights(scenario, flights, columns, Path(folder) / "records")
+    sources = find_flights(scenario, flights, columns, resample_hz, Path(folder) / "records")
     at_condition = sort_flights(scenario, {name: record_of(source) for name, source in sources.items()})
     ids = [r.id for r in scenario.reference if r.id in at_condition]
     for wanted in (*at, *held_out):
@@ -124,7 +123,11 @@ def study_flights(
 
 
 def find_flights(
-    scenario: Scenario, flights: File | Iterable[Flight], columns: File | None, imported: Path
+    scenario: Scenario,
+    flights: File | Iterable[Flight],
+    columns: File | None,
+    resample_hz: float | None,
+    imported: Path,
 ) -> dict[str, Flight]:
     """Return real flights by name, in the order of the names; logs become records.
 
@@ -137,6 +140,8 @@ def find_flights(
         its logs.
     columns : path, optional
         Map of columns.
+    resample_hz : float, optional
+        Rate of the records of logs.
     imported : path
         Folder that the records of logs are written to.
 
@@ -156,8 +161,8 @@ def find_flights(
         name = Path(given).stem if isinstance(given, str | Path) else f"flight {place}"
         if name in found:
             raise UsageError(f"two flights are called '{name}'", remedy="rename one of them")
-        if isinstance(given, str | Path) and Path(given).suffix.lower() in LOGS:
-            record = read_log(given, columns, scenario=scenario)
+        if isinstance(given, str | Path) and _is_log(Path(given)):
+            record = read_log(given, columns, scenario=scenario, resample_hz=resample_hz)
             found[name] = save(record, imported / f"{name}.h5", scenario=scenario)
         else:
             found[name] = given
@@ -169,15 +174,21 @@ def _flights_in(folder: Path, columns: File | None) -> list[Path]:
         raise UsageError("no such folder of flights", where=str(folder), remedy="check the path")
     files = sorted(path for path in folder.iterdir() if path.is_file())
     records = [p for p in files if p.suffix == ".h5" and store.kind_of(p) == record_file.FORMAT]
-    logs = [p for p in files if p.suffix.lower() in LOGS and columns is not None]
+    logs = [p for p in files if _is_log(p) and columns is not None]
     if not records + logs:
-        others = [p.name for p in files if p.suffix.lower() in LOGS]
+        others = [p for p in files if _is_log(p)]
         raise UsageError(
             f"holds no flight record, and {len(others)} logs" if others else "holds no flight record",
             where=str(folder),
             remedy="read the logs with --map COLUMNS.toml, or import them first with import-log",
         )
     return sorted(records + logs)
+
+
+def _is_log(path: Path) -> bool:
+    """Tell whether a file is of a kind that another tool logs."""
+    suffix = path.suffix.lower()
+    return suffix != ".h5" and any(suffix in reader.suffixes for reader in readers())
 
 
 def sort_flights(scenario: Scenario, flights: Mapping[str, FlightRecord]) -> dict[str, dict[str, Maneuver]]:

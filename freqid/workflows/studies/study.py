@@ -12,21 +12,21 @@ from typing import Any
 from freqid.blend.campaign import StudyResults, spanning_conditions
 from freqid.blend.semi_local.campaign import CampaignStudy
 from freqid.core.errors import UsageError
-from freqid.core.estimators import EstimatorName
 from freqid.core.record import Maneuver, read_record
 from freqid.core.results.design import read_design
 from freqid.core.results.point import PointModel, read_point
 from freqid.core.scenario import Scenario
+from freqid.core.sections.estimators import EstimatorName
 from freqid.core.store import replacing
 from freqid.simulate import runner
 from freqid.simulate import sensors as suites
-from freqid.workflows import units
-from freqid.workflows.blend import blend
-from freqid.workflows.campaign_study import study_campaign
 from freqid.workflows.files import save
 from freqid.workflows.inputs import File, Flight, Tell, name_of, scenario_of, silent
-from freqid.workflows.own_flights import study_flights
-from freqid.workflows.studied import held_out_errors, studied_point
+from freqid.workflows.models.blend import blend
+from freqid.workflows.studies import units
+from freqid.workflows.studies.campaign_study import study_campaign
+from freqid.workflows.studies.own_flights import study_flights
+from freqid.workflows.studies.studied import held_out_errors, studied_point
 
 _FLIGHT_SEEDS = 1000  # apart for each design, so that no two flights share their sensors' errors
 
@@ -71,6 +71,7 @@ def study(
     turbulence: float | None = None,
     flights: File | Iterable[Flight] | None = None,
     columns: File | None = None,
+    resample_hz: float | None = None,
     validate: Sequence[str] = (),
     tell: Tell = silent,
 ) -> StudyResults | CampaignStudy:
@@ -107,6 +108,8 @@ def study(
         Several at a condition make one point model; the last of them, by name, validates it.
     columns : path, optional
         Map of columns, with which logs among the flights are read.
+    resample_hz : float, optional
+        Rate that these logs are put on; without it they must be uniform and have one clock.
     validate : sequence of str
         Names, without suffix, of the flights that validate, in place of the last of each condition.
     tell : callable
@@ -142,14 +145,17 @@ def study(
             folder,
             flights,
             columns=columns,
+            resample_hz=resample_hz,
             validate=validate,
             at=at,
             held_out=held_out,
             estimator=estimator,
             tell=tell,
         )
-    if validate or columns is not None:
-        raise UsageError("a column map and validating flights go with flights", remedy="name their folder")
+    if validate or columns is not None or resample_hz is not None:
+        raise UsageError(
+            "a column map, its rate and validating flights go with flights", remedy="name their folder"
+        )
     if described.campaign is not None:
         if at:
             raise UsageError(

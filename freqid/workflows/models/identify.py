@@ -8,11 +8,11 @@ from typing import Literal
 
 from freqid import __version__
 from freqid.core.errors import DataError, GateFailed, UsageError, nearest
-from freqid.core.estimators import EstimatorName
-from freqid.core.identification import MAXIMUM_LIKELIHOOD, Method
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import PointModel, missed_gates
 from freqid.core.scenario import Scenario
+from freqid.core.sections.estimators import EstimatorName
+from freqid.core.sections.identification import MAXIMUM_LIKELIHOOD, Method
 from freqid.core.toml import overridden
 from freqid.identify import point
 from freqid.identify.point import lines_of
@@ -31,7 +31,14 @@ from freqid.workflows.inputs import (
     silent,
     source_of,
 )
-from freqid.workflows.sensors import Checked, Progress, checked, identified, unwatched, with_correction_doubt
+from freqid.workflows.models.sensors import (
+    Checked,
+    Progress,
+    checked,
+    identified,
+    unwatched,
+    with_correction_doubt,
+)
 
 TimeSpan = tuple[float, float]
 Names = Sequence[str] | Mapping[str, Sequence[str]]
@@ -156,7 +163,7 @@ def identify_point(
     described = described.at(flown.reference)
     try:
         if settings.method in MAXIMUM_LIKELIHOOD:
-            from freqid.workflows.output_error import ready_point  # loads jax
+            from freqid.workflows.models.output_error import ready_point  # loads jax
 
             _refuse_alignment(align, settings.method)
             model, alignment = ready_point(maneuvers, settings, reference, described.excitation), {}

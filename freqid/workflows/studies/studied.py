@@ -11,16 +11,16 @@ from freqid.blend.consistency import density_agreement, repeat_agreement
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.predict import replay
 from freqid.core.errors import GateFailed
-from freqid.core.estimators import ESTIMATOR_NAMES
 from freqid.core.record import Maneuver
 from freqid.core.results.point import MissedGate, PointModel, missed_gates
 from freqid.core.scenario import Scenario
+from freqid.core.sections.estimators import ESTIMATOR_NAMES
 from freqid.identify.in_flight.convergence import validation_rmse
 from freqid.identify.in_flight.parameter_history import parameter_history
 from freqid.identify.model.problem import measured_responses
 from freqid.identify.point import predict_responses
-from freqid.workflows.identify import identify_point
 from freqid.workflows.inputs import identification_of
+from freqid.workflows.models.identify import identify_point
 
 
 def studied_point(

@@ -17,13 +17,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord
 from freqid.core.units import parse_unit
 from freqid.flightlog.column_map import ColumnMap, Place
 from freqid.flightlog.mapped import assemble_map
 from freqid.flightlog.read import Reader
-from freqid.flightlog.signal import NotLogged, Signal, clock_of_table
+from freqid.flightlog.signal import Signal, clock_of_table, column_index
 
 _FOREIGN = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")  # control characters that no text table holds
 _BRACKETS = re.compile(r"^[(\[{]\s*(.*?)\s*[)\]}]$")
@@ -113,25 +113,12 @@ class Table:
         DataError
             Where it has two of them, or no header.
         """
-        if isinstance(column, int):
-            if column > self.width:
-                raise NotLogged(
-                    f"column {column} is missing, the table has {self.width}", remedy="correct the column map"
-                )
-            return column - 1
-        if not self.header:
+        if isinstance(column, str) and not self.header:
             raise DataError(
                 f"column '{column}' is asked for by name, but the table has no header",
                 remedy="map its columns by number",
             )
-        if column not in self.header:
-            raise NotLogged(f"column '{column}' is missing", remedy=nearest(column, self.header))
-        if self.header.count(column) > 1:
-            raise DataError(
-                f"{self.header.count(column)} columns are named '{column}'",
-                remedy="map the wanted one by number",
-            )
-        return self.header.index(column)
+        return column_index(column, self.header or [""] * self.width)
 
 
 def read_csv(path: Path, column_map: ColumnMap | None, **options: Any) -> FlightRecord:

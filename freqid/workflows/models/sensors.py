@@ -12,12 +12,12 @@ import numpy as np
 from freqid.core.arrays import Array
 from freqid.core.channels import FLOW, VELOCITY
 from freqid.core.errors import DataError, UsageError
-from freqid.core.estimators import EstimatorName
-from freqid.core.excitation import Excitation
-from freqid.core.identification import Identification
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import PointModel
 from freqid.core.scenario import Reference, Scenario
+from freqid.core.sections.estimators import EstimatorName
+from freqid.core.sections.excitation import Excitation
+from freqid.core.sections.identification import Identification
 from freqid.identify import point
 from freqid.identify.instruments.driven import driven_maneuvers
 from freqid.identify.model.widening import with_covariance

@@ -21,8 +21,8 @@ from freqid.core.units import parse_unit
 from freqid.core.vehicle import MassProperties, Vehicle
 from freqid.flightlog.assemble import Column, assemble, effector_si
 from freqid.flightlog.column_map import ColumnMap
-from freqid.flightlog.matlab import load_variables, lookup, numeric, texts
 from freqid.flightlog.read import Reader
+from freqid.flightlog.readers.matlab import load_variables, lookup, numeric, texts
 
 WIDTH = 90
 

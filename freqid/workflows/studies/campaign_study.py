@@ -18,22 +18,22 @@ from freqid.blend.semi_local.held_out import LOCAL, score_held_out
 from freqid.blend.semi_local.one_shot import one_shot_model
 from freqid.blend.semi_local.parametric import global_model
 from freqid.core.errors import DataError, FreqidError, UsageError
-from freqid.core.estimators import EstimatorName
 from freqid.core.record import FlightRecord, Maneuver, read_record, write_record
 from freqid.core.results.advance_ratio import AdvanceRatioModel, LocalDerivatives
 from freqid.core.results.point import Fit
 from freqid.core.scenario import Scenario
+from freqid.core.sections.estimators import EstimatorName
 from freqid.core.store import replacing
 from freqid.core.toml import overridden
 from freqid.identify.advance_ratio.clusters import cluster_alpha
 from freqid.identify.advance_ratio.trim import excited
-from freqid.workflows.advance_ratio import problems_of, told
 from freqid.workflows.campaign import simulate_campaign
 from freqid.workflows.files import save
-from freqid.workflows.identify import identify_point
 from freqid.workflows.import_log import split_flight
 from freqid.workflows.inputs import File, Tell, identification_of, silent
-from freqid.workflows.output_error import identify_output_error
+from freqid.workflows.models.advance_ratio import problems_of, told
+from freqid.workflows.models.identify import identify_point
+from freqid.workflows.models.output_error import identify_output_error
 
 _LONGITUDINAL = ("X", "Z", "M")
 

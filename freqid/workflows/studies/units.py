@@ -10,9 +10,9 @@ from functools import lru_cache
 from pathlib import Path
 
 from freqid.core.errors import DataError
-from freqid.core.estimators import EstimatorName
 from freqid.core.record import write_record
 from freqid.core.scenario import read_scenario
+from freqid.core.sections.estimators import EstimatorName
 
 
 def design(path: Path, *, scenario: str, seed: int) -> None:
@@ -69,7 +69,7 @@ def identify(
 ) -> None:
     """Write the point model of a manoeuvre, with its prediction of another."""
     from freqid.workflows.files import save
-    from freqid.workflows.identify import identify_point
+    from freqid.workflows.models.identify import identify_point
 
     save(identify_point(record, scenario, at=reference, held_out=validation, estimator=estimator), path)
 

@@ -9,11 +9,11 @@ from typing import Any
 
 from freqid.core.channels import AIR, STATE, WRENCH
 from freqid.core.errors import FreqidError
-from freqid.core.identification import factors_of
 from freqid.core.scenario import Scenario, find_scenario
+from freqid.core.sections.identification import factors_of
 from freqid.dynamics.mass import centre_of_gravity
 from freqid.workflows.inputs import File, scenario_of
-from freqid.workflows.new_scenario import placeholders
+from freqid.workflows.scenarios.new_scenario import placeholders
 
 
 @dataclass(frozen=True)

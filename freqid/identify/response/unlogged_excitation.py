@@ -22,6 +22,7 @@ from freqid.core.channels import ATTITUDE, RATES, VELOCITY
 from freqid.core.errors import DataError
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.results.design import SampledInputs
+from freqid.identify.response.injection import correlations, source_of
 
 GROUPS = ("command", "effector")  # where the excitation is looked for, in this order
 _FEEDBACK = (*RATES, *ATTITUDE, *VELOCITY)
@@ -84,11 +85,7 @@ def align_excitation(record: FlightRecord, inputs: SampledInputs) -> tuple[Fligh
     In a command the start is that of the injection. In an effector it is that of the motion, an actuator's
     lag included. Standard errors allow for coloured residuals (Newey & West, Econometrica 55, 1987).
     """
-    channels = {
-        name: next(f"{group}/{name}" for group in GROUPS if f"{group}/{name}" in record)
-        for name in inputs.names
-        if any(f"{group}/{name}" in record for group in GROUPS)
-    }
+    channels = {name: source for name in inputs.names if (source := source_of(record, name, GROUPS))}
     if not channels:
         raise DataError(
             f"has none of the design's effectors {', '.join(inputs.names)}, as command or effector",
@@ -225,11 +222,10 @@ class _Fit:
         """Return the start at which the correlations of all channels together are largest, s, to a sample."""
         step = float(self.time[-1]) / (self.time.size - 1)
         own = np.arange(0, float(self.inputs.time[-1]), step)
-        total: NDArray[np.float64] | float = 0.0
-        for name, measured in zip(self.names, self.measured, strict=True):
-            x = self._splines[self.inputs.names.index(name)](own)
-            total = total + (correlate(measured, x, mode="full", method="fft") / np.linalg.norm(x)) ** 2
-        return float((np.argmax(total) - (own.size - 1)) * step)
+        flown = np.array([self._splines[self.inputs.names.index(name)](own) for name in self.names])
+        each = correlations(self.measured, flown) * np.linalg.norm(self.measured, axis=1, keepdims=True)
+        shift = int(np.argmax((each**2).sum(axis=0)))
+        return (shift if shift < self.time.size else shift - each.shape[1]) * step
 
     def _projected(self, start: float, drift: float) -> NDArray[np.float64]:
         return self._without_motion(self._own_rows(start, drift))

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord
 from freqid.flightlog.column_map import ColumnMap, Place
-from freqid.flightlog.extras import extra
 from freqid.flightlog.mapped import assemble_map
 from freqid.flightlog.read import Reader
-from freqid.flightlog.signal import NotLogged, Signal, clock_of_table
+from freqid.flightlog.readers.extras import extra
+from freqid.flightlog.signal import Signal, clock_of_table, column_index
 
 
 def read_parquet(path: Path, column_map: ColumnMap | None, **options: Any) -> FlightRecord:
@@ -73,21 +73,7 @@ class _Columns:
         """Return one column as numbers, NaN where it is null; of dates, s since 1970."""
         import pyarrow as pa
 
-        if isinstance(column, str):
-            if column not in self.names:
-                raise NotLogged(f"column '{column}' is missing", remedy=nearest(column, self.names))
-            if self.names.count(column) > 1:
-                raise DataError(
-                    f"{self.names.count(column)} columns are named '{column}'",
-                    remedy="rename them in the log",
-                )
-            name = column
-        elif column > len(self.names):
-            raise NotLogged(
-                f"column {column} is missing, the file has {len(self.names)}", remedy="correct the column map"
-            )
-        else:
-            name = self.names[column - 1]
+        name = self.names[column_index(column, self.names)]
         try:
             pa.default_memory_pool().release_unused()  # of the column before
             values = self._file.read(columns=[name]).column(0)

@@ -6,7 +6,7 @@ from typing import Literal
 
 from freqid.core.channels import WRENCH
 from freqid.core.errors import nearest
-from freqid.core.estimators import EstimatorName
+from freqid.core.sections.estimators import EstimatorName
 from freqid.core.vehicle import Strict
 
 Method = Literal["frequency", "time", "output-error", "filter-error"]

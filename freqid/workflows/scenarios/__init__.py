@@ -1,0 +1,1 @@
+"""A scenario begun, and checked for what it lacks."""

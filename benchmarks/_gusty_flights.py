@@ -17,8 +17,8 @@ import numpy as np
 from scipy.signal import bilinear, lfilter
 
 import freqid as fq
-from freqid.core.identification import Identification
 from freqid.core.record import Channel
+from freqid.core.sections.identification import Identification
 from freqid.core.vehicle import Effector, Inertia, MassProperties
 
 G = 9.80665

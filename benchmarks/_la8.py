@@ -17,11 +17,11 @@ import numpy as np
 
 import freqid as fq
 from freqid.core.channels import WRENCH
-from freqid.core.estimators import EstimatorName
-from freqid.core.excitation import Excitation
-from freqid.core.identification import Identification
 from freqid.core.results.design import SampledInputs
 from freqid.core.scenario import Reference
+from freqid.core.sections.estimators import EstimatorName
+from freqid.core.sections.excitation import Excitation
+from freqid.core.sections.identification import Identification
 from freqid.identify.model.line_equations import LineEquations, on_lines
 from freqid.identify.model.problem import Problem
 from freqid.identify.point import identify_point

@@ -24,7 +24,7 @@ from freqid.simulate import runner, sensors
 from freqid.simulate.air.dryden import steady_wind
 from freqid.simulate.maneuver import LOG_RATE, Conditions, fly_maneuver
 from freqid.simulate.truth import read_truth, write_truth
-from freqid.workflows import units
+from freqid.workflows.studies import units
 
 FOLDER = Path(tempfile.gettempdir()) / "freqid-la8-flights"
 SEA, MIDDLE, HIGH = 1.225, 1.1392, 1.0581  # kg/m3: 0, 750 and 1500 m of the standard atmosphere

@@ -17,9 +17,9 @@ import pandas as pd
 from freqid.core.frames import level_from_body
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.results.design import SampledInputs
-from freqid.flightlog.align import align_excitation
 from freqid.flightlog.column_map import AttitudePlace, ChannelPlace, ColumnMap, TimePlace
 from freqid.flightlog.read import read_log
+from freqid.identify.response.unlogged_excitation import align_excitation
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "nanodrone"
 SEEDS = 20

@@ -19,10 +19,10 @@ import numpy as np
 
 import freqid as fq
 from freqid.blend.line_up import line_up
-from freqid.core.identification import Identification
 from freqid.core.record import Channel
 from freqid.core.results.corridor import Corridor, KnotResponse
 from freqid.core.scenario import Reference
+from freqid.core.sections.identification import Identification
 from freqid.identify.point import identify_point
 from freqid.simulate.control.trim import trim
 from freqid.simulate.loads import airframe

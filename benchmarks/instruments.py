@@ -43,7 +43,7 @@ from _unstable_aircraft import (
 
 import freqid as fq
 from freqid.core.channels import WRENCH
-from freqid.core.identification import Identification
+from freqid.core.sections.identification import Identification
 from freqid.design.multisine.orthogonal_set import design_multisines
 from freqid.identify.instruments.driven import driven_maneuvers
 from freqid.identify.instruments.loop_model import LoopModel

@@ -24,7 +24,7 @@ from joblib import Parallel, delayed
 from freqid.core.errors import DataError
 from freqid.identify.point import identify_point
 from freqid.workflows.inputs import silent
-from freqid.workflows.sensors import checked, with_correction_doubt
+from freqid.workflows.models.sensors import checked, with_correction_doubt
 
 SIZES = (0.0, 0.1, 0.5, 1.0)
 SUITES = ("vanes", "velocity")

@@ -17,8 +17,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 import freqid as fq
-from freqid.core.identification import Identification
 from freqid.core.record import Channel
+from freqid.core.sections.identification import Identification
 from freqid.core.vehicle import Inertia, MassProperties
 from freqid.identify.point import identify_point
 

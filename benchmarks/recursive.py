@@ -18,7 +18,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 import freqid as fq
-from freqid.core.identification import Identification
+from freqid.core.sections.identification import Identification
 from freqid.identify.in_flight.running import InFlight
 from freqid.identify.spectra.fourier import harmonics
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from records import Flight
 
-from freqid.core.identification import FrequencyGrid, Identification
 from freqid.core.record import Maneuver
+from freqid.core.sections.identification import FrequencyGrid, Identification
 from freqid.identify.point import identify_point, predict_responses
 
 RELATIVE = 0.08  # one sigma of a derivative that its owner states, as a fraction

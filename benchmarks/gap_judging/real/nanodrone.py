@@ -18,7 +18,7 @@ from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 from splice import Splice, biased, blown, heavier, late_group, late_surfaces, scaled, turned, weak
 
-from freqid.core.identification import FrequencyGrid
+from freqid.core.sections.identification import FrequencyGrid
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Rotor, Vehicle
 
 Array = NDArray[np.float64]

@@ -26,7 +26,7 @@ from splice import (
     upwash,
 )
 
-from freqid.flightlog.sidpac import read_sidpac
+from freqid.flightlog.readers.sidpac import read_sidpac
 
 LATERAL = Shape(
     regressors={

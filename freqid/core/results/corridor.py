@@ -88,7 +88,8 @@ class Corridor:
     provenance : dict
         Files of the points and their own provenance; JSON-compatible.
     scheduled, scheduled_units : tuple of str
-        Names of the rows of `schedule`, and their units; files of releases that knew two wings name none.
+        Names of the rows of `schedule`, and their units. Files that name none are older: their rows are
+        ``dw1 dw2``.
     along : str
         What lines are sorted and interpolated by: ``u``, or the name of a scheduled variable.
     """

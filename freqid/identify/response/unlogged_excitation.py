@@ -28,9 +28,9 @@ GROUPS = ("command", "effector")  # where the excitation is looked for, in this 
 _FEEDBACK = (*RATES, *ATTITUDE, *VELOCITY)
 _FOUND = 6.0  # standard errors of the largest gain: chance gives it at none of 1e6 starts
 _ORDER = 40  # of the autoregressive noise
-_ENDS_S = 0.1  # by which the first guess of the start may be off
+_ENDS_S = 0.1  # s, by which the first guess of the start may be off
 _WHITENED = 2  # times that the noise is estimated anew and the fit repeated
-_STEP_S, _STEP_DRIFT = 1e-3, 1e-6  # sizes on which start and drift are searched
+_STEP_S, _STEP_DRIFT = 1e-3, 1e-6  # s and 1: sizes on which start and drift are searched
 
 
 @dataclass(frozen=True)

@@ -201,7 +201,7 @@ def estimate_gusts(
         level = unlikely(best)[0] + ORDER**2 / 2
 
         def limit(end: float, otherwise: float) -> float:
-            if unlikely(end)[0] <= level:  # as far as is possible the likelihood has not fallen enough
+            if unlikely(end)[0] <= level:  # within what is searched it does not fall by that much
                 return otherwise
             below, above = sorted((best, end))
             return float(np.exp(brentq(lambda x: unlikely(x)[0] - level, below, above, xtol=PRECISE)))

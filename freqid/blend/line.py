@@ -61,6 +61,8 @@ class Line:
         Mean density of the knots, kg/m3.
     knots : ndarray, shape (knot,)
         The coordinate of the knots.
+    path : Pchip
+        Scheduled variables, then equivalent speed, along the line.
     turn : ndarray, shape (variable,)
         Radians that a unit of each scheduled variable counts as.
     """
@@ -73,7 +75,7 @@ class Line:
         # Scheduled variables and equivalent speed, scaled so that they count alike.
         self._scale = np.append(self.turn, STILL_TILT)[:, None]
         path = np.vstack([corridor.schedule[:, members], corridor.u[members] * k])
-        self._path = Pchip(self.knots, path)
+        self.path = Pchip(self.knots, path)
         names = list(corridor.units)
         knots = [EquivalentKnots(r, members, names, k) for r in corridor.responses.values()]
         self.local = [BlendedResponse(one, self.knots) for one in knots]
@@ -82,11 +84,11 @@ class Line:
 
     def schedule(self, s: Array) -> Array:
         """Return the scheduled variables along the line, shape (variable, n)."""
-        return self._path(s)[:-1]
+        return self.path(s)[:-1]
 
     def speed(self, s: Array) -> Array:
         """Return the equivalent speed along the line, m/s, shape (n,)."""
-        return self._path(s)[-1]
+        return self.path(s)[-1]
 
     def position(self, speed: Array, schedule: Array) -> Position:
         """Return the points of the line nearest to what is flown.
@@ -104,7 +106,7 @@ class Line:
         change of speed does at fixed tilt; only the corridor tells what tilting does. So s must follow
         the tilt wherever the tilt tells it.
         """
-        on_grid = self._scale * self._path(self._grid)
+        on_grid = self._scale * self.path(self._grid)
         flown = self._scale * np.vstack([schedule, speed])
         distance = (on_grid**2).sum(axis=0)[:, None] - 2 * on_grid.T @ flown
         nearest = distance.argmin(axis=0)
@@ -119,14 +121,14 @@ class Line:
         fall, curve, slope = self._pull(s, flown)
         held = np.abs(fall) > 1e-6 * curve  # at an end of the line, beyond which nothing is known
         by_path = np.where(held, 0.0, self._scale * slope / curve)
-        off = flown - self._scale * self._path(s)
+        off = flown - self._scale * self.path(s)
         return Position(s, by_path[-1], by_path[:-1], off[-1] / STILL_TILT, off[:-1])
 
     def _pull(self, s: Array, flown: Array) -> tuple[Array, Array, Array]:
         """Return how half the squared distance falls with s, how that curves, and the path's slope."""
-        slope, off = self._scale * self._path(s, 1), flown - self._scale * self._path(s)
+        slope, off = self._scale * self.path(s, 1), flown - self._scale * self.path(s)
         fall, base = (off * slope).sum(axis=0), (slope**2).sum(axis=0)
-        curve = base - (off * self._scale * self._path(s, 2)).sum(axis=0)
+        curve = base - (off * self._scale * self.path(s, 2)).sum(axis=0)
         return fall, np.where(curve > 0.1 * base, curve, base), slope
 
     def trim(self, s: Array, count: int) -> Array:

@@ -68,10 +68,10 @@ class Pchip:
             CubicHermiteSpline(self.knots, *ends, extrapolate=False)(s)
             for ends in ((identity, 0 * identity), (0 * identity, identity))
         )
-        return level.T + np.swapaxes(self._slope_weights, 1, 2) @ tilt.T
+        return level.T + np.swapaxes(self.slope_weights, 1, 2) @ tilt.T
 
     @cached_property
-    def _slope_weights(self) -> Array:
+    def slope_weights(self) -> Array:
         """Derivative of the slopes with respect to the values, shape (channel, knot of slope, knot)."""
         if self._spread is None:
             return _slope_weights(self.knots, self.values)

@@ -25,7 +25,7 @@ DOCTYPE = (
 )
 _MATHML = {"+": "plus", "-": "minus", "*": "times", "/": "divide", "sqrt": "root"}
 _MATHML |= {name: name for name in ("abs", "floor", "min", "max")}
-EXACT = 1e-9
+EXACT = 1e-12
 """Tolerance of check cases beside that of tables, relative: what another order of additions may make."""
 
 
@@ -46,9 +46,9 @@ def write_daveml(path: Path, calculation: Calculation, version: str) -> None:
 
     Notes
     -----
-    Each quantity is a ``variableDef``, and each table a ``griddedTableDef`` with the ``function`` that makes the
-    quantity of it. A parameter's standard error is a quantity too, which its ``uncertainty`` names. Check cases
-    hold what the model gives, not what the tables do, and the error of the tables as their tolerance.
+    A quantity is a ``variableDef``, a table a ``griddedTableDef`` with the ``function`` that makes the
+    quantity of it. The standard error of a parameter is a quantity, which its ``uncertainty`` names. Check
+    cases hold what the model gives, not what the tables do, and the error of the tables as their tolerance.
     """
     root = ET.Element("DAVEfunc", xmlns=NAMESPACE)
     _header(root, calculation, version)
@@ -162,9 +162,10 @@ def _shot(case: CheckCase, calculation: Calculation) -> ET.Element:
     for quantity in calculation.inputs:
         _signal(given, quantity, case.inputs[quantity.label])
     by_name = {q.name: q for q in calculation.quantities}
-    inner = ET.SubElement(shot, "internalValues")
     values = calculation.evaluate(case.inputs)
-    for name in [q.name for q in calculation.quantities if isinstance(q.value, Lookup)]:
+    looked_up = [q.name for q in calculation.quantities if isinstance(q.value, Lookup)]
+    inner = ET.SubElement(shot, "internalValues") if looked_up else shot
+    for name in looked_up:
         signal = ET.SubElement(inner, "signal")
         ET.SubElement(signal, "varID").text = name
         ET.SubElement(signal, "signalValue").text = repr(float(values[name][0]))

@@ -1,7 +1,7 @@
 """Where on a line of the corridor an aircraft is, as scalar calculations.
 
 `freqid.blend.line` searches a fine grid and then takes Newton's steps until they no longer move. Here the
-search is over the chords between a few places, and the number of steps is fixed. `freqid.blend.exports.tabled`
+search is over the chords between a few places, and the number of steps is fixed. `tabled`
 takes as many of both as it needs for the place to come out the same.
 """
 

@@ -545,3 +545,20 @@ def _notes(model: GlobalModel, said: str) -> tuple[str, ...]:
         f"of at most {said}.",
         "Standard errors are one sigma of each parameter by itself; their correlation is not in this file.",
     )
+
+
+def start_of(model: PointModel | GlobalModel) -> dict[str, float]:
+    """Return inputs at a trim and ``theta``, SI: a point model's own, or that half way along a corridor."""
+    if isinstance(model, PointModel):
+        at = {name: trim for name, (_, trim, _) in _factor_trims(model).items()}
+        at = {**model.reference.scheduled, "u": model.reference.u, "rho": model.reference.rho} | at
+        bias = {name: r.bias for name, r in model.responses.items()}
+    else:
+        c, line = model.corridor, model.lines[0]
+        s = line.knots[line.knots.size // 2]
+        along = s / equivalent(line.rho) if c.along == "u" else s
+        inputs = model.reference(along, line.rho)
+        at = {name: float(value[0]) for name, value in inputs.items()}
+        bias = dict(zip(model.names, model.wrench(inputs, outside="hold").values[:, 0].tolist(), strict=True))
+    theta = float(np.arctan2(bias.get("X", 0.0), -bias.get("Z", -1.0)))
+    return {"w": at["u"] * np.tan(theta)} | at | {"theta": theta}

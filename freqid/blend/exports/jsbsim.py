@@ -73,8 +73,8 @@ def write_jsbsim(
     -----
     Effectors are the properties ``freqid/effector/NAME``, rad, rotors rad/s, which the user sets; states are
     JSBSim's own. Responses are ``freqid/X`` to ``freqid/N`` in N and N m, and ``freqid/outside`` is 1 where
-    the model is used too far away. The wrench is whole: thrust is in it, and ``<propulsion>`` stays empty. The
-    rotors' momentum acts beside it, ``-w x h`` of their speeds; what rotors react with as they speed up is not
+    the model is used too far away. The wrench is whole: thrust is in it, and ``<propulsion>`` is empty. The
+    rotors' momentum acts beside it, ``-w x h`` of their speeds; their reaction to a change of speed is not
     there.
     """
     other = [r for r in calculation.outputs if r not in WRENCH]

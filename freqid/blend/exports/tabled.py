@@ -1,8 +1,7 @@
-"""Point and global models as calculations with tables, and how far tables are from the model."""
+"""A global model as a calculation with tables, and how far the tables are from the model."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
 
@@ -22,6 +21,7 @@ from freqid.blend.exports.calculation import (
     total,
 )
 from freqid.blend.exports.place import EFFORTS, add_place
+from freqid.blend.exports.usable_range import DEPARTURE, meaning_of, range_notes, states, units_of
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.line import Line
 from freqid.blend.locate import Located, locate
@@ -29,14 +29,11 @@ from freqid.blend.pchip import Pchip
 from freqid.blend.similarity import ALIKE, equivalent, goes_with_velocity, not_similar
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
-from freqid.core.results.point import PointModel, per
-from freqid.core.sections.identification import factors_of
+from freqid.core.results.point import per
 from freqid.core.units import RHO0
 
 TABLE_ERROR = 1e-3
 """Of tables, relative to a response's size along the corridor; identification knows it to 1 % at best."""
-DEPARTURE = 3.0
-"""How far regressors go from their trim in the stated range, in rms of the manoeuvres of identification."""
 MOST_NODES = 512  # by interval between knots
 PLACE_ERROR = 1e-9  # of the length of a line
 FAR_STRAYS = 0.01  # share of states, all far off the corridor, whose nearest place may be another one
@@ -44,29 +41,27 @@ SAMPLES = 2000  # states that an export is tried at
 CHECKS = 24  # of them that go into the file
 
 
-def calculation_of(model: PointModel | GlobalModel, table_error: float = TABLE_ERROR) -> Calculation:
-    """Return a model as a calculation.
+def tabled(model: GlobalModel, table_error: float = TABLE_ERROR) -> Calculation:
+    """Return a global model as a calculation whose parameters are linear tables of the place on a line.
 
     Parameters
     ----------
-    model : PointModel or GlobalModel
-        A point model is exact; a global model's parameters are linear tables of the place on a line.
+    model : GlobalModel
     table_error : float
         Largest error that tables may make, relative to the size of each response along the corridor.
 
     Raises
     ------
     UsageError
-        Where the error asked for is not between 1e-7 and 0.1, or needs too many nodes.
+        Where the error asked for is not between 1e-7 and 0.1 or needs too many nodes, or the corridor bends
+        so sharply that no fixed number of steps finds the place on it.
     """
     if not 1e-7 <= table_error <= 0.1:
         raise UsageError(
             f"a table error of {table_error:g} is asked for", remedy="ask for something between 1e-7 and 0.1"
         )
-    if isinstance(model, PointModel):
-        return _point(model)
     for effort in EFFORTS:
-        found = _global(model, table_error, effort)
+        found = _calculation(model, table_error, effort)
         if found is not None:
             return found
     raise UsageError(
@@ -75,142 +70,15 @@ def calculation_of(model: PointModel | GlobalModel, table_error: float = TABLE_E
     )
 
 
-# Of a point model -----------------------------------------------------------------------------------------
-
-
-def _point(model: PointModel) -> Calculation:
-    steps, outputs, limits = Steps(), {}, {}
-    named: dict[str, str] = {}
-    factors = _factor_trims(model)
-    for name, (unit, trim, rms) in factors.items():
-        span = f"{name}, trim {trim:.6g}, moved by {rms:.3g} rms when the model was identified"
-        named[name] = steps.add(name, unit, span, None, label=name)
-    for response in model.responses.values():
-        r = response.response
-        terms: list[Expression] = [
-            steps.add(f"{r}_trim", response.unit, f"{r} at the trim", response.bias, response.bias_std_error)
-        ]
-        before: list[str] = []
-        for j, (name, unit) in enumerate(zip(response.regressors, response.parameter_units, strict=True)):
-            correlation = {
-                other: float(response.correlation[j, i])
-                for i, other in enumerate(before)
-                if np.isfinite(response.correlation[j, i])
-            }
-            estimate, error = float(response.estimate[j]), float(response.std_error[j])
-            parameter = steps.add(
-                f"{r}_{name}", unit, f"derivative of {r} by {name}", estimate, error, correlation
-            )
-            before.append(parameter)
-            parts = factors_of(name)
-            moved = [less(named[part], factors[part][1]) for part in parts]
-            value = moved[0] if len(parts) == 1 else less(product(*moved), float(response.trim[j]))
-            terms.append(product(parameter, value))
-        outputs[r] = steps.add(r, response.unit, f"applied {r}, whole", total(terms), label=r)
-        limits[r] = 0.0
-    far = total(
-        [beyond(less(named[n], trim), DEPARTURE * rms) for n, (_, trim, rms) in factors.items() if rms > 0]
-    )
-    outside = steps.add(
-        "outside",
-        "1",
-        f"1 where an input is more than {DEPARTURE:g} rms from its trim",
-        Apply("min", (far, 1.0)),
-    )
-    at = model.reference
-    notes = (
-        f"Model of {model.vehicle} at the condition '{at.id}': u = {at.u:.6g} m/s, rho = {at.rho:.6g} kg/m3"
-        + "".join(f", {n} = {v:.6g}" for n, v in at.scheduled.items())
-        + f"; form '{model.form}', {model.axes} axes, moments about the centre of gravity.",
-        "Inputs are absolute values in SI units and radians, not deviations from the trim.",
-        f"The model is linear and is meant for inputs within {DEPARTURE:g} rms of its trim; beyond, it goes "
-        "on linearly and the quantity 'outside' is 1.",
-        "Parameters are exact; standard errors are one sigma.",
-    )
-    calculation = Calculation(
-        title=f"{model.vehicle or 'aircraft'} at {at.id or 'one condition'}",
-        notes=notes,
-        axes={},
-        quantities=tuple(steps.quantities),
-        outputs=outputs,
-        outside=outside,
-        bounds=limits,
-        checks=(),
-        form=model.form,
-    )
-    return replace(calculation, checks=_point_checks(model, factors))
-
-
-def _factor_trims(model: PointModel) -> dict[str, tuple[str, float, float]]:
-    """Return unit, trim and rms of all inputs of a point model, by name."""
-    found: dict[str, tuple[str, float, float]] = {}
-    for response in model.responses.values():
-        rows = zip(
-            response.regressors,
-            response.regressor_units,
-            response.trim.tolist(),
-            response.regressor_rms.tolist(),
-            strict=True,
-        )
-        for name, unit, trim, rms in rows:
-            if len(factors_of(name)) == 1:
-                found.setdefault(name, (unit, trim, rms))
-    lacking = [
-        f for r in model.responses.values() for n in r.regressors for f in factors_of(n) if f not in found
-    ]
-    if lacking:
-        raise UsageError(
-            f"a product has the factor '{lacking[0]}', which is no regressor, so its trim is not known",
-            remedy="identify the point with the factor among its regressors",
-        )
-    return found
-
-
-def point_values(model: PointModel, inputs: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the responses of a point model for absolute inputs, by response, shape (n,) each."""
-    factors = _factor_trims(model)
-    values = {}
-    for name, response in model.responses.items():
-        x = [
-            np.asarray(inputs[n])
-            if len(factors_of(n)) == 1
-            else np.prod([np.asarray(inputs[f]) - factors[f][1] for f in factors_of(n)], axis=0)
-            for n in response.regressors
-        ]
-        values[name] = response.bias + response.estimate @ (np.array(x) - response.trim[:, None])
-    return values
-
-
-def _point_checks(
-    model: PointModel, factors: Mapping[str, tuple[str, float, float]]
-) -> tuple[CheckCase, ...]:
-    rng = np.random.default_rng(0)
-    size = rng.uniform(-1, 1, (len(factors), CHECKS)) * np.append(0.0, np.linspace(0.5, 2.9, CHECKS - 1))
-    size[:, -1] = 4.0
-    inputs = {n: trim + rms * row for (n, (_, trim, rms)), row in zip(factors.items(), size, strict=True)}
-    values = point_values(model, inputs)
-    scale = {n: float(np.abs(v).max()) for n, v in values.items()}
-    return tuple(
-        CheckCase(
-            name="at the trim" if i == 0 else "outside" if i == CHECKS - 1 else f"about the trim {i}",
-            inputs={n: float(v[i]) for n, v in inputs.items()},
-            outputs={n: float(v[i]) for n, v in values.items()},
-            bounds={n: 1e-12 * max(scale[n], 1e-6) for n in values},
-            outside=bool(i == CHECKS - 1),
-        )
-        for i in range(CHECKS)
-    )
-
-
 # Of a global model ----------------------------------------------------------------------------------------
 
 
-def _global(model: GlobalModel, table_error: float, effort: tuple[int, int]) -> Calculation | None:
+def _calculation(model: GlobalModel, table_error: float, effort: tuple[int, int]) -> Calculation | None:
     """Return the calculation, or None where its places are not those of the model."""
     steps, c = Steps(), model.corridor
     named = {
-        name: steps.add(name, unit, _input_words(model, name), None, label=name)
-        for name, unit in _units(model).items()
+        name: steps.add(name, unit, meaning_of(model, name), None, label=name)
+        for name, unit in units_of(model).items()
     }
     k = steps.add("k", "1", "equivalent over true velocity", Apply("sqrt", (quotient(named["rho"], RHO0),)))
     velocity = dict(zip(c.units, goes_with_velocity(c.units), strict=True))
@@ -287,29 +155,6 @@ def _global(model: GlobalModel, table_error: float, effort: tuple[int, int]) -> 
         form=c.form,
     )
     return _tried(model, calculation, places, error, table_error)
-
-
-def _units(model: GlobalModel) -> dict[str, str]:
-    c = model.corridor
-    scheduled = dict(zip(c.scheduled, c.scheduled_units, strict=True))
-    own = {"u": "m/s", "rho": "kg/m3"}
-    return {name: c.units.get(name) or own.get(name) or scheduled[name] for name in model.inputs}
-
-
-def _input_words(model: GlobalModel, name: str) -> str:
-    c = model.corridor
-    if name == "u":
-        return f"velocity along x body through the air, points from {c.u.min():.6g} to {c.u.max():.6g} m/s"
-    if name == "rho":
-        return f"air density, points from {c.rho.min():.6g} to {c.rho.max():.6g} kg/m3"
-    if name in c.scheduled:
-        row = c.schedule[c.scheduled.index(name)]
-        return f"{name}, set along the corridor from {row.min():.6g} to {row.max():.6g}"
-    trims = [r.trim[r.regressors.index(name)] for r in c.responses.values() if name in r.regressors]
-    rms = max(
-        r.regressor_rms[r.regressors.index(name)].max() for r in c.responses.values() if name in r.regressors
-    )
-    return f"{name}, trims from {np.min(trims):.6g} to {np.max(trims):.6g}, moved by up to {rms:.3g} rms"
 
 
 class _Tables:
@@ -415,46 +260,6 @@ def _chord_error(knots: Array, cubic: Pchip) -> Array:
     return np.diff(knots) ** 2 / 8 * np.maximum(np.abs(left), np.abs(right))
 
 
-def states(model: GlobalModel, count: int, seed: int = 0) -> dict[str, Array]:
-    """Return states all over the stated range, shape (count,) each: on the corridor, off it, beyond its ends.
-
-    All inputs of the model, SI: at every density of its lines and between, up to twice the tolerance from the
-    corridor, regressors up to `DEPARTURE` rms from their trims.
-    """
-    rng, c = np.random.default_rng(seed), model.corridor
-    which = rng.integers(len(model.lines), size=count)
-    rho = np.array([line.rho for line in model.lines])[which]
-    if len(model.lines) > 1:
-        rho = rng.uniform(0.98 * rho.min(), 1.02 * rho.max(), count)
-    k = equivalent(rho)
-    x, schedule, speed = np.zeros((len(c.units), count)), np.zeros((len(c.scheduled), count)), np.zeros(count)
-    for i, line in enumerate(model.lines):
-        on = which == i
-        s = rng.uniform(line.knots[0], line.knots[-1], on.sum())
-        s[::7] = rng.choice(line.knots, s[::7].size)
-        x[:, on], schedule[:, on], speed[on] = line.trim(s, len(c.units)), line.schedule(s), line.speed(s)
-    reach = rng.choice([0.0, 0.5, 1.0, 2.0], count, p=[0.2, 0.3, 0.4, 0.1])
-    turn = model.lines[0].turn[:, None]
-    schedule = schedule + reach * model.tolerance.tilt * rng.uniform(-1, 1, schedule.shape) / turn
-    speed = speed + reach * model.tolerance.speed * rng.uniform(-1, 1, count)
-    units = c.units
-    rms = {
-        n: min(
-            r.regressor_rms[r.regressors.index(n)].min() for r in c.responses.values() if n in r.regressors
-        )
-        for n in units
-    }
-    moved = (
-        np.array([rms[n] for n in units])[:, None]
-        * DEPARTURE
-        * rng.uniform(-1, 1, x.shape)
-        * np.minimum(reach, 1)
-    )
-    values = dict(zip(units, (x + moved) / k ** goes_with_velocity(units)[:, None], strict=True))
-    values |= dict(zip(c.scheduled, schedule, strict=True)) | {"u": speed / k, "rho": rho}
-    return {name: values[name] for name in model.inputs}
-
-
 def _tried(
     model: GlobalModel, calculation: Calculation, places: list[str], tables: list[_Tables], table_error: float
 ) -> Calculation | None:
@@ -463,19 +268,20 @@ def _tried(
     truth = model.wrench(inputs, outside="hold")
     at = locate(model.corridor, model.lines, inputs, model.inputs, model.tolerance, "hold")
     found = calculation.evaluate(inputs)
+    strays = np.zeros(SAMPLES, dtype=bool)
     for name, line, position in zip(places, model.lines, at.positions, strict=True):
         wrong = np.abs(found[name] - position.s) > PLACE_ERROR * np.ptp(line.knots)
         if (wrong & ~at.outside).any() or wrong.mean() > FAR_STRAYS:
             return None
+        strays |= wrong
     bounds, bend = _sample_bounds(at, tables)
     scale = np.max([t.scale for t in tables], axis=0)
     bounds += 1e-9 * scale[:, None]  # the place is as near as that
-    stated = np.array([max(float(t.bounds[r].max()) for t in tables) for r in range(len(scale))]) + bend.max(
-        axis=1
-    )
+    inside = [max(float(t.bounds[r].max()) for t in tables) for r in range(len(scale))]
+    stated = np.array(inside) + bend.max(axis=1)
     errors = np.array([found[calculation.outputs[r]] for r in model.names]) - truth.values
     same = ~at.outside
-    order = np.concatenate([np.flatnonzero(same)[: CHECKS - 4], np.flatnonzero(~same)[:4]])
+    order = np.concatenate([np.flatnonzero(same)[: CHECKS - 4], np.flatnonzero(~same & ~strays)[:4]])
     checks = tuple(
         CheckCase(
             name=f"{'outside' if at.outside[i] else 'inside'} {number + 1}",
@@ -494,7 +300,11 @@ def _tried(
     )
     return replace(
         calculation,
-        notes=_notes(model, said),
+        notes=(
+            *range_notes(model),
+            f"Parameters and trims are linear tables; they make errors, in that range, of at most {said}.",
+            "Standard errors are one sigma of each parameter by itself; correlations are not in this file.",
+        ),
         bounds=dict(zip(model.names, stated.tolist(), strict=True)),
         checks=checks,
     )
@@ -522,43 +332,3 @@ def _sample_bounds(at: Located, tables: list[_Tables]) -> tuple[Array, Array]:
             e, e0 = one[2][1:] + two[2][1:], one[3] + two[3]
             bend[r] += 0.5 * w * (e * (gap + e0) + rise * e0).sum(axis=0)
     return whole + bend, bend
-
-
-def _notes(model: GlobalModel, said: str) -> tuple[str, ...]:
-    c, t = model.corridor, model.tolerance
-    moving = [n for n in c.scheduled if n in model.inputs]
-    span = f"u from {c.u.min():.6g} to {c.u.max():.6g} m/s, "
-    span += f"rho from {c.rho.min():.6g} to {c.rho.max():.6g} kg/m3"
-    near = f"{t.speed:g} m/s of equivalent speed"
-    if moving:
-        near += f" and {np.rad2deg(t.tilt):.3g} deg of {', '.join(moving)}"
-    return (
-        f"Model of {c.vehicle} over the conditions {' '.join(c.ids)}: {span}; form '{c.form}', body axes, "
-        "moments about the centre of gravity.",
-        "Inputs are absolute values in SI units and radians, not deviations from the trim. Equivalent "
-        f"velocities, rates and rotor speeds are the true ones times sqrt(rho / {RHO0:g}).",
-        f"The model is meant for states within {near} of the corridor. Beyond, parameters are held at the "
-        "nearest place of the corridor and the quantity 'outside' is 1.",
-        f"Regressors are meant to be within {DEPARTURE:g} rms of the manoeuvres of identification from their "
-        "trims; beyond, the model goes on linearly.",
-        "Parameters and trims are linear tables of shape-preserving cubics; they make errors, in that range, "
-        f"of at most {said}.",
-        "Standard errors are one sigma of each parameter by itself; their correlation is not in this file.",
-    )
-
-
-def start_of(model: PointModel | GlobalModel) -> dict[str, float]:
-    """Return inputs at a trim and ``theta``, SI: a point model's own, or that half way along a corridor."""
-    if isinstance(model, PointModel):
-        at = {name: trim for name, (_, trim, _) in _factor_trims(model).items()}
-        at = {**model.reference.scheduled, "u": model.reference.u, "rho": model.reference.rho} | at
-        bias = {name: r.bias for name, r in model.responses.items()}
-    else:
-        c, line = model.corridor, model.lines[0]
-        s = line.knots[line.knots.size // 2]
-        along = s / equivalent(line.rho) if c.along == "u" else s
-        inputs = model.reference(along, line.rho)
-        at = {name: float(value[0]) for name, value in inputs.items()}
-        bias = dict(zip(model.names, model.wrench(inputs, outside="hold").values[:, 0].tolist(), strict=True))
-    theta = float(np.arctan2(bias.get("X", 0.0), -bias.get("Z", -1.0)))
-    return {"w": at["u"] * np.tan(theta)} | at | {"theta": theta}

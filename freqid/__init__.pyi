@@ -23,12 +23,12 @@ from freqid.workflows.connect import connect as connect
 from freqid.workflows.design import design_inputs as design_inputs
 from freqid.workflows.diagnose import diagnose_gap as diagnose_gap
 from freqid.workflows.diagnose import next_test as next_test
+from freqid.workflows.export import export as export
 from freqid.workflows.files import read as read
 from freqid.workflows.files import read_scenario as read_scenario
 from freqid.workflows.files import save as save
 from freqid.workflows.fly import simulate as simulate
 from freqid.workflows.import_log import align_excitation as align_excitation
-from freqid.workflows.import_log import export_log as export_log
 from freqid.workflows.import_log import list_log as list_log
 from freqid.workflows.import_log import read_log as read_log
 from freqid.workflows.import_log import read_pieces as read_pieces

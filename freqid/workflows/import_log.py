@@ -1,4 +1,4 @@
-"""A log of another tool becomes a flight record, and a record a file of another tool."""
+"""A log of another tool becomes a flight record."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from freqid.flightlog.column_map import ColumnMap
 from freqid.flightlog.cut import find_maneuvers
 from freqid.flightlog.listing import Listing
 from freqid.flightlog.plausibility.check import check_plausibility
-from freqid.flightlog.readers.sidpac import write_sidpac
 from freqid.identify.response import unlogged_excitation
 from freqid.workflows.inputs import File, scenario_of
 
@@ -214,31 +213,3 @@ def split_flight(record: FlightRecord, *, name: str = "") -> list[FlightRecord]:
     if not spans:
         raise DataError("no manoeuvre was found", where=name or None, remedy="cut it by hand with --cut")
     return [record.cut(*span) for span in spans]
-
-
-def export_log(record: FlightRecord | File, path: File) -> tuple[str, ...]:
-    """Write a record as a MATLAB file in the 90-column SIDPAC layout, in SIDPAC's units.
-
-    Parameters
-    ----------
-    record : FlightRecord or path
-    path : path
-        Of the MATLAB file.
-
-    Returns
-    -------
-    tuple of str
-        Channels that SIDPAC has no column for.
-
-    Raises
-    ------
-    DataError
-        Where the record cannot be read or the folder not be written.
-
-    Examples
-    --------
-    >>> export_log(flight, "flight.mat")  # doctest: +SKIP
-    ('excitation/de',)
-    """
-    flight = record if isinstance(record, FlightRecord) else read_record(Path(record))
-    return write_sidpac(flight, Path(path))

@@ -128,7 +128,7 @@ def test_cut_and_split(freqid, linear_logs, tmp_path):
 
 
 def test_a_record_goes_to_sidpac_columns_and_back(freqid, record, tmp_path):
-    code, _, _ = freqid("export-log", record, "-o", tmp_path / "flight.mat")
+    code, _, _ = freqid("export", record, "--to", "sidpac", "-o", tmp_path / "flight.mat")
     assert code == 0
     code, _, err = freqid("import-log", tmp_path / "flight.mat", "-o", tmp_path / "back.h5")
     assert (code, err) == (0, "")
@@ -234,11 +234,11 @@ def test_a_missing_channel_of_the_wrench_is_named(freqid, record, tmp_path):
     assert "flight.h5: channel 'state/ax' is missing" in err
 
 
-@pytest.mark.parametrize("command", ["identify-point", "report", "export-log"])
+@pytest.mark.parametrize("command", ["identify-point", "report", "export"])
 def test_a_foreign_file_is_refused_by_every_command(freqid, tmp_path, command):
     alien = tmp_path / "alien.h5"
     alien.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(200))
-    options = ["--scenario", SCENARIO] if command == "identify-point" else []
+    options = {"identify-point": ["--scenario", SCENARIO], "export": ["--to", "sidpac"]}.get(command, [])
     code, _, err = freqid(command, alien, *options, "-o", tmp_path / "out.h5")
     assert code == 3
     assert "alien.h5" in err
@@ -269,7 +269,7 @@ def test_a_cut_goes_around_a_fault(freqid, linear_logs, tmp_path):
 
 
 def test_what_sidpac_has_no_column_for_is_said(freqid, record, tmp_path):
-    _, out, _ = freqid("export-log", record, "-o", tmp_path / "flight.mat", "--json")
+    _, out, _ = freqid("export", record, "--to", "sidpac", "-o", tmp_path / "flight.mat", "--json")
     assert "excitation/de" in json.loads(out)["left_out"]
 
 

@@ -163,7 +163,7 @@ def test_a_flight_that_diverges_leaves_its_record_up_to_there(freqid, tmp_path):
     assert np.abs(truth[f"state/{channel}"]).max() <= high
     assert "diverged" in truth.provenance["simulation"]
     # the record is whole for whoever reads it next: what is refused is the estimate, not the file
-    code, _, err = freqid("export-log", record, "-o", tmp_path / "loose.mat")
+    code, _, err = freqid("export", record, "--to", "sidpac", "-o", tmp_path / "loose.mat")
     assert (code, err) == (0, "")
 
 

@@ -67,7 +67,7 @@ def write_python(path: Path, model: PointModel | GlobalModel | AdvanceRatioModel
 
 
 def _literal(value: Any) -> str:
-    """Return a value as Python writes it, arrays as lists, on lines of a readable length; floats are exact."""
+    """Return a value as Python writes it, arrays as lists; floats have all their digits."""
     if isinstance(value, np.ndarray):
         return _literal(value.tolist())
     if isinstance(value, dict):

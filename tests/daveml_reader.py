@@ -18,12 +18,14 @@ ORDER = {
     "fileHeader": r"(author )+creationDate (fileVersion )?(description )?(reference )*(modificationRecord )*"
     r"(provenance )*",
     "variableDef": r"(description )?((provenance|provenanceRef) )?(calculation )?"
-    r"((isInput|isControl|isDisturbance) )?(isState )?(isStateDeriv )?(isOutput )?(isStdAIAA )?(uncertainty )?",
+    r"((isInput|isControl|isDisturbance) )?(isState )?(isStateDeriv )?(isOutput )?(isStdAIAA )?"
+    r"(uncertainty )?",
     "calculation": r"math ",
     "uncertainty": r"(normalPDF |uniformPDF )",
     "normalPDF": r"bounds (correlatesWith )*(correlation )*",
     "breakpointDef": r"(description )?bpVals ",
-    "griddedTableDef": r"(description )?((provenance|provenanceRef) )?breakpointRefs (uncertainty )?dataTable ",
+    "griddedTableDef": r"(description )?((provenance|provenanceRef) )?breakpointRefs (uncertainty )?"
+    r"dataTable ",
     "breakpointRefs": r"(bpRef )+",
     "function": r"(description )?((provenance|provenanceRef) )?"
     r"((independentVarPts )+dependentVarPts |(independentVarRef )+dependentVarRef functionDefn )",
@@ -73,7 +75,9 @@ class Model:
             values = numbers(table.findtext(NS + "dataTable"))
             assert len(values) == math.prod(map(len, axes))
             self.tables[table.get("gtID")] = axes, values
-        self.functions = {f.find(NS + "dependentVarRef").get("varID"): f for f in self.root.findall(NS + "function")}
+        self.functions = {
+            f.find(NS + "dependentVarRef").get("varID"): f for f in self.root.findall(NS + "function")
+        }
 
     def problems(self):
         """Return where elements are out of order, lack an attribute, or refer to nothing."""
@@ -86,9 +90,12 @@ class Model:
             if name in ORDER and not re.fullmatch(ORDER[name], children):
                 found.append(f"{name}: {children}")
             found += [f"{name} lacks {a}" for a in NEEDED.get(name, set()) - set(element.keys())]
-            ids += [v for k, v in element.items() if (name, k) in {
-                ("variableDef", "varID"), ("breakpointDef", "bpID"), ("griddedTableDef", "gtID")
-            }]
+            ids += [
+                v
+                for k, v in element.items()
+                if (name, k)
+                in {("variableDef", "varID"), ("breakpointDef", "bpID"), ("griddedTableDef", "gtID")}
+            ]
             if name in ("independentVarRef", "dependentVarRef", "variableRef", "correlation"):
                 found += [] if element.get("varID") in self.variables else [f"no {element.get('varID')}"]
         found += [f"{v} is no XML name" for v in ids if not re.fullmatch(r"[A-Za-z_][\w.-]*", v, re.ASCII)]

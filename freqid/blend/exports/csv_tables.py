@@ -34,8 +34,13 @@ def write_parameters(path: Path, models: Sequence[Model]) -> int:
     with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
         writer.writeheader()
-        writer.writerows({k: repr(float(v)) if isinstance(v, float) else v for k, v in row.items()} for row in table)
+        writer.writerows({k: _exact(v) for k, v in row.items()} for row in table)
     return len(table)
+
+
+def _exact(value: object) -> object:
+    """Return a number with all its digits."""
+    return repr(float(value)) if isinstance(value, float) else value
 
 
 def write_record(path: Path, record: FlightRecord) -> int:

@@ -127,6 +127,8 @@ class Calculation:
         Name of the quantity by response.
     outside : str
         Name of the quantity that is 1 where the model is used too far away, else 0.
+    inner : tuple of str
+        Names of quantities on the way that tell most about a reader that goes wrong.
     bounds : mapping of str to float
         Largest difference from the model's own responses, by response, over the stated range.
     checks : tuple of CheckCase
@@ -139,6 +141,7 @@ class Calculation:
     quantities: tuple[Quantity, ...]
     outputs: Mapping[str, str]
     outside: str
+    inner: tuple[str, ...]
     bounds: Mapping[str, float]
     checks: tuple[CheckCase, ...]
     form: str

@@ -163,9 +163,8 @@ def _shot(case: CheckCase, calculation: Calculation) -> ET.Element:
         _signal(given, quantity, case.inputs[quantity.label])
     by_name = {q.name: q for q in calculation.quantities}
     values = calculation.evaluate(case.inputs)
-    looked_up = [q.name for q in calculation.quantities if isinstance(q.value, Lookup)]
-    inner = ET.SubElement(shot, "internalValues") if looked_up else shot
-    for name in looked_up:
+    inner = ET.SubElement(shot, "internalValues") if calculation.inner else shot
+    for name in calculation.inner:
         signal = ET.SubElement(inner, "signal")
         ET.SubElement(signal, "varID").text = name
         ET.SubElement(signal, "signalValue").text = repr(float(values[name][0]))

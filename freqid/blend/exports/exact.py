@@ -77,12 +77,13 @@ def exact(model: PointModel) -> Calculation:
         Apply("min", (far, 1.0)),
     )
     return Calculation(
-        title=f"{model.vehicle or 'aircraft'} at {model.reference.id or 'one condition'}",
+        title=f"{model.vehicle or 'aircraft'}: point model at {model.reference.id or 'one condition'}",
         notes=(*range_notes(model), "Parameters are exact; standard errors are one sigma."),
         axes={},
         quantities=tuple(steps.quantities),
         outputs=outputs,
         outside=outside,
+        inner=(),
         bounds=limits,
         checks=_checks(model),
         form=model.form,

@@ -99,7 +99,7 @@ def _calculation(model: GlobalModel, table_error: float, effort: tuple[int, int]
             steps.table(f"weight_{i + 1}", "1", f"how much line {i + 1} counts", "rho", named["rho"], row)
             for i, row in enumerate(np.eye(len(model.lines)))
         ]
-    places, far, local, error = [], [], [], []
+    places, far, local, error, own_values = [], [], [], [], []
     for i, line in enumerate(model.lines):
         number = f"_{i + 1}" if several else ""
         place, off = add_place(steps, line, number, flown, moving, effort)
@@ -113,7 +113,8 @@ def _calculation(model: GlobalModel, table_error: float, effort: tuple[int, int]
         error.append(tables)
         local.append(tables.add(steps, number, place))
     if not_similar(c.units):
-        far.append(beyond(less(quotient(named["rho"], model.lines[0].rho), 1.0), ALIKE))
+        away = beyond(less(quotient(named["rho"], model.lines[0].rho), 1.0), ALIKE)
+        far.append(steps.add("far_density", "1", "1 where no law carries the model to the density", away))
     outside = steps.add(
         "outside", "1", "1 where the corridor is too far away, else 0", Apply("min", (total(far), 1.0))
     )
@@ -133,6 +134,7 @@ def _calculation(model: GlobalModel, table_error: float, effort: tuple[int, int]
                 f"{name} of line {number or '1'}",
                 total([bias, *moved]),
             )
+            own_values.append(own)
             terms.append(product(weights[i], own))
         for i, (one, two) in enumerate(pairwise(local)):
             bend = total(
@@ -144,12 +146,13 @@ def _calculation(model: GlobalModel, table_error: float, effort: tuple[int, int]
             terms.append(product(0.5, weights[i], weights[i + 1], bend))
         outputs[name] = steps.add(name, response.unit, f"applied {name}, whole", total(terms), label=name)
     calculation = Calculation(
-        title=f"{c.vehicle or 'aircraft'} over {len(c.ids)} conditions",
+        title=f"{c.vehicle or 'aircraft'}: global model of {len(c.ids)} conditions",
         notes=(),
         axes=steps.axes,
         quantities=tuple(steps.quantities),
         outputs=outputs,
         outside=outside,
+        inner=(*places, *far, *own_values),
         bounds={},
         checks=(),
         form=c.form,
@@ -227,15 +230,19 @@ class _Tables:
         knots = line.knots
         few = np.unique(np.concatenate([np.linspace(a, b, 5) for a, b in pairwise(knots)]))
         steps.axes[coarse] = Axis(few, along)
-        at, found = f"on line{number.replace('_', ' ')}", []
+        at, found = number.replace("_", " on line "), []
         known: dict[str, list[tuple[Array, str]]] = {}
+
+        def called(name: str, unit: str) -> str:
+            return f"equivalent {name}" if goes_with_velocity({name: unit})[0] else name
+
         for response, local in zip(model.corridor.responses.values(), line.local, strict=True):
             values, trims = local.parameters(self.nodes), local.trim(self.nodes)
             errors = np.sqrt(local.own_variance(few))
             names, r = [], response.response
             units = zip(("", *response.regressors), ("1", *response.regressor_units), strict=True)
             for j, (name, unit) in enumerate(units):
-                meaning = f"derivative of {r} by equivalent {name} {at}" if name else f"{r} at the trim {at}"
+                meaning = f"derivative of {r} by {called(name, unit)}{at}" if name else f"{r} at the trim{at}"
                 own = f"{r}_{name or 'trim'}{number}"
                 unit = per(response.unit, unit)
                 error = steps.table(f"{own}_se", unit, f"standard error of {own}", coarse, place, errors[j])
@@ -244,9 +251,8 @@ class _Tables:
             for name, unit, row in zip(response.regressors, response.regressor_units, trims, strict=True):
                 same = next((n for v, n in known.get(name, []) if np.array_equal(v, row)), None)
                 if same is None:
-                    same = steps.table(
-                        f"trim_{name}{number}", unit, f"equivalent {name} at the trim {at}", axis, place, row
-                    )
+                    meaning = f"{called(name, unit)} at the trim{at}"
+                    same = steps.table(f"trim_{name}{number}", unit, meaning, axis, place, row)
                     known.setdefault(name, []).append((row, same))
                 x0.append(same)
             found.append((names[0], names[1:], x0))

@@ -100,6 +100,17 @@ def test_parameters_carry_their_uncertainty(read):
                 assert found == pytest.approx(model.corridor[name].std_error[j, knot], rel=1e-6)
 
 
+def test_every_quantity_comes_out_as_it_was_meant(read):
+    model, calculation, file = read("two_lines")
+    inputs = {n: v[:3] for n, v in exported.states(model, 3, seed=8).items()}
+    meant = calculation.evaluate(inputs)
+    for i in range(3):
+        known = file.evaluate({n: v[i] for n, v in inputs.items()})
+        assert set(known) == set(meant)
+        for name, value in known.items():
+            assert value == pytest.approx(meant[name][i], rel=1e-11, abs=1e-11), name
+
+
 def test_far_off_the_corridor_it_holds_and_flags(read):
     model, calculation, file = read("two_lines")
     at = {n: v + 0 * np.zeros(1) for n, v in model.reference(9.0, 1.1).items()}

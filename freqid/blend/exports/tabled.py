@@ -70,9 +70,6 @@ def tabled(model: GlobalModel, table_error: float = TABLE_ERROR) -> Calculation:
     )
 
 
-# Of a global model ----------------------------------------------------------------------------------------
-
-
 def _calculation(model: GlobalModel, table_error: float, effort: tuple[int, int]) -> Calculation | None:
     """Return the calculation, or None where its places are not those of the model."""
     steps, c = Steps(), model.corridor
@@ -99,7 +96,7 @@ def _calculation(model: GlobalModel, table_error: float, effort: tuple[int, int]
             steps.table(f"weight_{i + 1}", "1", f"how much line {i + 1} counts", "rho", named["rho"], row)
             for i, row in enumerate(np.eye(len(model.lines)))
         ]
-    places, far, local, error, own_values = [], [], [], [], []
+    places, far, local, tables, own_values = [], [], [], [], []
     for i, line in enumerate(model.lines):
         number = f"_{i + 1}" if several else ""
         place, off = add_place(steps, line, number, flown, moving, effort)
@@ -108,10 +105,9 @@ def _calculation(model: GlobalModel, table_error: float, effort: tuple[int, int]
             [*(beyond(off[n], model.tolerance.tilt) for n in moving), beyond(off["u"], model.tolerance.speed)]
         )
         counts = Apply("if<", (0.0, weights[i], off_line, 0.0)) if several else off_line
-        far.append(steps.add(f"far{number}", "1", f"how many variables are off line {number or '1'}", counts))
-        tables = _Tables(model, line, i, table_error)
-        error.append(tables)
-        local.append(tables.add(steps, number, place))
+        far.append(steps.add(f"far{number}", "1", f"how many variables are too far off line {i + 1}", counts))
+        tables.append(_Tables(model, line, i, table_error))
+        local.append(tables[-1].add(steps, number, place))
     if not_similar(c.units):
         away = beyond(less(quotient(named["rho"], model.lines[0].rho), 1.0), ALIKE)
         far.append(steps.add("far_density", "1", "1 where no law carries the model to the density", away))
@@ -131,7 +127,7 @@ def _calculation(model: GlobalModel, table_error: float, effort: tuple[int, int]
             own = steps.add(
                 f"{name}_line{number}",
                 response.unit,
-                f"{name} of line {number or '1'}",
+                f"{name} of line {i + 1}",
                 total([bias, *moved]),
             )
             own_values.append(own)
@@ -157,7 +153,7 @@ def _calculation(model: GlobalModel, table_error: float, effort: tuple[int, int]
         checks=(),
         form=c.form,
     )
-    return _tried(model, calculation, places, error, table_error)
+    return _tried(model, calculation, places, tables)
 
 
 class _Tables:
@@ -192,7 +188,8 @@ class _Tables:
             slope = np.maximum(np.abs(at[1:, 1:]), np.abs(at[1:, :-1]))  # pchip stays between its knots
             linear = e[0] + (e[1:] * away).sum(axis=0) + (slope * e0).sum(axis=0)
             per_response.append((linear, (e[1:] * e0).sum(axis=0)))
-            self.scale.append(np.abs(at[0]).max() + np.sqrt(((at[1:] * rms) ** 2).sum(axis=0)).max())
+            size = float(np.abs(at[0]).max() + np.sqrt(((at[1:] * rms) ** 2).sum(axis=0)).max())
+            self.scale.append(size or 1.0)
         parts = np.ones(knots.size - 1, dtype=int)
         for (linear, square), scale in zip(per_response, self.scale, strict=True):
             need = np.sqrt(linear / (table_error * scale))
@@ -203,7 +200,7 @@ class _Tables:
         if parts.max() > MOST_NODES:
             raise UsageError(
                 f"a table error of {table_error:g} needs {parts.max()} nodes between two points",
-                remedy=f"ask for {table_error * (parts.max() / MOST_NODES) ** 2:.1g} or more (--table-error)",
+                remedy=f"ask for {1.05 * table_error * (parts.max() / MOST_NODES) ** 2:.2g} or more (--table-error)",
             )
         self.parts = parts
         self.nodes = np.append(
@@ -267,7 +264,7 @@ def _chord_error(knots: Array, cubic: Pchip) -> Array:
 
 
 def _tried(
-    model: GlobalModel, calculation: Calculation, places: list[str], tables: list[_Tables], table_error: float
+    model: GlobalModel, calculation: Calculation, places: list[str], tables: list[_Tables]
 ) -> Calculation | None:
     """Return the calculation with its errors and check cases; None where a place is not the model's."""
     inputs = states(model, SAMPLES)

@@ -140,38 +140,43 @@ def export(
             f"{len(results)} results are given, and only models as csv share a file",
             remedy="export them one by one",
         )
-    first: Any = results[0]
-    destination = Path(path)
-    has_tables = to in ("daveml", "jsbsim") and type(first) is GlobalModel
+    first, destination = results[0], Path(path)
+    has_tables = to in ("daveml", "jsbsim") and isinstance(first, GlobalModel)
     if table_error is not None and not has_tables:
         raise UsageError(
             "a table error is for a global model as daveml or jsbsim, which alone have tables",
             remedy="leave it out",
         )
+    if scenario is not None and to != "jsbsim":
+        raise UsageError(f"{to} takes nothing from a scenario, only jsbsim does", remedy="leave it out")
     vehicle = _vehicle(first, scenario) if to == "jsbsim" else None
     _refuse_existing(destination, to, overwrite)
-    kind, left_out, errors = _kind(first), (), {}
-    paths: tuple[Path, ...] = (destination,)
+    kind = _kind(first) if len(results) == 1 else f"{len(results)} models"
     if to in ("daveml", "jsbsim"):
-        found = tabled(first, table_error or TABLE_ERROR) if has_tables else exact(first)
+        if isinstance(first, GlobalModel):
+            found = tabled(first, TABLE_ERROR if table_error is None else table_error)
+            start = start_of(first)
+        else:
+            found, start = exact(first), start_at(first)
+        paths = [destination]
         if vehicle is None:
             write_daveml(destination, found, __version__)
         else:
-            start = start_of(first) if has_tables else start_at(first)
-            paths = tuple(write_jsbsim(destination, found, vehicle, start, __version__))
+            paths = write_jsbsim(destination, found, vehicle, start, __version__)
         units = {q.name: q.unit for q in found.quantities}
         errors = {r: (found.bounds[r], units[q]) for r, q in found.outputs.items()} if has_tables else {}
-    elif to == "csv":
-        if isinstance(first, FlightRecord):
-            write_record(destination, first)
-        else:
-            write_parameters(destination, results)
-    elif to == "sidpac":
+        return Export(tuple(paths), to, kind, errors)
+    left_out: tuple[str, ...] = ()
+    if to == "sidpac":
         left_out = write_sidpac(first, destination)
+    elif to == "csv" and isinstance(first, FlightRecord):
+        write_record(destination, first)
+    elif to == "csv":
+        write_parameters(destination, results)
     else:
         write: dict[str, Callable[..., None]] = {"mat": write_mat, "json": write_json, "python": write_python}
         write[to](destination, first, __version__)
-    return Export(paths, to, kind if len(results) == 1 else f"{len(results)} models", errors, left_out)
+    return Export((destination,), to, kind, left_out=left_out)
 
 
 def default_path(result: Path, to: str) -> Path:
@@ -181,7 +186,7 @@ def default_path(result: Path, to: str) -> Path:
 
 def _taken(given: Any, to: str) -> Any:
     """Return a result, read where a path is given, that a format takes."""
-    result = read(given) if isinstance(given, str | Path) else getattr(given, "record", given)
+    result: Any = read(given) if isinstance(given, str | Path) else getattr(given, "record", given)
     if isinstance(result, TAKES[to]):
         return result
     where = str(given) if isinstance(given, str | Path) else None

@@ -124,6 +124,8 @@ MISTAKES = [
         "is for a global model as daveml",
     ),
     (["model.h5", "--to", "daveml", "--table-error", "7"], 2, "a table error of 7 is asked for; ask for"),
+    (["model.h5", "--to", "daveml", "--table-error", "0"], 2, "a table error of 0 is asked for; ask for"),
+    (["model.h5", "--to", "csv", "--scenario", "craft.toml"], 2, "csv takes nothing from a scenario"),
     (["gone.h5", "--to", "csv"], 3, "gone.h5"),
 ]
 

@@ -198,9 +198,10 @@ class _Tables:
                 np.ceil(np.maximum(need, (square / (table_error * scale)) ** 0.25) * 1.0001).astype(int),
             )
         if parts.max() > MOST_NODES:
+            least = 1.05 * table_error * (parts.max() / MOST_NODES) ** 2
             raise UsageError(
                 f"a table error of {table_error:g} needs {parts.max()} nodes between two points",
-                remedy=f"ask for {1.05 * table_error * (parts.max() / MOST_NODES) ** 2:.2g} or more (--table-error)",
+                remedy=f"ask for {least:.2g} or more (--table-error)",
             )
         self.parts = parts
         self.nodes = np.append(

@@ -168,7 +168,7 @@ def export(
         return Export(tuple(paths), to, kind, errors)
     left_out: tuple[str, ...] = ()
     if to == "sidpac":
-        left_out = write_sidpac(first, destination)
+        left_out = write_sidpac(results[0], destination)
     elif to == "csv" and isinstance(first, FlightRecord):
         write_record(destination, first)
     elif to == "csv":

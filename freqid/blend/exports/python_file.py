@@ -182,7 +182,7 @@ def _laws(model: AdvanceRatioModel) -> tuple[dict[str, Any], tuple[str, ...]]:
     for cluster in model.clusters:
         laws = {}
         for name, law in cluster.laws.items():
-            nodes = np.linspace(0.0, 1.0 / law.lowest, ERROR_NODES)
+            nodes = np.linspace(0.0, 1.0 / law.lowest if np.isfinite(law.lowest) else 1.0, ERROR_NODES)
             errors = law.std_error_at(_over(nodes))
             middle = 0.5 * (nodes[1:] + nodes[:-1])
             between = law.std_error_at(_over(middle))
@@ -203,7 +203,8 @@ def _laws(model: AdvanceRatioModel) -> tuple[dict[str, Any], tuple[str, ...]]:
         clusters.append({"trims": cluster.local.alpha, "laws": laws})
         lowest = max(law.lowest for law in cluster.laws.values())
         highest = max(law.highest for law in cluster.laws.values())
-        for j in (*np.linspace(lowest, highest, 5), np.inf):
+        places = np.linspace(lowest, highest, 5) if np.isfinite(lowest) else np.zeros(0)  # all are stopped
+        for j in (*places, np.inf):
             values = {name: float(law.value(j)) for name, law in cluster.laws.items()}
             checks.append({"advance_ratio": float(j), "alpha": cluster.alpha, "values": values})
     data = {

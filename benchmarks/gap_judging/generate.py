@@ -75,7 +75,9 @@ def plans(args, known, others) -> list[dict]:
         by_id.setdefault(c.id, []).append(i)
     out = []
     if args.kind == "single":
-        deck: list[str] = []  # of effects; a stratum goes on where the last one stopped, so that all take turns
+        deck: list[
+            str
+        ] = []  # of effects; a stratum goes on where the last one stopped, so that all take turns
         for s in (float(x) for x in (args.strata or "15,50,200,1000").split(",")):
             j = STRATA.index(s)
             able = {n: [i for i in members if not np.isnan(known.size[i, j])] for n, members in by_id.items()}

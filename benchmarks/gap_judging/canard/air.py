@@ -51,7 +51,9 @@ class Memory:
         if s.has("unsteady_lift"):
             slow = np.maximum(s("unsteady_lift.time_constant"), 1e-4)
             self.alpha += (1 - np.exp(-h / slow)) * (alpha - self.alpha)
-        if s.has("outsider.pivot_mode"):  # the canard on its springy shaft, 1.4 Hz, stirred by its own turning
+        if s.has(
+            "outsider.pivot_mode"
+        ):  # the canard on its springy shaft, 1.4 Hz, stirred by its own turning
             turned = (position[0] - self.canard) / h
             self.canard = position[0].copy()
             self.pivot_rate += h * (6.0 * turned - 77.0 * self.pivot - 3.0 * self.pivot_rate)
@@ -156,7 +158,11 @@ def loads(x, felt, rho, s, memory):
     beta = v / speed
     hx, hy, hz = HUBS.transpose(1, 0, 2)
     # fans: intake, jet, torque
-    away, across, climb = u + q * hz[:2] - r * hy[:2], v + r * hx[:2] - p * hz[:2], -(w + p * hy[:2] - q * hx[:2])
+    away, across, climb = (
+        u + q * hz[:2] - r * hy[:2],
+        v + r * hx[:2] - p * hz[:2],
+        -(w + p * hy[:2] - q * hx[:2]),
+    )
     edge2 = (away**2 + across**2) * (1 + s("fans.edgewise")) ** 2
     thrust, flow, turning = fan(rho, FAN_R, FAN_R * felt[5:7], climb * (1 + s("fans.inflow")), edge2)
     names = g.ROTORS
@@ -187,14 +193,18 @@ def loads(x, felt, rho, s, memory):
     drag = BODY["drag"] * pressure / speed
     X, Y, Z = X - drag * u, Y - drag * v, Z - drag * w
     slim = pressure * g.CHORD
-    M = M + slim * (MOMENT * (1 + s("wing.moment")) + BODY["pitch"] * (1 + s("body.pitch_moment")) * w * u / speed2 * 2)
+    M = M + slim * (
+        MOMENT * (1 + s("wing.moment")) + BODY["pitch"] * (1 + s("body.pitch_moment")) * w * u / speed2 * 2
+    )
     Y = Y - pressure * BODY["side"] * (1 + s("body.side_force")) * beta * (1 + 0.8 * np.abs(beta))
     N = N + pressure * g.SPAN * BODY["yaw"] * (1 + s("body.yaw_moment")) * beta * np.sqrt(1 - beta**2)
     # effects of the truth alone
     if s.has("rotor_inplane_force"):  # drag of advancing blades, and more thrust on their side
         strength = s("rotor_inplane_force.strength")
         side, down = v + r * hx[2] - p * hz[2], w + p * hy[2] - q * hx[2]
-        held = strength * 0.085 * rho * np.pi * PUSH_R**2 * PUSH_R * n * 0.5 * (1 + 0.8 * along / (PUSH_R * n))
+        held = (
+            strength * 0.085 * rho * np.pi * PUSH_R**2 * PUSH_R * n * 0.5 * (1 + 0.8 * along / (PUSH_R * n))
+        )
         Y, Z = Y - held * side, Z - held * down
         L, M, N = L + hz[2] * held * side, M + hx[2] * held * down, N - hx[2] * held * side
         leans = strength * SPIN[2] * 0.02 * rho * np.pi * PUSH_R**4 * n

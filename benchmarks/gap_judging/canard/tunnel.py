@@ -1,8 +1,8 @@
 """What a tunnel and a test stand would tell the owner: `python benchmarks/gap_judging/canard/tunnel.py`.
 
-Samples the truth's lattice, fans and pusher at random points of the flights' range, each part also scaled, and fits
-polynomials with few terms by forward selection. Writes `tunnel.csv`: response, term, coefficient. The owner's
-simulation reads nothing else of the truth.
+Samples the truth's lattice, fans and pusher at random points of the flights' range, each part also scaled,
+and fits polynomials with few terms by forward selection. Writes `tunnel.csv`: response, term, coefficient.
+The owner's simulation reads nothing else of the truth.
 """
 
 from __future__ import annotations
@@ -50,19 +50,42 @@ def campaign(rng):
     speed = np.where(slow, 19.0, 24.0) + around(0.0, 1.5)
     alpha, beta = np.where(slow, 0.080, 0.043) + around(0.0, 0.04), around(0.0, 0.06)
     p, q, r = around(0.0, 0.4), around(0.0, 0.4), around(0.0, 0.25)
-    canard, left, right, rud_l, rud_r = (around(0.052, 0.06), *(around(0.0, wide) for wide in (0.08, 0.08, 0.17, 0.17)))
+    canard, left, right, rud_l, rud_r = (
+        around(0.052, 0.06),
+        *(around(0.0, wide) for wide in (0.08, 0.08, 0.17, 0.17)),
+    )
     scale = {name: around(0.0, 0.15) for name in SCALED.values()}
     s = Settings([dict(zip(scale, row, strict=True)) for row in np.array(list(scale.values())).T.tolist()])
     x = np.zeros((10, COUNT))
-    x[0], x[1], x[2] = speed * np.cos(alpha) * np.cos(beta), speed * np.sin(beta), speed * np.sin(alpha) * np.cos(beta)
+    x[0], x[1], x[2] = (
+        speed * np.cos(alpha) * np.cos(beta),
+        speed * np.sin(beta),
+        speed * np.sin(alpha) * np.cos(beta),
+    )
     x[3:6] = p, q, r
     felt = np.vstack([canard, left, right, rud_l, rud_r, np.full((3, COUNT), 700.0)])
     made = air.lattice_loads(x, felt, RHO, s, air.Memory(x, felt, s), None)
     inputs = {
-        "camber": 1.0, "tilt": alpha, "slip": beta, "alpha": alpha, "alpha_c": alpha, "q": q / speed, "q_c": q / speed, "canard": canard,
-        "flap": 0.5 * (left + right), "toe": 0.5 * (rud_l - rud_r), "polar": 1.0, "beta": beta, "beta_f": beta, "p": p / speed, "p_w": p / speed,
-        "r": r / speed, "r_f": r / speed, "ail": 0.5 * (left - right), "rud": 0.5 * (rud_l + rud_r),
-    }  # fmt: skip
+        "camber": 1.0,
+        "tilt": alpha,
+        "alpha": alpha,
+        "alpha_c": alpha,
+        "q": q / speed,
+        "q_c": q / speed,
+        "canard": canard,
+        "flap": 0.5 * (left + right),
+        "toe": 0.5 * (rud_l - rud_r),
+        "polar": 1.0,
+        "slip": beta,
+        "beta": beta,
+        "beta_f": beta,
+        "p": p / speed,
+        "p_w": p / speed,
+        "r": r / speed,
+        "r_f": r / speed,
+        "ail": 0.5 * (left - right),
+        "rud": 0.5 * (rud_l + rud_r),
+    }
     inputs = {n: v * (1 + scale[SCALED[n]]) if n in SCALED else v for n, v in inputs.items()}
     return inputs, dict(zip("XYZLMN", made / (0.5 * RHO * speed**2 * g.AREA), strict=True))
 

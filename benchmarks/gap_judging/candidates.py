@@ -53,7 +53,7 @@ class Candidate:
 
 
 def candidates(aircraft: Any) -> list[Candidate]:
-    """Return all effects of a vehicle, without outsiders."""
+    """Return all effects of a vehicle, without outsiders and without those that it cannot have, `ABSENT`."""
     surfaces, rotors = aircraft.SURFACES, aircraft.ROTORS
     out = [Candidate("actuator_delay", "extra", 1e-3, 0.15)]
     out += [Candidate("actuator_delay", "extra", 1e-3, 0.25, e) for e in surfaces]
@@ -112,7 +112,7 @@ def candidates(aircraft: Any) -> list[Candidate]:
     bias = {"ax": 1.0, "ay": 1.0, "az": 1.5, "p": 0.1, "q": 0.1, "r": 0.1, "phi": 0.1, "theta": 0.1}
     bias |= {"u": 3.0, "v": 2.0, "w": 2.0, "surface": 0.08, "rotor": 20.0}
     out += [Candidate("sensor_bias", c, top / 500, top, signed=True) for c, top in bias.items()]
-    return out
+    return [c for c in out if c.id not in getattr(aircraft, "ABSENT", ())]
 
 
 def stated(aircraft: Any, c: Candidate) -> dict[str, float]:

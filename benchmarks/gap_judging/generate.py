@@ -58,28 +58,34 @@ def matrices(out: Path, vehicle: str):
 def plans(args, known, others) -> list[dict]:
     """Return what acts in each case, without scatter."""
     rng = np.random.default_rng([args.seed, 7])
+    count = 10 if args.count is None else args.count
     if args.kind == "null":
-        return [{"id": f"null_{args.seed}_{i:03d}", "stratum": None, "acts": []} for i in range(args.count)]
+        return [{"id": f"null_{args.seed}_{i:03d}", "stratum": None, "acts": []} for i in range(count)]
     if args.kind == "outsider":
         wanted = [float(x) for x in (args.strata or "200").split(",")]
-        return [
+        out = [
             {"id": f"outsider_{c.parameter}_{s:g}", "stratum": s, "acts": [(others, i, STRATA.index(s))]}
             for i, c in enumerate(others.candidates)
             for s in wanted
             if not np.isnan(others.size[i, STRATA.index(s)])
         ]
+        return out if args.count is None else [out[i] for i in rng.permutation(len(out))[:count]]
     by_id: dict[str, list[int]] = {}
     for i, c in enumerate(known.candidates):
         by_id.setdefault(c.id, []).append(i)
     out = []
     if args.kind == "single":
+        deck: list[
+            str
+        ] = []  # of effects; a stratum goes on where the last one stopped, so that all take turns
         for s in (float(x) for x in (args.strata or "15,50,200,1000").split(",")):
             j = STRATA.index(s)
-            for members in by_id.values():
-                able = [i for i in members if not np.isnan(known.size[i, j])]
-                if not able:
-                    continue
-                chosen = rng.permutation(able)[: args.places]
+            able = {n: [i for i in members if not np.isnan(known.size[i, j])] for n, members in by_id.items()}
+            names = [n for n, members in able.items() if members]
+            if args.count is not None:
+                names, deck = dealt(deck, by_id, names, count, rng)
+            for name in names:
+                chosen = rng.permutation(able[name])[: args.places]
                 for i in chosen:
                     c = known.candidates[i]
                     label = f"{c.id}-{c.parameter}" + (f"-{c.place}" if c.place else "")
@@ -94,11 +100,24 @@ def plans(args, known, others) -> list[dict]:
     j = STRATA.index(200.0)
     able = {n: [i for i in members if not np.isnan(known.size[i, j])] for n, members in by_id.items()}
     names = [n for n, members in able.items() if members]
-    for k in range(args.count):
+    for k in range(count):
         a, b = rng.choice(names, 2, replace=False)
         acts = [(known, int(rng.choice(able[n])), j) for n in (a, b)]
         out.append({"id": f"pair_{args.seed}_{k:02d}_{a}+{b}", "stratum": 200.0, "acts": acts})
     return out
+
+
+def dealt(deck, every, able, count, rng):
+    """Return names of effects that are next on the deck and able, and the deck without them."""
+    taken: list[str] = []
+    while len(taken) < min(count, len(able)):
+        fitting = [n for n in deck if n in able and n not in taken]
+        if not fitting:
+            deck = deck + rng.permutation(list(every)).tolist()
+            continue
+        taken.append(fitting[0])
+        deck = [n for k, n in enumerate(deck) if k != deck.index(fitting[0])]
+    return taken, deck
 
 
 def record_of(truth, scenario, channels, condition, name) -> FlightRecord:
@@ -211,9 +230,13 @@ def described(args, case, truth, m, conditions) -> dict:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("out", type=Path)
-    parser.add_argument("--vehicle", choices=("quadplane", "vtail", "tiltrotor"), required=True)
+    parser.add_argument("--vehicle", choices=("quadplane", "vtail", "tiltrotor", "canard"), required=True)
     parser.add_argument("--kind", choices=("null", "single", "pair", "outsider"), required=True)
-    parser.add_argument("--count", type=int, default=10, help="of nulls or pairs")
+    parser.add_argument(
+        "--count",
+        type=int,
+        help="of nulls or pairs (10), of singles in each stratum or of outsiders (all)",
+    )
     parser.add_argument("--strata", help="of singles and outsiders, such as 15,50,200,1000")
     parser.add_argument(
         "--places", type=int, default=1, help="parameters or places of one effect in a stratum"

@@ -19,11 +19,12 @@ from scipy.special import logsumexp
 from freqid.core.arrays import Array
 from freqid.gap.infer.system import Form, Reduced, System
 from freqid.gap.infer.weighing import Weighing
-from freqid.gap.settings import FORM_ERRORS, FORM_LIKENESS, SEPARATE
+from freqid.gap.settings import ACTUATOR_FORM, FORM_ERRORS, FORM_LIKENESS, SEPARATE
 
 Index = tuple[int, ...]
 
 _KINDS = ("", "actuator/", "kinematic/")
+_LEAST = tuple(FORM_ERRORS.index(f) for f in (0.0, ACTUATOR_FORM, 0.0))  # by kind
 _UNLIKELY = 0.01  # probability of an error of form, with an effect or without, below which it is left out
 _STEPS = (8, 4, 2, 1, -1, -2, -4, -8)  # by which a row is moved: in between the evidence may be lower
 _HOPELESS = 30.0  # nats below the best, from which larger ones are no better
@@ -111,9 +112,9 @@ class _Search:
 
     def raise_together(self, kind: int) -> None:
         """Ask about one size for all rows of a kind, larger and larger."""
-        start = self.best(True) if self.known else (0,) * len(self.kinds)
+        start = self.best(True) if self.known else tuple(_LEAST[k] for k in self.kinds)
         top = [-np.inf, -np.inf]
-        for size in range(len(FORM_ERRORS)):
+        for size in range(_LEAST[kind], len(FORM_ERRORS)):
             index = tuple(size if k == kind else i for i, k in zip(start, self.kinds.tolist(), strict=True))
             found = self.ask(index)
             top = [max(a, b) for a, b in zip(top, found, strict=True)]
@@ -127,7 +128,7 @@ class _Search:
         while moved:
             moved = False
             for row, step in product(range(len(at)), steps):
-                if 0 <= at[row] + step < len(FORM_ERRORS):
+                if _LEAST[self.kinds[row]] <= at[row] + step < len(FORM_ERRORS):
                     near = (*at[:row], at[row] + step, *at[row + 1 :])
                     found = self.ask(near)[with_effect]
                     if found > value:

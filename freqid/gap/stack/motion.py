@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
+from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 
 from freqid.core.arrays import Array
@@ -222,14 +223,15 @@ def _with_attitude_and_felt(record: FlightRecord, moved: dict[str, Array]) -> di
     attitude = [n for n in ATTITUDE if n in record]
     if not all(n in moved for n in RATES) or not {"state/phi", "state/theta"} <= set(attitude):
         return moved
-    found, dt = dict(moved), record.dt
+    # splines: differences of samples 0.02 s apart take 1 % off at 2 Hz, and sums half of that
+    found, at = dict(moved), record.dt * np.arange(record.time.size)
     rates = np.array([moved[n] for n in RATES])
     lacking = [n for n in attitude if n not in moved]
     if lacking:
         slopes = angle_rates(rates, record["state/phi"], record["state/theta"])
         time = record.time - record.time.mean()
         for path in lacking:
-            angle = cumulative_trapezoid(slopes[path.partition("/")[2]], dx=dt, initial=0)
+            angle = CubicSpline(at, slopes[path.partition("/")[2]]).antiderivative()(at)
             found[path] = (
                 np.unwrap(record[path]).mean() + angle - np.polyval(np.polyfit(time, angle, 1), time)
             )
@@ -238,7 +240,7 @@ def _with_attitude_and_felt(record: FlightRecord, moved: dict[str, Array]) -> di
         level = np.array([record[n].mean() - moved[n].mean() for n in VELOCITY])[:, None]
         velocity = np.array([moved[n] for n in VELOCITY]) + level + cross(rates, lever)
         gravity = gravity_of(found["state/phi"], found["state/theta"])
-        felt = np.gradient(velocity, dt, axis=1) + cross(rates, velocity) - gravity
+        felt = CubicSpline(at, velocity, axis=1)(at, 1) + cross(rates, velocity) - gravity
         found |= {n: x for n, x in zip(FORCES, felt, strict=True) if n in record and n not in moved}
     return found
 
@@ -378,7 +380,8 @@ def _smoothed(simulation: Simulation, maneuver: Maneuver) -> Maneuver:
     if not forces:
         return clean
     rates = np.array([clean.record[n] if n in record else np.zeros(record.time.size) for n in RATES])
-    turning = np.gradient(rates, record.dt, axis=1)
+    at = record.dt * np.arange(record.time.size)
+    turning = CubicSpline(at, rates, axis=1)(at, 1)
     arm = _arm_of_accelerometers(clean)
     added: dict[str, Array] = dict(
         zip(FORCES, cross(turning, arm) + cross(rates, cross(rates, arm)), strict=True)

@@ -39,7 +39,11 @@ EFFECT = Effect(
     meaning="A motor turns as fast as the voltage lets it: less under load and less as the battery empties.",
     parameters={
         "strength": Parameter(
-            1.0, "1", "share of the change from the nominal voltage, or of 3 % of speed at the mean load", 0.5
+            1.0,
+            "1",
+            "share of the change from the nominal voltage, or of 3 % of speed at the mean load",
+            0.5,
+            0.0,
         )
     },
     needs=("command", "rotor"),

@@ -66,7 +66,11 @@ EFFECT = Effect(
     meaning="The wings' downwash reaches the tail late.",
     parameters={
         "strength": Parameter(
-            0.0, "1", "tail's lift slope times its share of the area times downwash over angle of attack", 0.2
+            0.0,
+            "1",
+            "tail's lift slope times its share of the area times downwash over angle of attack",
+            0.2,
+            0.0,
         ),
         "delay": Parameter(0.1, "s", "time constant of the downwash", 0.05, _SHORTEST, 1.0),
         "arm": Parameter(3.0, "1", "distance of the tail behind the centre of gravity, over the chord", 0.0),

@@ -11,6 +11,7 @@ from freqid.core.record import FlightRecord
 from freqid.simulate.effects.channel_groups import changed
 from freqid.simulate.effects.effect import Effect, Parameter
 
+_STEPS = 8  # between two samples, over which the force is straight
 _PER_METRE = 0.5  # rad of pitch that a metre of the mode's deflection turns the sensors by
 
 
@@ -34,14 +35,22 @@ def _distort(settings: Mapping[str, float], record: FlightRecord) -> FlightRecor
 def _mode(
     force: NDArray[np.float64], dt: float, frequency: float, damping: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return rate and acceleration of a mode of unit mass, exact for a force straight between samples."""
+    """Return rate and acceleration of a mode of unit mass under a force that is a cubic spline.
+
+    Straight lines between samples 0.04 s apart would take 2 % off a force at 2 Hz.
+    """
+    from scipy.interpolate import CubicSpline
     from scipy.signal import TransferFunction, lfilter
 
-    w = 2 * np.pi * frequency
+    w, time = 2 * np.pi * frequency, dt * np.arange(force.size)
+    fine = dt / _STEPS * np.arange((force.size - 1) * _STEPS + 1)
+    pushed = CubicSpline(time, force)(np.minimum(fine, time[-1]))
     found = []
     for numerator in ([1.0, 0.0], [1.0, 0.0, 0.0]):
-        mode = TransferFunction(numerator, [1.0, 2 * damping * w, w**2]).to_discrete(dt, method="foh")
-        found.append(lfilter(mode.num, mode.den, force))
+        mode = TransferFunction(numerator, [1.0, 2 * damping * w, w**2]).to_discrete(
+            dt / _STEPS, method="foh"
+        )
+        found.append(lfilter(mode.num, mode.den, pushed)[::_STEPS])
     return found[0], found[1]
 
 

@@ -73,7 +73,7 @@ EFFECT = Effect(
     stage="airframe",
     meaning="Near the ground a rotor that blows down thrusts more.",
     parameters={
-        "strength": Parameter(0.0, "1", "share of the gain in thrust; manoeuvres are flown high", 0.5),
+        "strength": Parameter(0.0, "1", "share of the gain in thrust; manoeuvres are flown high", 0.5, 0.0),
         "ground": Parameter(0.0, "m", "altitude of the ground where a record is replayed", 0.0),
     },
     needs=("rotor.diameter_m", "effector", "state/alt", "state/u", "state/v", "state/w", "air/rho"),

@@ -71,7 +71,9 @@ EFFECT = Effect(
     id="slipstream",
     stage="airframe",
     meaning="Propellers accelerate the air over the wing strips behind them.",
-    parameters={"strength": Parameter(1.0, "1", "share of the added velocity that the strips feel", 0.3)},
+    parameters={
+        "strength": Parameter(1.0, "1", "share of the added velocity that the strips feel", 0.3, 0.0)
+    },
     needs=("rotor.diameter_m", "vehicle.chord_m", "effector", "state/u", "state/v", "state/w", "air/rho"),
     replay=_replay,
 )

@@ -75,7 +75,7 @@ EFFECT = Effect(
     stage="airframe",
     meaning="Beyond an angle of attack the wings lose lift.",
     parameters={
-        "strength": Parameter(0.0, "1", "share of the slope of lift that is lost far beyond", 0.2, -1.0, 3.0),
+        "strength": Parameter(0.0, "1", "share of the slope of lift that is lost far beyond", 0.2, 0.0, 3.0),
         "onset": Parameter(
             0.3, "1", "sine of the angle of attack at which it begins", 0.05, 0.0, 1.0, _ONSETS
         ),

@@ -30,6 +30,8 @@ def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[np.float64]:
     ``rho S a V eps w / 2`` across the flow, with w the normal velocity that the front wing had a convection
     time ago.
     """
+    from scipy.interpolate import CubicSpline
+
     record, vehicle = replay.record, replay.vehicle
     front, rear = sorted(vehicle.wings, key=lambda w: -w.pivot_m[0])[:2]
     velocity = along.velocity(record)
@@ -37,7 +39,8 @@ def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[np.float64]:
     ahead = velocity + cross(along.rates(record), np.array(front.pivot_m)[:, None])
     normal = turn_about_y(ahead, -along.tilt(record, front))[2]
     way = np.linalg.norm(np.subtract(front.pivot_m, rear.pivot_m))
-    arrived = np.interp(record.time - way / speed, record.time, normal)
+    left = np.clip(record.time - way / speed, record.time[0], record.time[-1])
+    arrived = CubicSpline(record.time, normal)(left)
     per_speed = 0.5 * record["air/rho"] * vehicle.area_m2 / len(vehicle.wings) * _SLOPE * _DOWNWASH
     across = np.stack([-velocity[2], 0 * speed, velocity[0]])
     return along.wrench(replay, settings["strength"] * per_speed * arrived * across, rear.pivot_m)
@@ -47,7 +50,7 @@ EFFECT = Effect(
     id="wing_wake",
     stage="airframe",
     meaning="The wake of a wing and its rotors turns and blows the flow at what lies behind it.",
-    parameters={"strength": Parameter(1.0, "1", "share of the wake's velocity that is felt", 0.3)},
+    parameters={"strength": Parameter(1.0, "1", "share of the wake's velocity that is felt", 0.3, 0.0)},
     needs=("wing", "vehicle.area_m2", "effector", "state/u", "state/v", "state/w", "air/rho"),
     replay=_replay,
 )

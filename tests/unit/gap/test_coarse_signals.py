@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.signal import detrend
 
+from freqid.core.channels import STATE
+from freqid.core.record import Channel, FlightRecord
+from freqid.core.units import STANDARD_GRAVITY
 from freqid.gap.model.following import slope_of
+from freqid.gap.stack.motion import own_flight
 from freqid.simulate.effects.signals import delayed, lagged
 
 DT, HZ = 0.04, 2.0
@@ -42,3 +47,32 @@ def test_a_rate_of_coarse_samples_is_not_short():
     np.testing.assert_allclose(
         slope_of(wave(), DT)[SETTLED], wave(2j * np.pi * HZ)[SETTLED], atol=2e-3 * 2 * np.pi * HZ
     )
+
+
+def test_attitude_and_felt_acceleration_of_an_own_flight_are_not_short():
+    """A pitching aircraft: theta is the integral of q, az the derivative of w less q u and gravity."""
+    dt, speed, amplitude, turn = 0.02, 20.0, 0.5, 2 * np.pi * HZ
+    time = dt * np.arange(1501)
+    w, q = amplitude * np.sin(turn * time), 0.02 * np.cos(turn * time)
+    theta = 0.02 / turn * np.sin(turn * time)
+    az = amplitude * turn * np.cos(turn * time) - q * speed - STANDARD_GRAVITY * np.cos(theta)
+    still = np.zeros_like(time)
+    own = {"u": still + speed, "v": still, "w": w, "p": still, "q": q, "r": still}
+    measured = {"phi": still, "theta": theta, "ax": still, "ay": still, "az": az}
+    channels = {f"state/{n}": STATE[n][0] for n in (*own, *measured)}
+    values = {f"state/{n}": x for n, x in (own | measured).items()}
+    record = FlightRecord(
+        time, {n: Channel(n, unit, values[n], 50.0, "closed form") for n, unit in channels.items()}
+    )
+
+    class Flies:
+        kind = "callable"
+
+        def fly(self, record, effects=None, departures=None):
+            return {f"state/{n}": x for n, x in own.items()}
+
+    found = own_flight(Flies(), record)
+    inside = slice(50, -50)
+    apart = detrend(found["state/theta"]) - detrend(theta)  # a line of the attitude is the record's own
+    assert np.ptp(apart[inside]) < 1e-3 * np.ptp(theta)
+    assert np.ptp((found["state/az"] - az)[inside]) < 2e-3 * np.ptp(az)

@@ -186,7 +186,7 @@ def fit_compatibility(
     guess, _ = _fit_unfiltered(problem, begun & clocked, guess, plausible)
     guess, now = _fit_unfiltered(problem, begun, guess, plausible)
 
-    active, steps = everything, 0
+    active, steps, free = everything, 0, False
     weighings = 0 if gusts is None else MOST_WEIGHINGS
     every = block_of(problem.sensors.dt, problem.window)
     noise = _first_noise(problem, now, gusts or 0.0, gust_time)
@@ -196,8 +196,7 @@ def fit_compatibility(
     # What is white at the highest frequencies is noise, whatever gusts may explain of it.
     least = np.where(air & (gusts is None), noise.outputs, _floor(before))
     columns = 1 + len(everything)
-    for turn in range(MOST_STEPS):
-        free = turn >= HELD_STEPS
+    for _ in range(MOST_STEPS):
         orphans = _scales_alone(problem, everything, active)
         if orphans.any():
             guess, active = guess.back(orphans, problem.start), active & ~orphans
@@ -211,10 +210,10 @@ def fit_compatibility(
         white, _ = whiten(now.path, problem.window, now.seen, noise, rows, every)
         residual, jacobian = white[0], white[1:columns]
         # Gusts mislead scales and delays of the air data; where none is left there is nothing to be misled.
-        by_instruments = free and problem.driven is not None and (active & problem.on_air).any()
+        by_instruments = problem.driven is not None and (active & problem.on_air).any()
         explained = _explained(jacobian, white[columns:], active) if by_instruments else jacobian
         observable = active
-        if by_instruments:
+        if free and by_instruments:
             observable = _reached(jacobian, explained, problem, active, plausible)
         if free and np.array_equal(observable, active):
             observable = _observable(explained, active, plausible)
@@ -228,6 +227,15 @@ def fit_compatibility(
         # The noise of a channel that gusts drown creeps long after the estimates rest.
         rests = fit.largest < SETTLED and steps >= FULL_STEPS
         level = rests or np.allclose(outputs, noise.outputs, rtol=STEADY, atol=0)
+        if not free and (steps >= FULL_STEPS or (steps >= HELD_STEPS and fit.largest < NEARLY)):
+            free, steps = True, 0
+            guess = problem.moved(guess, active, fit.step)
+            if windy and gusts is None:  # what was late has passed for gusts
+                tried = rows[:columns][np.append(True, active)]
+                strength = estimate_gusts(now.path, problem.window, now.seen, noise, tried, every)
+                noise = replace(noise, gusts=strength.std)
+            noise = replace(noise, outputs=outputs)
+            continue
         steady = free and fit.largest < NEARLY and level
         if steady and windy and steps > 0 and weighings < MOST_WEIGHINGS:
             tried = rows[:columns][np.append(True, active)]

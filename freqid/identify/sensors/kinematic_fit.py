@@ -201,13 +201,15 @@ def fit_compatibility(
         if orphans.any():
             guess, active = guess.back(orphans, problem.start), active & ~orphans
         now = problem.predict(guess)
-        beside = now.jacobian[:0] if problem.driven is None else now.instruments
+        if not free or steps == 0:
+            at = now
+        beside = now.jacobian[:0] if problem.driven is None else at.instruments
         rows = np.concatenate((now.residual[None], now.jacobian, beside))
         if windy and not weighings:
             tried = rows[:columns][np.append(True, active)]
-            strength = estimate_gusts(now.path, problem.window, now.seen, noise, tried, every)
+            strength = estimate_gusts(at.path, problem.window, at.seen, noise, tried, every)
             weighings, noise = 1, replace(noise, gusts=strength.std)
-        white, _ = whiten(now.path, problem.window, now.seen, noise, rows, every)
+        white, _ = whiten(at.path, problem.window, at.seen, noise, rows, every)
         residual, jacobian = white[0], white[1:columns]
         # Gusts mislead scales and delays of the air data; where none is left there is nothing to be misled.
         by_instruments = problem.driven is not None and (active & problem.on_air).any()
@@ -221,7 +223,7 @@ def fit_compatibility(
             guess, active, steps = guess.back(active & ~observable, problem.start), observable, 0
             continue
         size, away = plausible[active], (guess.values - problem.start.values)[active]
-        fit = _solve(explained[active], residual, size, FAINT if free else 1.0, away, jacobian[active])
+        fit = _solve(explained[active], residual, size, 1.0, away, jacobian[active])
         outputs = np.maximum(noise.outputs * fit.spread, least)
         blocked = problem.blocked(guess, active, fit.step) if free else []
         # The noise of a channel that gusts drown creeps long after the estimates rest.
@@ -232,14 +234,14 @@ def fit_compatibility(
             guess = problem.moved(guess, active, fit.step)
             if windy and gusts is None:  # what was late has passed for gusts
                 tried = rows[:columns][np.append(True, active)]
-                strength = estimate_gusts(now.path, problem.window, now.seen, noise, tried, every)
+                strength = estimate_gusts(at.path, problem.window, at.seen, noise, tried, every)
                 noise = replace(noise, gusts=strength.std)
             noise = replace(noise, outputs=outputs)
             continue
         steady = free and fit.largest < NEARLY and level
         if steady and windy and steps > 0 and weighings < MOST_WEIGHINGS:
             tried = rows[:columns][np.append(True, active)]
-            strength = estimate_gusts(now.path, problem.window, now.seen, noise, tried, every)
+            strength = estimate_gusts(at.path, problem.window, at.seen, noise, tried, every)
             weighings += 1
             if not np.isclose(strength.std, noise.gusts, rtol=STEADY, atol=CALM):
                 noise = replace(noise, gusts=strength.std)
@@ -263,8 +265,11 @@ def fit_compatibility(
                 if windy and gusts is None:
                     tried = rows[:columns][np.append(True, active)]
                     strength = estimate_gusts(
-                        now.path, problem.window, now.seen, noise, tried, every, limits=True
+                        at.path, problem.window, at.seen, noise, tried, every, limits=True
                     )
+                last = _solve(explained[active], residual, size, FAINT, away, jacobian[active])
+                guess = problem.moved(guess, active, last.step)
+                now = problem.predict(guess)
                 break
             if blocked:
                 raise DataError(

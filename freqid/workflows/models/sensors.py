@@ -23,6 +23,7 @@ from freqid.identify.instruments.driven import driven_maneuvers
 from freqid.identify.model.widening import with_covariance
 from freqid.identify.point import lines_of
 from freqid.identify.sensors import alignment, kinematics
+from freqid.identify.sensors.air_data_lag import with_air_data_on_time
 from freqid.identify.sensors.alignment import Alignment
 from freqid.identify.sensors.kinematics import KinematicCheck, KinematicSettings
 from freqid.workflows.inputs import File, Flight, Tell, flight_of, identification_of, maneuver_of, scenario_of
@@ -223,7 +224,9 @@ def _driven(
     try:
         if settings is None:
             return [None] * len(maneuvers)
-        return [m.record for m in driven_maneuvers(maneuvers, lines_of(settings, excitation), settings)]
+        lines = lines_of(settings, excitation)
+        on_time = [with_air_data_on_time(m, lines, settings) for m in maneuvers]
+        return [m.record for m in driven_maneuvers(on_time, lines, settings)]
     except (UsageError, DataError):  # no injected signals, no lines, or channels that a loop needs missing
         return [None] * len(maneuvers)
 

@@ -22,7 +22,7 @@ UNSTEADY = 0.02  # s, one sigma: loads follow the motion themselves, a tail by t
 
 @dataclass(frozen=True, eq=False)
 class LagByLoads:
-    """One lag of all air data.
+    """One lag of u v w, or of airspeed and flow angles where these were not all logged.
 
     Attributes
     ----------
@@ -62,7 +62,8 @@ def lag_by_loads(flown: Maneuver, lines_hz: Array, settings: Identification) -> 
     allows for a wake's way to a tail.
     """
     record = flown.record
-    air = [record.channel(n) for n in (*FLOW, *VELOCITY) if n in record]
+    measured = VELOCITY if all(n in record for n in VELOCITY) else FLOW
+    air = [record.channel(n) for n in measured if n in record]
     if not air:
         return LagByLoads(0.0, np.inf, flown)
     splines = [spline_of(record.time, channel) for channel in air]

@@ -293,7 +293,8 @@ def with_correction_doubt(
     -----
     ``J C J^T`` with C the covariance of the air data's errors that were taken out, the doubt whether they
     are there among it, and J the change of the estimates by each, from identifying again with the correction
-    moved by one standard error. The terms are those of `model`.
+    moved by one standard error. The terms are those of `model`. Delays and scales that the checks do not tell
+    are named in a remark: nothing holds them.
     """
     fixed = msgspec.structs.replace(
         settings,
@@ -318,6 +319,7 @@ def with_correction_doubt(
         for r in settings.responses:
             changes[r].append(there[r].estimate - model[r].estimate)
         progress(done, len(jobs))
+    model = replace(model, remarks=(*model.remarks, *_not_held(checked)))
     if not jobs:
         return model
     correlation = np.eye(len(jobs))
@@ -332,6 +334,21 @@ def with_correction_doubt(
         by = np.array(rows)
         responses[r] = with_covariance(model[r], model[r].covariance + by.T @ correlation @ by)
     return replace(model, responses=responses)
+
+
+def _not_held(checked: Checked) -> tuple[str, ...]:
+    """Return the remark on delays and scales of the air data that may be there unseen."""
+    names = {
+        n: None
+        for check in checked.checks
+        for n in check.undetermined
+        if n.startswith(AIR_NAMES) and n.endswith(("delay", "scale"))
+    }
+    if not names:
+        return ()
+    return (
+        f"The flights do not tell {', '.join(names)}: taken as zero, and no interval holds what they may do.",
+    )
 
 
 def identified(

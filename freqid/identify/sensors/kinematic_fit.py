@@ -86,7 +86,7 @@ LARGEST_ERROR_SHARE = 0.5
 FARTHEST = 3.0
 # Columns whose neighbours make up for them are kept apart from rounding by this much prior knowledge.
 FAINT = 1e-3
-HELD_STEPS = 3  # in which prior knowledge still holds the estimates
+HELD_STEPS = 3  # at least, and until they are small, before anything is judged
 FULL_STEPS = 12  # after which half steps end the swinging of an unknown that is hardly observable
 # Steps after which an unknown that still moves is held: the data tell it along a curve only, as the scale of
 # an airspeed that a wind would explain as well, and Gauss-Newton creeps along that.
@@ -168,10 +168,12 @@ def fit_compatibility(
     Gauss-Newton on columns that the filter of `whiten` has made white. Scales and delays of the air data are
     told by what the injected signals move (instruments), where these are known: the aircraft rides the gusts
     that its vanes show, so its whole motion would tell them wrongly. Gusts are as strong as makes the
-    residuals most likely (`estimate_gusts`). First steps, far from
-    the answer, are held by the plausible sizes as prior knowledge; then the prior goes, and unknowns whose
-    standard error stays beyond LARGEST_SHARE of their plausible size go with it, the worst first and one at a
-    time: of two that only their sum is known of, one remains. So goes one that still moves after PATIENCE
+    residuals most likely (`estimate_gusts`). Nothing is judged before the first steps have settled, since air
+    data that are still late pass for gusts; from then on the instruments and the filter stay where they are,
+    made anew only when an unknown is held. All steps but the last are held by the plausible sizes as prior
+    knowledge, so that what is hardly told does not run away. Unknowns whose standard error without that
+    knowledge is beyond LARGEST_ERROR_SHARE of their plausible size are held at zero, the worst first and one
+    at a time: of two that only their sum is known of, one remains. So goes one that still moves after PATIENCE
     steps. The noise of the channels that are compared
     follows from the innovations, that of inertial sensors from what Fourier smoothing calls noise in them.
     """

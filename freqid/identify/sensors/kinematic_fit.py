@@ -173,9 +173,9 @@ def fit_compatibility(
     made anew only when an unknown is held. All steps but the last are held by the plausible sizes as prior
     knowledge, so that what is hardly told does not run away. Unknowns whose standard error without that
     knowledge is beyond LARGEST_ERROR_SHARE of their plausible size are held at zero, the worst first and one
-    at a time: of two that only their sum is known of, one remains. So goes one that still moves after PATIENCE
-    steps. The noise of the channels that are compared
-    follows from the innovations, that of inertial sensors from what Fourier smoothing calls noise in them.
+    at a time: of two that only their sum is known of, one remains. So goes one that still moves after
+    PATIENCE steps. The noise of the channels that are compared follows from the innovations, that of inertial
+    sensors from what Fourier smoothing calls noise in them.
     """
     everything = np.array([i < INITIAL or n in wanted for i, n in enumerate(problem.names)])
     initial = everything & (np.arange(everything.size) < INITIAL)
@@ -198,6 +198,13 @@ def fit_compatibility(
     # What is white at the highest frequencies is noise, whatever gusts may explain of it.
     least = np.where(air & (gusts is None), noise.outputs, _floor(before))
     columns = 1 + len(everything)
+
+    def gusts_of(
+        rows: Array, at: Prediction, noise: PathNoise, active: Mask, limits: bool = False
+    ) -> GustStrength:
+        tried = rows[:columns][np.append(True, active)]
+        return estimate_gusts(at.path, problem.window, at.seen, noise, tried, every, limits=limits)
+
     for _ in range(MOST_STEPS):
         orphans = _scales_alone(problem, everything, active)
         if orphans.any():
@@ -208,8 +215,7 @@ def fit_compatibility(
         beside = now.jacobian[:0] if problem.driven is None else at.instruments
         rows = np.concatenate((now.residual[None], now.jacobian, beside))
         if windy and not weighings:
-            tried = rows[:columns][np.append(True, active)]
-            strength = estimate_gusts(at.path, problem.window, at.seen, noise, tried, every)
+            strength = gusts_of(rows, at, noise, active)
             weighings, noise = 1, replace(noise, gusts=strength.std)
         white, _ = whiten(at.path, problem.window, at.seen, noise, rows, every)
         residual, jacobian = white[0], white[1:columns]
@@ -235,15 +241,13 @@ def fit_compatibility(
             free, steps = True, 0
             guess = problem.moved(guess, active, fit.step)
             if windy and gusts is None:  # what was late has passed for gusts
-                tried = rows[:columns][np.append(True, active)]
-                strength = estimate_gusts(at.path, problem.window, at.seen, noise, tried, every)
+                strength = gusts_of(rows, at, noise, active)
                 noise = replace(noise, gusts=strength.std)
             noise = replace(noise, outputs=outputs)
             continue
         steady = free and fit.largest < NEARLY and level
         if steady and windy and steps > 0 and weighings < MOST_WEIGHINGS:
-            tried = rows[:columns][np.append(True, active)]
-            strength = estimate_gusts(at.path, problem.window, at.seen, noise, tried, every)
+            strength = gusts_of(rows, at, noise, active)
             weighings += 1
             if not np.isclose(strength.std, noise.gusts, rtol=STEADY, atol=CALM):
                 noise = replace(noise, gusts=strength.std)
@@ -265,10 +269,7 @@ def fit_compatibility(
                 continue
             if fit.largest < SETTLED:
                 if windy and gusts is None:
-                    tried = rows[:columns][np.append(True, active)]
-                    strength = estimate_gusts(
-                        at.path, problem.window, at.seen, noise, tried, every, limits=True
-                    )
+                    strength = gusts_of(rows, at, noise, active, limits=True)
                 last = _solve(explained[active], residual, size, FAINT, away, jacobian[active])
                 guess = problem.moved(guess, active, last.step)
                 now = problem.predict(guess)

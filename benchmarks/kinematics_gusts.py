@@ -4,9 +4,10 @@ Three linear aircraft (`_gusty_flights`) in gusts of 0, 0.1, 0.5 and 1 m/s, thei
 late, logged as u v w and as V alpha beta. Each flight is one minute of multisines; its model by least squares
 as logged, and after the compatibility check has been told to correct the sensors, which have no other error.
 The model's intervals hold what is uncertain in the correction. Nothing was tuned on these seeds, 300 onward;
-what was tuned was tuned on 100 to 103. A correction is *harmful* where its mean error is larger than that of no
-correction by more than the half width of its own mean interval. Run as ``python benchmarks/kinematics_gusts.py 2``
-for two flights of each condition, as the table that is kept (eight where no number is given).
+what was tuned was tuned on 100 to 103. A correction is *harmful* where its mean error is larger than that of
+no correction by more than the half width of its own mean interval. Run as ``python
+benchmarks/kinematics_gusts.py 2`` for two flights of each condition, as the table that is kept (eight where
+no number is given).
 """
 
 from __future__ import annotations

@@ -22,6 +22,7 @@ from freqid.core.sections.identification import factors_of
 from freqid.identify.loads.explanatory import explanatory_variables
 from freqid.identify.model.fit import fit_lines
 from freqid.identify.model.line_equations import LineEquations, on_lines
+from freqid.identify.model.noise_bias import without_noise_bias
 from freqid.identify.model.problem import Problem, numbered
 from freqid.identify.model.widening import with_covariance
 from freqid.identify.regress.covariance_corrections import independent_share
@@ -140,7 +141,8 @@ def choose_terms(
         ``distortion`` of the linear model and ``products``, F by product, where products were tried. Of a
         regressor that was left out, ``left_out_limits`` are its confidence limits where it is kept.
     before : dict of ResponseModel
-        The fits that regressors were chosen from, for `with_choice`; empty where none were.
+        The fits that regressors were chosen from, for `with_choice`, by least squares without the bias of
+        noise in the regressors; empty where none were.
 
     Raises
     ------
@@ -172,8 +174,12 @@ def choose_terms(
     if settings.structure == "stepwise":
         chosen = {}
         before = flights.fit(problem)
-        for response, model in before.items():
-            found = _select_regressors(problem, flights, model)
+        free_of_noise = before
+        if flights.driven is None:
+            equations = _equations(problem, flights, problem.x)
+            free_of_noise = {r: without_noise_bias(problem, equations, m) for r, m in before.items()}
+        for response, model in free_of_noise.items():
+            found = _select_regressors(problem, flights, before[response])
             terms = _with_factors(model.regressors, found)
             f = {name: _figure(value) for name, value in found.partial_f.items()}
             account[response]["kept"] = {n: f[n] for n in terms}
@@ -187,7 +193,7 @@ def choose_terms(
                 left = [n for n in account[response]["products"] if n in terms]
                 account[response]["products"] = {n: f[n] for n in left}
             chosen[response] = terms
-        problem = _changed(problem, flights, chosen)
+        problem, before = _changed(problem, flights, chosen), free_of_noise
     return problem, account, before
 
 
@@ -199,7 +205,7 @@ def with_choice(chosen: ResponseModel, before: ResponseModel) -> ResponseModel:
     chosen : ResponseModel
         Of the terms that were kept.
     before : ResponseModel
-        Of all terms that were offered, fitted to the same flights.
+        Of all terms that were offered, fitted to the same flights; unbiased, so far as that can be had.
 
     Returns
     -------
@@ -210,7 +216,8 @@ def with_choice(chosen: ResponseModel, before: ResponseModel) -> ResponseModel:
     A term that was left out since its effect could not be told from zero need not have none, and those that
     are kept then stand for it. With all terms offered a kept parameter is free of that: there it has the
     estimate ``full`` with covariance C. The chosen estimate differs from it by ``d``, and its error is d
-    beside the error of ``full``: covariance ``C + d d^T``, about the chosen estimate.
+    beside the error of ``full``: covariance ``C + d d^T``, about the chosen estimate. Of least squares d
+    holds the bias by noise in the regressors too, since ``full`` is without it (`without_noise_bias`).
 
     References
     ----------

@@ -86,7 +86,7 @@ LARGEST_ERROR_SHARE = 0.5
 FARTHEST = 3.0
 # Columns whose neighbours make up for them are kept apart from rounding by this much prior knowledge.
 FAINT = 1e-3
-HELD_STEPS = 3  # in which prior knowledge still holds the estimates
+HELD_STEPS = 3  # at least, and until they are small, before anything is judged
 FULL_STEPS = 12  # after which half steps end the swinging of an unknown that is hardly observable
 # Steps after which an unknown that still moves is held: the data tell it along a curve only, as the scale of
 # an airspeed that a wind would explain as well, and Gauss-Newton creeps along that.
@@ -168,12 +168,14 @@ def fit_compatibility(
     Gauss-Newton on columns that the filter of `whiten` has made white. Scales and delays of the air data are
     told by what the injected signals move (instruments), where these are known: the aircraft rides the gusts
     that its vanes show, so its whole motion would tell them wrongly. Gusts are as strong as makes the
-    residuals most likely (`estimate_gusts`). First steps, far from
-    the answer, are held by the plausible sizes as prior knowledge; then the prior goes, and unknowns whose
-    standard error stays beyond LARGEST_SHARE of their plausible size go with it, the worst first and one at a
-    time: of two that only their sum is known of, one remains. So goes one that still moves after PATIENCE
-    steps. The noise of the channels that are compared
-    follows from the innovations, that of inertial sensors from what Fourier smoothing calls noise in them.
+    residuals most likely (`estimate_gusts`). Nothing is judged before the first steps have settled, since air
+    data that are still late pass for gusts; from then on the instruments and the filter stay where they are,
+    made anew only when an unknown is held. All steps but the last are held by the plausible sizes as prior
+    knowledge, so that what is hardly told does not run away. Unknowns whose standard error without that
+    knowledge is beyond LARGEST_ERROR_SHARE of their plausible size are held at zero, the worst first and one
+    at a time: of two that only their sum is known of, one remains. So goes one that still moves after
+    PATIENCE steps. The noise of the channels that are compared follows from the innovations, that of inertial
+    sensors from what Fourier smoothing calls noise in them.
     """
     everything = np.array([i < INITIAL or n in wanted for i, n in enumerate(problem.names)])
     initial = everything & (np.arange(everything.size) < INITIAL)
@@ -186,7 +188,7 @@ def fit_compatibility(
     guess, _ = _fit_unfiltered(problem, begun & clocked, guess, plausible)
     guess, now = _fit_unfiltered(problem, begun, guess, plausible)
 
-    active, steps = everything, 0
+    active, steps, free = everything, 0, False
     weighings = 0 if gusts is None else MOST_WEIGHINGS
     every = block_of(problem.sensors.dt, problem.window)
     noise = _first_noise(problem, now, gusts or 0.0, gust_time)
@@ -196,25 +198,32 @@ def fit_compatibility(
     # What is white at the highest frequencies is noise, whatever gusts may explain of it.
     least = np.where(air & (gusts is None), noise.outputs, _floor(before))
     columns = 1 + len(everything)
-    for turn in range(MOST_STEPS):
-        free = turn >= HELD_STEPS
+
+    def gusts_of(
+        rows: Array, at: Prediction, noise: PathNoise, active: Mask, limits: bool = False
+    ) -> GustStrength:
+        tried = rows[:columns][np.append(True, active)]
+        return estimate_gusts(at.path, problem.window, at.seen, noise, tried, every, limits=limits)
+
+    for _ in range(MOST_STEPS):
         orphans = _scales_alone(problem, everything, active)
         if orphans.any():
             guess, active = guess.back(orphans, problem.start), active & ~orphans
         now = problem.predict(guess)
-        beside = now.jacobian[:0] if problem.driven is None else now.instruments
+        if not free or steps == 0:
+            at = now
+        beside = now.jacobian[:0] if problem.driven is None else at.instruments
         rows = np.concatenate((now.residual[None], now.jacobian, beside))
         if windy and not weighings:
-            tried = rows[:columns][np.append(True, active)]
-            strength = estimate_gusts(now.path, problem.window, now.seen, noise, tried, every)
+            strength = gusts_of(rows, at, noise, active)
             weighings, noise = 1, replace(noise, gusts=strength.std)
-        white, _ = whiten(now.path, problem.window, now.seen, noise, rows, every)
+        white, _ = whiten(at.path, problem.window, at.seen, noise, rows, every)
         residual, jacobian = white[0], white[1:columns]
         # Gusts mislead scales and delays of the air data; where none is left there is nothing to be misled.
-        by_instruments = free and problem.driven is not None and (active & problem.on_air).any()
+        by_instruments = problem.driven is not None and (active & problem.on_air).any()
         explained = _explained(jacobian, white[columns:], active) if by_instruments else jacobian
         observable = active
-        if by_instruments:
+        if free and by_instruments:
             observable = _reached(jacobian, explained, problem, active, plausible)
         if free and np.array_equal(observable, active):
             observable = _observable(explained, active, plausible)
@@ -222,16 +231,23 @@ def fit_compatibility(
             guess, active, steps = guess.back(active & ~observable, problem.start), observable, 0
             continue
         size, away = plausible[active], (guess.values - problem.start.values)[active]
-        fit = _solve(explained[active], residual, size, FAINT if free else 1.0, away, jacobian[active])
+        fit = _solve(explained[active], residual, size, 1.0, away, jacobian[active])
         outputs = np.maximum(noise.outputs * fit.spread, least)
         blocked = problem.blocked(guess, active, fit.step) if free else []
         # The noise of a channel that gusts drown creeps long after the estimates rest.
         rests = fit.largest < SETTLED and steps >= FULL_STEPS
         level = rests or np.allclose(outputs, noise.outputs, rtol=STEADY, atol=0)
+        if not free and (steps >= FULL_STEPS or (steps >= HELD_STEPS and fit.largest < NEARLY)):
+            free, steps = True, 0
+            guess = problem.moved(guess, active, fit.step)
+            if windy and gusts is None:  # what was late has passed for gusts
+                strength = gusts_of(rows, at, noise, active)
+                noise = replace(noise, gusts=strength.std)
+            noise = replace(noise, outputs=outputs)
+            continue
         steady = free and fit.largest < NEARLY and level
         if steady and windy and steps > 0 and weighings < MOST_WEIGHINGS:
-            tried = rows[:columns][np.append(True, active)]
-            strength = estimate_gusts(now.path, problem.window, now.seen, noise, tried, every)
+            strength = gusts_of(rows, at, noise, active)
             weighings += 1
             if not np.isclose(strength.std, noise.gusts, rtol=STEADY, atol=CALM):
                 noise = replace(noise, gusts=strength.std)
@@ -253,10 +269,10 @@ def fit_compatibility(
                 continue
             if fit.largest < SETTLED:
                 if windy and gusts is None:
-                    tried = rows[:columns][np.append(True, active)]
-                    strength = estimate_gusts(
-                        now.path, problem.window, now.seen, noise, tried, every, limits=True
-                    )
+                    strength = gusts_of(rows, at, noise, active, limits=True)
+                last = _solve(explained[active], residual, size, FAINT, away, jacobian[active])
+                guess = problem.moved(guess, active, last.step)
+                now = problem.predict(guess)
                 break
             if blocked:
                 raise DataError(

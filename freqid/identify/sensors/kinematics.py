@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any, overload
 
 import numpy as np
-from scipy.special import stdtrit
+from scipy.linalg import block_diag
+from scipy.special import ndtri, stdtrit
 
 from freqid.core.arrays import Array
 from freqid.core.channels import FLOW, FORCES, GROUND, RATES, VELOCITY
@@ -15,9 +16,10 @@ from freqid.core.errors import UsageError, nearest
 from freqid.core.frames import flow_angles
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import Fit
+from freqid.identify.sensors.air_data_lag import UNSTEADY, LagByLoads
 from freqid.identify.sensors.errors import Reading, SensorErrors, error_kind, error_name, spline_of
 from freqid.identify.sensors.inclusion import average_over_inclusion
-from freqid.identify.sensors.kinematic_fit import fit_compatibility
+from freqid.identify.sensors.kinematic_fit import LARGEST_ERROR_SHARE, fit_compatibility
 from freqid.identify.sensors.kinematic_model import (
     INITIAL,
     CompatibilityProblem,
@@ -110,6 +112,10 @@ class KinematicCheck(SensorErrors):
         is, is hardly taken out; the covariance holds the doubt.
     computed : tuple of str
         Air data that the record computed from u v w; they follow these.
+    by_loads : tuple of str
+        Delays of the air data that kinematics do not tell, as in gusts that drown the injected motion, and
+        that the loads tell in their place (`air_data_lag`): they hold as far as loads follow the motion at
+        once.
     """
 
     lower: Array
@@ -124,6 +130,7 @@ class KinematicCheck(SensorErrors):
     probability: Mapping[str, float]
     correction: SensorErrors
     computed: tuple[str, ...]
+    by_loads: tuple[str, ...] = ()
 
     def account(self) -> dict[str, Any]:
         """Return what was found and what is taken out, by name, JSON-compatible."""
@@ -134,6 +141,8 @@ class KinematicCheck(SensorErrors):
             row["applied_std_error"] = applied[name]["std_error"]
             if name in self.probability:
                 row["probability"] = self.probability[name]
+            if name in self.by_loads:
+                row["told_by"] = "loads"
         return rows
 
 
@@ -141,6 +150,7 @@ def check_kinematics(
     flown: FlightRecord | Maneuver,
     settings: KinematicSettings = KinematicSettings(),
     driven: FlightRecord | None = None,
+    lag: LagByLoads | None = None,
 ) -> KinematicCheck:
     """Estimate sensor errors from the disagreement between channels that kinematics tie together.
 
@@ -153,6 +163,8 @@ def check_kinematics(
     driven : FlightRecord, optional
         The flight as the injected signals alone would have made it, u v w p q r on the same samples
         (`instruments.driven_maneuvers`). What it says of the motion no gust has made.
+    lag : LagByLoads, optional
+        Of the air data: stands in for delays of theirs that kinematics do not tell.
 
     Returns
     -------
@@ -208,6 +220,17 @@ def check_kinematics(
     estimate, covariance = found.estimate[errors], found.covariance[np.ix_(errors, errors)]
     std_error = np.sqrt(np.diag(covariance))
     half = stdtrit(found.degrees_of_freedom[errors], 0.5 + settings.confidence / 2) * std_error
+    by_loads: tuple[str, ...] = ()
+    if lag is not None and lag.std_error < LARGEST_ERROR_SHARE * PLAUSIBLE["delay"]:
+        told = {n for n, a in zip(problem.names, problem.on_air, strict=True) if a and n.endswith("delay")}
+        by_loads = tuple(n for n in found.undetermined if n in told)
+    if lag is not None and by_loads:
+        more = len(by_loads)
+        names, estimate = (*names, *by_loads), np.append(estimate, np.full(more, lag.estimate))
+        # One lag of all, and what each channel may have of its own.
+        shared = np.full((more, more), lag.std_error**2) + UNSTEADY**2 * np.eye(more)
+        covariance = block_diag(covariance, shared)
+        half = np.append(half, ndtri(0.5 + settings.confidence / 2) * np.sqrt(np.diag(shared)))
     tried = np.array([error_kind(n) in ("scale", "delay") or n in AIR_BIASES for n in names], dtype=bool)
     averaged = average_over_inclusion(estimate, covariance, plausible[_rows(problem.names, names)], tried)
     channels, time = problem.sensors.names, record.time[problem.window]
@@ -218,7 +241,7 @@ def check_kinematics(
         covariance=covariance,
         lower=estimate - half,
         upper=estimate + half,
-        undetermined=found.undetermined,
+        undetermined={n: by for n, by in found.undetermined.items() if n not in by_loads},
         rms_before=_rms(channels, found.before.residual),
         rms_after=_rms(channels, found.after.residual),
         fit={n: Fit(time, *both) for n, *both in zip(channels, measured, found.after.modelled, strict=True)},
@@ -234,6 +257,7 @@ def check_kinematics(
         probability={n: float(averaged.probability[i]) for i, n in enumerate(names) if tried[i]},
         correction=SensorErrors(names, averaged.estimate, averaged.covariance),
         computed=computed_flow(record),
+        by_loads=by_loads,
     )
 
 

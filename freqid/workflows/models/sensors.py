@@ -23,6 +23,7 @@ from freqid.identify.instruments.driven import driven_maneuvers
 from freqid.identify.model.widening import with_covariance
 from freqid.identify.point import lines_of
 from freqid.identify.sensors import alignment, kinematics
+from freqid.identify.sensors.air_data_lag import LagByLoads, lag_by_loads
 from freqid.identify.sensors.alignment import Alignment
 from freqid.identify.sensors.kinematics import KinematicCheck, KinematicSettings
 from freqid.workflows.inputs import File, Flight, Tell, flight_of, identification_of, maneuver_of, scenario_of
@@ -74,8 +75,8 @@ def check_sensors(
     if scenario is not None:
         described = scenario_of(scenario)
         flown = maneuver_of(flight, described)
-        driven = _driven([flown], described.identification, described.excitation)[0]
-        return kinematics.check_kinematics(flown, settings or KinematicSettings(), driven)
+        driven, lag = _driven([flown], described.identification, described.excitation)[0]
+        return kinematics.check_kinematics(flown, settings or KinematicSettings(), driven, lag)
     return kinematics.check_kinematics(flown, settings or KinematicSettings())
 
 
@@ -197,9 +198,9 @@ def checked(
     used, checks, account = [], [], {}
     progress(0, len(maneuvers))
     driven = _driven(maneuvers, settings, excitation)
-    for done, (maneuver, name, alone) in enumerate(zip(maneuvers, names, driven, strict=True), start=1):
+    for done, (maneuver, name, by) in enumerate(zip(maneuvers, names, driven, strict=True), start=1):
         try:
-            check = kinematics.check_kinematics(maneuver, driven=alone)
+            check = kinematics.check_kinematics(maneuver, driven=by[0], lag=by[1])
             used.append(kinematics.corrected(maneuver, check) if correct else maneuver)
         except DataError as error:
             raise error.at(name) from None
@@ -218,14 +219,21 @@ def checked(
 
 def _driven(
     maneuvers: Sequence[Maneuver], settings: Identification | None, excitation: Excitation | None
-) -> Sequence[FlightRecord | None]:
-    """Return what the injected signals alone would have made of each, None where that cannot be had."""
+) -> Sequence[tuple[FlightRecord, LagByLoads] | tuple[None, None]]:
+    """Return what the injected signals alone would have made of each, and how late its air data are by loads.
+
+    None where that cannot be had.
+    """
     try:
         if settings is None:
-            return [None] * len(maneuvers)
-        return [m.record for m in driven_maneuvers(maneuvers, lines_of(settings, excitation), settings)]
+            return [(None, None)] * len(maneuvers)
+        lines = lines_of(settings, excitation)
+        # A loop that is modelled with late air data is another one, of which instruments are weak.
+        lags = [lag_by_loads(m, lines, settings) for m in maneuvers]
+        driven = driven_maneuvers([lag.on_time for lag in lags], lines, settings)
+        return [(m.record, lag) for m, lag in zip(driven, lags, strict=True)]
     except (UsageError, DataError):  # no injected signals, no lines, or channels that a loop needs missing
-        return [None] * len(maneuvers)
+        return [(None, None)] * len(maneuvers)
 
 
 def _tell_errors(name: str, check: KinematicCheck, tell: Tell, *, corrected: bool) -> None:
@@ -238,6 +246,7 @@ def _tell_errors(name: str, check: KinematicCheck, tell: Tell, *, corrected: boo
             text = f"  {parameter:16s}{value:11.4g} +- {sigma:.2g} {'' if unit == '1' else unit}"
             if corrected and chance is not None:
                 out, doubt = check.correction[parameter]
+                text += ", by the loads" if parameter in check.by_loads else ""
                 text += f", there with probability {chance:.2g}; taken out {out:.4g} +- {doubt:.2g}"
             tell(text)
     if any(n.startswith(AIR_NAMES) for n in check.names):
@@ -284,7 +293,8 @@ def with_correction_doubt(
     -----
     ``J C J^T`` with C the covariance of the air data's errors that were taken out, the doubt whether they
     are there among it, and J the change of the estimates by each, from identifying again with the correction
-    moved by one standard error. The terms are those of `model`.
+    moved by one standard error. The terms are those of `model`. Delays and scales that the checks do not tell
+    are named in a remark: nothing holds them.
     """
     fixed = msgspec.structs.replace(
         settings,
@@ -309,6 +319,7 @@ def with_correction_doubt(
         for r in settings.responses:
             changes[r].append(there[r].estimate - model[r].estimate)
         progress(done, len(jobs))
+    model = replace(model, remarks=(*model.remarks, *_not_held(checked)))
     if not jobs:
         return model
     correlation = np.eye(len(jobs))
@@ -323,6 +334,21 @@ def with_correction_doubt(
         by = np.array(rows)
         responses[r] = with_covariance(model[r], model[r].covariance + by.T @ correlation @ by)
     return replace(model, responses=responses)
+
+
+def _not_held(checked: Checked) -> tuple[str, ...]:
+    """Return the remark on delays and scales of the air data that may be there unseen."""
+    names = {
+        n: None
+        for check in checked.checks
+        for n in check.undetermined
+        if n.startswith(AIR_NAMES) and n.endswith(("delay", "scale"))
+    }
+    if not names:
+        return ()
+    return (
+        f"The flights do not tell {', '.join(names)}: taken as zero, and no interval holds what they may do.",
+    )
 
 
 def identified(

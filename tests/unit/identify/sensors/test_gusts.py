@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from freqid.core.channels import FLOW
+from freqid.core.channels import FLOW, VELOCITY
 from freqid.core.record import Channel
 from freqid.identify.instruments.driven import driven_maneuvers
 from freqid.identify.point import identify_point
+from freqid.identify.sensors.air_data_lag import UNSTEADY, LagByLoads, lag_by_loads
 from freqid.identify.sensors.alignment import align
 from freqid.identify.sensors.kinematics import KinematicSettings, check_kinematics, corrected
 from freqid.workflows.inputs import silent
-from freqid.workflows.models.sensors import checked, with_correction_doubt
+from freqid.workflows.models.sensors import Checked, checked, with_correction_doubt
 
 LATE = 0.14
 
@@ -48,6 +49,72 @@ def test_late_vanes_are_found_in_gusts_by_the_injected_signals(told):
     account = told.account["flight"]
     assert account["told_by"] == "injected signals"
     assert account["errors"]["alpha delay"]["applied"] == check.correction["alpha delay"][0]
+
+
+def test_late_vanes_are_found_in_gusts_three_times_the_injected_motion(bench):
+    """Least squares on the way would lose the channel (a scale of -1), and with it the delay."""
+    craft = bench.AIRCRAFT[0]
+    (flown,) = bench.fly(craft, 1.0, range(1, 2))
+    late = bench.logged(craft, flown, 1, LATE, "vanes")
+    (check,) = checked(
+        [late], ["flight"], settings=bench.SETTINGS, excitation=None, correct=False, tell=silent
+    ).checks
+    for name in ("V delay", "alpha delay", "beta delay"):
+        found, error = check[name]
+        assert name not in check.by_loads
+        assert abs(found - LATE) < 3.5 * error < 0.1
+
+
+def test_loads_tell_one_lag_of_the_air_data(bench, flown, late):
+    lines = np.array(bench.SETTINGS.frequencies_hz)
+    found = lag_by_loads(late, lines, bench.SETTINGS)
+    assert abs(found.estimate - LATE) < 0.003
+    assert UNSTEADY <= found.std_error < 1.1 * UNSTEADY
+    # What it brings forward is what was flown, but for noise.
+    inside = slice(50, -50)
+    off = found.on_time.record["air/alpha"] - np.arctan2(flown["wa"], flown["ua"])
+    assert off[inside].std() < 1.5 * bench.NOISE["angle"]
+    on_time = bench.logged(bench.AIRCRAFT[0], flown, 1, 0.0, "vanes")
+    assert abs(lag_by_loads(on_time, lines, bench.SETTINGS).estimate) < 0.003
+
+
+def test_delays_that_no_injected_motion_tells_are_told_by_the_loads_or_named(bench, late):
+    still = {
+        n: replace(c, values=np.full_like(c.values, c.values.mean()))
+        for n, c in late.record.with_channels(*_velocities(late)).channels.items()
+    }
+    driven = replace(late.record, channels=still)
+    lag = LagByLoads(0.15, 0.025, late)
+    check = check_kinematics(late, driven=driven, lag=lag)
+    delays = ("V delay", "alpha delay", "beta delay")
+    assert set(delays) == set(check.by_loads)
+    assert not set(delays) & set(check.undetermined)
+    for name in delays:
+        assert check[name] == pytest.approx((0.15, np.hypot(0.025, UNSTEADY)))
+        assert check.probability[name] > 0.9
+        assert check.account()[name]["told_by"] == "loads"
+    either = [check.correction.names.index(n) for n in delays[:2]]
+    covariance = check.correction.covariance[np.ix_(either, either)]
+    assert 0.3 < covariance[0, 1] / covariance[0, 0] < 0.8  # one lag of all, and each its own
+
+    blind = check_kinematics(late, driven=driven)
+    assert set(delays) <= set(blind.undetermined)
+    assert not blind.by_loads
+    using = Checked([late], [corrected(late, blind)], [blind], True, {})
+    model = identify_point(using.used, bench.SETTINGS)
+    said = with_correction_doubt(model, using, identify_point, bench.SETTINGS, aligned=False)
+    (remark,) = [r for r in said.remarks if r not in model.remarks]
+    assert "do not tell" in remark
+    assert all(name in remark for name in delays)
+
+
+def _velocities(maneuver):
+    """Return channels of u v w; of a motion that rests their histories do not matter."""
+    speed = maneuver.record["air/V"]
+    return (
+        Channel(n, "m/s", x, 50.0, "made")
+        for n, x in zip(VELOCITY, (speed, 0 * speed, 0 * speed), strict=True)
+    )
 
 
 def test_the_model_of_the_corrected_flight_holds_the_truth_and_the_doubt(bench, late, told):

@@ -38,12 +38,17 @@ class ControlLaw:
         From commands to positions.
     source : str
         Where it comes from, in words.
+    up, down : ndarray, shape (n,), optional
+        Time constants of first-order lags that follow faster one way than the other, s; ``actuation.lag``
+        is then their mean for small motions. Where they are equal, nothing is done about it.
     """
 
     effectors: tuple[str, ...]
     gain: Array
     actuation: Actuation
     source: str = ""
+    up: Array | None = None
+    down: Array | None = None
 
     @classmethod
     def none(cls, effectors: tuple[str, ...]) -> ControlLaw:
@@ -149,7 +154,8 @@ class ControlledAircraft:
         -----
         Inverse Laplace transform on the line ``Re s = 12 / L`` of a transform of length L, twice that of the
         signals, by FFT: what wraps around is ``exp(-12)`` of itself, and a motion that grows is had as
-        well as one that decays (Dubner & Abate, J. ACM 15(1), 1968).
+        well as one that decays (Dubner & Abate, J. ACM 15(1), 1968). Lags that are uneven are integrated under
+        what the linear loop asks of them; what they differ by acts on the loop as a displacement.
         """
         count = injected.shape[1]
         size = int(2 * np.ceil(_PADDED * count / 2))
@@ -159,11 +165,37 @@ class ControlledAircraft:
         strength = np.abs(lines) / np.maximum(np.abs(lines).max(axis=1, keepdims=True), 1e-300)
         last = int(np.flatnonzero((strength > _LEFT_OUT).any(axis=0)).max(initial=0)) + 1
         s = shift + 2j * np.pi * np.arange(last) / (size * dt)
-        found = np.concatenate(self.motion(s, lines[:, :last]))
-        full = np.zeros((len(found), size // 2 + 1), dtype=complex)
-        full[:, :last] = found
-        signals = np.fft.irfft(full, size)[:, :count] / weight
-        return signals[:8], signals[8:]
+
+        def in_time(found: Complex) -> Array:
+            full = np.zeros((len(found), size // 2 + 1), dtype=complex)
+            full[:, :last] = found
+            return np.fft.irfft(full, size)[:, :count] / weight
+
+        x, d = self.motion(s, lines[:, :last])
+        states, positions = in_time(x), in_time(d)
+        up, down = self.law.up, self.law.down
+        if up is not None and down is not None and not np.array_equal(up, down):
+            lag = self.law.actuation.lag
+            uneven = np.flatnonzero(up != down)
+            asked = in_time((lag[uneven, None] * s + 1) * d[uneven])
+            off = np.zeros_like(injected)
+            off[uneven] = _followed(asked, dt, up[uneven], down[uneven]) - positions[uneven]
+            moved = self.displaced(s, np.fft.rfft(off * weight, size)[:, :last])
+            states, positions = states + in_time(moved[0]), positions + in_time(moved[1])
+        return states, positions
+
+    def displaced(self, s: Complex, displacement: Complex) -> tuple[Complex, Complex]:
+        """Return transforms of states and positions where positions are off what law and actuators make.
+
+        Parameters
+        ----------
+        s : ndarray of complex, shape (line,)
+        displacement : ndarray of complex, shape (n, line)
+        """
+        E, A = self._matrices
+        feedback = self.feedback(s)
+        x = steady_motion(E, A, feedback, displacement, s / (2j * np.pi))
+        return x, displacement + np.einsum("fnx,xf->nf", feedback, x)
 
     @cached_property
     def loop(self) -> LinearLoop:
@@ -193,3 +225,14 @@ class ControlledAircraft:
             allocation=np.eye(len(self.law.effectors)),
             actuation=self.law.actuation,
         )
+
+
+def _followed(asked: Array, dt: float, up: Array, down: Array) -> Array:
+    """Return positions that follow with one time constant up and another down, shape (n, sample)."""
+    found = np.zeros_like(asked)
+    rise, fall = np.exp(-dt / up), np.exp(-dt / down)
+    middle = (asked[:, :-1] + asked[:, 1:]) / 2  # of each step, over which what is asked is held
+    for k in range(asked.shape[1] - 1):
+        off = middle[:, k] - found[:, k]
+        found[:, k + 1] = middle[:, k] - np.where(off > 0, rise, fall) * off
+    return found

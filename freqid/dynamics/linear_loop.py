@@ -342,4 +342,4 @@ def _companion(numerator: Array, denominator: Array) -> tuple[Array, Array, Arra
     A = np.zeros((n, n))
     if n:
         A[0], A[1:, :-1] = -below[1:], np.eye(n - 1)
-    return A, np.eye(n)[:, :1], (above[1:] - above[0] * below[1:])[None], float(above[0])
+    return A, np.eye(n, 1), (above[1:] - above[0] * below[1:])[None], float(above[0])

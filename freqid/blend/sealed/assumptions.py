@@ -6,7 +6,6 @@ import numpy as np
 
 from freqid.blend.sealed.bands import FreeRun
 from freqid.blend.sealed.condition import ModelAtCondition
-from freqid.core.results.design import SampledInputs
 from freqid.core.results.prediction import Assumption
 from freqid.core.vehicle import Vehicle
 
@@ -100,17 +99,13 @@ def assumptions(
     )
 
 
-def warnings(
-    model: ModelAtCondition, run: FreeRun, inputs: SampledInputs, vehicle: Vehicle
-) -> tuple[str, ...]:
+def warnings(model: ModelAtCondition, run: FreeRun, vehicle: Vehicle) -> tuple[str, ...]:
     """Return what is doubtful already before the flight: amplitudes, limits, unstable models, no residual.
 
     Parameters
     ----------
     model : ModelAtCondition
     run : FreeRun
-    inputs : SampledInputs
-        The design.
     vehicle : Vehicle
     """
     said = []

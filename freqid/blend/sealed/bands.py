@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 
 from freqid.blend.sealed.condition import ModelAtCondition
 from freqid.core.arrays import Array, Complex
@@ -25,7 +26,8 @@ from freqid.dynamics.small_motion import STATES
 from freqid.simulate.air.dryden import Dryden
 
 POINTS = 25  # samples in the shortest period that a predicted history has at least
-POOLED = 12  # lines over which the power of a residual is averaged
+POOLED = 24  # lines over which the power of a residual is averaged
+BY_CHANCE = 0.05  # probability that a residual of sensor noise alone is taken for a load
 GUST_RANGE = 3.0  # times the highest line, up to which gusts move the aircraft
 
 
@@ -243,6 +245,8 @@ def _unexplained(
     hz, left = grids[0][order], np.array([r.residual[order] for r in every])
     alone = np.array([r.residual_noise[order] for r in every])
     spacing = float(np.median(np.diff(np.unique(hz))))
+    # what is explained by the stated sensors, within the scatter of so few lines, moves nothing
+    above = chi2.isf(BY_CHANCE, 2 * POOLED) / (2 * POOLED)
     # a distortion lives on excited lines alone, and the next design excites as many
     thinned = min(1.0, 1 / (every[0].duration * spacing))
     d = _sensors_in_residual(model, aircraft, hz, noise)
@@ -257,6 +261,8 @@ def _unexplained(
         own = np.einsum("lrs,lqs->rq", d[pool], d[pool].conj()) / pool.size
         chance, twisted = np.sqrt(random), np.sqrt(1 - random)
         process = _positive(found * np.outer(chance, chance) - own)
+        loads = (random * power > above * np.diag(own).real).astype(float)
+        process = process * np.outer(loads, loads)
         centres.append(float(hz[pool].mean()))
         densities.append(process + thinned * found * np.outer(twisted, twisted))
     place = np.abs(np.log(f[:, None] / np.array(centres))).argmin(axis=1)

@@ -104,13 +104,12 @@ def scored_channels(prediction: Prediction, flown: Flown) -> tuple[ChannelScore,
         measured = flown.wrench.get(channel.name) if wrench else flown.channels.get(channel.name)
         if measured is None:
             continue
-        if wrench and np.isfinite(top):
-            measured = up_to(measured[None], dt, top)[0]
         at = flown.time
-        predicted = np.interp(at, prediction.time, channel.change)
+        rows = np.array([measured, np.interp(at, prediction.time, channel.change)])
         spread = np.interp(at, prediction.time, channel.std)
-        offset = float(measured.mean() - channel.trim - predicted.mean())
-        rows = np.array([measured, predicted])
+        offset = float(rows[0].mean() - channel.trim - rows[1].mean())
+        if wrench and np.isfinite(top):
+            rows = up_to(rows, dt, top)  # both: the highest line is on the edge, and half of it is cut
         scored("free-run", channel.name, channel.unit, rows, spread, offset, ends if wrench else 0)
     for response in prediction.responses:
         x = np.array([flown.regressors[n] for n in response.regressors])
@@ -270,7 +269,7 @@ def _lines(prediction: Prediction, flown: Flown) -> tuple[slice, Array, Array, f
 
 
 def _disturbances(prediction: Prediction, flown: Flown, limit: float) -> _Finding:
-    """Hold the motion between the harmonics against what the bands hold of noise, gusts and residual."""
+    """Hold motion between the harmonics, less the predicted transients, against what the bands hold there."""
     lines = _lines(prediction, flown)
     if lines is None or not lines[2].size:
         return None, "it takes two periods of a multisine, between whose harmonics nothing is excited"
@@ -280,7 +279,8 @@ def _disturbances(prediction: Prediction, flown: Flown, limit: float) -> _Findin
     for channel in prediction.channels:
         if channel.name not in STATES or channel.name not in flown.channels or channel.band_std == 0:
             continue
-        y = line_transforms(flown.channels[channel.name][span], time, quiet)[0]
+        off = flown.channels[channel.name][span] - np.interp(time, prediction.time, channel.change)
+        y = line_transforms(off, time, quiet)[0]
         density = 2 * np.abs(y) ** 2 / duration
         variance = float(density.mean() * (high - low))
         freedom = float(2 * density.sum() ** 2 / np.sum(density**2))

@@ -38,6 +38,7 @@ HEIGHT_M = 100.0
 GATE = 0.85
 """Lowest mean coverage of a single flight that passes; errors of one flight are alike over its time, so that
 the coverage of a flight as predicted scatters about 95 % (docs/predictions.md)."""
+NOISY = 0.1  # noise over motion of a regressor, of which about a tenth of a tenth is lost to bias on each line
 FEWEST = 0.5  # of the inputs that must be in a record for it to be one of the design
 
 
@@ -171,7 +172,7 @@ def predict_flight(
             "scenario": {"file": name_of(described), "sha256": described.sha256},
             "unstable_draws": float(run.unstable_draws),
         },
-        remarks=warnings(local, run, planned.inputs, vehicle),
+        remarks=(*_biased(found, noise), *warnings(local, run, vehicle)),
         date=(date or datetime.now(UTC)).astimezone(UTC).isoformat(timespec="seconds"),
         design=planned.design if isinstance(planned.design, MultisineDesign) else None,
     ).seal()
@@ -284,6 +285,7 @@ def control_law(
     names = tuple(e.name for e in scenario.effector)
     gain = np.zeros((len(names), len(FED_BACK)))
     ideal = Actuation.ideal(len(names))
+    up = down = None
     if scenario.simulation.loads:
         from freqid.compare.scenario_consequence import condition_at, design_law_at
 
@@ -295,7 +297,16 @@ def control_law(
             values = getattr(ideal, field.name).copy()
             values[order] = getattr(loop.actuation, field.name)
             rows[field.name] = values
+        from freqid.simulate.fly import DT
+
+        # commands are held for a frame, which delays them by half of one on average
+        rows["delay"][order] += 0.5 * DT
         actuation = Actuation(**rows)
+        up, down = rows["lag"].copy(), rows["lag"].copy()
+        motor = scenario.simulation.actuators.get("motor", {})
+        rotors = [i for i, e in enumerate(scenario.effector) if e.kind == "rotor"]
+        if motor:
+            up[rotors], down[rotors] = float(motor["rise_s"]), float(motor["fall_s"])
         source = "[control.gains]" if "gains" in scenario.control else "the simulation ([control.lq])"
         source += f" of {name_of(scenario)}, actuators of [simulation.actuators]"
     else:
@@ -314,7 +325,7 @@ def control_law(
             source = "no feedback, actuators that follow at once"
     if not feedback:
         gain, source = np.zeros_like(gain), "no feedback"
-    return ControlLaw(names, gain, actuation, source)
+    return ControlLaw(names, gain, actuation, source, up, down)
 
 
 def stated_noise(scenario: Scenario, sensors: str = "") -> dict[str, float]:
@@ -344,6 +355,25 @@ def stated_noise(scenario: Scenario, sensors: str = "") -> dict[str, float]:
             table.setdefault(effector.name, table[effector.kind])
     kinds = {e.kind for e in scenario.effector}
     return {n: float(x) for n, x in table.items() if n not in kinds}
+
+
+def _biased(model: PointModel | GlobalModel, noise: Mapping[str, float]) -> tuple[str, ...]:
+    """Return a remark where noise in the regressors biases the model, which no covariance says."""
+    if not isinstance(model, PointModel) or model.estimator != "least-squares":
+        return ()
+    noisy = {
+        n: noise[n] / rms
+        for r in model.responses.values()
+        for n, rms in zip(r.regressors, r.regressor_rms, strict=True)
+        if rms > 0 and noise.get(n, 0.0) > NOISY * rms
+    }
+    if not noisy:
+        return ()
+    worst = max(noisy, key=lambda n: noisy[n])
+    return (
+        f"the model is of least squares, and the noise of {worst} is {100 * noisy[worst]:.0f} % of its motion: "
+        "estimates are biased by more than the bands hold, identify it with the estimator 'instruments'",
+    )
 
 
 def _refuse_unfit(planned: Planned, effectors: tuple[str, ...], vehicle: Vehicle) -> None:

@@ -26,6 +26,8 @@ COMMANDS = {
     "identify-point": "identify_point",
     "frequency-response": "frequency_response",
     "global-blend": "global_blend",
+    "predict": "predict",
+    "score": "score",
     "check-simulation": "check_simulation",
     "diagnose-gap": "diagnose_gap",
     "report": "report",

@@ -214,7 +214,10 @@ def _amplitude(prediction: Prediction, flown: Flown, limit: float) -> _Finding:
         if rms > 0:
             rows.append((float(flown.regressors[name].std()) / rms, name))
     ratio, name = max(rows)
-    return ratio <= limit, f"{name} moved {ratio:.2f} times as much as in the identification; the limit is {limit:g}"
+    return (
+        ratio <= limit,
+        f"{name} moved {ratio:.2f} times as much as in the identification; the limit is {limit:g}",
+    )
 
 
 def _limits(looks: Sequence[InputLook], limit: float) -> _Finding:
@@ -260,12 +263,19 @@ def _lines(prediction: Prediction, flown: Flown) -> tuple[slice, Array, Array, f
     if not whole:
         return None
     low, high = design.band_hz
-    count = np.arange(int(np.ceil(low * whole * design.period_s)), int(high * whole * design.period_s + 1e-9) + 1)
+    count = np.arange(
+        int(np.ceil(low * whole * design.period_s)), int(high * whole * design.period_s + 1e-9) + 1
+    )
     excited = np.unique(np.concatenate([s.index for s in design.signals]))
     on = np.isin(count, excited * whole)
     harmonic = count % whole == 0  # of distortion too, where nothing is excited
     f = count / (whole * design.period_s)
-    return slice(span.start, span.start + round(whole * design.period_s / record.dt)), f[on], f[~harmonic], duration
+    return (
+        slice(span.start, span.start + round(whole * design.period_s / record.dt)),
+        f[on],
+        f[~harmonic],
+        duration,
+    )
 
 
 def _disturbances(prediction: Prediction, flown: Flown, limit: float) -> _Finding:

@@ -282,7 +282,8 @@ _CHANNEL = {
         for name in ("trim", "residual_std", "gust_std", "noise_std", "band_std")
     },
     **{
-        name: Dataset(f"channel/{{name}}/{name}", "{unit}", ("sample",)) for name in ("change", "parameter_std")
+        name: Dataset(f"channel/{{name}}/{name}", "{unit}", ("sample",))
+        for name in ("change", "parameter_std")
     },
     **{name: Dataset(f"channel/{{name}}/{name}", "{unit}") for name in ("lower", "upper")},
 }
@@ -394,15 +395,28 @@ class ChannelScore:
         """
         shift = self.offset if np.isfinite(self.offset) else 0.0
         s_a, s_p = float(self.measured.std()), float(self.predicted.std())
-        mixed = float(np.mean((self.measured - self.measured.mean()) * (self.predicted - self.predicted.mean())))
+        mixed = float(
+            np.mean((self.measured - self.measured.mean()) * (self.predicted - self.predicted.mean()))
+        )
         parts = np.array([shift**2, (s_p - s_a) ** 2, 2 * (s_p * s_a - mixed)])
         total = parts.sum()
         bias, variance, covariance = parts / total if total else np.full(3, np.nan)
         return float(bias), float(variance), float(covariance)
 
-    bias_share = property(lambda self: self.shares[0], doc="Share of the bias in the mean squared error.")
-    variance_share = property(lambda self: self.shares[1], doc="Share of unequal sizes, likewise.")
-    covariance_share = property(lambda self: self.shares[2], doc="Share of what is not in step, likewise.")
+    @property
+    def bias_share(self) -> float:
+        """Share of the means' difference."""
+        return self.shares[0]
+
+    @property
+    def variance_share(self) -> float:
+        """Share of unequal sizes."""
+        return self.shares[1]
+
+    @property
+    def covariance_share(self) -> float:
+        """Share of what is not in step."""
+        return self.shares[2]
 
 
 @dataclass(frozen=True)
@@ -484,7 +498,9 @@ class Score(Viewable):
         known = {f"{c.kind}/{c.name}": c for c in self.channels}
         found = [c for key, c in known.items() if name in (key, c.name)]
         if len(found) != 1:
-            raise UsageError(f"'{name}' names {len(found)} channels of the score", remedy=nearest(name, known))
+            raise UsageError(
+                f"'{name}' names {len(found)} channels of the score", remedy=nearest(name, known)
+            )
         return found[0]
 
 
@@ -495,8 +511,7 @@ _CHANNEL_SCORE = {
     **{name: Attribute(f"{_SCORED}@{name}") for name in ("bias_share", "variance_share", "covariance_share")},
     "time": Dataset(f"{_SCORED}/time", "s", ("sample",)),
     **{
-        name: Dataset(f"{_SCORED}/{name}", "{unit}", ("sample",))
-        for name in ("measured", "predicted", "std")
+        name: Dataset(f"{_SCORED}/{name}", "{unit}", ("sample",)) for name in ("measured", "predicted", "std")
     },
 }
 _CHECK = {name: Attribute(f"check/{{name}}@{name}") for name in ("statement", "held", "evidence")}

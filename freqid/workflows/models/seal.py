@@ -30,7 +30,15 @@ from freqid.dynamics.controlled import FED_BACK, ControlLaw
 from freqid.dynamics.linear_loop import Actuation
 from freqid.identify.response.injection import find_start
 from freqid.workflows.design import DesignedInputs
-from freqid.workflows.inputs import File, Flight, maneuver_of, name_of, names_of, point_of, record_of, scenario_of
+from freqid.workflows.inputs import (
+    File,
+    Flight,
+    maneuver_of,
+    name_of,
+    names_of,
+    point_of,
+    scenario_of,
+)
 from freqid.workflows.quicklook import Design, Planned, look_at_inputs, planned_of
 
 HEIGHT_M = 100.0
@@ -38,7 +46,9 @@ HEIGHT_M = 100.0
 GATE = 0.85
 """Lowest mean coverage of a single flight that passes; errors of one flight are alike over its time, so that
 the coverage of a flight as predicted scatters about 95 % (docs/predictions.md)."""
-NOISY = 0.1  # noise over motion of a regressor, of which about a tenth of a tenth is lost to bias on each line
+NOISY = (
+    0.1  # noise over motion of a regressor, of which about a tenth of a tenth is lost to bias on each line
+)
 FEWEST = 0.5  # of the inputs that must be in a record for it to be one of the design
 
 

@@ -20,9 +20,9 @@ from freqid.dynamics.small_motion import STATES, equations_of_motion
 FED_BACK = (*STATES, "psi", "integral of u", "integral of v", "altitude", "integral of psi")
 """What a control law may feed back: columns of its gains."""
 
-_WRAPPED = 12.0  # exponent of the weight over a transform's length: what wraps around is exp(-12) of itself
+_WRAPPED = 6.0  # exponent of the weight over a transform: what wraps around is exp(-6) of a decayed motion
 _PADDED = 2.0  # length of the transform over that of the signals
-_LEFT_OUT = 1e-6  # lines whose inputs are below this share of the largest are left out
+_LEFT_OUT = 3e-5  # lines whose inputs are below this share of the largest are left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,10 +152,11 @@ class ControlledAircraft:
 
         Notes
         -----
-        Inverse Laplace transform on the line ``Re s = 12 / L`` of a transform of length L, twice that of the
-        signals, by FFT: what wraps around is ``exp(-12)`` of itself, and a motion that grows is had as
-        well as one that decays (Dubner & Abate, J. ACM 15(1), 1968). Lags that are uneven are integrated under
-        what the linear loop asks of them; what they differ by acts on the loop as a displacement.
+        Inverse Laplace transform on the line ``Re s = 6 / L`` of a transform of length L, twice that of the
+        signals, by FFT: what wraps around is ``exp(-6)`` of what is left after the signals' length, and a
+        motion that grows is had as well as one that decays (Dubner & Abate, J. ACM 15(1), 1968). Lags that
+        are uneven are integrated under what the linear loop asks of them; what they differ by acts on the
+        loop as a displacement.
         """
         count = injected.shape[1]
         size = int(2 * np.ceil(_PADDED * count / 2))

@@ -12,7 +12,7 @@ from freqid.core.vehicle import Vehicle
 AS_DESIGNED = 0.1
 """That an injection may differ from the design in size."""
 FARTHER = 1.0
-"""Times the motion of the identification: a trim that is farther off is outside what the model was made from."""
+"""Times the motion of the identification: a trim that is farther off is outside what the model knows."""
 LARGER = 1.5
 """Times the motion of the identification: what a linear model was not tried at beyond this."""
 DENSITY = 0.05
@@ -65,8 +65,7 @@ def assumptions(
         ),
         Assumption(
             "amplitude",
-            "The aircraft moves no farther than when the model was identified, so that it is linear as far as "
-            "the model knows",
+            "The aircraft moves no farther than when the model was identified, where linear loads were tried",
             LARGER,
             "rms of the identification",
         ),
@@ -84,7 +83,7 @@ def assumptions(
         ),
         Assumption(
             "disturbances",
-            f"Nothing moves the aircraft but the design, {gust} and loads as random as those that the fit left",
+            f"Nothing moves the aircraft but the design, {gust} and loads like those that the fit left",
             FALSE_ALARM,
             "probability of a false alarm",
         ),
@@ -114,7 +113,7 @@ def warnings(model: ModelAtCondition, run: FreeRun, vehicle: Vehicle) -> tuple[s
         ratio = float(channel.change.std()) / identified.get(channel.name, np.inf)
         if ratio > LARGER:
             said.append(
-                f"{channel.name} is predicted to move {ratio:.1f} times as much as when the model was identified"
+                f"{channel.name} is predicted to move {ratio:.1f} times as much as when the model was made"
             )
         if channel.kind == "effector" and np.isfinite(channel.trim):
             low, high = vehicle.effector(channel.name).limits
@@ -126,7 +125,8 @@ def warnings(model: ModelAtCondition, run: FreeRun, vehicle: Vehicle) -> tuple[s
                 )
     if run.unstable_draws > 0:
         said.append(
-            f"the loop is unstable for {100 * run.unstable_draws:.0f} % of the models that the covariance allows"
+            f"the loop is unstable for {100 * run.unstable_draws:.0f} % of the models that the covariance "
+            "allows"
         )
     if not model.responses[0].residual_hz.size:
         said.append(

@@ -1,8 +1,8 @@
 """The free-running response of a model under its control law, and the bands that it is meant to stay in.
 
-Four things put the flight off the prediction: errors of the parameters, by models drawn from their covariance;
-loads that the fit left unexplained, driven through the closed loop; stated gusts, likewise; and the noise of
-each channel's own sensor (docs/theory/sealed-predictions.md).
+Four things put the flight off the prediction: errors of the parameters, by models drawn from their
+covariance; loads that the fit left unexplained, driven through the closed loop; stated gusts, likewise; and
+the noise of each channel's own sensor (docs/theory/sealed-predictions.md).
 """
 
 from __future__ import annotations
@@ -286,7 +286,7 @@ def _sensors_in_residual(
 
 
 def _positive(matrix: Complex) -> Complex:
-    """Return the nearest Hermitian matrix without negative eigenvalues, in units in which all rows count alike."""
+    """Return the nearest Hermitian matrix without negative eigenvalues, once all rows count alike."""
     size = np.sqrt(np.maximum(np.abs(np.diag(matrix)), 1e-300))
     values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
     scaled = (vectors * np.maximum(values, 0.0)) @ vectors.conj().T

@@ -1,4 +1,4 @@
-"""A model at one condition, as a prediction needs it: derivatives, their covariance, and what the fit left."""
+"""A model at one condition, as a prediction needs it: derivatives, their covariance, what the fit left."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Small motions of an aircraft under a control law with integral action and real actuators, in time and by line.
+"""Small motions of an aircraft under a control law with integral action and real actuators.
 
 Actuators and delays act by their exact transfer functions, so that nothing is approximated but the inverse
 transform, whose error is a matter of the number of lines.

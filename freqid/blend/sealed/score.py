@@ -59,7 +59,7 @@ class Flown:
         inside = np.flatnonzero((since >= -1e-6) & (since <= prediction.time[-1] + 1e-6))
         if inside.size < 100:
             raise DataError(
-                f"the record holds {inside.size} samples of the design, which starts at {start_s:.4g} s of it",
+                f"the record holds {inside.size} samples of the design, which starts at {start_s:.4g} s",
                 remedy="score a record that holds the manoeuvre",
             )
         cut = Maneuver(

@@ -1,4 +1,4 @@
-"""What a model says of a flight before it is flown, sealed by a checksum, and its file (``freqid-prediction``)."""
+"""What a model says of a flight before it is flown, sealed by a checksum, and the flight beside it; files."""
 
 from __future__ import annotations
 
@@ -475,7 +475,8 @@ class Score(Viewable):
 
     def __repr__(self) -> str:
         shares = ", ".join(f"{kind} {100 * share:.1f} %" for kind, share in self.coverage.items())
-        return f"<Score of {self.prediction!r}: in the bands {shares}; failed: {', '.join(self.failed) or 'none'}>"
+        failed = ", ".join(self.failed) or "none"
+        return f"<Score of {self.prediction!r}: in the bands {shares}; failed: {failed}>"
 
     @property
     def coverage(self) -> dict[str, float]:

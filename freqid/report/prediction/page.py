@@ -160,7 +160,7 @@ def _prediction_findings(prediction: Prediction) -> list[Finding]:
     findings = [
         finding(
             "good",
-            "{} channels are predicted over {} s, each with a band that is meant to hold 95 % of its samples.",
+            "{} channels are predicted over {} s, each with a band meant to hold 95 % of its samples.",
             len(prediction.channels),
             f"{prediction.time[-1]:.4g}",
         )
@@ -173,8 +173,7 @@ def _score_findings(score: Score) -> list[Finding]:
     shares = ", ".join(f"{k} {percent(share)}" for k, share in score.coverage.items())
     findings = [finding(kind, "In the 95 % bands: {}; the gate is {}.", shares, percent(score.gate))]
     failed = [c for c in score.checks if c.held == "no"]
-    for check in failed:
-        findings.append(finding("bad", "Failed: {} ({}).", check.statement, check.evidence))
+    findings += [finding("bad", "Failed: {} ({}).", c.statement, c.evidence) for c in failed]
     if not failed:
         findings.append(finding("good", "No assumption that the record tells of failed."))
     return findings

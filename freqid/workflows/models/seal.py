@@ -134,9 +134,10 @@ def predict_flight(
             local = of_point(found, vehicle)
         else:
             if not at:
+                first = next((r.id for r in described.reference), "ID")
                 raise UsageError(
                     "a global model predicts at a condition, and none is named",
-                    remedy=f"choose one with --at, such as --at {next((r.id for r in described.reference), 'ID')}",
+                    remedy=f"choose one with --at, such as --at {first}",
                 )
             left = point_of(residual) if residual is not None else None
             local = of_global(found, described.reference_of(at), vehicle, left)
@@ -381,8 +382,8 @@ def _biased(model: PointModel | GlobalModel, noise: Mapping[str, float]) -> tupl
         return ()
     worst = max(noisy, key=lambda n: noisy[n])
     return (
-        f"the model is of least squares, and the noise of {worst} is {100 * noisy[worst]:.0f} % of its motion: "
-        "estimates are biased by more than the bands hold, identify it with the estimator 'instruments'",
+        f"the model is of least squares, and the noise of {worst} is {100 * noisy[worst]:.0f} % of its "
+        "motion, which biases estimates by more than the bands hold: identify it by instruments",
     )
 
 

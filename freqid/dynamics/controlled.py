@@ -140,7 +140,7 @@ class ControlledAircraft:
         x = steady_motion(E, A, feedback, displaced, s / (2j * np.pi), added=loads)
         return x, displaced + np.einsum("fnx,xf->nf", feedback, x)
 
-    def history(self, injected: Array, dt: float) -> tuple[Array, Array]:
+    def history(self, injected: Array, dt: float, *, uneven: bool = True) -> tuple[Array, Array]:
         """Return states and positions in time from rest, shape (8, sample) and (n, sample).
 
         Parameters
@@ -149,18 +149,21 @@ class ControlledAircraft:
             Added to the commands; it starts and ends at zero.
         dt : float
             s.
+        uneven : bool
+            False takes lags as their mean, which is twice as fast.
 
         Notes
         -----
-        Inverse Laplace transform on the line ``Re s = 6 / L`` of a transform of length L, twice that of the
-        signals, by FFT: what wraps around is ``exp(-6)`` of what is left after the signals' length, and a
-        motion that grows is had as well as one that decays (Dubner & Abate, J. ACM 15(1), 1968). Lags that
-        are uneven are integrated under what the linear loop asks of them; what they differ by acts on the
-        loop as a displacement.
+        Inverse Laplace transform on the line ``Re s = g + 6 / L``, g the growth of the fastest growing mode
+        and L twice the length of the signals, by FFT: what wraps around is ``exp(-6)`` of what is left after
+        the signals' length, and a motion that grows is had as well as one that decays (Dubner & Abate, J. ACM
+        15(1), 1968). Lags that are uneven are integrated under what the linear loop asks of them; what they
+        differ by acts on the loop as a displacement.
         """
         count = injected.shape[1]
         size = int(2 * np.ceil(_PADDED * count / 2))
-        shift = _WRAPPED / (size * dt)
+        growth = max(float(self.loop.eigenvalues.real.max()), 0.0)
+        shift = growth + _WRAPPED / (size * dt)
         weight = np.exp(-shift * dt * np.arange(count))
         lines = np.fft.rfft(injected * weight, size)
         strength = np.abs(lines) / np.maximum(np.abs(lines).max(axis=1, keepdims=True), 1e-300)
@@ -175,12 +178,12 @@ class ControlledAircraft:
         x, d = self.motion(s, lines[:, :last])
         states, positions = in_time(x), in_time(d)
         up, down = self.law.up, self.law.down
-        if up is not None and down is not None and not np.array_equal(up, down):
+        if uneven and up is not None and down is not None and not np.array_equal(up, down):
             lag = self.law.actuation.lag
-            uneven = np.flatnonzero(up != down)
-            asked = in_time((lag[uneven, None] * s + 1) * d[uneven])
+            those = np.flatnonzero(up != down)
+            asked = in_time((lag[those, None] * s + 1) * d[those])
             off = np.zeros_like(injected)
-            off[uneven] = _followed(asked, dt, up[uneven], down[uneven]) - positions[uneven]
+            off[those] = _followed(asked, dt, up[those], down[those]) - positions[those]
             moved = self.displaced(s, np.fft.rfft(off * weight, size)[:, :last])
             states, positions = states + in_time(moved[0]), positions + in_time(moved[1])
         return states, positions

@@ -91,16 +91,16 @@ def free_run(
     top = model.highest_hz if np.isfinite(model.highest_hz) else band_hz[1]
     thin = max(1, int(1 / (POINTS * max(top, band_hz[1]) * dt) + 1e-9))
 
-    def response(one: ControlledAircraft) -> Array:
-        both = np.concatenate(one.history(injected, dt))[:, ::thin]
+    def response(one: ControlledAircraft, uneven: bool) -> Array:
+        both = np.concatenate(one.history(injected, dt, uneven=uneven))[:, ::thin]
         return np.concatenate([both, one.wrench @ both])
 
-    change = response(aircraft)
+    change, linear = response(aircraft, True), response(aircraft, False)
     square, unstable = np.zeros_like(change), 0
     for estimates in model.draw(draws, seed):
         one = aircraft.with_wrench(model.wrench(names, estimates))
         unstable += not one.loop.stable
-        off = response(one) - change
+        off = response(one, False) - linear
         square += (off - off.mean(axis=1, keepdims=True)) ** 2
     time = inputs.time[::thin]
     steady = _steady(model, aircraft, float(inputs.time[-1]), top, band_hz, noise, gusts)
@@ -196,7 +196,7 @@ def _steady(
     measured = np.ones((total, f.size), dtype=bool)
     measured[-6:] = f <= top * (1 + 1e-9)
     residual, gust, in_band = np.zeros((3, total))
-    density = _unexplained(model, aircraft, f, noise)
+    density = _unexplained(model, aircraft, f, noise, band_hz)
     if density is not None:
         unit = np.eye(6)[:, :, None] * np.ones(f.size)
         response = np.array([channels(one.astype(complex), None) for one in unit])  # (load, channel, f)
@@ -230,7 +230,11 @@ def _gust_sources(gusts: Dryden, f: Array) -> list[Complex]:
 
 
 def _unexplained(
-    model: ModelAtCondition, aircraft: ControlledAircraft, f: Array, noise: Mapping[str, float]
+    model: ModelAtCondition,
+    aircraft: ControlledAircraft,
+    f: Array,
+    noise: Mapping[str, float],
+    band_hz: tuple[float, float],
 ) -> Complex | None:
     """Return the density of loads that the fit left and no sensor explains, shape (line, 6, 6), one-sided.
 
@@ -245,12 +249,12 @@ def _unexplained(
     hz, left = grids[0][order], np.array([r.residual[order] for r in every])
     alone = np.array([r.residual_noise[order] for r in every])
     spacing = float(np.median(np.diff(np.unique(hz))))
-    # what is explained by the stated sensors, within the scatter of so few lines, moves nothing
-    above = chi2.isf(BY_CHANCE, 2 * POOLED) / (2 * POOLED)
+    slow = int(np.count_nonzero(hz < band_hz[0]))
     # a distortion lives on excited lines alone, and the next design excites as many
     thinned = min(1.0, 1 / (every[0].duration * spacing))
     d = _sensors_in_residual(model, aircraft, hz, noise)
-    pools = np.array_split(np.arange(hz.size), max(1, hz.size // POOLED))
+    pools = np.array_split(np.arange(slow, hz.size), max(1, (hz.size - slow) // POOLED))
+    pools += [np.array([i]) for i in range(slow)]  # a drift is steep
     centres, densities = [], []
     for pool in pools:
         found = left[:, pool] @ left[:, pool].conj().T / pool.size
@@ -260,7 +264,9 @@ def _unexplained(
             random = np.minimum(np.mean(alone[:, pool] ** 2, axis=1) / np.maximum(power, 1e-300), 1.0)
         own = np.einsum("lrs,lqs->rq", d[pool], d[pool].conj()) / pool.size
         chance, twisted = np.sqrt(random), np.sqrt(1 - random)
+        # what is explained by the stated sensors, within the scatter of so few lines, moves nothing
         process = _positive(found * np.outer(chance, chance) - own)
+        above = chi2.isf(BY_CHANCE, 2 * pool.size) / (2 * pool.size)
         loads = (random * power > above * np.diag(own).real).astype(float)
         process = process * np.outer(loads, loads)
         centres.append(float(hz[pool].mean()))

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from freqid.blend.global_model import GlobalModel
-from freqid.core.arrays import Array
+from freqid.core.arrays import Array, Complex
 from freqid.core.channels import WRENCH
 from freqid.core.errors import DataError, UsageError, nearest
-from freqid.core.results.point import PointModel, ResponseModel
+from freqid.core.results.point import Fit, PointModel, ResponseModel
 from freqid.core.results.prediction import PredictedResponse
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Vehicle
@@ -218,7 +218,12 @@ def _at(
 
 
 def _of_response(model: ResponseModel) -> PredictedResponse:
-    """Return a response of a point model with what its fit left."""
+    """Return a response of a point model with what its fit left.
+
+    Where noise lines told the covariance, it is of noise alone: how estimates of one design scatter. With
+    another design they scatter by the distortion too, whose power over that of noise is then known.
+    """
+    scatter = max(model.distortion or 1.0, 1.0)
     return PredictedResponse(
         response=model.response,
         unit=model.unit,
@@ -227,7 +232,7 @@ def _of_response(model: ResponseModel) -> PredictedResponse:
         trim=model.trim,
         regressor_rms=model.regressor_rms,
         estimate=model.estimate,
-        covariance=model.covariance,
+        covariance=model.covariance * scatter,
         bias=float(model.bias),
         **{**_NOTHING_LEFT, **_left_by(model)},
     )
@@ -257,9 +262,20 @@ def _left_by(model: ResponseModel) -> dict[str, object]:
     if lines:
         scale = np.sqrt(2 / duration / freed)
         noise = [f.noise if f.noise is not None else np.full(f.axis.size, np.nan) for f in lines]
+        slow = [_slow_lines(f, float(lines[0].axis[0])) for f in times]
+        drift = np.sqrt(2 / duration) * np.concatenate([left for _, left in slow])
         found |= {
-            "residual_hz": np.concatenate([f.axis for f in lines]),
-            "residual": scale * np.concatenate([f.residual for f in lines]),
-            "residual_noise": scale * np.concatenate(noise),
+            "residual_hz": np.concatenate([*(hz for hz, _ in slow), *(f.axis for f in lines)]),
+            "residual": np.concatenate([drift, scale * np.concatenate([f.residual for f in lines])]),
+            "residual_noise": np.concatenate([np.abs(drift), scale * np.concatenate(noise)]),
         }
     return found
+
+
+def _slow_lines(fit: Fit, lowest_hz: float) -> tuple[Array, Complex]:
+    """Return lines below those of a fit and what is left there: drifts, of a battery or of the trim."""
+    step = float(fit.axis[1] - fit.axis[0])
+    count = int(np.ceil(lowest_hz * step * fit.axis.size - 1e-6)) - 1
+    lines = np.arange(1, count + 1) / (step * fit.axis.size)
+    residual = fit.residual - fit.residual.mean()
+    return lines, step * np.exp(-2j * np.pi * np.outer(lines, fit.axis)) @ residual

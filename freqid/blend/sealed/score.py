@@ -331,6 +331,7 @@ def _structure(prediction: Prediction, flown: Flown, limit: float) -> _Finding:
 def _expected(response: PredictedResponse, hz: Array, duration: float) -> Array:
     """Return the one-sided density that a residual is expected to have, shape (line,)."""
     order = np.argsort(response.residual_hz, kind="stable")
+    order = order[response.residual_hz[order] > hz[0] * (1 - 1e-9)]  # without the drift
     own, power = response.residual_hz[order], np.abs(response.residual[order]) ** 2
     noise = response.residual_noise[order] ** 2
     density = []

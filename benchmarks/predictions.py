@@ -1,18 +1,19 @@
-"""Coverage of sealed predictions over 200 simulated flights: `python benchmarks/predictions.py [MODELS] [SEED]`.
+"""Coverage of sealed predictions over 200 simulated flights: `python benchmarks/predictions.py`.
 
-At each of five cases (the tilt-wing at three conditions, the linear aircraft in still air and in gusts), each of
-eight models is identified by instruments from a flight of its own, predicts another design, and is scored on
-five flights of that. Designs differ by random signs of their effectors, which keep their peaks: distortion and
-transients differ with them. The last digit of every seed of noise, gusts and signs is of one flight.
+At each of five cases (the tilt-wing at three conditions, the linear aircraft in still air and in gusts), each
+of eight models is identified by instruments from a flight of its own, predicts another design, and is scored
+on five flights of that. Designs differ by random signs of their effectors, which keep their peaks: distortion
+and transients differ with them. No two flights share a seed of noise, gusts or signs.
 
-Rows: coverage of the 95 % bands by case, kind and channel, the mean over all flights; the standard deviation of
-one flight's coverage; RMSE over what was predicted, rms over the flights; Theil's U; and how many flights were
-said to contradict an assumption, by case. Writes benchmarks/predictions.csv. The second argument is the first
-seed: those from 1000 on judge, lower ones were used to build it.
+Rows: coverage of the 95 % bands by case, kind and channel, the mean over all flights; the standard deviation
+of one flight's coverage; RMSE over the predicted one, rms over the flights; Theil's U; last, how many flights
+passed the gate, and were said to contradict an assumption. Writes benchmarks/predictions.csv. Arguments are
+the number of models and the first seed: those from 1000 on judge, lower ones were used to build it.
 """
 
 from __future__ import annotations
 
+import csv
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -110,8 +111,6 @@ def main() -> None:
         rows += part
         for each in part:
             print("  ".join(f"{value:<10}" for value in each.values()), flush=True)
-    import csv
-
     with Path(__file__).with_suffix(".csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()

@@ -17,12 +17,19 @@ import csv
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from joblib import Parallel, delayed
 
-import freqid as fq
+from freqid.core.record import FlightRecord
 from freqid.core.results.design import MultisineDesign
+from freqid.core.results.prediction import Score
+from freqid.core.scenario import read_scenario
+from freqid.workflows.design import design_inputs
+from freqid.workflows.fly import simulate
+from freqid.workflows.models.identify import identify_point
+from freqid.workflows.models.seal import predict_flight, score_prediction
 
 MODELS = int(sys.argv[1]) if len(sys.argv) > 1 else 8
 SEED = int(sys.argv[2]) if len(sys.argv) > 2 else 1000
@@ -46,26 +53,26 @@ def signed(design: MultisineDesign, seed: int) -> MultisineDesign:
 
 def case(scenario: str, at: str, gusts: float, models: int) -> list[dict[str, str]]:
     """Return the rows of one case."""
-    described = fq.read_scenario(scenario)
-    design = fq.design_inputs(described, seed=0).design
-    scores: list[fq.Score] = []
+    described = read_scenario(scenario)[0]
+    design = cast(MultisineDesign, design_inputs(described, seed=0).design)
+    scores: list[Score] = []
 
-    def flown(inputs: MultisineDesign, seed: int) -> fq.FlightRecord:
-        return fq.simulate(described, inputs, at=at, noise=1.0, turbulence=gusts, seed=seed).record
+    def flown(inputs: MultisineDesign, seed: int) -> FlightRecord:
+        return simulate(described, inputs, at=at, noise=1.0, turbulence=gusts, seed=seed).record
 
     for m in range(models):
         first = SEED + 10 * FLIGHTS * m
-        model = fq.identify_point(flown(signed(design, first), first), described, estimator="instruments")
+        model = identify_point(flown(signed(design, first), first), described, estimator="instruments")
         inputs = signed(design, first + 1)
-        sealed = fq.predict_flight(
+        sealed = predict_flight(
             model, inputs, described, sensors="research", turbulence=gusts, draws=DRAWS, seed=first
         )
-        scores += [fq.score_prediction(sealed, flown(inputs, first + 2 + f)) for f in range(FLIGHTS)]
+        scores += [score_prediction(sealed, flown(inputs, first + 2 + f)) for f in range(FLIGHTS)]
     name = f"{described.vehicle.name} {at}" + (f" gusts {gusts:g} m/s" if gusts else "")
     return rows_of(name, scores)
 
 
-def rows_of(name: str, scores: list[fq.Score]) -> list[dict[str, str]]:
+def rows_of(name: str, scores: list[Score]) -> list[dict[str, str]]:
     """Return a row for each channel, for each kind, and for the assumptions."""
     rows = []
 
@@ -107,7 +114,8 @@ def rows_of(name: str, scores: list[fq.Score]) -> list[dict[str, str]]:
 def main() -> None:
     found = Parallel(n_jobs=2, return_as="generator")(delayed(case)(*one, MODELS) for one in CASES)
     rows: list[dict[str, str]] = []
-    for part in found:
+    for one in found:
+        part = cast(list[dict[str, str]], one)
         rows += part
         for each in part:
             print("  ".join(f"{value:<10}" for value in each.values()), flush=True)

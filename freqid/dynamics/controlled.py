@@ -14,7 +14,7 @@ import numpy as np
 from freqid.core.arrays import Array, Complex
 from freqid.core.vehicle import Vehicle
 from freqid.dynamics.linear_loop import Actuation, LinearLoop
-from freqid.dynamics.loop import steady_motion
+from freqid.dynamics.loop import steady_motion_at
 from freqid.dynamics.small_motion import STATES, equations_of_motion
 
 FED_BACK = (*STATES, "psi", "integral of u", "integral of v", "altitude", "integral of psi")
@@ -137,7 +137,7 @@ class ControlledAircraft:
             displaced = displaced + np.einsum("fnx,xf->nf", feedback[:, :, :3], gust[:3])
             loads[:3] -= self.vehicle.mass_properties.mass_kg * s * gust[:3]
             loads -= self.wrench[:, 3:6] @ gust[3:]
-        x = steady_motion(E, A, feedback, displaced, s / (2j * np.pi), added=loads)
+        x = steady_motion_at(E, A, feedback, displaced, s, added=loads)
         return x, displaced + np.einsum("fnx,xf->nf", feedback, x)
 
     def history(self, injected: Array, dt: float, *, uneven: bool = True) -> tuple[Array, Array]:
@@ -168,7 +168,7 @@ class ControlledAircraft:
         lines = np.fft.rfft(injected * weight, size)
         strength = np.abs(lines) / np.maximum(np.abs(lines).max(axis=1, keepdims=True), 1e-300)
         last = int(np.flatnonzero((strength > _LEFT_OUT).any(axis=0)).max(initial=0)) + 1
-        s = shift + 2j * np.pi * np.arange(last) / (size * dt)
+        s = np.asarray(shift + 2j * np.pi * np.arange(last) / (size * dt), dtype=np.complex128)
 
         def in_time(found: Complex) -> Array:
             full = np.zeros((len(found), size // 2 + 1), dtype=complex)
@@ -198,7 +198,7 @@ class ControlledAircraft:
         """
         E, A = self._matrices
         feedback = self.feedback(s)
-        x = steady_motion(E, A, feedback, displacement, s / (2j * np.pi))
+        x = steady_motion_at(E, A, feedback, displacement, s)
         return x, displacement + np.einsum("fnx,xf->nf", feedback, x)
 
     @cached_property

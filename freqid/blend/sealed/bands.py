@@ -140,7 +140,7 @@ def refuse_unstable(aircraft: ControlledAircraft, duration: float) -> None:
     """
     loop = aircraft.loop
     values, vectors = np.linalg.eig(loop.closed)
-    worst = int(np.argmax(values.real))
+    worst = int(np.argmax(np.real(values)))
     mode = values[worst]
     if mode.real * duration < np.log(2):
         return
@@ -179,8 +179,8 @@ def _steady(
 ) -> _Steady:
     """Return what unexplained loads and gusts do to every channel."""
     step = 1 / duration
-    f = step * np.arange(1, int(GUST_RANGE * top / step) + 1)
-    s = 2j * np.pi * f
+    f = np.asarray(step * np.arange(1, int(GUST_RANGE * top / step) + 1), dtype=np.float64)
+    s = np.asarray(2j * np.pi * f, dtype=np.complex128)
     still = np.zeros((len(aircraft.law.effectors), f.size), dtype=complex)
 
     def channels(added: Complex | None, gust: Complex | None) -> Complex:
@@ -267,7 +267,7 @@ def _unexplained(
         # what is explained by the stated sensors, within the scatter of so few lines, moves nothing
         process = _positive(found * np.outer(chance, chance) - own)
         above = chi2.isf(BY_CHANCE, 2 * pool.size) / (2 * pool.size)
-        loads = (random * power > above * np.diag(own).real).astype(float)
+        loads = (random * power > above * np.real(np.diag(own))).astype(float)
         process = process * np.outer(loads, loads)
         centres.append(float(hz[pool].mean()))
         densities.append(process + thinned * found * np.outer(twisted, twisted))

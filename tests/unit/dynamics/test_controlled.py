@@ -39,7 +39,7 @@ def aircraft(up=None, down=None, delay=DELAY, law=None, spin=None):
         ),
         effectors=tuple(Effector(name=n, kind="surface", limits=(-1.0, 1.0)) for n in NAMES),
     )
-    lag = LAG if up is None else 2 / (1 / up + 1 / down)
+    lag = LAG if up is None or down is None else 2 / (1 / up + 1 / down)
     one, zero = np.ones(3), np.zeros(3)
     actuation = Actuation(one, delay, np.full(3, np.inf), one, one, lag, zero)
     control = ControlLaw(NAMES, gains() if law is None else law, actuation, "test", up, down)

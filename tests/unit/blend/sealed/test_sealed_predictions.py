@@ -30,6 +30,7 @@ def scenario(linear_aircraft):
     # without a simulation: the law is [control.gains], and actuators follow at once, as they do in `fly`
     described = msgspec.structs.replace(described, simulation=type(described.simulation)())
     noise = {**described.noise, "phi": 0.0017, "theta": 0.0017}
+    assert described.excitation is not None
     excitation = msgspec.structs.replace(described.excitation, period_s=30.0, periods=2)
     return msgspec.structs.replace(described, noise=noise, excitation=excitation)
 

@@ -96,6 +96,7 @@ def score_result(score: Score) -> dict[str, Any]:
                 "rmse": c.rmse,
                 "expected_rmse": c.expected_rmse,
                 "offset": _plain(c.offset),
+                "drift": c.drift,
                 "theil": _plain(c.theil),
                 "bias_share": _plain(c.bias_share),
                 "variance_share": _plain(c.variance_share),

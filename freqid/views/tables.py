@@ -206,8 +206,8 @@ def _of_prediction(prediction: Prediction) -> pd.DataFrame:
 @frame_of.register
 def _of_score(score: Score) -> pd.DataFrame:
     rows = [
-        (c.kind, c.name, c.unit, c.coverage, c.rmse, c.expected_rmse, c.offset, c.theil, *c.shares)
+        (c.kind, c.name, c.unit, c.coverage, c.rmse, c.expected_rmse, c.offset, c.drift, c.theil, *c.shares)
         for c in score.channels
     ]
-    head = ["kind", "channel", "unit", "coverage", "rmse", "expected_rmse", "offset", "theil"]
+    head = ["kind", "channel", "unit", "coverage", "rmse", "expected_rmse", "offset", "drift", "theil"]
     return pd.DataFrame(rows, columns=[*head, "bias_share", "variance_share", "covariance_share"])

@@ -127,6 +127,8 @@ def test_bad_input_is_one_sentence(folder, freqid, tmp_path):
     code, _, err = freqid("predict", folder / "point.h5", folder / "first.h5", *scenario)
     assert code == 3
     assert "expected 'freqid-design'" in err
-    code, _, err = freqid("predict", folder / "point.h5", folder / "design.h5", *scenario, "--sensors", "best")
+    code, _, err = freqid(
+        "predict", folder / "point.h5", folder / "design.h5", *scenario, "--sensors", "best"
+    )
     assert code == 2
     assert "no sensor suite 'best'" in err

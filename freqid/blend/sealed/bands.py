@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import detrend
 from scipy.stats import chi2
 
 from freqid.blend.sealed.condition import ModelAtCondition
@@ -28,6 +29,7 @@ from freqid.simulate.air.dryden import Dryden
 POINTS = 25  # samples in the shortest period that a predicted history has at least
 POOLED = 24  # lines over which the power of a residual is averaged
 BY_CHANCE = 0.05  # probability that a residual of sensor noise alone is taken for a load
+BEYOND = 1.5  # times the highest line, up to which the residual is taken to go on as it ends
 GUST_RANGE = 3.0  # times the highest line, up to which gusts move the aircraft
 
 
@@ -101,7 +103,7 @@ def free_run(
         one = aircraft.with_wrench(model.wrench(names, estimates))
         unstable += not one.loop.stable
         off = response(one, False) - linear
-        square += (off - off.mean(axis=1, keepdims=True)) ** 2
+        square += detrend(off) ** 2
     time = inputs.time[::thin]
     steady = _steady(model, aircraft, float(inputs.time[-1]), top, band_hz, noise, gusts)
     own = _sensor_noise(model, aircraft, 1 / dt, top, band_hz, noise)
@@ -201,7 +203,7 @@ def _steady(
         unit = np.eye(6)[:, :, None] * np.ones(f.size)
         response = np.array([channels(one.astype(complex), None) for one in unit])  # (load, channel, f)
         power = np.einsum("acf,fab,bcf->cf", response, density, response.conj()).real
-        power[:, f > top * (1 + 1e-9)] = 0.0  # nothing is known of it beyond the model's lines
+        power[:, f > BEYOND * top] = 0.0
         residual = step * (power * measured).sum(axis=1)
         in_band += step * (power * inside).sum(axis=1)
     if gusts is not None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import detrend
 from scipy.stats import f as f_distribution
 
 from freqid.blend.sealed.bands import POOLED
@@ -94,8 +95,10 @@ def scored_channels(prediction: Prediction, flown: Flown) -> tuple[ChannelScore,
 
     def scored(kind: str, name: str, unit: str, rows: Array, std: Array, offset: float, ends: int) -> None:
         keep = slice(ends, flown.time.size - ends)
-        both = rows[:, keep] - rows[:, keep].mean(axis=1, keepdims=True)
-        found.append(ChannelScore(kind, name, unit, flown.time[keep], both[0], both[1], std[keep], offset))
+        time = flown.time[keep]
+        both = detrend(rows[:, keep])
+        slope = float(np.polyfit(time, rows[0, keep] - rows[1, keep], 1)[0])
+        found.append(ChannelScore(kind, name, unit, time, both[0], both[1], std[keep], offset, slope))
 
     # a history up to a highest frequency says more about its ends there than about the model
     ends = int(np.ceil(2 / top / dt)) if np.isfinite(top) else 0
@@ -116,7 +119,7 @@ def scored_channels(prediction: Prediction, flown: Flown) -> tuple[ChannelScore,
         rows = np.array([flown.wrench[response.response], response.estimate @ x])
         if np.isfinite(top):
             rows, x = up_to(rows, dt, top), up_to(x, dt, top)
-        about = x - x.mean(axis=1, keepdims=True)
+        about = detrend(x)
         own = response.residual_rms if np.isfinite(response.residual_rms) else 0.0
         spread = np.sqrt(np.einsum("it,ij,jt->t", about, response.covariance, about) + own**2)
         expected = response.bias + response.estimate @ (x.mean(axis=1) - response.trim)

@@ -344,11 +344,14 @@ class ChannelScore:
     time : ndarray, shape (sample,)
         s, from the design's start.
     measured, predicted : ndarray, shape (sample,)
-        Each about its own mean.
+        Each about its own straight line: a point model knows neither the trim nor how it drifts, as a battery
+        empties. What was taken away is in `offset` and `drift`.
     std : ndarray, shape (sample,)
         One sigma of the difference, as predicted.
     offset : float
         Mean measured less mean predicted; nan where the model does not tell the trim.
+    drift : float
+        Slope measured less slope predicted, `unit` per s.
     """
 
     kind: str
@@ -359,6 +362,7 @@ class ChannelScore:
     predicted: Array
     std: Array
     offset: float
+    drift: float
 
     @property
     def coverage(self) -> float:
@@ -367,7 +371,7 @@ class ChannelScore:
 
     @property
     def rmse(self) -> float:
-        """Root mean square of the difference about the means."""
+        """Root mean square of the difference about the lines."""
         return float(np.sqrt(np.mean((self.measured - self.predicted) ** 2)))
 
     @property
@@ -507,7 +511,7 @@ class Score(Viewable):
 
 _SCORED = "channel/{number}"
 _CHANNEL_SCORE = {
-    **{name: Attribute(f"{_SCORED}@{name}") for name in ("kind", "name", "unit", "offset")},
+    **{name: Attribute(f"{_SCORED}@{name}") for name in ("kind", "name", "unit", "offset", "drift")},
     **{name: Attribute(f"{_SCORED}@{name}") for name in ("coverage", "rmse", "expected_rmse", "theil")},
     **{name: Attribute(f"{_SCORED}@{name}") for name in ("bias_share", "variance_share", "covariance_share")},
     "time": Dataset(f"{_SCORED}/time", "s", ("sample",)),

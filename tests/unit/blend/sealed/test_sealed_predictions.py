@@ -262,7 +262,7 @@ def test_theil_and_its_shares_are_what_their_definition_says():
     a = a - a.mean()
     p = p - p.mean()
     shift = 0.2
-    score = ChannelScore("free-run", "q", "rad/s", np.arange(400.0), a, p, np.ones(400), shift)
+    score = ChannelScore("free-run", "q", "rad/s", np.arange(400.0), a, p, np.ones(400), shift, 0.0)
     error = np.mean((a + shift - p) ** 2)
     bias, variance, covariance = score.shares
     assert sum(score.shares) == pytest.approx(1.0)
@@ -280,7 +280,7 @@ def test_a_score_is_read_as_it_was_written(prediction, flight, tmp_path):
     read = fq.read(tmp_path / "s.h5")
     assert read.coverage == score.coverage
     assert read.checks == score.checks
-    assert read.to_frame().shape == (24, 11)
+    assert read.to_frame().shape == (24, 12)
 
 
 def test_an_unstable_free_run_is_one_sentence(model, designs, scenario):

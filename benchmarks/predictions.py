@@ -1,8 +1,8 @@
 """Coverage of sealed predictions over 200 simulated flights: `python benchmarks/predictions.py`.
 
 At each of five cases (the tilt-wing at three conditions, the linear aircraft in still air and in gusts), each
-of eight models is identified by instruments from a flight of its own, predicts another design, and is scored
-on five flights of that. Designs differ by random signs of their effectors, which keep their peaks: distortion
+of five models is identified by instruments from a flight of its own, predicts another design, and is scored
+on eight flights of that. Designs differ by random signs of their effectors, which keep their peaks: distortion
 and transients differ with them. No two flights share a seed of noise, gusts or signs.
 
 Rows: coverage of the 95 % bands by case, kind and channel, the mean over all flights; the standard deviation
@@ -26,14 +26,15 @@ from freqid.core.record import FlightRecord
 from freqid.core.results.design import MultisineDesign
 from freqid.core.results.prediction import Score
 from freqid.core.scenario import read_scenario
+from freqid.simulate.maneuver import Conditions, logged
 from freqid.workflows.design import design_inputs
 from freqid.workflows.fly import simulate
 from freqid.workflows.models.identify import identify_point
 from freqid.workflows.models.seal import predict_flight, score_prediction
 
-MODELS = int(sys.argv[1]) if len(sys.argv) > 1 else 8
+MODELS = int(sys.argv[1]) if len(sys.argv) > 1 else 5
 SEED = int(sys.argv[2]) if len(sys.argv) > 2 else 1000
-FLIGHTS, DRAWS = 5, 60
+FLIGHTS, DRAWS = 8, 60
 LINEAR = str(Path(__file__).parents[1] / "scenarios" / "linear.toml")
 CASES = (
     ("la8", "u20", 0.0),
@@ -57,17 +58,28 @@ def case(scenario: str, at: str, gusts: float, models: int) -> list[dict[str, st
     design = cast(MultisineDesign, design_inputs(described, seed=0).design)
     scores: list[Score] = []
 
-    def flown(inputs: MultisineDesign, seed: int) -> FlightRecord:
-        return simulate(described, inputs, at=at, noise=1.0, turbulence=gusts, seed=seed).record
+    def flown(inputs: MultisineDesign, seeds: range) -> list[FlightRecord]:
+        if gusts:
+            return [
+                simulate(described, inputs, at=at, noise=1.0, turbulence=gusts, seed=seed).record
+                for seed in seeds
+            ]
+        once = simulate(described, inputs, at=at).flown.flight  # in still air only the sensors differ
+        return [
+            logged(described, once, inputs.names, at, Conditions(noise=1.0, seed=seed), np.zeros(3)).record
+            for seed in seeds
+        ]
 
     for m in range(models):
-        first = SEED + 10 * FLIGHTS * m
-        model = identify_point(flown(signed(design, first), first), described, estimator="instruments")
+        first = SEED + 20 * m
+        identified = flown(signed(design, first), range(first, first + 1))
+        model = identify_point(identified, described, estimator="instruments")
         inputs = signed(design, first + 1)
         sealed = predict_flight(
             model, inputs, described, sensors="research", turbulence=gusts, draws=DRAWS, seed=first
         )
-        scores += [score_prediction(sealed, flown(inputs, first + 2 + f)) for f in range(FLIGHTS)]
+        again = flown(inputs, range(first + 2, first + 2 + FLIGHTS))
+        scores += [score_prediction(sealed, one) for one in again]
     name = f"{described.vehicle.name} {at}" + (f" gusts {gusts:g} m/s" if gusts else "")
     return rows_of(name, scores)
 

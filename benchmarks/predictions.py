@@ -2,7 +2,7 @@
 
 At each of five cases (the tilt-wing at three conditions, the linear aircraft in still air and in gusts), each
 of five models is identified by instruments from a flight of its own, predicts another design, and is scored
-on eight flights of that. Designs differ by random signs of their effectors, which keep their peaks: distortion
+on eight flights of that. Designs differ by random signs of their effectors, which keep the peaks: distortion
 and transients differ with them. No two flights share a seed of noise, gusts or signs.
 
 Rows: coverage of the 95 % bands by case, kind and channel, the mean over all flights; the standard deviation

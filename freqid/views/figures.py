@@ -28,7 +28,7 @@ from freqid.report.advance_ratio.figures import derivatives_over_advance_ratio
 from freqid.report.design.figures import GROUP_COLOURS, signal_rows
 from freqid.report.gap.figures import probability_bars
 from freqid.report.kit.figures import channel_strips
-from freqid.report.prediction.page import band_strips, flown_strips
+from freqid.report.prediction.page import band_strips, difference_strips
 from freqid.report.response.page import bode
 
 from .tables import frame_of, samples_of
@@ -215,5 +215,5 @@ def _of_prediction(prediction: Prediction) -> Figure:
 
 @figure_of.register
 def _of_score(score: Score) -> Figure:
-    """Draw the flight in its bands."""
-    return flown_strips(score.channels[:_BANDS])
+    """Draw what was flown less what was predicted, in the bands."""
+    return difference_strips(score.channels[:_BANDS])

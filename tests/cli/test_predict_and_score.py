@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import h5py
@@ -49,22 +50,24 @@ def folder(linear_aircraft, tmp_path_factory):
     fq.save(design, folder / "design.h5")
     model = fq.identify_point(folder / "first.h5", scenario, estimator="least-squares")
     fq.save(model, folder / "point.h5")
+    sealed = fq.predict_flight(folder / "point.h5", folder / "design.h5", scenario, draws=3)
+    fq.save(sealed, folder / "prediction.h5")
     return folder
 
 
 @pytest.fixture
-def predicted(folder, freqid, tmp_path):
+def predicted(folder, tmp_path):
+    return Path(shutil.copy(folder / "prediction.h5", tmp_path))
+
+
+def test_a_prediction_says_what_it_is_of_and_what_it_assumes(folder, freqid, tmp_path):
     path = tmp_path / "prediction.h5"
     code, out, err = freqid(
         *("predict", folder / "point.h5", folder / "design.h5", "--scenario", folder / "scenario.toml"),
-        *("--draws", 5, "-o", path, "--json"),
+        *("--draws", 3, "-o", path, "--json"),
     )
     assert code == 0, err
-    return path, json.loads(out), err
-
-
-def test_a_prediction_says_what_it_is_of_and_what_it_assumes(predicted, folder):
-    path, found, err = predicted
+    found = json.loads(out)
     assert len(found["checksum"]) == 64
     assert found["reference"]["id"] == "u20"
     assert found["model"]["file"].endswith("point.h5")
@@ -76,27 +79,25 @@ def test_a_prediction_says_what_it_is_of_and_what_it_assumes(predicted, folder):
 
 
 def test_a_flight_that_was_there_before_is_refused(predicted, folder, freqid):
-    path, _, _ = predicted
-    with h5py.File(path, "r") as file:
+    with h5py.File(predicted, "r") as file:
         date = file.attrs["date"]
     with h5py.File(folder / "second.h5", "r+") as file:
         file.attrs["created"] = "2020-01-01T00:00:00+00:00"
-    code, _, err = freqid("score", path, folder / "second.h5")
+    code, _, err = freqid("score", predicted, folder / "second.h5")
     assert code == 3
     assert f"before the prediction was sealed at {date}" in err
     assert err.count("\n") == 1
 
 
 def test_a_flight_is_scored_and_the_gate_is_an_exit_code(predicted, folder, freqid):
-    path, _, _ = predicted
     with h5py.File(folder / "second.h5", "r+") as file:
         file.attrs["created"] = "2099-01-01T00:00:00+00:00"
-    code, out, err = freqid("score", path, folder / "second.h5", "--gate", 0.2)
+    code, out, err = freqid("score", predicted, folder / "second.h5", "--gate", 0.2)
     assert code == 0, err
     assert "one-step M" in out
     assert "structure" in out
     assert (folder / "second-score.html").read_text().count("<svg") >= 3
-    code, out, err = freqid("score", path, folder / "second.h5", "--gate", 1.0, "--json")
+    code, out, err = freqid("score", predicted, folder / "second.h5", "--gate", 1.0, "--json")
     assert code == 4
     found = json.loads(out)
     assert not found["passed"]
@@ -105,16 +106,15 @@ def test_a_flight_is_scored_and_the_gate_is_an_exit_code(predicted, folder, freq
 
 
 def test_an_edited_prediction_and_a_foreign_record_are_refused(predicted, folder, freqid):
-    path, _, _ = predicted
     for name in ("first.h5", "second.h5"):
         with h5py.File(folder / name, "r+") as file:
             file.attrs["created"] = "2099-01-01T00:00:00+00:00"
-    code, _, err = freqid("score", path, folder / "first.h5")
+    code, _, err = freqid("score", predicted, folder / "first.h5")
     assert code == 3
     assert "is no flight of the design" in err
-    with h5py.File(path, "r+") as file:
+    with h5py.File(predicted, "r+") as file:
         file["channel/q/change"][3] += 1e-12
-    code, _, err = freqid("score", path, folder / "second.h5")
+    code, _, err = freqid("score", predicted, folder / "second.h5")
     assert code == 3
     assert "was edited after it was sealed" in err
 

@@ -220,7 +220,7 @@ class Prediction(Viewable):
         )
 
     def assumption(self, name: str) -> Assumption:
-        """Return one assumption by its name."""
+        """Return the assumption that has a `name`."""
         return next(one for one in self.assumptions if one.name == name)
 
     def seal(self) -> Prediction:

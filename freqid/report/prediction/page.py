@@ -33,7 +33,6 @@ from freqid.report.kit.rendering import render
 SHOWN_S = 30.0  # of a history: more hides whether it is inside its band
 STRIPS = 6  # channels in one figure
 _MOST_EFFECTORS = 6
-_GROUPS = {"state": "state/{}", "effector": "effector/{}", "wrench": "response/{}"}
 
 
 @styled
@@ -47,7 +46,7 @@ def band_strips(channels: Sequence[PredictedChannel], time: np.ndarray, low: flo
     low : float
         First second that is drawn.
     """
-    rows = [(c.name, c.kind, c.unit, time, c.change, c.std, None) for c in channels]
+    rows = [(c.name, c.unit, time, c.change, c.std, None) for c in channels]
     return _strips(rows, low)
 
 
@@ -61,18 +60,48 @@ def flown_strips(channels: Sequence[ChannelScore], low: float = 0.0) -> Figure:
     low : float
         First second that is drawn.
     """
-    rows = [(c.name, "", c.unit, c.time, c.predicted, c.std, c.measured) for c in channels]
+    rows = [(c.name, c.unit, c.time, c.predicted, c.std, c.measured) for c in channels]
     return _strips(rows, low)
 
 
-def _strips(rows: Sequence[tuple[str, str, str, Any, Any, Any, Any]], low: float) -> Figure:
-    """Draw rows of name, kind, unit, time, prediction, one sigma and, where flown, what was measured."""
+@styled
+def difference_strips(channels: Sequence[ChannelScore]) -> Figure:
+    """Draw what was flown less what was predicted, over the whole flight, in the band; one strip each.
+
+    Parameters
+    ----------
+    channels : sequence of ChannelScore
+    """
+    figure, panels = stacked_panels([0.62] * len(channels), legend=1)
+    for axes, c in zip(panels, channels, strict=True):
+        label, factor = shown_unit(_channel(c.name), c.unit)
+        width = factor * QUANTILE * c.std
+        band = axes.fill_between(*_ends(c.time, -width, width), color=BLUE, alpha=0.22, linewidth=0)
+        off = factor * (c.measured - c.predicted)
+        line = draw_history(axes, c.time, off, ORANGE, linewidth=0.5)
+        name_panel(axes, literal(c.name, 40), label)
+        few_ticks(axes)
+    band.set_label("95 % band")
+    line.set_label("flown less predicted")
+    draw_legend(figure, [band, line])
+    share_time(panels, channels[0].time)
+    return figure
+
+
+def _ends(time: Any, low: Any, high: Any) -> tuple[Any, Any, Any]:
+    """Return a band thinned to what a screen shows."""
+    step = max(1, time.size // 400)
+    return time[::step], low[::step], high[::step]
+
+
+def _strips(rows: Sequence[tuple[str, str, Any, Any, Any, Any]], low: float) -> Figure:
+    """Draw rows of name, unit, time, prediction, one sigma and, where flown, what was measured."""
     figure, panels = stacked_panels([0.62] * len(rows), legend=1)
     legend: dict[str, Any] = {}
     shown_time = np.array([low, low + SHOWN_S])
-    for axes, (name, _, unit, time, change, std, measured) in zip(panels, rows, strict=True):
+    for axes, (name, unit, time, change, std, measured) in zip(panels, rows, strict=True):
         shown = (time >= low) & (time <= low + SHOWN_S)
-        label, factor = shown_unit(f"state/{name}" if unit.startswith("rad") else f"response/{name}", unit)
+        label, factor = shown_unit(_channel(name), unit)
         t, y, s = time[shown], factor * change[shown], factor * std[shown]
         shown_time = t
         band = axes.fill_between(t, y - QUANTILE * s, y + QUANTILE * s, color=BLUE, alpha=0.22, linewidth=0)
@@ -182,19 +211,19 @@ def _score_findings(score: Score) -> list[Finding]:
 def _limit(assumption: Any) -> str:
     if not math.isfinite(assumption.limit):
         return "a record does not tell"
-    return f"{assumption.limit:g} {assumption.unit}".strip()
+    return f"{assumption.limit:g} ({assumption.unit})"
 
 
 def _predicted_row(c: PredictedChannel) -> dict[str, Any]:
     parts = [np.mean(c.parameter_std**2), c.residual_std**2, c.gust_std**2, c.noise_std**2]
     total = sum(parts)
-    label, factor = shown_unit(_GROUPS[c.kind].format(c.name), c.unit)
+    label, factor = shown_unit(_channel(c.name), c.unit)
     return {
         "name": c.name,
         "unit": label,
         "moved": number(factor * float(c.change.std())),
         "width": number(factor * QUANTILE * float(np.sqrt(np.mean(c.std**2)))),
-        "shares": [percent(float(part / total)) if total else "–" for part in parts],
+        "shares": [_whole(float(part / total) if total else math.nan) for part in parts],
     }
 
 
@@ -211,7 +240,7 @@ def _scored_row(c: ChannelScore) -> dict[str, Any]:
         "rmse": number(factor * c.rmse),
         "expected": number(factor * c.expected_rmse),
         "theil": f"{c.theil:.3f}",
-        "shares": [percent(share) if math.isfinite(share) else "–" for share in c.shares],
+        "shares": [_whole(share) for share in c.shares],
     }
 
 
@@ -238,21 +267,38 @@ def _score_pictures(score: Score) -> list[Picture]:
     groups += [
         ("wrench from the flown states", part) for _, part in _parts(["wrench"] * len(one_step), one_step)
     ]
-    drawn = []
     low = 10.0 if free and free[0].time[-1] > 10.0 + SHOWN_S else 0.0
-    for name, part in groups:
-        drawn.append(
-            picture(
-                flown_strips(part, low),
-                f"flown{len(drawn)}",
-                f"Flown and predicted {name}: {', '.join(c.name for c in part)}",
-                f"{name[0].upper()}{name[1:]}, each about its mean, {low:g} to {low + SHOWN_S:g} s.",
-            )
+    drawn = [
+        picture(
+            flown_strips(part, low),
+            f"flown{i}",
+            f"Flown and predicted {name}: {', '.join(c.name for c in part)}",
+            f"{_sentence(name)}, each about its straight line, {low:g} to {low + SHOWN_S:g} s.",
         )
+        for i, (name, part) in enumerate(groups[:1])
+    ]
+    drawn += [
+        picture(
+            difference_strips(part),
+            f"difference{i}",
+            f"Flown less predicted {name}: {', '.join(c.name for c in part)}",
+            f"{_sentence(name)}: what was flown less what was predicted, each about its straight line.",
+        )
+        for i, (name, part) in enumerate(groups)
+    ]
     return drawn
 
 
 _STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta")
+
+
+def _channel(name: str) -> str:
+    """Return a channel with its group, which decides the unit that it is shown in."""
+    return f"{'state' if name in _STATES else 'response' if name in 'XYZLMN' else 'effector'}/{name}"
+
+
+def _whole(share: float) -> str:
+    return f"{100 * share:.0f} %" if math.isfinite(share) else "–"
 
 
 def _parts(kinds: Sequence[str], channels: Sequence[Any]) -> list[tuple[str, list[Any]]]:

@@ -26,8 +26,10 @@ from freqid.core.results.point import PointModel
 from freqid.core.results.prediction import FILE, Prediction, Score, digest_of
 from freqid.core.scenario import Reference, Scenario
 from freqid.core.vehicle import Vehicle
+from freqid.design.forecast.closed_loop import SPECIFIC_FORCES
 from freqid.dynamics.controlled import FED_BACK, ControlLaw
 from freqid.dynamics.linear_loop import Actuation
+from freqid.dynamics.small_motion import STATES
 from freqid.identify.response.injection import find_start
 from freqid.workflows.design import DesignedInputs
 from freqid.workflows.inputs import (
@@ -364,8 +366,8 @@ def stated_noise(scenario: Scenario, sensors: str = "") -> dict[str, float]:
     for effector in scenario.effector:
         if effector.kind in table:
             table.setdefault(effector.name, table[effector.kind])
-    kinds = {e.kind for e in scenario.effector}
-    return {n: float(x) for n, x in table.items() if n not in kinds}
+    used = {*STATES, *SPECIFIC_FORCES, *(e.name for e in scenario.effector)}
+    return {n: float(x) for n, x in table.items() if n in used}
 
 
 def _biased(model: PointModel | GlobalModel, noise: Mapping[str, float]) -> tuple[str, ...]:

@@ -228,9 +228,7 @@ def _predicted_row(c: PredictedChannel) -> dict[str, Any]:
 
 
 def _scored_row(c: ChannelScore) -> dict[str, Any]:
-    label, factor = shown_unit(
-        f"state/{c.name}" if c.unit.startswith("rad") else f"response/{c.name}", c.unit
-    )
+    label, factor = shown_unit(_channel(c.name), c.unit)
     return {
         "kind": c.kind,
         "name": c.name,

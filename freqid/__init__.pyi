@@ -11,6 +11,8 @@ from freqid.core.results.diagnosis import GapDiagnosis as GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse as FrequencyResponse
 from freqid.core.results.output_error import OutputErrorModel as OutputErrorModel
 from freqid.core.results.point import PointModel as PointModel
+from freqid.core.results.prediction import Prediction as Prediction
+from freqid.core.results.prediction import Score as Score
 from freqid.core.results.rivals import Rivals as Rivals
 from freqid.core.scenario import Scenario as Scenario
 from freqid.core.vehicle import Vehicle as Vehicle
@@ -39,6 +41,8 @@ from freqid.workflows.models.blend import predict as predict
 from freqid.workflows.models.frequency_response import frequency_response as frequency_response
 from freqid.workflows.models.identify import identify_point as identify_point
 from freqid.workflows.models.output_error import identify_output_error as identify_output_error
+from freqid.workflows.models.seal import predict_flight as predict_flight
+from freqid.workflows.models.seal import score_prediction as score_prediction
 from freqid.workflows.models.sensors import align_sensors as align_sensors
 from freqid.workflows.models.sensors import check_sensors as check_sensors
 from freqid.workflows.models.sensors import correct_sensors as correct_sensors

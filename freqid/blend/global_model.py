@@ -332,6 +332,31 @@ class GlobalModel(Viewable):
             variance += w**2 * one.own_variance(p.s)
         return BlendedParameters(("bias", *knots.regressors), estimate * scale, np.sqrt(variance) * scale)
 
+    def parameter_covariance(self, response: str, inputs: Mapping[str, ArrayLike]) -> Array:
+        """Return the covariance of a response's derivatives at one place, shape (p, p).
+
+        Parameters
+        ----------
+        response : str
+        inputs : mapping of str to float
+            As for `parameters`, of one place.
+
+        Notes
+        -----
+        Of the derivatives at a fixed place on the corridor: what its error adds to a derivative with respect
+        to speed, which moves along the corridor, is left out.
+        """
+        at = self._locate({**dict.fromkeys(self.corridor.units, 0.0), **inputs}, "refuse")
+        index, knots = self.names.index(response), self.corridor[response]
+        units = dict(zip(knots.regressors, knots.regressor_units, strict=True))
+        scale = (at.k ** goes_with_velocity(units)[:, None])[:, 0]
+        found = np.zeros((scale.size, scale.size))
+        for line, p, w in zip(self.lines, at.positions, at.weights[:, 0], strict=True):
+            by_knot = line.local[index].parameters.weights(p.s)[1:, :, 0]  # (p, knot)
+            own = line.local[index].covariance[:, 1:, 1:]
+            found += w**2 * np.einsum("ik,kij,jk->ij", by_knot, own, by_knot)
+        return found * np.outer(scale, scale)
+
     def to_statespace(self, reference: Reference, vehicle: Vehicle) -> StateSpace:
         """Linearise the aircraft's motion about a condition, identified or not.
 

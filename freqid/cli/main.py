@@ -26,6 +26,8 @@ COMMANDS = {
     "frequency-response": "frequency_response",
     "global-blend": "global_blend",
     "export": "export",
+    "predict": "predict",
+    "score": "score",
     "check-simulation": "check_simulation",
     "diagnose-gap": "diagnose_gap",
     "report": "report",

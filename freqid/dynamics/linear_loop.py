@@ -104,7 +104,10 @@ class Actuation:
 
     def response(self, omega: Array) -> Complex:
         """Return the frequency responses, shape (n, M), for omega in rad/s of shape (M,)."""
-        s = 1j * np.asarray(omega, dtype=float)
+        return self.transfer(1j * np.asarray(omega, dtype=float))
+
+    def transfer(self, s: Complex) -> Complex:
+        """Return the transfer functions at s, 1/s of shape (M,): shape (n, M)."""
         ratio = s / self.frequency[:, None]
         servo = 1 / (ratio**2 + 2 * self.damping[:, None] * ratio + 1)
         second_order = 1 + self.share[:, None] * (servo - 1)
@@ -155,7 +158,7 @@ class LinearLoop:
     @cached_property
     def eigenvalues(self) -> Complex:
         """Of the closed loop, rad/s; delays by Pade's approximation."""
-        return np.asarray(np.linalg.eigvals(self._closed), dtype=np.complex128)
+        return np.asarray(np.linalg.eigvals(self.closed), dtype=np.complex128)
 
     @property
     def stable(self) -> bool:
@@ -164,8 +167,8 @@ class LinearLoop:
 
     def modes(self) -> tuple[Mode, ...]:
         """Return the named modes of the closed loop in which the vehicle's motion takes most part."""
-        count = len(self._closed) - len(self.states)
-        every = named_modes(self._closed, (*self.states, *(f"actuator {i}" for i in range(count))))
+        count = len(self.closed) - len(self.states)
+        every = named_modes(self.closed, (*self.states, *(f"actuator {i}" for i in range(count))))
         return tuple(m for m in every if not m.name.startswith("control"))
 
     def loop_gain(self, place: str, omega: Array) -> Complex:
@@ -223,7 +226,7 @@ class LinearLoop:
         return found
 
     @cached_property
-    def _closed(self) -> Array:
+    def closed(self) -> Array:
         """Matrix of the closed loop, for the states of x and then of the actuators."""
         parts = [self.actuation.state_space(i) for i in range(len(self.effectors))]
         a, b, c = (block_diag(*matrices) for matrices in zip(*(part[:3] for part in parts), strict=True))
@@ -339,4 +342,4 @@ def _companion(numerator: Array, denominator: Array) -> tuple[Array, Array, Arra
     A = np.zeros((n, n))
     if n:
         A[0], A[1:, :-1] = -below[1:], np.eye(n - 1)
-    return A, np.eye(n)[:, :1], (above[1:] - above[0] * below[1:])[None], float(above[0])
+    return A, np.eye(n, 1), (above[1:] - above[0] * below[1:])[None], float(above[0])

@@ -45,7 +45,22 @@ def steady_motion(
     added: Complex | None = None,
     moving: NDArray[np.bool_] | None = None,
 ) -> Complex:
-    """Return the steady response of the states, shape (8, line).
+    """Return the steady response of the states, shape (8, line), by frequency; see `steady_motion_at`."""
+    s = 2j * np.pi * frequencies_hz
+    return steady_motion_at(E, A, feedback, displaced, s, added=added, moving=moving)
+
+
+def steady_motion_at(
+    E: Array,
+    A: Array,
+    feedback: Complex,
+    displaced: Complex,
+    s: NDArray[Any],
+    *,
+    added: Complex | None = None,
+    moving: NDArray[np.bool_] | None = None,
+) -> Complex:
+    """Return the transform of the states, shape (8, line).
 
     Parameters
     ----------
@@ -55,7 +70,8 @@ def steady_motion(
         From states to positions, actuators in between.
     displaced : ndarray of complex, shape (n, line)
         Added to positions, behind the law and the actuators.
-    frequencies_hz : ndarray, shape (line,)
+    s : ndarray of complex, shape (line,)
+        1/s.
     added : ndarray of complex, shape (6, line) or (8, line), optional
         Added loads, N and N m, and what is added to the rates of phi and theta.
     moving : ndarray of bool, shape (8,), optional
@@ -63,16 +79,17 @@ def steady_motion(
 
     Notes
     -----
-    ``(s E_x - A_x - (A_d - s E_d) K) x = (A_d - s E_d) displaced + added`` at s = j 2 pi f.
+    ``(s E_x - A_x - (A_d - s E_d) K) x = (A_d - s E_d) displaced + added``
     """
-    on, s = np.ones(8, dtype=bool) if moving is None else moving, 2j * np.pi * frequencies_hz[:, None, None]
+    lines = s.size
+    on, s = np.ones(8, dtype=bool) if moving is None else moving, s[:, None, None]
     control = (A[:, 8:] - s * E[:, 8:])[:, on]
     system = (s * E[:, :8] - A[:, :8])[:, on][:, :, on] - control @ feedback[:, :, on]
     pushed = control @ displaced.T[:, :, None]
     if added is not None:
-        loads = np.zeros((8, frequencies_hz.size), dtype=complex)
+        loads = np.zeros((8, lines), dtype=complex)
         loads[: len(added)] = added
         pushed = pushed + loads[on].T[:, :, None]
-    motion = np.zeros((8, frequencies_hz.size), dtype=complex)
+    motion = np.zeros((8, lines), dtype=complex)
     motion[on] = np.linalg.solve(system, pushed)[:, :, 0].T
     return motion

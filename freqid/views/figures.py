@@ -21,18 +21,21 @@ from freqid.core.results.diagnosis import GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
+from freqid.core.results.prediction import Prediction, Score
 from freqid.core.results.rivals import Rivals
 from freqid.identify.sensors.errors import SensorErrors
 from freqid.report.advance_ratio.figures import derivatives_over_advance_ratio
 from freqid.report.design.figures import GROUP_COLOURS, signal_rows
 from freqid.report.gap.figures import probability_bars
 from freqid.report.kit.figures import channel_strips
+from freqid.report.prediction.page import band_strips, difference_strips
 from freqid.report.response.page import bode
 
 from .tables import frame_of, samples_of
 
 _MOST = 12  # explanations or contests that are drawn
 _STRIPS = 24  # channels
+_BANDS = 12  # channels with bands
 _MOST_LAWS = 6  # derivatives
 
 
@@ -202,3 +205,15 @@ def _stacked(count: int, height: float) -> tuple[Figure, Sequence[Any]]:
     """Return a figure with panels below each other, each so many inches high."""
     figure = Figure(figsize=(7, height * count), layout="constrained")
     return figure, list(np.atleast_1d(np.asarray(figure.subplots(count))))
+
+
+@figure_of.register
+def _of_prediction(prediction: Prediction) -> Figure:
+    """Draw the states with their bands."""
+    return band_strips(prediction.channels[:_BANDS], prediction.time)
+
+
+@figure_of.register
+def _of_score(score: Score) -> Figure:
+    """Draw what was flown less what was predicted, in the bands."""
+    return difference_strips(score.channels[:_BANDS])

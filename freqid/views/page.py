@@ -13,6 +13,7 @@ from freqid.core.results.advance_ratio import AdvanceRatioModel
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.results.gap import GapResult
 from freqid.core.results.point import PointModel
+from freqid.core.results.prediction import Prediction, Score
 from freqid.core.results.quicklook import Quicklook
 from freqid.core.results.rivals import Rivals
 from freqid.core.scenario import Scenario
@@ -55,7 +56,7 @@ def page(result: Any, *, record: Flight | None = None, scenario: Scenario | File
 
     Parameters
     ----------
-    result : PointModel, GapResult, Rivals, FrequencyResponse, StudyResults, DesignedInputs, SimulatedManeuver
+    result : PointModel, GapResult, Rivals, FrequencyResponse, Prediction, Score, StudyResults, ...
         What the verbs return, or `read`; or the path of such a file.
     record : FlightRecord, Maneuver or path, optional
         Of a point model: the flight that it was made from, whose channels are drawn; the file that the
@@ -103,6 +104,14 @@ def page(result: Any, *, record: Flight | None = None, scenario: Scenario | File
         from freqid.report.response.page import build_frequency_response_page
 
         return Page(build_frequency_response_page(result, str(result.provenance.get("vehicle", ""))))
+    if isinstance(result, Prediction):
+        from freqid.report.prediction.page import build_prediction_page
+
+        return Page(build_prediction_page(result))
+    if isinstance(result, Score):
+        from freqid.report.prediction.page import build_score_page
+
+        return Page(build_score_page(result))
     if isinstance(result, Quicklook):
         from freqid.report.quicklook.page import build_quicklook_page
 

@@ -20,6 +20,7 @@ from freqid.core.results.diagnosis import GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel, per
+from freqid.core.results.prediction import Prediction, Score
 from freqid.core.results.rivals import Rivals
 from freqid.design.multisine.orthogonal_set import sampled
 from freqid.identify.sensors.errors import SensorErrors
@@ -191,3 +192,22 @@ def _of_study(results: StudyResults) -> pd.DataFrame:
 def _of_estimates(found: SensorErrors) -> pd.DataFrame:
     columns = {"error": found.names, "estimate": found.estimate, "std_error": found.std_error}
     return pd.DataFrame(columns | {"unit": found.units})
+
+
+@frame_of.register
+def _of_prediction(prediction: Prediction) -> pd.DataFrame:
+    """Return change and limits of the band by channel over time."""
+    columns = {}
+    for c in prediction.channels:
+        columns |= {f"{c.name} ({c.unit})": c.change, f"{c.name} lower": c.lower, f"{c.name} upper": c.upper}
+    return pd.DataFrame(columns, index=pd.Index(prediction.time, name="time (s)"))
+
+
+@frame_of.register
+def _of_score(score: Score) -> pd.DataFrame:
+    rows = [
+        (c.kind, c.name, c.unit, c.coverage, c.rmse, c.expected_rmse, c.offset, c.drift, c.theil, *c.shares)
+        for c in score.channels
+    ]
+    head = ["kind", "channel", "unit", "coverage", "rmse", "expected_rmse", "offset", "drift", "theil"]
+    return pd.DataFrame(rows, columns=[*head, "bias_share", "variance_share", "covariance_share"])

@@ -39,7 +39,7 @@ SCALED = 0.1  # that an injection may differ from the design in size before it i
 
 
 @dataclass(frozen=True)
-class _Planned:
+class Planned:
     """A design, its samples, and the band it is meant for."""
 
     design: object
@@ -108,10 +108,10 @@ def quicklook(
     name = names_of([log])[0]
     record, report = _record_of(log, described, columns, resample_hz, at)
     described = described.at(at or record.reference) if described else None
-    planned = _planned_of(design)
+    planned = planned_of(design)
     vehicle = described.aircraft() if described else record.vehicle
     start = injection.find_start(record, planned.inputs)
-    looks = _inputs(record, planned, vehicle, start.time_s) if start else ()
+    looks = look_at_inputs(record, planned, vehicle, start.time_s) if start else ()
     found_at_all = start is not None and any(look.present for look in looks)
     rates = _rates(record, planned, report)
     parameters, trouble = _parameters(record, described, planned, start.time_s if start else 0.0, accuracy)
@@ -154,7 +154,7 @@ def _record_of(
     return record, report
 
 
-def _planned_of(design: Design) -> _Planned:
+def planned_of(design: Design) -> Planned:
     """Return a design with its samples and band.
 
     Raises
@@ -172,10 +172,10 @@ def _planned_of(design: Design) -> _Planned:
     if isinstance(design, DesignedInputs):
         design = design.design
     if isinstance(design, MultisineDesign):
-        return _Planned(design, sampled(design), design.band_hz, name)
+        return Planned(design, sampled(design), design.band_hz, name)
     if isinstance(design, ClassicDesign):
-        return _Planned(design, design.inputs, design.band_hz, name)
-    return _Planned(design, design, _band_of(design), name)
+        return Planned(design, design.inputs, design.band_hz, name)
+    return Planned(design, design, _band_of(design), name)
 
 
 def _band_of(inputs: SampledInputs) -> tuple[float, float]:
@@ -187,8 +187,8 @@ def _band_of(inputs: SampledInputs) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _inputs(
-    record: FlightRecord, planned: _Planned, vehicle: Vehicle | None, start_s: float
+def look_at_inputs(
+    record: FlightRecord, planned: Planned, vehicle: Vehicle | None, start_s: float
 ) -> tuple[InputLook, ...]:
     """Look at each input: present, where else, achieved, limited."""
     inputs = planned.inputs
@@ -269,7 +269,7 @@ def _limited(record: FlightRecord, name: str, span: slice, effector: Effector | 
     return at_limit, injection.share_too_fast(record[names[-1]][span], record.dt, effector.rate_limit)
 
 
-def _rates(record: FlightRecord, planned: _Planned, report: PlausibilityReport) -> tuple[RateLook, ...]:
+def _rates(record: FlightRecord, planned: Planned, report: PlausibilityReport) -> tuple[RateLook, ...]:
     """Return how fast the channels that identification uses were logged."""
     slower = {f.channels[0]: float(f.evidence["rate_hz"]) for f in report.findings if f.check == "latched"}
     used = [n for n in record.channels if n.startswith("state/") and n not in _SLOW]
@@ -287,7 +287,7 @@ _SLOW = ("state/alt", "state/vn", "state/ve", "state/vd", "state/psi")  # no reg
 def _parameters(
     record: FlightRecord,
     scenario: Scenario | None,
-    planned: _Planned,
+    planned: Planned,
     start_s: float,
     accuracy: float,
 ) -> tuple[tuple[ParameterLook, ...], list[str]]:
@@ -317,7 +317,7 @@ def _fitted(maneuver: Maneuver, settings: Identification, excitation: Any) -> Po
         return point.identify_point(maneuver, settings, excitation=excitation, estimator="least-squares")
 
 
-def _flown(record: FlightRecord, planned: _Planned, start_s: float) -> FlightRecord:
+def _flown(record: FlightRecord, planned: Planned, start_s: float) -> FlightRecord:
     """Cut the record to what the design covers of it."""
     first = max(start_s, float(record.time[0]))
     last = min(start_s + float(planned.inputs.time[-1]), float(record.time[-1]))
@@ -348,7 +348,7 @@ def _judged(model: PointModel, accuracy: float) -> tuple[ParameterLook, ...]:
     return tuple(looks)
 
 
-def _why_input(planned: _Planned, looks: tuple[InputLook, ...], found_at_all: bool) -> Iterator[str]:
+def _why_input(planned: Planned, looks: tuple[InputLook, ...], found_at_all: bool) -> Iterator[str]:
     """Yield what is wrong with the inputs."""
     if not found_at_all:
         yield f"the log does not hold the inputs of {planned.name}: another design, or none, was flown"
@@ -376,7 +376,7 @@ def _why_input(planned: _Planned, looks: tuple[InputLook, ...], found_at_all: bo
             yield f"'{look.name}' is commanded beyond its rate limit for {look.at_rate_limit:.1%} of the time"
 
 
-def _why_rate(rates: tuple[RateLook, ...], planned: _Planned) -> Iterator[str]:
+def _why_rate(rates: tuple[RateLook, ...], planned: Planned) -> Iterator[str]:
     """Yield channels that are logged too slowly."""
     slow = [look for look in rates if not look.enough]
     if slow:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from freqid.core import store
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError
-from freqid.core.layout import Attribute, Dataset, NestedSeries, get_fields, put_fields
+from freqid.core.layout import Attribute, Dataset, Layout, NestedSeries, get_fields, put_fields
 from freqid.core.viewable import Viewable
 
 
@@ -177,25 +177,41 @@ class MultisineDesign(Viewable):
 
 
 FORMAT = "freqid-design"
-_SAMPLES = {
-    "names": Attribute("@effector_order", json=True),
-    "time": Dataset("time", "s", ("sample",)),
-    "values": Dataset("excitation/{names}", "{units}", ("names", "sample")),
-    "units": Attribute("excitation/{names}@units"),
-}
-_TONES = {
-    "index": Dataset("harmonic/{name}/index", axes=("tone",)),
-    "amplitude": Dataset("harmonic/{name}/amplitude", "{unit}", ("tone",)),
-    "unit": Attribute("harmonic/{name}/amplitude@units"),
-    "phase": Dataset("harmonic/{name}/phase", "rad", ("tone",)),
-}
-_HEADER = {
-    **{
-        name: Attribute(f"@{name}") for name in ("waveform", "seed", "period_s", "periods", "band_hz", "dt_s")
-    },
-    "provenance": Attribute("@provenance", json=True),
-}
-_MULTISINE = {**_HEADER, "signals": NestedSeries(Multisine, _TONES, "name", "@effector_order")}
+
+
+def layout_of_samples(group: str = "") -> Layout:
+    """Return where samples lie in a file: at its root, or in a group of another result."""
+    at = f"{group}/" if group else ""
+    return {
+        "names": Attribute(f"{group}@effector_order", json=True),
+        "time": Dataset(f"{at}time", "s", ("sample",)),
+        "values": Dataset(f"{at}excitation/{{names}}", "{units}", ("names", "sample")),
+        "units": Attribute(f"{at}excitation/{{names}}@units"),
+    }
+
+
+def layout_of_multisines(group: str = "") -> Layout:
+    """Return where a multisine design's tones lie in a file, likewise."""
+    tone = f"{group}/harmonic/{{name}}" if group else "harmonic/{name}"
+    tones = {
+        "index": Dataset(f"{tone}/index", axes=("tone",)),
+        "amplitude": Dataset(f"{tone}/amplitude", "{unit}", ("tone",)),
+        "unit": Attribute(f"{tone}/amplitude@units"),
+        "phase": Dataset(f"{tone}/phase", "rad", ("tone",)),
+    }
+    signals = NestedSeries(Multisine, tones, "name", f"{group}@effector_order")
+    return {**_header(group), "signals": signals}
+
+
+def _header(group: str = "") -> Layout:
+    names = ("waveform", "seed", "period_s", "periods", "band_hz", "dt_s")
+    return {
+        **{name: Attribute(f"{group}@{name}") for name in names},
+        "provenance": Attribute(f"{group}@provenance", json=True),
+    }
+
+
+_SAMPLES, _HEADER, _MULTISINE = layout_of_samples(), _header(), layout_of_multisines()
 
 
 def write_design(

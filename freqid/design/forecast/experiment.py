@@ -14,7 +14,7 @@ from freqid.core.errors import UsageError
 from freqid.core.frames import cross
 from freqid.core.results.design import MultisineDesign
 from freqid.core.sections.identification import Identification
-from freqid.core.vehicle import Vector
+from freqid.core.vehicle import MassProperties, Vector
 from freqid.design.forecast.closed_loop import SPECIFIC_FORCES, STATES, PerturbedAircraft
 from freqid.design.multisine.signals import band_lines, tones
 
@@ -149,17 +149,9 @@ class Experiment:
 
     def _response_noise(self, row: int) -> Complex:
         """Return what errors of states, positions and accelerometers add to a response, (line, sensor)."""
-        loop, mass = self.loop, self.loop.vehicle.mass_properties
-        s = 2j * np.pi * self.frequencies_hz
-        unknowns, axis = loop.wrench.shape[1], row % 3
-        k = np.zeros((s.size, unknowns + 3), dtype=complex)
-        if row < 3:  # m (a - w' x arm)
-            k[:, unknowns + axis] = mass.mass_kg
-            k[:, 3:6] = -mass.mass_kg * np.outer(s, _cross_with(self.arm)[axis])
-        else:  # I w' + S d' + w x h0
-            k[:, 3:6] = np.outer(s, mass.inertia.matrix[axis]) + _cross_with(loop.momentum)[axis]
-            k[:, 8:unknowns] = np.outer(s, loop.spin[axis])
-        return k
+        loop = self.loop
+        mass = loop.vehicle.mass_properties
+        return response_noise(row, mass, loop.spin, loop.momentum, self.arm, self.frequencies_hz)
 
     def _nuisance(self) -> Complex:
         """Return the columns that absorb a trend, and the end samples of a derivative, which are constant."""
@@ -189,6 +181,41 @@ class Experiment:
                 remedy="state the sensors' noise",
             )
         return sigma**2 * self.interval_duration
+
+
+def response_noise(
+    row: int, mass: MassProperties, spin: Array, momentum: Array, arm: Array, frequencies_hz: Array
+) -> Complex:
+    """Return what errors of sensors add to a reconstructed wrench.
+
+    Parameters
+    ----------
+    row : int
+        Of X Y Z L M N.
+    mass : MassProperties
+    spin : ndarray, shape (3, n)
+        Rotors' angular momentum per unit of effector position, kg m2.
+    momentum : ndarray, shape (3,)
+        Of all rotors at the trim, N m s.
+    arm : ndarray, shape (3,)
+        Accelerometers from the centre of gravity, m.
+    frequencies_hz : ndarray, shape (line,)
+
+    Returns
+    -------
+    ndarray of complex, shape (line, 8 + n + 3)
+        By state, effector position and accelerometer, N and N m per SI unit.
+    """
+    s = 2j * np.pi * frequencies_hz
+    unknowns, axis = 8 + spin.shape[1], row % 3
+    k = np.zeros((s.size, unknowns + 3), dtype=complex)
+    if row < 3:  # m (a - w' x arm)
+        k[:, unknowns + axis] = mass.mass_kg
+        k[:, 3:6] = -mass.mass_kg * np.outer(s, _cross_with(arm)[axis])
+    else:  # I w' + S d' + w x h0
+        k[:, 3:6] = np.outer(s, mass.inertia.matrix[axis]) + _cross_with(momentum)[axis]
+        k[:, 8:unknowns] = np.outer(s, spin[axis])
+    return k
 
 
 def refuse_unidentified(settings: Identification, wanted: Mapping[str, Mapping[str, float]]) -> None:

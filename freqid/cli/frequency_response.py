@@ -42,9 +42,9 @@ from freqid.cli.options import FILE
     help="Of a local denominator; 2 where many effectors share the lines and modes lie between them.",
 )
 @click.option(
-    "--windows",
+    "--sweeps",
     is_flag=True,
-    help="For sweeps and doublets: one input and one output by overlapped windows; needs --band.",
+    help="For sweeps, chirps and doublets, one input after the other, from rest to rest.",
 )
 @options.page_option("the responses")
 @options.as_json
@@ -58,7 +58,7 @@ def command(
     """Estimate frequency responses from RECORDs of one condition, with their random errors.
 
     Orthogonal multisines give the responses to all effectors at once, with the injected signals as
-    instruments: feedback does not bias them.
+    instruments: feedback does not bias them. --sweeps does the same for inputs that are swept in turn.
     """
     from freqid.cli.response_texts import response_result, response_table
     from freqid.views.page import page as page_of

@@ -36,7 +36,7 @@ class FrequencyResponse(Viewable):
     misfit : ndarray, shape (o, M)
         Power that is left on excited lines over that on noise lines near by: about one where the response is
         linear and smooth across the window; nan where no noise lines are.
-    method : {"multisine", "windows"}
+    method : {"multisine", "sweeps"}
     remarks : tuple of str
         What a reader should know before using it, one sentence each.
     provenance : dict

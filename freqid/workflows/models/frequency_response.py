@@ -5,18 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from freqid import __version__
-from freqid.core.channels import RESPONSE
-from freqid.core.errors import DataError, UsageError
-from freqid.core.record import Maneuver
+from freqid.core.errors import DataError
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.scenario import Scenario
-from freqid.identify.loads.explanatory import unit_of
 from freqid.identify.response import frequency_response as estimate
-from freqid.identify.response.frequency_response import window_response
-from freqid.identify.response.injected_lines import output_history
 from freqid.workflows.inputs import (
     File,
     Flight,
@@ -29,8 +22,6 @@ from freqid.workflows.inputs import (
     source_of,
 )
 
-_LINES = 60  # of a response by windows
-
 
 def frequency_response(
     flights: Flight | Iterable[Flight],
@@ -42,7 +33,7 @@ def frequency_response(
     band_hz: tuple[float, float] | None = None,
     order: int = 2,
     poles: int = 0,
-    windows: bool = False,
+    sweeps: bool = False,
 ) -> FrequencyResponse:
     """Estimate frequency responses from flights at one condition, with their random errors.
 
@@ -63,8 +54,9 @@ def frequency_response(
         Of the local polynomials.
     poles : int
         Of a local denominator; 2 where many effectors share the lines and modes lie between them.
-    windows : bool
-        For sweeps and doublets: one input and one output by overlapped windows; needs `band_hz`.
+    sweeps : bool
+        For sweeps, chirps and doublets from rest to rest, one input after the other, in one record or in
+        several; without injected signals `inputs` are needed, and feedback biases the responses.
 
     Returns
     -------
@@ -74,7 +66,7 @@ def frequency_response(
     Raises
     ------
     UsageError
-        Where windows are asked for without one input, one output and a band, or no period is known.
+        Where an input is none that is excited, or no period is known.
     DataError
         Where a record cannot be read, lacks a channel or does not fit the others.
 
@@ -99,10 +91,10 @@ def frequency_response(
         period_s = (there or described.excitation).period_s
     try:
         maneuvers = [maneuver_of(flight, described) for flight in read]
-        if windows:
-            if len(driven) != 1 or len(wanted) != 1 or band_hz is None:
-                raise UsageError("--windows needs one --input, one --output and --band")
-            found = _by_windows(maneuvers, driven[0], wanted[0], band_hz)
+        if sweeps:
+            found = estimate.estimate_swept_response(
+                maneuvers, driven or None, wanted, band_hz=band_hz, order=order
+            )
         else:
             found = estimate.estimate_frequency_response(
                 maneuvers,
@@ -124,35 +116,3 @@ def frequency_response(
         "freqid_version": __version__,
     }
     return replace(found, provenance=provenance)
-
-
-def _by_windows(
-    maneuvers: Sequence[Maneuver], input_: str, output: str, band_hz: tuple[float, float]
-) -> FrequencyResponse:
-    """Return the response to one input, with the injected signal as instrument where all records have it."""
-    path = input_ if "/" in input_ else f"effector/{input_}"
-    injected_path = f"excitation/{path.rpartition('/')[2]}"
-    dt = maneuvers[0].record.dt
-    if any(abs(m.record.dt - dt) > 1e-6 * dt for m in maneuvers):
-        raise DataError("the records have different sampling rates", remedy="import them with --resample")
-    outputs, injected = [], []
-    for m in maneuvers:
-        direct, momentum = output_history(m, output)
-        outputs.append(direct + np.gradient(momentum, m.record.dt) if momentum.any() else direct)
-        if injected_path in m.record:
-            injected.append(m.record[injected_path])
-    return window_response(
-        [m.record[path] for m in maneuvers],
-        outputs,
-        dt,
-        np.geomspace(*band_hz, _LINES),
-        injected=injected if len(injected) == len(maneuvers) else None,
-        names=(input_, output),
-        units=(maneuvers[0].record.channel(path).unit, _unit(maneuvers[0], output)),
-    )
-
-
-def _unit(maneuver: Maneuver, output: str) -> str:
-    if output in RESPONSE:
-        return RESPONSE[output][0]
-    return maneuver.record.channel(output).unit if "/" in output else unit_of(maneuver, output)

@@ -85,7 +85,7 @@ def local_response(
     order : int
         Degree of the polynomials in frequency.
     count : int
-        Lines of each injected signal in each record, nearest first; more where these leave fewer than
+        Lines of each injected signal, nearest first, in whatever records; more where these leave fewer than
         `LEAST_FREEDOM`.
     poles : int
         Degree of a denominator that all inputs share, in frequency too: two follow a resonance that is
@@ -213,20 +213,17 @@ def _solved(y: Complex, columns: Complex, instruments: Complex, at_hz: float) ->
 
 def _window(lines: ResponseLines, at_hz: float, order: int, count: int) -> tuple[NDArray[np.int64], Array]:
     """Return the lines near a frequency, and their distance, at most one in size."""
-    distance = np.abs(lines.hz - at_hz)
-    mine = [
-        places[np.argsort(distance[places], kind="stable")]
-        for s in np.unique(lines.record)
-        for row in lines.excited
-        if (places := np.flatnonzero(row & (lines.record == s))).size
-    ]
+    key = np.round(lines.hz, 9)
+    mine = []  # frequencies of each signal in any record, nearest first: records may share them out differently
+    for row in lines.excited:
+        own = np.unique(key[row])
+        mine.append(own[np.argsort(np.abs(own - at_hz), kind="stable")])
     dark = ~lines.excited.any(axis=0)
-    most = max(len(places) for places in mine)
+    most = max(len(own) for own in mine)
     for each in range(max(count, order + 1), most + 1):
-        near = np.unique(np.concatenate([places[:each] for places in mine]))
-        low, high = lines.hz[near].min(), lines.hz[near].max()
-        beside = np.flatnonzero(dark & (lines.hz >= low - 1e-12) & (lines.hz <= high + 1e-12))
-        chosen = np.union1d(near, beside)
+        wanted = np.unique(np.concatenate([own[:each] for own in mine]))
+        within = (key >= wanted[0]) & (key <= wanted[-1])
+        chosen = np.flatnonzero(within & (dark | np.isin(key, wanted)))
         unknown = (order + 1) * (len(lines.u) + np.unique(lines.record[chosen]).size)
         if chosen.size >= unknown + LEAST_FREEDOM:
             reach = np.max(np.abs(lines.hz[chosen] - at_hz))

@@ -189,7 +189,7 @@ def test_sweeps_in_several_records_are_those_in_one():
 
 
 def test_sweeps_under_feedback_have_no_bias_and_circles_hold_the_truth():
-    """The same without injected signals, by least squares on the inputs, is off by twice its standard errors."""
+    """The same without injected signals, by least squares on the inputs, is biased."""
     flights = [plant.fly_sweeps(gust=0.2, sensor=0.2, seed=seed, duration=60.0) for seed in range(16)]
     found = [estimate_swept_response([m], None, ("u", "w", "q"), band_hz=(0.08, 1.0)) for m in flights]
     truth = plant.response(found[0].frequencies_hz)

@@ -264,7 +264,16 @@ def _result(
         misfit=over("misfit"),
         method=method,
         remarks=remarks,
+        independent=np.minimum(np.array([one.density for one in found]) * _spacing(at), 1.0),
     )
+
+
+def _spacing(at: Array) -> Array:
+    """Return the band that each frequency stands for, Hz; all of it for a single one."""
+    if at.size < 2:
+        return np.full(at.size, np.inf)
+    edges = np.concatenate([[at[0]], 0.5 * (at[1:] + at[:-1]), [at[-1]]])
+    return np.diff(edges)
 
 
 def _output_unit(maneuver: Maneuver, name: str) -> str:

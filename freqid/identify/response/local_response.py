@@ -63,6 +63,8 @@ class LocalResponse:
     degrees_of_freedom : float
     coherence, partial_coherence : ndarray, shape (o, m) and (o, n)
     misfit : ndarray, shape (o,)
+    density : float
+        Independent estimates per Hz: those of neighbouring frequencies share lines.
     """
 
     value: Complex
@@ -71,6 +73,7 @@ class LocalResponse:
     coherence: Array
     partial_coherence: Array
     misfit: Array
+    density: float
 
 
 def local_response(
@@ -140,7 +143,8 @@ def local_response(
     reduced = np.asarray(np.linalg.pinv(instruments), dtype=np.complex128)
     coherence, partial = coherences(lines, chosen, instruments, reduced, stride, value, noise)
     freedom = min(one.freedom for one in solved)
-    return LocalResponse(value, noise[:, None] * gain, freedom, coherence, partial, misfit)
+    density = (order + 1) / np.ptp(lines.hz[chosen])
+    return LocalResponse(value, noise[:, None] * gain, freedom, coherence, partial, misfit, density)
 
 
 def coherences(
@@ -214,7 +218,7 @@ def _solved(y: Complex, columns: Complex, instruments: Complex, at_hz: float) ->
 def _window(lines: ResponseLines, at_hz: float, order: int, count: int) -> tuple[NDArray[np.int64], Array]:
     """Return the lines near a frequency, and their distance, at most one in size."""
     key = np.round(lines.hz, 9)
-    mine = []  # frequencies of each signal in any record, nearest first: records may share them out differently
+    mine = []  # frequencies of each signal, nearest first; records may share them out differently
     for row in lines.excited:
         own = np.unique(key[row])
         mine.append(own[np.argsort(np.abs(own - at_hz), kind="stable")])

@@ -177,7 +177,8 @@ def swept_response(lines: ResponseLines, at_hz: float, order: int) -> LocalRespo
     noise = np.sum(np.abs(left) ** 2, axis=1) / freedom
     coherence, partial = coherences(lines, chosen, columns, inverse, order + 1, value, noise)
     variance = noise[:, None] * np.sum(np.abs(dual) ** 2, axis=0)
-    return LocalResponse(value, variance, freedom, coherence, partial, np.full(len(y), np.nan))
+    density = (order + 1) / np.ptp(lines.hz[chosen])
+    return LocalResponse(value, variance, freedom, coherence, partial, np.full(len(y), np.nan), density)
 
 
 def _window(lines: ResponseLines, at_hz: float, order: int) -> tuple[NDArray[np.int64], Array]:

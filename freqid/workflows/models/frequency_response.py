@@ -6,8 +6,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from freqid import __version__
-from freqid.core.errors import DataError
+from freqid.blend.global_model import GlobalModel
+from freqid.core.errors import DataError, UsageError
+from freqid.core.record import Maneuver
 from freqid.core.results.frequency_response import FrequencyResponse
+from freqid.core.results.point import PointModel
 from freqid.core.scenario import Scenario
 from freqid.identify.response import frequency_response as estimate
 from freqid.workflows.inputs import (
@@ -15,6 +18,7 @@ from freqid.workflows.inputs import (
     Flight,
     flight_of,
     maneuver_of,
+    name_of,
     names_of,
     record_of,
     scenario_of,
@@ -34,6 +38,9 @@ def frequency_response(
     order: int = 2,
     poles: int = 0,
     sweeps: bool = False,
+    model: PointModel | GlobalModel | File | None = None,
+    simulation: Scenario | File | None = None,
+    fit: str | Sequence[str] = (),
 ) -> FrequencyResponse:
     """Estimate frequency responses from flights at one condition, with their random errors.
 
@@ -57,18 +64,27 @@ def frequency_response(
     sweeps : bool
         For sweeps, chirps and doublets from rest to rest, one input after the other, in one record or in
         several; without injected signals `inputs` are needed, and feedback biases the responses.
+    model : PointModel, GlobalModel or path, optional
+        Whose response is put beside the measured one, with the cost J and the share of frequencies inside
+        the bounds of maximum unnoticeable added dynamics.
+    simulation : Scenario, path or name, optional
+        The same of its simulation, linearised at the records' condition.
+    fit : str, or several
+        ``"1/2"`` fits a transfer function of that order, with a delay, to every pair; ``"state-space"`` the
+        ready forms of the scenario's ``[identification]`` to all responses together.
 
     Returns
     -------
     FrequencyResponse
-        Values of shape (output, input, frequency), output unit per input unit.
+        Values of shape (output, input, frequency), output unit per input unit; ``compared`` and ``fits``.
 
     Raises
     ------
     UsageError
-        Where an input is none that is excited, or no period is known.
+        Where an input is none that is excited, no period is known, or commands are compared with models,
+        whose inputs are positions.
     DataError
-        Where a record cannot be read, lacks a channel or does not fit the others.
+        Where a record cannot be read, lacks a channel or does not fit the others, or a fit is not found.
 
     Notes
     -----
@@ -105,8 +121,10 @@ def frequency_response(
                 order=order,
                 poles=poles,
             )
+        if model is not None or simulation is not None or fit:
+            found = _beside(found, maneuvers, described, model, simulation, fit, driven)
     except DataError as error:
-        raise error.at(" and ".join(names)) from None
+        raise (error if error.where else error.at(" and ".join(names))) from None
     provenance = {
         "records": names,
         "vehicle": maneuvers[0].vehicle.name,
@@ -116,3 +134,38 @@ def frequency_response(
         "freqid_version": __version__,
     }
     return replace(found, provenance=provenance)
+
+
+def _beside(
+    found: FrequencyResponse,
+    maneuvers: Sequence[Maneuver],
+    described: Scenario | None,
+    model: PointModel | GlobalModel | File | None,
+    simulation: Scenario | File | None,
+    fit: str | Sequence[str],
+    driven: Sequence[str],
+) -> FrequencyResponse:
+    """Add models, simulations and fits."""
+    from freqid.workflows.models import response_comparison as beside
+
+    commands = any(n.startswith("command/") for n in driven) or not all(
+        f"effector/{n}" in maneuvers[0].record for n in found.inputs
+    )
+    if commands and (model is not None or simulation is not None):
+        raise UsageError(
+            "responses to commands cannot be compared, as inputs of models are positions",
+            remedy="ask for effectors, whose positions were logged",
+        )
+    at = maneuvers[0].record.reference
+    if model is not None:
+        read, source = beside.model_of(model)
+        where = described or (scenario_of(simulation) if simulation is not None else None)
+        reference = where.reference_of(at) if where is not None and at else None
+        found = beside.compared_with_model(found, read, source, maneuvers, reference)
+    if simulation is not None:
+        simulated = scenario_of(simulation)
+        found = beside.compared_with_simulation(found, simulated, name_of(simulated), at)
+    if fit:
+        words = [fit] if isinstance(fit, str) else list(fit)
+        found = beside.fitted(found, words, maneuvers, described, None)
+    return found

@@ -33,6 +33,7 @@ SMALLEST_ERROR = 1e-3
 DELAYS_S = (0.0, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3)
 """Delays that a transfer function's fit starts from; the best end wins."""
 
+_AT_THE_SENSOR = ("state/ax", "state/ay", "state/az")
 _TURNS = 12  # of the weighted linear fit that each starts with
 
 
@@ -114,13 +115,13 @@ def fit_model(
         By parameter; others start from least squares on the state equations, for which all states have to be
         among the outputs of the response. Delays start from 0.05 s.
     fixed : mapping of str to float, optional
-        Parameters that are not estimated.
+        Parameters that are not estimated. Those that act on nothing measured are held at zero.
     band_hz : tuple of 2 floats, optional
 
     Raises
     ------
     UsageError
-        Where response and model have no output or no input in common, a parameter is unknown, or has no start.
+        Where response and model have no output or input in common, or a parameter is unknown or has no start.
     DataError
         Where no fit is found, or the responses do not determine a parameter.
     """
@@ -132,7 +133,8 @@ def fit_model(
                 remedy=nearest(name, model.shared),
             )
     inputs = tuple(n for n in response.inputs if n in model.inputs)
-    outputs = tuple(n for n in response.outputs if _bare(n) in model.outputs)
+    # accelerations of a model are those of the centre of gravity, a channel's those of its sensor
+    outputs = tuple(n for n in response.outputs if _bare(n) in model.outputs and n not in _AT_THE_SENSOR)
     if not inputs or not outputs:
         raise UsageError(
             f"the responses of {', '.join(response.outputs)} to {', '.join(response.inputs)} and model "
@@ -144,10 +146,13 @@ def fit_model(
     missing = [p for p in free if p not in start and p not in model.delays.values()]
     start |= {p: 0.05 for p in free if p not in start and p in model.delays.values()}
     if missing:
-        start |= _state_equations(points, missing, {**start, **fixed})
+        found = _state_equations(points, missing, {**start, **fixed})
+        start |= found
+        fixed |= {p: 0.0 for p in missing if p not in found}
+        free = [p for p in free if p not in fixed]
     values = np.array([start[p] for p in free])
     points = points.held(fixed, free)
-    end = _minimised(points, values, free, {p: (0.0, np.inf) for p in model.delays.values()})
+    end = _minimised(points, values, free, dict.fromkeys(model.delays.values(), (0.0, np.inf)))
     if end is None:
         raise DataError(f"no fit of model '{model.name}' converges", remedy="give other starts")
     return _fitted(points, model.name, values, end)
@@ -159,7 +164,7 @@ def _bare(name: str) -> str:
 
 @lru_cache(maxsize=32)
 def _compiled(model: DynamicModel) -> Any:
-    """Return ``both(vector, inputs, omega, x, u)``: responses, shape (n, k, M), and derivatives by the vector."""
+    """Return ``both(vector, inputs, omega, x, u)``: responses, shape (n, k, M), and their derivatives."""
     responses = responses_of(model)
 
     def every(vector: jax.Array, *given: jax.Array) -> jax.Array:
@@ -239,7 +244,7 @@ class _Points:
 def _minimised(
     points: _Points, start: Array, names: Sequence[str], bounds: Mapping[str, tuple[float, float]]
 ) -> Minimum | None:
-    """Minimise half the squared error in units of the random error; free numbers are in units of the start."""
+    """Minimise half the squared error in units of the random error, over numbers in units of the start."""
     scale = np.where(start == 0, 1.0, np.abs(start))
 
     def cost(free: Array) -> float:
@@ -316,7 +321,10 @@ def _weighted_linear(points: _Points, numerator: int, denominator: int, delay_s:
 
 
 def _state_equations(points: _Points, wanted: Sequence[str], known: Mapping[str, float]) -> dict[str, float]:
-    """Return starts by least squares on ``jw X = A X + B U``, in which the parameters are linear."""
+    """Return starts by least squares on ``jw X = A X + B U``, in which the parameters are linear.
+
+    Those that act on nothing measured are left out.
+    """
     model = points.model
     places = {_bare(n): i for i, n in enumerate(points.response.outputs)}
     lost = [s for s in model.states if s not in places]
@@ -343,10 +351,10 @@ def _state_equations(points: _Points, wanted: Sequence[str], known: Mapping[str,
     columns = np.array([(weight * (nothing - left(base + row))).ravel() for row in np.eye(base.size)[at]]).T
     right = (weight * nothing).ravel()
     size = np.linalg.norm(columns, axis=0)
-    size = np.where(size > 0, size, 1.0)
+    acts = size > 0
+    columns = columns[:, acts] / size[acts]
     found = np.linalg.lstsq(
-        np.concatenate([columns.real, columns.imag]) / size,
-        np.concatenate([right.real, right.imag]),
-        rcond=None,
+        np.concatenate([columns.real, columns.imag]), np.concatenate([right.real, right.imag]), rcond=None
     )[0]
-    return dict(zip(wanted, (found / size).tolist(), strict=True))
+    names = [p for p, yes in zip(wanted, acts, strict=True) if yes]
+    return dict(zip(names, (found / size[acts]).tolist(), strict=True))

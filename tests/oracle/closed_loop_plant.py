@@ -52,8 +52,8 @@ BAND = (0.04, 1.2)
 """Of the sweeps, Hz."""
 
 
-def fly_sweeps(spacing="logarithmic", gust=0.0, sensor=0.0, seed=0, duration=120.0, rest=8.0):
-    """Fly both inputs' sweeps one after the other, at rest before, between and after.
+def fly_sweeps(spacing="logarithmic", gust=0.0, sensor=0.0, seed=0, duration=120.0, rest=8.0, both=True):
+    """Fly both inputs' sweeps one after the other, or the first alone, at rest before, between and after.
 
     ``state/psi`` integrates q and nothing holds it.
     """
@@ -62,6 +62,8 @@ def fly_sweeps(spacing="logarithmic", gust=0.0, sensor=0.0, seed=0, duration=120
     still = np.zeros(round(rest / DT))
     empty = np.zeros(one.size + still.size)
     r = np.array([np.concatenate([still, one, still, empty]), np.concatenate([still, empty, one, still])])
+    if not both:
+        r = np.array([[*still, *one, *still], np.zeros(one.size + 2 * still.size)])
     v = sensor * rng.standard_normal((3, r.shape[1]))
     w = gust * np.sqrt(DT) * rng.standard_normal((3, r.shape[1]))
     states, inputs = _held(r, np.zeros(3), v, w)
@@ -72,6 +74,13 @@ def swept_response(f):
     """Return the exact responses of u w q psi to the two inputs, shape (4, 2, M)."""
     found = response(f)
     return np.concatenate([found, DT / (np.exp(2j * np.pi * np.asarray(f) * DT) - 1) * found[2:]])
+
+
+def one_response(f):
+    """Return the responses of u w q to the first input, (3, M), the loop of the second one closed."""
+    closed = F - H[:, 1:] @ K[1:]
+    z = np.exp(2j * np.pi * np.asarray(f) * DT)
+    return np.stack([np.linalg.solve(each * np.eye(3) - closed, H[:, 0]) for each in z], axis=-1)
 
 
 def _held(r, x, v, w):

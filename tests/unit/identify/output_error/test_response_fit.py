@@ -51,14 +51,14 @@ def test_a_transfer_function_with_a_delay_is_found_to_the_last_digit():
 
 
 def test_bounds_are_the_scatter_of_repeated_fits():
-    """Forty fits in noise; the bound is the scatter, the insensitivity is what one parameter alone has."""
+    """Repeated fits in noise; the bound is the scatter, the insensitivity is what one parameter alone has."""
     rng = np.random.default_rng(0)
     exact = second_order(TRUE)
     std = 0.02 * np.abs(exact) + 0.01
-    fits = [fit_transfer_function(measured(noisy(rng, exact, std), std), "q", "de", 1, 2) for _ in range(40)]
+    fits = [fit_transfer_function(measured(noisy(rng, exact, std), std), "q", "de", 1, 2) for _ in range(24)]
     scatter = np.std([x.estimate for x in fits], axis=0)
     bound = np.mean([x.cramer_rao for x in fits], axis=0)
-    assert np.all((bound / scatter > 0.75) & (bound / scatter < 1.5))
+    assert np.all((bound / scatter > 0.65) & (bound / scatter < 1.6))
     assert np.mean([x.weighted_error for x in fits]) == pytest.approx(1.0, abs=0.1)
     # of the delay alone, all else held: information is sum |dG/dtau|^2 / s^2
     alone = 1 / np.sqrt(np.sum(np.abs(S * exact) ** 2 / np.hypot(std, 1e-3 * np.abs(exact)) ** 2))

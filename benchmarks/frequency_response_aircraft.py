@@ -17,7 +17,7 @@ same with the measured inputs in place of the injected signals, S_uy / S_uu.
 
     python benchmarks/frequency_response_aircraft.py [FIRST_SEED [SETS [CASE...]]]
 
-writes frequency_response_aircraft.csv. Flights are kept in the system's folder for temporary files.
+writes frequency_response_aircraft.csv, of cases that are named their rows. Flights are kept in the system's folder for temporary files.
 """
 
 from __future__ import annotations
@@ -217,11 +217,18 @@ def judge(name: str, first: int, sets: int) -> dict:
 
 
 def main(first: int, sets: int, names) -> None:
-    rows = [judge(name, first, sets) for name in names]
-    with (Path(__file__).with_suffix(".csv")).open("w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    path = Path(__file__).with_suffix(".csv")
+    rows = {}
+    if path.exists():
+        with path.open(newline="") as file:
+            rows = {row["case"]: row for row in csv.DictReader(file)}
+    for name in names:
+        rows[name] = judge(name, first, sets)
+        columns = list(dict.fromkeys(key for row in rows.values() for key in row))
+        with path.open("w", newline="") as file:
+            writer = csv.DictWriter(file, columns, lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(rows[n] for n in CASES if n in rows)
 
 
 if __name__ == "__main__":

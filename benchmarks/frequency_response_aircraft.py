@@ -17,8 +17,8 @@ same with the measured inputs in place of the injected signals, S_uy / S_uu.
 
     python benchmarks/frequency_response_aircraft.py [FIRST_SEED [SETS [CASE...]]]
 
-writes frequency_response_aircraft.csv, only the rows of cases that are named. Flights are kept in the system's
-folder for temporary files.
+writes frequency_response_aircraft.csv, only the rows of cases that are named. Flights are kept in
+the folder for temporary files.
 """
 
 from __future__ import annotations

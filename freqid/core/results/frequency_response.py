@@ -26,8 +26,8 @@ class ComparedResponse:
     value : ndarray of complex, shape (o, n, M)
         nan where it has no such output or input.
     cost : ndarray, shape (o, n)
-        J of Tischler & Remple: up to 100 acceptable, up to 50 hard to tell from flight; nan where coherence
-        is too low to judge.
+        J of Tischler & Remple: up to 100 acceptable, up to 50 hard to tell from flight; nan where the partial
+        coherence is too low to judge.
     unnoticed : ndarray, shape (o, n)
         Share of the frequencies at which the mismatch is inside the bounds of maximum unnoticeable added
         dynamics; nan where none is between 0.1 and 30 rad/s.

@@ -64,7 +64,9 @@ def bode(response: FrequencyResponse, output: str, input_: str) -> Figure:
         (panels[1], phase, phase - turn, phase + turn),
     ):
         axes.fill_between(f, low, high, color=BLUE, alpha=0.18, linewidth=0)
-        axes.plot(f, middle, color=BLUE, marker=".", markersize=3, linewidth=0.9)
+        (measured,) = axes.plot(
+            f, middle, color=BLUE, marker=".", markersize=3, linewidth=0.9, label="measured"
+        )
         span = float(np.ptp(middle)) or 1.0
         axes.set_ylim(middle.min() - 0.6 * span - 1, middle.max() + 0.6 * span + 1)
         few_ticks(axes)
@@ -73,8 +75,8 @@ def bode(response: FrequencyResponse, output: str, input_: str) -> Figure:
     name_panel(panels[1], "Phase", "deg")
     panels[2].set_title("Coherence")
     panels[2].axhline(BELIEVED, color=PALE, linewidth=0.8)
-    lines = _draw_others(panels, one, known, phase)
-    lines += [
+    others = _draw_others(panels, one, known, phase)
+    coherences = [
         *panels[2].plot(
             f, one.coherence[0, 0][known], color=ORANGE, linewidth=1.0, label="with the injected signal"
         ),
@@ -89,7 +91,9 @@ def bode(response: FrequencyResponse, output: str, input_: str) -> Figure:
     ]
     panels[2].set_ylim(0, 1.05)
     few_ticks(panels[2])
-    draw_legend(figure, lines)
+    if others:
+        panels[2].set_title("Coherence: with the injected signal, and (dashed) partial, with the input")
+    draw_legend(figure, [measured, *others] if others else coherences)
     _logarithmic(panels)
     return figure
 
@@ -112,7 +116,7 @@ def _others(one: FrequencyResponse) -> list[tuple[str, Complex]]:
 
 
 def _fit_name(x: FittedResponse) -> str:
-    return f"fit, {x.name.rpartition(', ')[2]}"
+    return f"fit {x.name.rpartition(', ')[2].removeprefix('order ')}"
 
 
 def _draw_others(
@@ -152,19 +156,17 @@ def mismatch(response: FrequencyResponse, output: str, input_: str) -> Figure:
     for (name, value), (color, style) in zip(_others(one), _STYLES, strict=False):
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = one.value[0, 0] / value
-        known = np.isfinite(ratio) & (ratio != 0)
+        known = np.isfinite(ratio) & (ratio != 0) & (one.partial_coherence[0, 0] >= BELIEVED)
         f, ratio = one.frequencies_hz[known], ratio[known]
         gain, phase = 20 * np.log10(np.abs(ratio)), np.degrees(np.unwrap(np.angle(ratio)))
-        lines += panels[0].plot(
-            f, gain, color=color, linestyle=style, linewidth=1.1, label=f"flight over {name}"
-        )
+        lines += panels[0].plot(f, gain, color=color, linestyle=style, linewidth=1.1, label=name)
         panels[1].plot(f, phase, color=color, linestyle=style, linewidth=1.1)
     for axes, most in zip(panels, (20.0, 120.0), strict=True):
         bottom, top = axes.get_ylim()
         axes.set_ylim(max(bottom, -most), min(top, most))
         few_ticks(axes)
-    name_panel(panels[0], f"{literal(output, 20)} to {literal(input_, 20)}, mismatch in gain", "dB")
-    name_panel(panels[1], "Mismatch in phase", "deg")
+    name_panel(panels[0], f"{literal(output, 20)} to {literal(input_, 20)}, flight over others", "dB")
+    name_panel(panels[1], "Phase of flight over others", "deg")
     draw_legend(figure, lines)
     _logarithmic(panels)
     return figure
@@ -259,14 +261,16 @@ def _pictures(response: FrequencyResponse, rows: list[dict[str, Any]]) -> list[P
                 f"Grey line: a coherence of {BELIEVED}, below which a response is doubtful.",
             )
         )
-        if _others(response.of((input_,), (output,))):
+        one = response.of((input_,), (output,))
+        if one.fits or any(np.isfinite(c.cost).any() for c in one.compared):
             drawn.append(
                 picture(
                     mismatch(response, output, input_),
                     f"mismatch{len(drawn)}",
                     f"Mismatch in gain and phase: {output} to {input_}",
                     f"{output} to {input_}: flight over model. Shaded: added dynamics that pilots do not "
-                    "notice (MIL-STD-1797A), between 0.1 and 30 rad/s.",
+                    "notice (MIL-STD-1797A), between 0.1 and 30 rad/s. Only where the partial coherence is at least "
+                    f"{BELIEVED}.",
                 )
             )
     return drawn

@@ -30,7 +30,7 @@ from freqid.identify.output_error.signals import signals_of
 from freqid.workflows.inputs import identification_of
 
 COHERENT = 0.6
-"""Coherence from which a response enters cost and mismatch: Tischler & Remple, 2nd ed., sec. 2.6."""
+"""Partial coherence from which a response enters cost and mismatch: Tischler & Remple, 2nd ed., sec. 2.6."""
 
 
 def compared_with_model(
@@ -243,8 +243,8 @@ def _with(response: FrequencyResponse, name: str, source: str, value: Complex) -
 
 
 def _coherent(response: FrequencyResponse, o: int, i: int) -> tuple[Array, Complex]:
-    """Return one pair's coherence, and its response where that is high enough to be judged, else nan."""
-    trust = np.clip(response.coherence[o, i], 0.0, 1.0)
+    """Return one pair's partial coherence, and its response where that is high enough to judge, else nan."""
+    trust = np.clip(response.partial_coherence[o, i], 0.0, 1.0)
     return trust, np.where(trust >= COHERENT, response.value[o, i], np.nan)
 
 

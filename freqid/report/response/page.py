@@ -269,8 +269,8 @@ def _pictures(response: FrequencyResponse, rows: list[dict[str, Any]]) -> list[P
                     f"mismatch{len(drawn)}",
                     f"Mismatch in gain and phase: {output} to {input_}",
                     f"{output} to {input_}: flight over model, where the partial coherence is at least "
-                    f"{BELIEVED}. Shaded: added dynamics that pilots do not notice (MIL-STD-1797A), between 0.1 "
-                    "and 30 rad/s.",
+                    f"{BELIEVED}. Shaded: dynamics that pilots do not notice (MIL-STD-1797A), from 0.1 to "
+                    "30 rad/s.",
                 )
             )
     return drawn

@@ -95,7 +95,11 @@ def test_a_fit_is_told_written_and_drawn(freqid, record, tmp_path):
     a2, a1, a0 = np.poly(plant.A)[1:]
     for name, exact in (("a0", a0), ("a1", a1), ("a2", a2)):
         estimate, bound = found[name]
-        assert abs(estimate - exact) < 4 * bound < 4.0
+        assert abs(estimate - exact) < 4 * bound
+    unstable = [
+        max(roots.real) for roots in (np.roots([1.0, *found.estimate[[5, 4, 3]]]), np.linalg.eigvals(plant.A))
+    ]
+    assert unstable[0] == pytest.approx(unstable[1], abs=0.15)
     assert found["tau"][0] == pytest.approx(plant.DT / 2, abs=0.02)
     assert "Cramer-Rao  insensitivity" in out
     page = output.with_suffix(".html").read_text()

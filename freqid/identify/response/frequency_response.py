@@ -256,7 +256,7 @@ def _result(
         input_units=units[0],
         output_units=units[1],
         frequencies_hz=at,
-        value=over("value") * known,
+        value=np.asarray(over("value") * known, dtype=np.complex128),
         std_error=np.sqrt(over("variance") / 2) * known,
         degrees_of_freedom=np.tile(freedom, (len(outputs), 1)),
         coherence=over("coherence") * known,

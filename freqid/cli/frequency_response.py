@@ -42,9 +42,19 @@ from freqid.cli.options import FILE
     help="Of a local denominator; 2 where many effectors share the lines and modes lie between them.",
 )
 @click.option(
-    "--windows",
+    "--sweeps",
     is_flag=True,
-    help="For sweeps and doublets: one input and one output by overlapped windows; needs --band.",
+    help="For sweeps, chirps and doublets, one input after the other, from rest to rest.",
+)
+@click.option("--model", type=FILE, help="Point or global model, whose response is put beside.")
+@click.option(
+    "--sim", "simulation", type=FILE, help="Scenario, whose simulation's linearised response is put beside."
+)
+@click.option(
+    "--fit",
+    multiple=True,
+    metavar="M/N|state-space",
+    help="Transfer function of order M over N with a delay, for every pair, or the scenario's ready forms.",
 )
 @options.page_option("the responses")
 @options.as_json
@@ -58,7 +68,9 @@ def command(
     """Estimate frequency responses from RECORDs of one condition, with their random errors.
 
     Orthogonal multisines give the responses to all effectors at once, with the injected signals as
-    instruments: feedback does not bias them.
+    instruments: feedback does not bias them. --sweeps does the same for inputs that are swept in turn.
+    --model and --sim put other responses beside them, with the cost J and the bounds of unnoticeable added
+    dynamics.
     """
     from freqid.cli.response_texts import response_result, response_table
     from freqid.views.page import page as page_of
@@ -68,7 +80,9 @@ def command(
     response = frequency_response(records, **asked)
     destination = destination or records[0].with_name(f"{records[0].stem}-response.h5")
     drawn = destination.with_suffix(".html") if page else None
-    options.keep_inputs((destination, drawn), *records, asked["scenario"])
+    options.keep_inputs(
+        (destination, drawn), *records, asked["scenario"], asked["model"], asked["simulation"]
+    )
     save(response, destination)
     if drawn:
         page_of(response).save(drawn)

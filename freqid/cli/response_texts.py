@@ -34,6 +34,42 @@ def response_result(response: FrequencyResponse) -> dict[str, Any]:
         "frequencies_hz": response.frequencies_hz.tolist(),
         "responses": pairs,
         "remarks": list(response.remarks),
+        "compared": {
+            c.name: {
+                "source": c.source,
+                "J": _by_pair(response, c.cost),
+                "unnoticed": _by_pair(response, c.unnoticed),
+            }
+            for c in response.compared
+        },
+        "fits": [
+            {
+                "name": x.name,
+                "band_hz": list(x.band_hz),
+                "J": x.cost if isfinite(x.cost) else None,
+                "weighted_error": x.weighted_error,
+                "parameters": {
+                    name: {
+                        "estimate": float(x.estimate[k]),
+                        "cramer_rao": float(x.cramer_rao[k]),
+                        "insensitivity": float(x.insensitivity[k]),
+                        "unit": unit,
+                    }
+                    for k, (name, unit) in enumerate(zip(x.parameters, x.units, strict=True))
+                },
+            }
+            for x in response.fits
+        ],
+    }
+
+
+def _by_pair(response: FrequencyResponse, values: Any) -> dict[str, dict[str, float | None]]:
+    return {
+        output: {
+            input_: float(values[o, i]) if isfinite(values[o, i]) else None
+            for i, input_ in enumerate(response.inputs)
+        }
+        for o, output in enumerate(response.outputs)
     }
 
 
@@ -46,4 +82,20 @@ def response_table(response: FrequencyResponse) -> str:
             f"{row['output']:<10}{row['input']:<10}{row['lines']:>5}  {row['coherence']:>9.3f} "
             f"({row['lowest']:.3f}) {100 * row['error']:>13.2f} %  {misfit:>6}"
         )
+    for c in response.compared:
+        lines.append(f"{c.name} ({c.source})    J    inside MUAD bounds")
+        for output, row in _by_pair(response, c.cost).items():
+            for input_, cost in row.items():
+                if cost is not None:
+                    share = c.unnoticed[response.outputs.index(output), response.inputs.index(input_)]
+                    inside = f"{100 * share:.0f} %" if isfinite(share) else "-"
+                    lines.append(f"{output:<10}{input_:<10}{cost:>8.1f}  {inside:>6}")
+    for x in response.fits:
+        lines.append(f"{x.name}: J {x.cost:.3g}")
+        lines.append("parameter     estimate  Cramer-Rao  insensitivity")
+        for k, name in enumerate(x.parameters):
+            lines.append(
+                f"{name:<10}{x.estimate[k]:>12.4g}{x.cramer_rao[k]:>12.2g}{x.insensitivity[k]:>15.2g}"
+                f" {x.units[k]}".rstrip()
+            )
     return "\n".join(lines)

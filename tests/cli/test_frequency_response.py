@@ -67,14 +67,44 @@ def test_only_what_is_asked_for_is_given_and_the_rest_is_still_accounted_for(fre
     assert not (tmp_path / "r.html").exists()
 
 
-def test_a_sweep_by_windows(freqid, record, tmp_path):
+def test_sweeps_of_both_inputs_in_one_record(freqid, tmp_path):
+    path = tmp_path / "swept.h5"
+    write_record(path, plant.fly_sweeps(duration=60.0).record, "")
     code, out, err = freqid(
-        *("frequency-response", record, "--windows", "--input", "de1", "--output", "q", "--band", "0.2:1"),
-        *("--no-page", "-o", tmp_path / "w.h5"),
+        *("frequency-response", path, "--sweeps", "--output", "q", "--band", "0.05:1", "--no-page"),
+        *("-o", tmp_path / "w.h5"),
     )
     assert (code, err) == (0, "")
-    assert read_frequency_response(tmp_path / "w.h5").method == "windows"
-    assert "de1" in out
+    found = read_frequency_response(tmp_path / "w.h5")
+    assert (found.method, found.inputs) == ("sweeps", ("de1", "de2"))
+    ratio = found.value[0] / plant.response(found.frequencies_hz)[2]
+    assert np.abs(20 * np.log10(np.abs(ratio))).max() < 0.1
+    assert "de2" in out
+
+
+def test_a_fit_is_told_written_and_drawn(freqid, record, tmp_path):
+    """The plant has three poles; one sample of delay is half of one by the hold that the law makes."""
+    output = tmp_path / "r.h5"
+    code, out, err = freqid(
+        *("frequency-response", record, "--output", "q", "--input", "de1", "--fit", "2/3", "-o", output)
+    )
+    assert (code, err) == (0, "")
+    found = read_frequency_response(output).fits[0]
+    assert found.parameters == ("b0", "b1", "b2", "a0", "a1", "a2", "tau")
+    assert np.all(found.insensitivity <= found.cramer_rao * (1 + 1e-9))
+    a2, a1, a0 = np.poly(plant.A)[1:]
+    for name, exact in (("a0", a0), ("a1", a1), ("a2", a2)):
+        estimate, bound = found[name]
+        assert abs(estimate - exact) < 4 * bound
+    unstable = [
+        max(roots.real) for roots in (np.roots([1.0, *found.estimate[[5, 4, 3]]]), np.linalg.eigvals(plant.A))
+    ]
+    assert unstable[0] == pytest.approx(unstable[1], abs=0.15)
+    assert found["tau"][0] == pytest.approx(plant.DT / 2, abs=0.02)
+    assert "Cramer-Rao  insensitivity" in out
+    page = output.with_suffix(".html").read_text()
+    assert page.count("<svg") == 2  # and the mismatch between flight and fit
+    assert "Insensitivity" in page
 
 
 @pytest.mark.parametrize(
@@ -83,7 +113,12 @@ def test_a_sweep_by_windows(freqid, record, tmp_path):
         (("--output", "q", "--input", "dx"), 2, "'dx' has no injected signal"),
         (("--output", "nothing"), 3, "nothing"),
         (("--output", "q", "--band", "2:1"), 2, "LOW:HIGH"),
-        (("--output", "q", "--windows"), 2, "--windows needs"),
+        (("--output", "q", "--fit", "two"), 2, "neither orders M/N"),
+        (("--output", "q", "--fit", "state-space"), 2, "give --scenario"),
+        (("--output", "q", "--fit", "3/1"), 2, "at most one order more"),
+        (("--output", "q", "--fit", "1/2", "--band", "0.3:0.34"), 3, "lower the orders"),
+        (("--output", "q", "--sweeps", "--band", "5:8"), 3, "nothing of the band"),
+        (("--output", "q", "--sim", "la8"), 2, "do not name the condition"),
         (("--output", "q", "--period", "1000"), 3, "less than their period"),
         (("--output", "q", "--order", "30"), 3, "lower the order"),
     ],

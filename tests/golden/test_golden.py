@@ -115,12 +115,20 @@ def test_identify_point(result, linear, tmp_path, name, options, relative):
     [
         ("response-linear", ["--output", "M", "--output", "q", "--input", "de"]),
         ("response-linear-poles", ["--output", "state/q", "--input", "de", "--poles", "2"]),
-        ("response-linear-windows", ["--output", "q", "--input", "de", "--windows", "--band", "0.1:1.5"]),
     ],
 )
 def test_frequency_response(result, linear, tmp_path, name, options):
     words = ["frequency-response", linear / "flight.h5", "--scenario", LINEAR, "-o", tmp_path / "f.h5"]
     hold(name, result(linear, *words, *options, *QUICK))
+
+
+def test_swept_response_and_its_fit(result, tmp_path):
+    """The linear aircraft, its effectors swept one after the other."""
+    design, flight = tmp_path / "sweeps.h5", tmp_path / "swept.h5"
+    result(tmp_path, "design-inputs", LINEAR, "--input", "sweep", "-o", design, *QUICK)
+    result(tmp_path, "simulate", LINEAR, design, "-o", flight, *QUICK)
+    words = ["frequency-response", flight, "--scenario", LINEAR, "--sweeps", "--output", "q", "--input", "de"]
+    hold("response-linear-sweeps", result(tmp_path, *words, "--fit", "1/2", *QUICK), SEARCHED)
 
 
 def test_a_study_its_points_blended_and_a_flight_through_the_corridor(result, tmp_path):

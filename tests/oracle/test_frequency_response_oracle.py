@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.identify.response.frequency_response import estimate_frequency_response, window_response
+from freqid.identify.response.frequency_response import estimate_frequency_response, estimate_swept_response
 from freqid.identify.response.injected_lines import injected_lines
 from freqid.identify.response.local_response import ResponseLines, local_response
 
@@ -152,41 +153,84 @@ def test_one_period_does_without_noise_lines(periods):
     assert np.isnan(found.misfit).all() == (periods == 1)
 
 
-def swept(seed, sensor):
-    """Return a sweep of one input in closed loop: injected, input, output."""
-    rng = np.random.default_rng(seed)
-    time = plant.DT * np.arange(3201)
-    turns = 0.04 * time + 0.5 * (1.2 - 0.04) / time[-1] * time**2
-    r = np.sin(2 * np.pi * turns)
-    x, rows = np.zeros(3), []
-    for signal in r:
-        y = x + sensor * rng.standard_normal(3)
-        u = np.array([signal, 0.0]) - plant.K @ y * [1, 1]
-        rows.append([u[0], u[1], y[0]])
-        x = plant.F @ x + plant.H @ u
-    u0, u1, y = np.array(rows).T
-    return r, u0, u1, y
+SWEPT_OUTPUTS = ("u", "w", "q", "state/psi")
 
 
-def test_windows_of_a_sweep_with_the_injected_signal_as_instrument():
-    """The other input is closed by the law too, so that the response is that of the loop through it."""
-    f = np.geomspace(0.3, 1.0, 20)  # where the windows hold periods enough
-    inner = plant.K[1:]
-    z = np.exp(2j * np.pi * f * plant.DT)
-    closed = plant.F - plant.H[:, 1:] @ inner
-    truth = np.array([np.linalg.solve(one * np.eye(3) - closed, plant.H[:, 0])[0] for one in z])
-    flights = [swept(seed, 0.0) for seed in range(1)]
-    clean = window_response(
-        [x[1] for x in flights], [x[3] for x in flights], plant.DT, f, injected=[x[0] for x in flights]
-    )
-    assert np.median(relative(clean.value[0, 0] - truth, truth)) < 0.01
-    noisy = [swept(seed, 1.5) for seed in range(16)]
-    instrument, plain = [], []
-    for r, u, _, y in noisy:
-        instrument.append(window_response([u], [y], plant.DT, f, injected=[r]).value[0, 0])
-        plain.append(window_response([u], [y], plant.DT, f).value[0, 0])
-    bias = [np.median(relative(np.mean(g, axis=0) - truth, truth)) for g in (instrument, plain)]
-    assert bias[0] < 0.5 * bias[1]
+@pytest.mark.parametrize("spacing", ["logarithmic", "linear"])
+def test_sweeps_one_after_the_other_are_right_over_the_whole_band_that_they_excite(spacing):
+    """An unstable plant, both inputs in one record, and a heading that drifts away, which nothing holds."""
+    found = estimate_swept_response([plant.fly_sweeps(spacing)], None, SWEPT_OUTPUTS)
+    f = found.frequencies_hz
+    assert f[0] < plant.BAND[0]
+    assert f[-1] > plant.BAND[1]
+    ratio = found.value / plant.swept_response(f)
+    asked = (f >= plant.BAND[0]) & (f <= plant.BAND[1])
+    for part, decibel, degrees in ((f >= f[0], 0.1, 1.0), (asked, 0.02, 0.2)):
+        assert np.nanmax(np.abs(20 * np.log10(np.abs(ratio[:3, :, part])))) < decibel
+        assert np.nanmax(np.abs(np.degrees(np.angle(ratio[:3, :, part])))) < degrees
+    assert np.nanmax(np.abs(ratio[3][:, asked & (f < 0.9)] - 1)) < 0.012  # above, the heading hardly moves
+
+
+def test_sweeps_in_several_records_are_those_in_one():
+    m = plant.fly_sweeps()
+    middle = int(np.flatnonzero(m.record["excitation/de2"])[0]) - 1
+    each = [
+        Maneuver(FlightRecord(m.record.time[part] - m.record.time[part][0], channels), m.vehicle)
+        for part in (slice(0, middle), slice(middle, None))
+        for channels in [
+            {
+                n: type(c)(n, c.unit, c.values[part], c.native_rate_hz, c.source)
+                for n, c in m.record.channels.items()
+            }
+        ]
+    ]
+    one, two = (estimate_swept_response(x, None, ("q",), band_hz=(0.05, 1.1)) for x in ([m], each))
+    np.testing.assert_allclose(one.value, two.value, rtol=1e-3)
+
+
+def test_sweeps_under_feedback_have_no_bias_and_circles_hold_the_truth():
+    """The same without injected signals, by least squares on the inputs, is biased."""
+    flights = [plant.fly_sweeps(gust=0.2, sensor=0.2, seed=seed, duration=60.0) for seed in range(16)]
+    found = [estimate_swept_response([m], None, ("u", "w", "q"), band_hz=(0.08, 1.0)) for m in flights]
+    truth = plant.response(found[0].frequencies_hz)
+    error = np.array([one.value for one in found]) - truth
+
+    def off(error):
+        scatter = np.mean(np.abs(error - error.mean(axis=0)) ** 2, axis=0) / len(error)
+        return np.sqrt(np.mean(np.abs(error.mean(axis=0)) ** 2 / scatter))
+
+    assert off(error) < 1.4
+    for confidence in (0.5, 0.95):
+        inside = np.mean([np.abs(e) < one.radius(confidence) for e, one in zip(error, found, strict=True)])
+        assert inside == pytest.approx(confidence, abs=0.03)
+    without = [m.record for m in flights]
+    without = [
+        FlightRecord(r.time, {n: c for n, c in r.channels.items() if not n.startswith("excitation/")})
+        for r in without
+    ]
+    plain = [
+        estimate_swept_response(
+            [Maneuver(r, plant.VEHICLE)], ("de1", "de2"), ("u", "w", "q"), band_hz=(0.08, 1.0)
+        )
+        for r in without
+    ]
+    assert "feedback" in plain[0].remarks[0]
+    at = plain[0].frequencies_hz
+    assert off(np.array([one.value for one in plain]) - plant.response(at)) > 1.7
+
+
+def test_sweeps_at_the_same_time_are_refused():
+    m = plant.fly_sweeps()
+    r = m.record
+    both = r.channel("excitation/de1").values
+    channels = {**r.channels}
+    for group in ("excitation", "effector"):
+        c = r.channel(f"{group}/de1")
+        channels[f"{group}/de2"] = type(c)(
+            f"{group}/de2", c.unit, c.values + 0 * both, c.native_rate_hz, c.source
+        )
+    with pytest.raises(DataError, match="do not move the inputs apart"):
+        estimate_swept_response([Maneuver(FlightRecord(r.time, channels), m.vehicle)], None, ("q",))
 
 
 def test_inputs_that_no_signal_moves_apart_are_refused():
@@ -199,8 +243,6 @@ def test_inputs_that_no_signal_moves_apart_are_refused():
             for c in [record.channel(f"{group}/de1")]
         )
     )
-    from freqid.core.errors import DataError
-
     with pytest.raises(DataError, match="apart"):
         estimate_frequency_response(
             [Maneuver(FlightRecord(same.time, same.channels), m.vehicle)], None, ["q"]

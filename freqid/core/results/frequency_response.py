@@ -9,8 +9,86 @@ import numpy as np
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.errors import UsageError, nearest
-from freqid.core.layout import Attribute, Dataset, ResultFile
+from freqid.core.layout import Attribute, Dataset, NestedSeries, ResultFile
 from freqid.core.viewable import Viewable
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedResponse:
+    """What a model or a simulation has in place of measured responses, and how far it is from them.
+
+    Attributes
+    ----------
+    name : str
+        Such as ``model`` or ``simulation``.
+    source : str
+        File that it is from.
+    value : ndarray of complex, shape (o, n, M)
+        nan where it has no such output or input.
+    cost : ndarray, shape (o, n)
+        J of Tischler & Remple: up to 100 acceptable, up to 50 hard to tell from flight; nan where the partial
+        coherence is too low to judge.
+    unnoticed : ndarray, shape (o, n)
+        Share of the frequencies at which the mismatch is inside the bounds of maximum unnoticeable added
+        dynamics; nan where none is between 0.1 and 30 rad/s.
+    """
+
+    name: str
+    source: str
+    value: Complex
+    cost: Array
+    unnoticed: Array
+
+
+@dataclass(frozen=True, eq=False)
+class FittedResponse:
+    """A parametric model that was fitted to measured responses.
+
+    Attributes
+    ----------
+    name : str
+        What was fitted.
+    outputs, inputs : tuple of str
+    parameters, units : tuple of str
+    estimate : ndarray, shape (p,)
+    cramer_rao : ndarray, shape (p,)
+        Standard errors, ``sqrt((H^-1)_ii)`` with H the information matrix: other parameters follow.
+    insensitivity : ndarray, shape (p,)
+        ``1 / sqrt(H_ii)``: how far a parameter alone moves for the same change of fit. Beside `cramer_rao`
+        it tells a parameter without influence from one that others can stand in for.
+    value : ndarray of complex, shape (o, n, M)
+        Of `outputs` and `inputs`, at the response's frequencies.
+    cost : float
+        Mean J over the pairs.
+    weighted_error : float
+        Mean squared error in units of the random error: one where the model explains the responses.
+    band_hz : tuple of 2 floats
+        That was fitted.
+    """
+
+    name: str
+    outputs: tuple[str, ...]
+    inputs: tuple[str, ...]
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    estimate: Array
+    cramer_rao: Array
+    insensitivity: Array
+    value: Complex
+    cost: float
+    weighted_error: float
+    band_hz: tuple[float, float]
+
+    def __repr__(self) -> str:
+        found = ", ".join(f"{n} {x:.4g}" for n, x in zip(self.parameters, self.estimate, strict=True))
+        return f"<FittedResponse {self.name!r}: {found}; J {self.cost:.3g}>"
+
+    def __getitem__(self, parameter: str) -> tuple[float, float]:
+        """Return a parameter's estimate and its Cramer-Rao bound; UsageError for an unknown name."""
+        if parameter not in self.parameters:
+            raise UsageError(f"the fit has no '{parameter}'", remedy=nearest(parameter, self.parameters))
+        i = self.parameters.index(parameter)
+        return float(self.estimate[i]), float(self.cramer_rao[i])
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +114,15 @@ class FrequencyResponse(Viewable):
     misfit : ndarray, shape (o, M)
         Power that is left on excited lines over that on noise lines near by: about one where the response is
         linear and smooth across the window; nan where no noise lines are.
-    method : {"multisine", "windows"}
+    method : {"multisine", "sweeps"}
     remarks : tuple of str
         What a reader should know before using it, one sentence each.
     provenance : dict
         JSON-compatible.
+    independent : ndarray, shape (M,), optional
+        Share of an independent estimate that each frequency is worth: windows of neighbours overlap.
+    compared : tuple of ComparedResponse
+    fits : tuple of FittedResponse
     """
 
     inputs: tuple[str, ...]
@@ -57,6 +139,9 @@ class FrequencyResponse(Viewable):
     method: str
     remarks: tuple[str, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
+    independent: Array | None = None
+    compared: tuple[ComparedResponse, ...] = ()
+    fits: tuple[FittedResponse, ...] = ()
 
     def __repr__(self) -> str:
         f = self.frequencies_hz
@@ -124,11 +209,36 @@ class FrequencyResponse(Viewable):
             self.method,
             self.remarks,
             self.provenance,
+            self.independent,
+            tuple(
+                ComparedResponse(c.name, c.source, c.value[grid], c.cost[grid], c.unnoticed[grid])
+                for c in self.compared
+            ),
+            tuple(x for x in self.fits if {*x.inputs} <= {*inputs} and {*x.outputs} <= {*outputs}),
         )
 
 
 _PAIRS = ("outputs", "inputs", "line")
 _PAIR_UNIT = "output unit / input unit"  # units differ by output and input; they are in attributes
+_COMPARED = {
+    "name": Attribute("compared/{i}@name"),
+    "source": Attribute("compared/{i}@source"),
+    "value": Dataset("compared/{i}/value", _PAIR_UNIT, _PAIRS),
+    "cost": Dataset("compared/{i}/cost", "1", ("outputs", "inputs")),
+    "unnoticed": Dataset("compared/{i}/unnoticed", "1", ("outputs", "inputs")),
+}
+_FIT = {
+    **{
+        name: Attribute(f"fit/{{i}}@{name}", json=True)
+        for name in ("outputs", "inputs", "parameters", "units", "band_hz")
+    },
+    **{name: Attribute(f"fit/{{i}}@{name}") for name in ("name", "cost", "weighted_error")},
+    **{
+        name: Dataset(f"fit/{{i}}/{name}", "in the attribute units", ("parameters",))
+        for name in ("estimate", "cramer_rao", "insensitivity")
+    },
+    "value": Dataset("fit/{i}/value", _PAIR_UNIT, _PAIRS),
+}
 _LAYOUT = {
     **{
         name: Attribute(f"@{name}", json=True)
@@ -142,6 +252,9 @@ _LAYOUT = {
     "coherence": Dataset("coherence", "1", _PAIRS),
     "partial_coherence": Dataset("partial_coherence", "1", _PAIRS),
     "misfit": Dataset("misfit", "1", ("outputs", "line")),
+    "independent": Dataset("independent", "1", ("line",)),
+    "compared": NestedSeries(ComparedResponse, _COMPARED, "i", "compared"),
+    "fits": NestedSeries(FittedResponse, _FIT, "i", "fit"),
 }
 FILE = ResultFile("freqid-frequency-response", FrequencyResponse, _LAYOUT)
 write_frequency_response, read_frequency_response = FILE.write, FILE.read

@@ -2,5 +2,6 @@
 
 Here belong models as pure functions, their ready forms and the estimators; equation error belongs in
 `freqid.identify.regress`. Read model and parameters, then simulation, minimise, time_domain, uncertainty and
-whiteness; frequency_domain and filter_error are the two other estimators.
+whiteness; frequency_domain and filter_error are two other estimators, response_fit that of frequency
+responses.
 """

@@ -1,26 +1,17 @@
-"""Frequency responses from flown manoeuvres: many inputs at once from multisines, one from a sweep.
+"""Frequency responses from flown manoeuvres: many inputs at once by multisines, or one sweep after another.
 
 Under feedback the inputs follow sensor noise and gusts, and ratios of spectra mistake the inverse of the
 control law for the aircraft. What the injected signals explain of both sides is free of that
 (docs/theory/frequency-response.md).
-
-Short windows give many averages, long ones reach low frequencies; at each frequency they are weighted by
-their random errors.
-
-References
-----------
-M. B. Tischler, R. K. Remple, *Aircraft and Rotorcraft System Identification*, 2nd ed., AIAA, 2012, ch. 7
-(windowed spectra, random error) and ch. 10 (composite windows; here their weighted mean).
-J. S. Bendat, A. G. Piersol, *Random Data*, 4th ed., Wiley, 2010, sec. 9.2 (errors of frequency responses).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import cast
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
 from freqid.core.channels import RESPONSE, WRENCH
@@ -29,8 +20,8 @@ from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.identify.loads.explanatory import unit_of
 from freqid.identify.response.injected_lines import injected_lines, injected_signals, period_of
-from freqid.identify.response.local_response import ResponseLines, local_response
-from freqid.identify.spectra.fourier import FourierPlan
+from freqid.identify.response.local_response import LocalResponse, ResponseLines, local_response
+from freqid.identify.response.swept_lines import stretches, swept_lines, swept_response
 
 ORDER = 2
 """Degree of the polynomials in frequency; two follow a resonance that spans a few lines."""
@@ -90,42 +81,199 @@ def estimate_frequency_response(
         injected_lines(m, i, excited, group, outputs, period_s or period_of(m.record))
         for i, m in enumerate(maneuvers)
     ]
-    joined = ResponseLines(
+    joined = _joined(parts)
+    at = _between(joined, band_hz)
+    found = [local_response(joined, f, order, lines or order + 2, poles) for f in at]
+    # half the mean spacing beyond the last line is still interpolation as polynomials go
+    count = joined.excited.sum(axis=1) / len(maneuvers)
+    ends = _ends(joined)
+    reach = 0.5 * (ends[:, 1] - ends[:, 0]) / np.maximum(count - 1, 1) + 1e-9
+    inside = (at >= (ends[:, 0] - reach)[:, None]) & (at <= (ends[:, 1] + reach)[:, None])
+    units = _units(maneuvers[0], excited, group, outputs)
+    remarks = _remarks(maneuvers, excited, group)
+    result = _result(found, at, inside, excited, outputs, units, "multisine", remarks)
+    return result.of(asked, tuple(outputs))
+
+
+SWEPT_FREQUENCIES = 60
+"""Frequencies of a sweep's response, even on a logarithmic axis."""
+
+
+def estimate_swept_response(
+    maneuvers: Sequence[Maneuver],
+    inputs: Sequence[str] | None,
+    outputs: Sequence[str],
+    *,
+    band_hz: tuple[float, float] | None = None,
+    order: int = ORDER,
+) -> FrequencyResponse:
+    """Estimate the responses to effectors swept one after the other, or moved otherwise from rest to rest.
+
+    Parameters
+    ----------
+    maneuvers : sequence of Maneuver
+        At one condition. With injected signals in ``excitation`` feedback does not bias the responses; where
+        no record has any, the inputs themselves take their place.
+    inputs : sequence of str, optional
+        As in `estimate_frequency_response`; needed where nothing is injected.
+    outputs : sequence of str
+    band_hz : tuple of 2 floats, optional
+        What the sweeps excite where absent.
+    order : int
+        Degree of the local polynomials.
+
+    Returns
+    -------
+    FrequencyResponse
+        At `SWEPT_FREQUENCIES`; nan where an input's own sweep has no power.
+
+    Raises
+    ------
+    UsageError
+        Where nothing is injected and no inputs are named, or an input is none that is excited.
+    DataError
+        Where a channel is missing, a sweep is too short, or sweeps overlap so that inputs are not told apart.
+    """
+    if order < 0:
+        raise UsageError(f"the order is {order}, expected 0 or more")
+    has = [bool(injected_signals(m.record)) for m in maneuvers]
+    remarks: tuple[str, ...]
+    if any(has):
+        if not all(has):
+            raise DataError(
+                f"{has.count(False)} of {len(has)} records hold no injected signals and the others do",
+                remedy="import them with the log, or give the records apart",
+            )
+        excited = _excited(maneuvers)
+        group, asked = _inputs(inputs, excited, maneuvers[0].record)
+        remarks = _remarks(maneuvers, excited, group)
+    else:
+        if not inputs:
+            raise UsageError(
+                "the records hold no injected signals, which would say what inputs were swept",
+                remedy="name the inputs with --input, or import the injected signals with the log",
+            )
+        group, asked = _inputs(inputs, tuple(n.rpartition("/")[2] for n in inputs), maneuvers[0].record)
+        excited = asked
+        remarks = ("Without the injected signals feedback biases these responses.",)
+    parts, drifting, open_ = [], np.zeros(len(outputs), dtype=bool), False
+    for m in maneuvers:
+        record = m.record
+        source = "excitation" if any(has) else group
+        injected = np.array(
+            [
+                record[f"{source}/{n}"] if f"{source}/{n}" in record else np.zeros(record.time.size)
+                for n in excited
+            ]
+        )
+        cuts = stretches(injected) if any(has) else [slice(0, record.time.size)]
+        open_ |= any(has) and bool(np.any(injected[:, [0, -1]]))
+        injected = injected if any(has) else injected - injected.mean(axis=1, keepdims=True)
+        for cut in cuts:
+            lines, drifts = swept_lines(m, cut, len(parts), injected, group, excited, outputs)
+            parts.append(lines)
+            drifting |= drifts
+    if open_:
+        remarks += (
+            "A record begins or ends while a signal is injected: the part of the response that is cut off "
+            "biases the lowest frequencies.",
+        )
+    joined = _joined(parts)
+    ends = _ends(joined)
+    low, high = band_hz or (float(ends[:, 0].min()), float(ends[:, 1].max()))
+    low, high = max(low, float(ends[:, 0].min())), min(high, float(ends[:, 1].max()))
+    if not low < high:
+        raise DataError(
+            f"the sweeps excite {ends[:, 0].min():.4g} to {ends[:, 1].max():.4g} Hz, nothing of the band",
+            remedy="give a band inside, or none",
+        )
+    at = np.geomspace(low, high, SWEPT_FREQUENCIES)
+    # an output that integrates the input is steep at low frequencies; its derivative is smooth
+    slope = np.where(drifting[:, None], 2j * np.pi * joined.hz, 1.0)
+    joined = replace(joined, y=joined.y * slope)
+    found = [swept_response(joined, f, order) for f in at]
+    back = np.where(drifting[:, None, None], 1 / (2j * np.pi * at), 1.0)
+    inside = (at >= ends[:, :1] * (1 - 1e-9)) & (at <= ends[:, 1:] * (1 + 1e-9))
+    units = _units(maneuvers[0], excited, group, outputs)
+    result = _result(found, at, inside, excited, outputs, units, "sweeps", remarks)
+    result = replace(result, value=result.value * back, std_error=result.std_error * np.abs(back))
+    return result.of(asked, tuple(outputs))
+
+
+def _joined(parts: Sequence[ResponseLines]) -> ResponseLines:
+    return ResponseLines(
         *(
             np.concatenate([getattr(part, name) for part in parts], axis=-1)
             for name in ("hz", "record", "excited", "r", "u", "y")
         )
     )
-    some = joined.excited.any(axis=0)
+
+
+def _ends(lines: ResponseLines) -> Array:
+    """Return the outermost frequencies of each injected signal, shape (m, 2), Hz."""
+    return np.array([(lines.hz[row].min(), lines.hz[row].max()) for row in lines.excited])
+
+
+def _between(lines: ResponseLines, band_hz: tuple[float, float] | None) -> Array:
+    """Return the excited lines within a band, Hz."""
     low, high = band_hz or (0.0, np.inf)
-    at = np.unique(np.round(joined.hz[some], 12))
+    at = np.unique(np.round(lines.hz[lines.excited.any(axis=0)], 12))
     at = at[(at >= low - 1e-9) & (at <= high + 1e-9)]
     if not at.size:
         raise DataError(f"no line between {low:g} and {high:g} Hz is excited")
-    found = [local_response(joined, f, order, lines or order + 2, poles) for f in at]
-    ends = np.array([(joined.hz[row].min(), joined.hz[row].max()) for row in joined.excited])
-    # half the mean spacing beyond the last line is still interpolation as polynomials go
-    count = joined.excited.sum(axis=1) / len(maneuvers)
-    reach = 0.5 * (ends[:, 1] - ends[:, 0]) / np.maximum(count - 1, 1) + 1e-9
-    inside = (at >= (ends[:, 0] - reach)[:, None]) & (at <= (ends[:, 1] + reach)[:, None])
+    return at
+
+
+def _units(
+    maneuver: Maneuver, excited: Sequence[str], group: str, outputs: Sequence[str]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    return (
+        tuple(maneuver.record.channel(f"{group}/{n}").unit for n in excited),
+        tuple(_output_unit(maneuver, n) for n in outputs),
+    )
+
+
+def _result(
+    found: Sequence[LocalResponse],
+    at: Array,
+    inside: NDArray[np.bool_],
+    excited: tuple[str, ...],
+    outputs: Sequence[str],
+    units: tuple[tuple[str, ...], tuple[str, ...]],
+    method: str,
+    remarks: tuple[str, ...],
+) -> FrequencyResponse:
+    """Put what was found at each frequency together; `inside` is where an input's own signal has power."""
     known = np.where(inside, 1.0, np.nan)
+
+    def over(name: str) -> Array:
+        return np.stack([getattr(one, name) for one in found], axis=-1)
+
     freedom = np.array([one.degrees_of_freedom for one in found])
-    result = FrequencyResponse(
+    return FrequencyResponse(
         inputs=excited,
         outputs=tuple(outputs),
-        input_units=tuple(maneuvers[0].record.channel(f"{group}/{n}").unit for n in excited),
-        output_units=tuple(_output_unit(maneuvers[0], n) for n in outputs),
+        input_units=units[0],
+        output_units=units[1],
         frequencies_hz=at,
-        value=np.stack([one.value for one in found], axis=-1) * known,
-        std_error=np.sqrt(np.stack([one.variance for one in found], axis=-1) / 2) * known,
+        value=np.asarray(over("value") * known, dtype=np.complex128),
+        std_error=np.sqrt(over("variance") / 2) * known,
         degrees_of_freedom=np.tile(freedom, (len(outputs), 1)),
-        coherence=np.stack([one.coherence for one in found], axis=-1) * known,
-        partial_coherence=np.stack([one.partial_coherence for one in found], axis=-1) * known,
-        misfit=np.stack([one.misfit for one in found], axis=-1),
-        method="multisine",
-        remarks=_remarks(maneuvers, excited, group),
+        coherence=over("coherence") * known,
+        partial_coherence=over("partial_coherence") * known,
+        misfit=over("misfit"),
+        method=method,
+        remarks=remarks,
+        independent=np.minimum(np.array([one.density for one in found]) * _spacing(at), 1.0),
     )
-    return result.of(asked, tuple(outputs))
+
+
+def _spacing(at: Array) -> Array:
+    """Return the band that each frequency stands for, Hz; all of it for a single one."""
+    if at.size < 2:
+        return np.full(at.size, np.inf)
+    edges = np.concatenate([[at[0]], 0.5 * (at[1:] + at[:-1]), [at[-1]]])
+    return np.diff(edges)
 
 
 def _output_unit(maneuver: Maneuver, name: str) -> str:
@@ -140,7 +288,7 @@ def _excited(maneuvers: Sequence[Maneuver]) -> tuple[str, ...]:
         raise UsageError(
             "responses under feedback need the injected signals, but the records hold none in "
             "excitation/<effector>",
-            remedy="import them with the log, or estimate one input's response by windows",
+            remedy="import them with the log, or use --sweeps, whose responses feedback then biases",
         )
     return found
 
@@ -181,139 +329,3 @@ def _remarks(maneuvers: Sequence[Maneuver], excited: tuple[str, ...], group: str
         f"{', '.join(others)} move without an injected signal: what they do is counted for the inputs that "
         "they follow.",
     )
-
-
-OVERLAP = 0.8
-WINDOWS = (0.5, 0.33, 0.2, 0.12)
-"""Lengths of the windows, as shares of the shortest record."""
-
-SHORTEST = 2.0  # periods of a frequency that a window must hold to say anything about it
-
-
-def window_response(
-    input_: Sequence[ArrayLike],
-    output: Sequence[ArrayLike],
-    dt: float,
-    frequencies_hz: ArrayLike,
-    *,
-    injected: Sequence[ArrayLike] | None = None,
-    windows_s: Sequence[float] | None = None,
-    names: tuple[str, str] = ("input", "output"),
-    units: tuple[str, str] = ("1", "1"),
-) -> FrequencyResponse:
-    """Estimate the response of one output to one input.
-
-    Parameters
-    ----------
-    input_, output : sequence of array_like, shape (sample,)
-        Of each record.
-    dt : float
-        s.
-    frequencies_hz : array_like, shape (M,)
-        Hz, ascending; those that no window reaches are nan.
-    injected : sequence of array_like, shape (sample,), optional
-        Signal that was injected; with it as instrument feedback does not bias the estimate. Without it the
-        response is that of least squares on the input, right where nothing is fed back.
-    windows_s : sequence of float, optional
-        s; `WINDOWS` of the shortest record where absent.
-    names, units : tuple of 2 str
-        Of input and output.
-
-    Returns
-    -------
-    FrequencyResponse
-        With coherence between output and input, or injected signal.
-
-    Raises
-    ------
-    DataError
-        Where no window reaches any of the frequencies.
-
-    Notes
-    -----
-    With window i's random error ``e_i = sqrt(1 - c) / sqrt(2 n c)``, c the coherence and n the windows that
-    do not overlap, spectra are averaged with weights ``(e_i / e_min)^-4``.
-    """
-    f = np.asarray(frequencies_hz, dtype=float)
-    u, y = ([np.asarray(x, dtype=float) for x in part] for part in (input_, output))
-    r = u if injected is None else [np.asarray(x, dtype=float) for x in injected]
-    least = dt * min(x.size - 1 for x in u)
-    lengths = windows_s or [share * least for share in WINDOWS]
-    spectra, error, count = [], [], []
-    for length in lengths:
-        samples = round(length / dt) + 1
-        reached = f * length >= SHORTEST
-        if samples < 8 or not reached.any():
-            continue
-        found, windows = _spectra(r, u, y, dt, samples, f[reached])
-        if windows < 2:
-            continue
-        whole = np.full((6, f.size), np.nan, dtype=complex)
-        whole[:, reached] = found
-        spectra.append(whole)
-        count.append(sum(x.size for x in u) / samples)
-        error.append(_random_error(whole, count[-1]))
-    if not spectra:
-        raise DataError(
-            f"no window of {', '.join(f'{x:.3g}' for x in lengths)} s holds {SHORTEST:g} periods of "
-            f"{f[-1]:g} Hz and fits twice into a record of {least:.4g} s",
-            remedy="raise the frequencies or use longer records",
-        )
-    error, spectra = np.array(error), np.array(spectra)
-    error = np.where(np.isfinite(error), np.maximum(error, 1e-9), np.inf)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        weight = np.where(np.isfinite(error), (error / error.min(axis=0)) ** -4.0, 0.0)
-        weight = weight / weight.sum(axis=0)
-        mean = np.nansum(weight[:, None] * np.nan_to_num(spectra), axis=0)
-        mean[:, ~np.isfinite(weight).all(axis=0)] = np.nan
-        rr, ru, ry, _, yy, _ = mean
-        coherence = np.clip(np.abs(ry) ** 2 / (rr.real * yy.real), 0.0, 1.0)
-        averages = np.sum(np.nan_to_num(weight) * np.array(count)[:, None], axis=0)
-        value = ry / ru
-        std = np.abs(value) * _random_error(mean, averages)
-    shape = (1, 1, f.size)
-    return FrequencyResponse(
-        inputs=names[:1],
-        outputs=names[1:],
-        input_units=units[:1],
-        output_units=units[1:],
-        frequencies_hz=f,
-        value=value.reshape(shape),
-        std_error=std.reshape(shape),
-        degrees_of_freedom=np.maximum(averages - 1, 1.0)[None],
-        coherence=coherence.reshape(shape),
-        partial_coherence=coherence.reshape(shape),
-        misfit=np.full((1, f.size), np.nan),
-        method="windows",
-        remarks=()
-        if injected is not None
-        else ("Without the injected signal feedback biases this response.",),
-    )
-
-
-def _spectra(
-    r: list[Array], u: list[Array], y: list[Array], dt: float, samples: int, f: Array
-) -> tuple[NDArray[np.complex128], int]:
-    """Return rr, ru, ry, uu, yy and uy of one window length, shape (6, M), and the number of windows."""
-    plan = FourierPlan(samples, dt, f)
-    taper = np.hanning(samples)
-    step = max(round((1 - OVERLAP) * (samples - 1)), 1)
-    total, windows = np.zeros((6, f.size), dtype=complex), 0
-    for one in zip(r, u, y, strict=True):
-        signals = np.array(one)
-        signals = signals - signals.mean(axis=1, keepdims=True)
-        for start in range(0, signals.shape[1] - samples + 1, step):
-            R, U, Y = cast(NDArray[np.complex128], plan(signals[:, start : start + samples] * taper))
-            R_ = R.conj()
-            total += [R_ * R, R_ * U, R_ * Y, U.conj() * U, Y.conj() * Y, U.conj() * Y]
-            windows += 1
-    return np.asarray(total / max(windows, 1), dtype=np.complex128), windows
-
-
-def _random_error(spectra: NDArray[np.complex128], averages: Array | float) -> Array:
-    """Return the normalised random error of S_ry / S_ru, shape (M,): of the noise ``v = y - G u``."""
-    rr, ru, ry, uu, yy, uy = spectra
-    with np.errstate(invalid="ignore", divide="ignore"):
-        G = ry / ru
-        noise = np.maximum((yy - 2 * (G.conj() * uy).real + np.abs(G) ** 2 * uu).real, 0.0)
-        return np.sqrt(noise * rr.real / (2 * averages)) / np.abs(ry)

@@ -63,6 +63,8 @@ class LocalResponse:
     degrees_of_freedom : float
     coherence, partial_coherence : ndarray, shape (o, m) and (o, n)
     misfit : ndarray, shape (o,)
+    density : float
+        Independent estimates per Hz: those of neighbouring frequencies share lines.
     """
 
     value: Complex
@@ -71,6 +73,7 @@ class LocalResponse:
     coherence: Array
     partial_coherence: Array
     misfit: Array
+    density: float
 
 
 def local_response(
@@ -85,7 +88,7 @@ def local_response(
     order : int
         Degree of the polynomials in frequency.
     count : int
-        Lines of each injected signal in each record, nearest first; more where these leave fewer than
+        Lines of each injected signal, nearest first, in whatever records; more where these leave fewer than
         `LEAST_FREEDOM`.
     poles : int
         Degree of a denominator that all inputs share, in frequency too: two follow a resonance that is
@@ -111,17 +114,17 @@ def local_response(
     r, u, y = lines.r[:, chosen], lines.u[:, chosen], lines.y[:, chosen]
     powers = x ** np.arange(order + 1)[:, None]
     here = lines.record[chosen] == np.unique(lines.record[chosen])[:, None]
-    transient = _terms(here.astype(complex), powers)
-    instruments = np.concatenate([_terms(_scaled(r)[0], powers), transient])
-    columns, scale = _scaled(u)
-    columns = np.concatenate([_terms(columns, powers), transient])
+    transient = terms(here.astype(complex), powers)
+    instruments = np.concatenate([terms(scaled(r)[0], powers), transient])
+    columns, scale = scaled(u)
+    columns = np.concatenate([terms(columns, powers), transient])
     n, stride = len(u), order + 1
     first = np.arange(n) * stride
     if poles:
-        more = np.concatenate([instruments, _scaled(r)[0] * x ** (order + 1)])
+        more = np.concatenate([instruments, scaled(r)[0] * x ** (order + 1)])
         raised = x ** np.arange(1, poles + 1)[:, None]
         solved = [
-            _solved(one, np.concatenate([columns, _terms(_scaled(one)[0], raised)]), more, at_hz)
+            _solved(one, np.concatenate([columns, terms(scaled(one)[0], raised)]), more, at_hz)
             for one in y[:, None]
         ]
     else:
@@ -137,24 +140,54 @@ def local_response(
     excited = np.asarray(lines.excited[:, chosen].any(axis=0))
     misfit = np.concatenate([_misfit(one.residual, one.columns, one.dual, excited) for one in solved])
 
-    # what the injected signals alone explain, for the coherences
     reduced = np.asarray(np.linalg.pinv(instruments), dtype=np.complex128)
+    coherence, partial = coherences(lines, chosen, instruments, reduced, stride, value, noise)
+    freedom = min(one.freedom for one in solved)
+    density = (order + 1) / np.ptp(lines.hz[chosen])
+    return LocalResponse(value, noise[:, None] * gain, freedom, coherence, partial, misfit, density)
+
+
+def coherences(
+    lines: ResponseLines,
+    chosen: NDArray[np.int64],
+    instruments: Complex,
+    reduced: Complex,
+    stride: int,
+    value: Complex,
+    noise: Array,
+) -> tuple[Array, Array]:
+    """Return coherence with the injected signals and partial coherence with the inputs.
+
+    Parameters
+    ----------
+    lines : ResponseLines
+    chosen : ndarray of int, shape (K,)
+        Lines of the window.
+    instruments : ndarray of complex, shape (term, K)
+        Scaled injected signals times powers, `stride` terms for each signal, then any others.
+    reduced : ndarray of complex, shape (K, term)
+        Their pseudo-inverse.
+    stride : int
+    value : ndarray of complex, shape (o, n)
+        Responses.
+    noise : ndarray, shape (o,)
+        Power per line.
+    """
+    r, u, y = lines.r[:, chosen], lines.u[:, chosen], lines.y[:, chosen]
     both = np.concatenate([y, u])
     _, scatter, _ = _remainder(both, instruments, reduced)
-    size = _scaled(r)[1]
+    size = scaled(r)[1]
     own = lines.excited[:, chosen]
     driving = (both @ reduced[:, np.arange(len(r)) * stride]) / size
     power = np.array(
         [np.mean(np.abs(row[mine]) ** 2) if mine.any() else 0.0 for row, mine in zip(r, own, strict=True)]
     )
     signal = np.abs(driving[: len(y)]) ** 2 * power
-    coherence = _share(signal, scatter[: len(y), None])
     share = own.sum(axis=1) / max(own.any(axis=0).sum(), 1)
     spectrum = (driving[len(y) :] * (power * share)) @ driving[len(y) :].conj().T
     conditioned = 1 / np.real(np.diag(np.linalg.pinv(spectrum, rcond=1e-14, hermitian=True)))
     partial = _share(np.abs(value) ** 2 * conditioned, noise[:, None])
-    freedom = min(one.freedom for one in solved)
-    return LocalResponse(value, noise[:, None] * gain, freedom, coherence, partial, misfit)
+    return _share(signal, scatter[: len(y), None]), partial
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,20 +217,17 @@ def _solved(y: Complex, columns: Complex, instruments: Complex, at_hz: float) ->
 
 def _window(lines: ResponseLines, at_hz: float, order: int, count: int) -> tuple[NDArray[np.int64], Array]:
     """Return the lines near a frequency, and their distance, at most one in size."""
-    distance = np.abs(lines.hz - at_hz)
-    mine = [
-        places[np.argsort(distance[places], kind="stable")]
-        for s in np.unique(lines.record)
-        for row in lines.excited
-        if (places := np.flatnonzero(row & (lines.record == s))).size
-    ]
+    key = np.round(lines.hz, 9)
+    mine = []  # frequencies of each signal, nearest first; records may share them out differently
+    for row in lines.excited:
+        own = np.unique(key[row])
+        mine.append(own[np.argsort(np.abs(own - at_hz), kind="stable")])
     dark = ~lines.excited.any(axis=0)
-    most = max(len(places) for places in mine)
+    most = max(len(own) for own in mine)
     for each in range(max(count, order + 1), most + 1):
-        near = np.unique(np.concatenate([places[:each] for places in mine]))
-        low, high = lines.hz[near].min(), lines.hz[near].max()
-        beside = np.flatnonzero(dark & (lines.hz >= low - 1e-12) & (lines.hz <= high + 1e-12))
-        chosen = np.union1d(near, beside)
+        wanted = np.unique(np.concatenate([own[:each] for own in mine]))
+        within = (key >= wanted[0]) & (key <= wanted[-1])
+        chosen = np.flatnonzero(within & (dark | np.isin(key, wanted)))
         unknown = (order + 1) * (len(lines.u) + np.unique(lines.record[chosen]).size)
         if chosen.size >= unknown + LEAST_FREEDOM:
             reach = np.max(np.abs(lines.hz[chosen] - at_hz))
@@ -209,12 +239,13 @@ def _window(lines: ResponseLines, at_hz: float, order: int, count: int) -> tuple
     )
 
 
-def _terms(rows: Complex, powers: Array) -> Complex:
+def terms(rows: Complex, powers: Array) -> Complex:
     """Return rows times every power, shape (row x power, line), the powers of one row together."""
     return (rows[:, None] * powers).reshape(-1, powers.shape[1])
 
 
-def _scaled(rows: Complex) -> tuple[Complex, Array]:
+def scaled(rows: Complex) -> tuple[Complex, Array]:
+    """Return rows of mean square one, and what they were divided by; a row of zeros stays."""
     size = np.sqrt(np.mean(np.abs(rows) ** 2, axis=1))
     size = np.where(size > 0, size, 1.0)
     return rows / size[:, None], size

@@ -5,31 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from freqid import __version__
-from freqid.core.channels import RESPONSE
+from freqid.blend.global_model import GlobalModel
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Maneuver
 from freqid.core.results.frequency_response import FrequencyResponse
+from freqid.core.results.point import PointModel
 from freqid.core.scenario import Scenario
-from freqid.identify.loads.explanatory import unit_of
 from freqid.identify.response import frequency_response as estimate
-from freqid.identify.response.frequency_response import window_response
-from freqid.identify.response.injected_lines import output_history
 from freqid.workflows.inputs import (
     File,
     Flight,
     flight_of,
     maneuver_of,
+    name_of,
     names_of,
     record_of,
     scenario_of,
     several,
     source_of,
 )
-
-_LINES = 60  # of a response by windows
 
 
 def frequency_response(
@@ -42,7 +37,10 @@ def frequency_response(
     band_hz: tuple[float, float] | None = None,
     order: int = 2,
     poles: int = 0,
-    windows: bool = False,
+    sweeps: bool = False,
+    model: PointModel | GlobalModel | File | None = None,
+    simulation: Scenario | File | None = None,
+    fit: str | Sequence[str] = (),
 ) -> FrequencyResponse:
     """Estimate frequency responses from flights at one condition, with their random errors.
 
@@ -63,20 +61,30 @@ def frequency_response(
         Of the local polynomials.
     poles : int
         Of a local denominator; 2 where many effectors share the lines and modes lie between them.
-    windows : bool
-        For sweeps and doublets: one input and one output by overlapped windows; needs `band_hz`.
+    sweeps : bool
+        For sweeps, chirps and doublets from rest to rest, one input after the other, in one record or in
+        several; without injected signals `inputs` are needed, and feedback biases the responses.
+    model : PointModel, GlobalModel or path, optional
+        Whose response is put beside the measured one, with the cost J and the share of frequencies inside
+        the bounds of maximum unnoticeable added dynamics.
+    simulation : Scenario, path or name, optional
+        The same of its simulation, linearised at the records' condition.
+    fit : str, or several
+        ``"1/2"`` fits a transfer function of that order, with a delay, to every pair; ``"state-space"`` the
+        ready forms of the scenario's ``[identification]`` to all responses together.
 
     Returns
     -------
     FrequencyResponse
-        Values of shape (output, input, frequency), output unit per input unit.
+        Values of shape (output, input, frequency), output unit per input unit; ``compared`` and ``fits``.
 
     Raises
     ------
     UsageError
-        Where windows are asked for without one input, one output and a band, or no period is known.
+        Where an input is none that is excited, no period is known, or commands are compared with models,
+        whose inputs are positions.
     DataError
-        Where a record cannot be read, lacks a channel or does not fit the others.
+        Where a record cannot be read, lacks a channel or does not fit the others, or a fit is not found.
 
     Notes
     -----
@@ -99,10 +107,10 @@ def frequency_response(
         period_s = (there or described.excitation).period_s
     try:
         maneuvers = [maneuver_of(flight, described) for flight in read]
-        if windows:
-            if len(driven) != 1 or len(wanted) != 1 or band_hz is None:
-                raise UsageError("--windows needs one --input, one --output and --band")
-            found = _by_windows(maneuvers, driven[0], wanted[0], band_hz)
+        if sweeps:
+            found = estimate.estimate_swept_response(
+                maneuvers, driven or None, wanted, band_hz=band_hz, order=order
+            )
         else:
             found = estimate.estimate_frequency_response(
                 maneuvers,
@@ -113,8 +121,10 @@ def frequency_response(
                 order=order,
                 poles=poles,
             )
+        if model is not None or simulation is not None or fit:
+            found = _beside(found, maneuvers, described, model, simulation, fit, driven)
     except DataError as error:
-        raise error.at(" and ".join(names)) from None
+        raise (error if error.where else error.at(" and ".join(names))) from None
     provenance = {
         "records": names,
         "vehicle": maneuvers[0].vehicle.name,
@@ -126,33 +136,36 @@ def frequency_response(
     return replace(found, provenance=provenance)
 
 
-def _by_windows(
-    maneuvers: Sequence[Maneuver], input_: str, output: str, band_hz: tuple[float, float]
+def _beside(
+    found: FrequencyResponse,
+    maneuvers: Sequence[Maneuver],
+    described: Scenario | None,
+    model: PointModel | GlobalModel | File | None,
+    simulation: Scenario | File | None,
+    fit: str | Sequence[str],
+    driven: Sequence[str],
 ) -> FrequencyResponse:
-    """Return the response to one input, with the injected signal as instrument where all records have it."""
-    path = input_ if "/" in input_ else f"effector/{input_}"
-    injected_path = f"excitation/{path.rpartition('/')[2]}"
-    dt = maneuvers[0].record.dt
-    if any(abs(m.record.dt - dt) > 1e-6 * dt for m in maneuvers):
-        raise DataError("the records have different sampling rates", remedy="import them with --resample")
-    outputs, injected = [], []
-    for m in maneuvers:
-        direct, momentum = output_history(m, output)
-        outputs.append(direct + np.gradient(momentum, m.record.dt) if momentum.any() else direct)
-        if injected_path in m.record:
-            injected.append(m.record[injected_path])
-    return window_response(
-        [m.record[path] for m in maneuvers],
-        outputs,
-        dt,
-        np.geomspace(*band_hz, _LINES),
-        injected=injected if len(injected) == len(maneuvers) else None,
-        names=(input_, output),
-        units=(maneuvers[0].record.channel(path).unit, _unit(maneuvers[0], output)),
+    """Add models, simulations and fits."""
+    from freqid.workflows.models import response_comparison as beside
+
+    commands = any(n.startswith("command/") for n in driven) or not all(
+        f"effector/{n}" in maneuvers[0].record for n in found.inputs
     )
-
-
-def _unit(maneuver: Maneuver, output: str) -> str:
-    if output in RESPONSE:
-        return RESPONSE[output][0]
-    return maneuver.record.channel(output).unit if "/" in output else unit_of(maneuver, output)
+    if commands and (model is not None or simulation is not None):
+        raise UsageError(
+            "responses to commands cannot be compared, as inputs of models are positions",
+            remedy="ask for effectors, whose positions were logged",
+        )
+    at = maneuvers[0].record.reference
+    if model is not None:
+        read, source = beside.model_of(model)
+        where = described or (scenario_of(simulation) if simulation is not None else None)
+        reference = where.reference_of(at) if where is not None and at else None
+        found = beside.compared_with_model(found, read, source, maneuvers, reference)
+    if simulation is not None:
+        simulated = scenario_of(simulation)
+        found = beside.compared_with_simulation(found, simulated, name_of(simulated), at)
+    if fit:
+        words = [fit] if isinstance(fit, str) else list(fit)
+        found = beside.fitted(found, words, maneuvers, described, None)
+    return found

@@ -106,6 +106,9 @@ class Gates(Strict, frozen=True):
         Lowest coefficient of determination, for all responses or by response.
     condition_number : float, optional
         Highest condition number of the scaled regressors.
+    collinearity : float, optional
+        Highest variance inflation factor of a regressor, ``1 / (1 - R2)`` of that regressor on the others: 10
+        in common use, which two regressors reach at a correlation of 0.95 (Klein & Morelli, 2nd ed., ch. 5).
     coherence : float, optional
         Lowest coherence of measured and modelled responses, in the worst octave of the band.
     validation : float or dict, optional
@@ -118,12 +121,20 @@ class Gates(Strict, frozen=True):
 
     r2: float | dict[str, float] | None = None
     condition_number: float | None = None
+    collinearity: float | None = None
     coherence: float | None = None
     validation: float | dict[str, float] | None = None
     consistency: float | None = None
 
+    @property
+    def of_points(self) -> bool:
+        """Whether anything is asked of a point model."""
+        return any(
+            getattr(self, name) is not None for name in self.__struct_fields__ if name != "consistency"
+        )
+
     def __post_init__(self) -> None:
-        bars = [self.condition_number, self.coherence, self.consistency]
+        bars = [self.condition_number, self.collinearity, self.coherence, self.consistency]
         for name in ("r2", "validation"):
             asked = getattr(self, name)
             for response in asked if isinstance(asked, dict) else ():
@@ -132,6 +143,11 @@ class Gates(Strict, frozen=True):
             bars += asked.values() if isinstance(asked, dict) else [asked]
         if not all(isfinite(bar) for bar in bars if bar is not None):
             raise ValueError("a gate is not finite, expected a number that can be reached")
+        if self.collinearity is not None and not self.collinearity > 1:
+            raise ValueError(
+                f"gate collinearity is {self.collinearity:g}, expected more than 1, which is the variance "
+                "inflation of regressors that have nothing to do with each other"
+            )
 
 
 class Simulation(Strict, frozen=True):
@@ -270,6 +286,12 @@ class Scenario(Strict, frozen=True):
         except (ValueError, msgspec.ValidationError) as error:
             raise ValueError(f"excitation.at.{identifier}: {error}") from None
         return msgspec.structs.replace(self, excitation=there)
+
+    @property
+    def campaign_start(self) -> str:
+        """Id of the reference condition that a campaign starts from; empty where the scenario has none."""
+        named = self.campaign.start if self.campaign else ""
+        return named or (self.reference[0].id if self.reference else "")
 
     @property
     def schedulable(self) -> tuple[str, ...]:

@@ -281,7 +281,10 @@ def _si_values(column: Column, si: str) -> NDArray[np.float64]:
         kind = "mass property" if column.name in MASS_PROPERTIES else "channel"
         message = error.message.removeprefix(": ")
         raise DataError(f"{kind} '{column.name}': {message}", remedy=error.remedy) from None
-    return column.sign * (unit.factor * np.asarray(column.values, dtype=np.float64) + unit.offset)
+    values = (column.sign * unit.factor) * np.asarray(column.values, dtype=np.float64)
+    if unit.offset:
+        values += column.sign * unit.offset  # in place: a long log fills the memory
+    return values
 
 
 def _rows(clock: NDArray[np.float64], cut: tuple[float, float] | None) -> slice:

@@ -18,6 +18,7 @@ from freqid.core.results import (
     gap,
     output_error,
     point,
+    quicklook,
     rivals,
 )
 from freqid.core.results.design import ClassicDesign, MultisineDesign
@@ -65,8 +66,8 @@ def read(path: File) -> Any:
     -------
     Result
         FlightRecord, MultisineDesign, PointModel, OutputErrorModel, GlobalModel, AdvanceRatioModel,
-        FrequencyResponse, GapResult or Rivals, as the file says of itself. Of a scenario's TOML file, the
-        `Scenario`; of classic inputs, their samples.
+        FrequencyResponse, Quicklook, GapResult or Rivals, as the file says of itself. Of a scenario's TOML
+        file, the `Scenario`; of classic inputs, their samples.
 
     Raises
     ------
@@ -170,7 +171,15 @@ def _write_design(path: Path, planned: MultisineDesign | ClassicDesign, sha256: 
     design.write_design(path, planned, inputs, sha256)
 
 
-_FILES = (point.FILE, advance_ratio.FILE, output_error.FILE, frequency_response.FILE, gap.FILE, rivals.FILE)
+_FILES = (
+    point.FILE,
+    advance_ratio.FILE,
+    output_error.FILE,
+    frequency_response.FILE,
+    gap.FILE,
+    rivals.FILE,
+    quicklook.FILE,
+)
 _READERS: dict[str, Callable[[Path], Any]] = {
     record_file.FORMAT: record_file.read_record,
     design.FORMAT: _read_design,

@@ -125,6 +125,35 @@ def test_missed_gates_are_sentences_and_everything_is_written(study, tmp_path):
     assert (tmp_path / "out" / "model.h5").is_file()
 
 
+def test_regressors_that_moved_together_miss_a_gate_by_name(study, flights, freqid, tmp_path):
+    assert study(gates="collinearity = 10")[0] == 0
+    geared = tmp_path / "geared"
+    geared.mkdir()
+    for path in flights.glob("flight*.h5"):
+        (geared / path.name).write_bytes(path.read_bytes())
+    flown = fq.read(flights / "flight-7-1.h5")
+    one, other = flown.channel("effector/df"), flown.channel("effector/dr")
+    record = flown.with_channels(replace(other, values=one.values + 0.1 * other.values))
+    write_record(geared / "flight-7-1.h5", record)
+    code, _, err = study(gates="collinearity = 10", folder=geared)
+    assert code == 4
+    assert "variance inflation of M is" in err
+    assert "'df' and 'dr' moved together" in err or "'dr' and 'df' moved together" in err
+    assert "the gate is 10 at u7" in err
+    assert "at u5" not in err
+    code, out, err = freqid(
+        "identify-point", geared / "flight-7-1.h5", "--scenario", tmp_path / "s.toml", "--at", "u7",
+        "-o", tmp_path / "p.h5", "--responses", "M", "--regressors", "df,dr",
+    )  # fmt: skip
+    assert code == 4
+    assert "moved together" in err
+    pair = read_point(tmp_path / "p.h5")["M"].most_collinear
+    # dr = df + 0.1 x, df and x of one size and nothing to do with each other: 1 / (1 - R2) is 101.
+    assert pair.inflation == pytest.approx(101, rel=0.02)
+    assert pair.correlation < -0.95
+    assert f"inflation of M is {pair.inflation:.5g}" in err
+
+
 def test_flights_that_contradict_each_other_miss_the_gate_of_consistency(study, flights, tmp_path):
     spoilt = tmp_path / "spoilt"
     spoilt.mkdir()

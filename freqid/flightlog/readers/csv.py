@@ -11,10 +11,9 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from freqid.core.errors import DataError, UsageError
@@ -25,10 +24,13 @@ from freqid.flightlog.mapped import assemble_map
 from freqid.flightlog.read import Reader
 from freqid.flightlog.signal import Signal, clock_of_table, column_index
 
+if TYPE_CHECKING:  # other logs are read without it
+    import pandas as pd
+
 _FOREIGN = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")  # control characters that no text table holds
 _BRACKETS = re.compile(r"^[(\[{]\s*(.*?)\s*[)\]}]$")
 _PREAMBLE = 200  # lines in which a table must begin
-_ROWS = 50_000  # read at a time
+_ROWS = 10_000  # read at a time
 _SPACES = re.compile(r"[ \t]+")
 
 
@@ -68,6 +70,8 @@ class Table:
         DataError
             Naming the first cell that is no number by its line.
         """
+        import pandas as pd
+
         wanted = sorted(set(wanted))
         if not wanted:
             return {}
@@ -337,6 +341,8 @@ def _is_unit(text: str) -> bool:
 
 def _numbers(column: pd.Series, first_line: int, index: int) -> NDArray[np.float64]:
     """Return one column as numbers; the first cell that is none is named by its line."""
+    import pandas as pd
+
     if pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column):
         return column.to_numpy(dtype=np.float64)
     # Rarely needed, so slow and plain: quoted numbers, and the search for the offending cell.
@@ -356,6 +362,8 @@ def _numbers(column: pd.Series, first_line: int, index: int) -> NDArray[np.float
 
 def _dates(column: pd.Series, first_line: int, index: int) -> NDArray[np.float64]:
     """Return dates and times of day as seconds since 1970, without a zone taken as UTC."""
+    import pandas as pd
+
     found = pd.to_datetime(column.str.strip().str.strip('"'), format="ISO8601", utc=True, errors="coerce")
     wrong = np.flatnonzero(found.isna() & column.notna())
     if wrong.size:

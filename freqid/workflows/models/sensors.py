@@ -74,7 +74,8 @@ def check_sensors(
     if scenario is not None:
         described = scenario_of(scenario)
         flown = maneuver_of(flight, described)
-        driven = _driven([flown], described.identification, described.excitation)[0]
+        there = described.at(flown.record.reference)
+        driven = _driven([flown], described.identification, there.excitation)[0]
         return kinematics.check_kinematics(flown, settings or KinematicSettings(), driven)
     return kinematics.check_kinematics(flown, settings or KinematicSettings())
 

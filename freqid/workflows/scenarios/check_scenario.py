@@ -227,6 +227,14 @@ def _notes(scenario: Scenario) -> tuple[str, ...]:
         notes.append(
             f"no [[wing]] turns with {', '.join(alone)}: centre of gravity and rotors stay where they are"
         )
+    if not scenario.simulation.airframe:
+        unplaced = [e.name for e in vehicle.effectors if e.kind == "surface" and e.hinge_m is None]
+        if unplaced:
+            notes.append(f"no hinge_m and chord_m for {', '.join(unplaced)}: they are not drawn")
+        shapeless = [r.name for r in vehicle.rotors if not r.diameter_m]
+        if shapeless:
+            notes.append(f"[[rotor]] without diameter_m: {', '.join(shapeless)}; no disc is drawn")
+        notes.append("no [simulation.airframe]: wings, tails and body have no shape and are not drawn")
     light = [w.name for w in vehicle.wings if not w.mass_kg]
     if light:
         notes.append(

@@ -139,6 +139,7 @@ def _text(kinds: Mapping[str, str], name: str) -> str:
         blocks.append(
             f'[[effector]]\nname = "{effector}"\nkind = "{kind}"\n'
             f"limits = {limits} # {unit}; {FILL_IN}\nrate_limit = {rate} # {unit} per s; {FILL_IN}\n"
+            + (_HINGE if kind == "surface" else "")
         )
     if tilts:
         blocks.append(_MOUNTS)
@@ -184,6 +185,11 @@ def _mount(tilt: str, kinds: Mapping[str, str]) -> str:
     """Return a name for what an effector tilts."""
     return f"mount_{tilt}" if f"mount_{tilt}" not in kinds else f"on_{tilt}"
 
+
+_HINGE = """\
+# hinge_m = [[-1.0, 0.1, 0.0], [-1.0, 0.5, 0.0]] # ends of the hinge, for `freqid check` to draw it
+# chord_m = 0.1 # behind the hinge; wing = "..." where it turns with one
+"""
 
 _HEAD = """\
 # {name}: {count}. SI units and radians throughout.

@@ -15,7 +15,18 @@ from freqid.core.sections.campaign import Campaign
 from freqid.core.sections.excitation import Excitation
 from freqid.core.sections.identification import Identification
 from freqid.core.toml import read_toml
-from freqid.core.vehicle import Effector, Group, Inertia, MassProperties, Rotor, Strict, Vector, Vehicle, Wing
+from freqid.core.vehicle import (
+    Effector,
+    Group,
+    Inertia,
+    MassProperties,
+    Rotor,
+    Strict,
+    Surface,
+    Vector,
+    Vehicle,
+    Wing,
+)
 
 SHIPPED = Path(__file__).resolve().parents[1] / "scenarios"
 """Folder of the scenarios that come with the package."""
@@ -185,6 +196,8 @@ class Scenario(Strict, frozen=True):
     vehicle : Airframe
     effector, rotor, wing, group, reference : tuple
         One entry for each ``[[effector]]``, ``[[rotor]]``, ``[[wing]]``, ``[[group]]``, ``[[reference]]``.
+    surface : tuple of Surface
+        One for each ``[[surface]]``: where surfaces are, for drawings alone.
     excitation : Excitation, optional
     identification : Identification, optional
     campaign : Campaign, optional
@@ -201,6 +214,7 @@ class Scenario(Strict, frozen=True):
     wing: tuple[Wing, ...] = ()
     group: tuple[Group, ...] = ()
     reference: tuple[Reference, ...] = ()
+    surface: tuple[Surface, ...] = ()
     excitation: Excitation | None = None
     identification: Identification | None = None
     campaign: Campaign | None = None
@@ -235,6 +249,7 @@ class Scenario(Strict, frozen=True):
                 if not isfinite(value):
                     raise ValueError(f"reference '{at.id}' has {name} = {value:g}, expected a finite number")
         self._check_excitations()
+        self._check_surfaces()
         self.aircraft()  # what does not fit together is refused when the file is read
 
     def aircraft(self) -> Vehicle:
@@ -270,6 +285,24 @@ class Scenario(Strict, frozen=True):
                     + nearest(identifier, ids)
                 )
             self.at(identifier)
+
+    def _check_surfaces(self) -> None:
+        """Refuse a place of what is no surface, one stated twice, or one on a wing that is not described."""
+        known = {e.name for e in self.effector if e.kind == "surface"}
+        wings = {w.name for w in self.wing}
+        names = [s.name for s in self.surface]
+        for one in self.surface:
+            if one.name not in known:
+                raise ValueError(
+                    f"surface '{one.name}' is no effector of kind 'surface'; {nearest(one.name, known)}"
+                )
+            if names.count(one.name) > 1:
+                raise ValueError(f"surface '{one.name}' is described more than once")
+            if one.wing is not None and one.wing not in wings:
+                raise ValueError(
+                    f"surface '{one.name}' is on wing '{one.wing}', which is not described; "
+                    + nearest(one.wing, wings)
+                )
 
     def at(self, identifier: str) -> Scenario:
         """Return the scenario as it is flown at a reference condition: with the excitation stated for it.

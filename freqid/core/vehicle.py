@@ -94,12 +94,6 @@ class Effector(Strict, frozen=True):
     effectiveness : dict
         N by force axis and N m by moment axis, ``X`` to ``N``, per unit of position, near the
         conditions that are flown; for the net load of many effectors that move together.
-    hinge_m : tuple of 2 points, optional
-        Of a surface: the ends of its hinge line, vehicle axes, m, at zero tilt; for drawings.
-    chord_m : float, optional
-        Of a surface: how far it reaches behind its hinge, m.
-    wing : str, optional
-        Of a surface: the tilting wing that it turns with.
     """
 
     name: str
@@ -107,9 +101,6 @@ class Effector(Strict, frozen=True):
     limits: tuple[float, float]
     rate_limit: float | None = None
     effectiveness: dict[Literal["X", "Y", "Z", "L", "M", "N"], float] = msgspec.field(default_factory=dict)
-    hinge_m: tuple[Vector, Vector] | None = None
-    chord_m: float | None = None
-    wing: str | None = None
 
     def __post_init__(self) -> None:
         if self.name in TAKEN or "/" in self.name or not self.name:
@@ -118,20 +109,6 @@ class Effector(Strict, frozen=True):
             raise ValueError(f"limits of '{self.name}' are {list(self.limits)}, expected the lower one first")
         if self.rate_limit is not None and not self.rate_limit > 0:
             raise ValueError(f"rate_limit of '{self.name}' is {self.rate_limit:g}, expected a positive rate")
-        self._check_place()
-
-    def _check_place(self) -> None:
-        """Refuse half a description of where a surface is, or one of what is no surface."""
-        placed = [n for n in ("hinge_m", "chord_m", "wing") if getattr(self, n) is not None]
-        if placed and self.kind != "surface":
-            raise ValueError(f"{placed[0]} of '{self.name}' is of a surface, but this is a {self.kind}")
-        if (self.hinge_m is None) != (self.chord_m is None):
-            raise ValueError(f"'{self.name}' has one of hinge_m and chord_m, expected both or neither")
-        ends = np.array(self.hinge_m or ((0.0,), (1.0,)))
-        if not (np.isfinite(ends).all() and np.ptp(ends, axis=0).any()):
-            raise ValueError(f"hinge_m of '{self.name}' is {self.hinge_m}, expected two different points")
-        if self.chord_m is not None and not 0 < self.chord_m < inf:
-            raise ValueError(f"chord_m of '{self.name}' is {self.chord_m:g}, expected a positive length")
 
     @property
     def unit(self) -> str:
@@ -196,6 +173,34 @@ class Rotor(Strict, frozen=True):
     def __post_init__(self) -> None:
         if not 0 <= self.inertia < inf:
             raise ValueError(f"inertia of rotor '{self.name}' is {self.inertia:g}, expected zero or more")
+
+
+class Surface(Strict, frozen=True):
+    """Where a surface is, for drawings of an aircraft that is not simulated.
+
+    Attributes
+    ----------
+    name : str
+        Of the effector.
+    hinge_m : tuple of 2 points
+        Ends of its hinge line, vehicle axes, m, at zero tilt.
+    chord_m : float
+        How far it reaches behind its hinge, m.
+    wing : str, optional
+        Tilting wing that it turns with.
+    """
+
+    name: str
+    hinge_m: tuple[Vector, Vector]
+    chord_m: float
+    wing: str | None = None
+
+    def __post_init__(self) -> None:
+        ends = np.array(self.hinge_m)
+        if not (np.isfinite(ends).all() and np.ptp(ends, axis=0).any()):
+            raise ValueError(f"hinge_m of '{self.name}' is {self.hinge_m}, expected two different points")
+        if not 0 < self.chord_m < inf:
+            raise ValueError(f"chord_m of '{self.name}' is {self.chord_m:g}, expected a positive length")
 
 
 class Group(Strict, frozen=True):
@@ -275,12 +280,6 @@ class Vehicle(Strict, frozen=True):
                 raise ValueError(
                     f"rotor '{rotor.name}' is on wing '{rotor.wing}', which is not described; "
                     + nearest(rotor.wing, wings)
-                )
-        for effector in self.effectors:
-            if effector.wing is not None and effector.wing not in wings:
-                raise ValueError(
-                    f"surface '{effector.name}' is on wing '{effector.wing}', which is not described; "
-                    + nearest(effector.wing, wings)
                 )
         for wing in self.wings:
             if effectors and effectors.get(wing.tilt) != "tilt":

@@ -9,6 +9,7 @@ the rate falls, and the images when it rises. What fits no uniform grid is put o
 from __future__ import annotations
 
 import hashlib
+from collections.abc import MutableMapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -143,12 +144,14 @@ class _Clock:
         return float(np.sqrt(np.mean((single - self.step) ** 2)))
 
 
-def onto_grid(signals: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]], rate_hz: float) -> Gridded:
+def onto_grid(
+    signals: MutableMapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]], rate_hz: float
+) -> Gridded:
     """Put channels, each with its own clock, onto one uniform clock.
 
     Parameters
     ----------
-    signals : dict of str to (time, values), each of shape (sample,)
+    signals : mutable mapping of str to (time, values), each of shape (sample,)
         Time increases, s; values are NaN where the channel has no sample of its own. Emptied while it is
         read: a long log need not stand in memory twice.
     rate_hz : float
@@ -168,11 +171,13 @@ def onto_grid(signals: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]
         stretch in common.
     """
     names = list(signals)
-    fastest = 0.0
+    fastest, earliest, latest = 0.0, [], []
     clocks: dict[tuple[int, bytes], _Clock] = {}
     for name, (time, x) in signals.items():
         if np.isinf(x).any():
             raise DataError(f"channel '{name}' is infinite at t = {time[np.isinf(x)][0]:.6g} s")
+        earliest.append(float(time[0]))
+        latest.append(float(time[-1]))
         missing = np.isnan(x)
         mask = hashlib.sha1(missing.tobytes()).digest() if missing.any() else b""
         if (id(time), mask) in clocks:
@@ -187,8 +192,7 @@ def onto_grid(signals: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]
             f"the resampling rate is {rate_hz:g} Hz, expected more than 0 and at most "
             f"{_FASTEST * fastest:g} Hz for a log of {fastest:.6g} Hz"
         )
-    first = min(float(time[0]) for time, _ in signals.values())
-    last = max(float(time[-1]) for time, _ in signals.values())
+    first, last = min(earliest), max(latest)
     spans = _common_spans(list(clocks.values()))
     start, stop = max(spans, key=lambda span: span[1] - span[0])
     count = int(np.floor((stop - start) * rate_hz + 1e-6)) + 1

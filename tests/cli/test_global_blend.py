@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import tilt_wing
 
+import freqid as fq
 from freqid.blend.global_model import GlobalModel
 from freqid.core.record import write_record
 from freqid.core.results.corridor import read_global
@@ -88,6 +89,33 @@ def test_a_held_out_record_is_predicted(freqid, points, tmp_path):
     assert said["Y"]["r2"] > 0.95
     assert abs(said["Z"]["mean"]) < said["Z"]["rmse"] < 0.01 * tilt_wing.WEIGHT
     assert "predicted R2" in freqid(*arguments)[1]
+
+
+def test_the_page_of_a_global_model_shows_points_intervals_and_a_predicted_flight(freqid, points, tmp_path):
+    write_record(tmp_path / "r.h5", reconstructable(tilt_wing.trim(9.0, SEA), 5))
+    code, out, _ = freqid("global-blend", *points, "-o", tmp_path / "g.h5")
+    assert code == 0
+    assert str(tmp_path / "g.html") in out
+    alone = (tmp_path / "g.html").read_text(encoding="utf-8")
+    assert "No flight was held out" in alone
+    assert "Do the densities agree?" in alone
+    assert "http" not in alone.replace("http://www.w3.org", "")  # it fetches nothing
+    knots = read_global(tmp_path / "g.h5")
+    for identifier, path in zip(knots.ids, knots.provenance["points"], strict=True):
+        assert f"<code>{identifier}</code>" in alone
+        assert path in alone
+    value = float(knots["M"].estimate[knots["M"].regressors.index("df"), 0])
+    assert f'<data value="{value!r}">' in alone
+    report = ("report", tmp_path / "g.h5", "-o", tmp_path / "p.html")
+    assert freqid(*report)[0] == 0
+    assert (tmp_path / "p.html").read_text(encoding="utf-8") == alone
+    code, _, err = freqid(*report, "--record", tmp_path / "r.h5")
+    assert code == 3  # it is beside the corridor of these three points
+    assert "off the corridor" in err
+    held = fq.page(GlobalModel(knots), record=tmp_path / "r.h5", outside="hold").html
+    assert "r.h5" in held
+    assert "No flight was held out" not in held
+    assert "A flight that no point is made from" in held
 
 
 def test_a_record_off_the_corridor_is_named_and_can_be_held(freqid, points, tmp_path):

@@ -111,6 +111,36 @@ def test_logs_are_read_by_their_map(study, flights, write_log, tmp_path):
     np.testing.assert_allclose(point["M"].estimate, direct["M"].estimate, rtol=1e-6)
 
 
+def test_a_second_run_with_one_flight_more_does_only_what_changed(study, flights, tmp_path):
+    folder = tmp_path / "growing"
+    folder.mkdir()
+    for path in flights.glob("flight-*.h5"):
+        shutil.copy(path, folder)
+    late = (folder / "flight-7-2.h5").rename(tmp_path / "flight-7-2.h5")
+    assert study("--json", folder=folder)[0] == 0
+    units = tmp_path / "out" / "units" / "identify_point"
+    made = {path: path.stat().st_mtime_ns for path in units.glob("*.h5")}
+    assert len(made) == 3
+    first = read_point(tmp_path / "out" / "points" / "u7.h5")
+    code, said, _ = study("--json", folder=folder)
+    assert code == 0
+    assert {path: path.stat().st_mtime_ns for path in units.glob("*.h5")} == made
+    late.rename(folder / late.name)
+    code, more, _ = study("--json", folder=folder)
+    assert code == 0
+    now = {path: path.stat().st_mtime_ns for path in units.glob("*.h5")}
+    assert made.items() < now.items()
+    assert len(now) == 4  # u7 has a flight that validates: its point alone is made again
+    assert json.loads(said)["points"]["u3"] == json.loads(more)["points"]["u3"]
+    point = read_point(tmp_path / "out" / "points" / "u7.h5")
+    assert not first.prediction
+    assert set(point.prediction) == set(tilt_wing.RESPONSES)
+    changed = tilt_wing.fly(tilt_wing.trim(3.0, 1.225), 77, amplitude=0.3).record
+    write_record(folder / "flight-3-1.h5", changed)  # another flight under the same name is another flight
+    assert study(folder=folder)[0] == 0
+    assert len(list(units.glob("*.h5"))) == 5
+
+
 def test_missed_gates_are_sentences_and_everything_is_written(study, tmp_path):
     gates = "coherence = 0.99999\nvalidation = { Z = 1e-6 }\nconsistency = 1e-9\nr2 = { Z = 0.5 }"
     code, _, err = study(gates=gates)

@@ -22,6 +22,7 @@ from freqid.core.units import parse_unit
 from freqid.flightlog.column_map import ColumnMap, Place
 from freqid.flightlog.mapped import assemble_map
 from freqid.flightlog.read import Reader
+from freqid.flightlog.shelf import Shelf
 from freqid.flightlog.signal import Signal, clock_of_table, column_index
 
 if TYPE_CHECKING:  # other logs are read without it
@@ -62,8 +63,8 @@ class Table:
     rows: int
     width: int
 
-    def columns(self, wanted: Sequence[int], dates: Sequence[int] = ()) -> dict[int, NDArray[np.float64]]:
-        """Return columns, counted from 0, as numbers; those in `dates` as seconds since 1970.
+    def columns(self, wanted: Sequence[int], dates: Sequence[int] = ()) -> Shelf:
+        """Return columns by their number, counted from 0; those in `dates` as seconds since 1970.
 
         Raises
         ------
@@ -73,10 +74,11 @@ class Table:
         import pandas as pd
 
         wanted = sorted(set(wanted))
+        result, done = Shelf(), 0
+        for index in wanted:
+            result.reserve(index, self.rows)
         if not wanted:
-            return {}
-        result = {index: np.empty(self.rows) for index in wanted}
-        done = 0
+            return result
         try:
             blocks = pd.read_csv(
                 self.path,
@@ -99,7 +101,7 @@ class Table:
                     for index in wanted:
                         cells = block[index]
                         convert = _dates if index in dates else _numbers
-                        result[index][done:stop] = convert(cells, self.first_line + done, index)
+                        result.fill(index, done, convert(cells, self.first_line + done, index))
                     done = stop
         except (ValueError, OverflowError) as error:
             raise DataError(f"is no readable table ({error})", remedy="export the log again") from None
@@ -171,7 +173,7 @@ def read_csv(path: Path, column_map: ColumnMap | None, **options: Any) -> Flight
     return assemble_map(Path(path), "csv", column_map, pick, **options)
 
 
-def _wanted(table: Table, column_map: ColumnMap) -> tuple[dict[int, NDArray[np.float64]], dict[int, int]]:
+def _wanted(table: Table, column_map: ColumnMap) -> tuple[Shelf, dict[int, int]]:
     """Return the mapped columns that the table has, and how often the map names each."""
     uses: dict[int, int] = {}
     for column in (*column_map.columns(), *column_map.sources()):
@@ -402,10 +404,10 @@ def csv_signals(path: Path) -> Iterator[Signal]:
     columns: dict[int, NDArray[np.float64]] = {}
     for index in range(table.width):
         try:
-            columns |= table.columns([index])
+            columns[index] = table.columns([index])[index]
         except DataError:  # text, perhaps dates
             try:
-                columns |= table.columns([index], [index])
+                columns[index] = table.columns([index], [index])[index]
             except DataError:
                 continue
     yield from clock_of_table([(names[i], units[i], x) for i, x in columns.items()])

@@ -20,7 +20,7 @@ from scipy.spatial import ConvexHull
 from freqid.core.arrays import Array
 from freqid.core.frames import shaft_axis, turn_about_y
 from freqid.core.scenario import Scenario
-from freqid.core.vehicle import Effector, Rotor, Vector, Vehicle, Wing
+from freqid.core.vehicle import Rotor, Surface, Vector, Vehicle, Wing
 from freqid.dynamics.mass import centre_of_gravity
 from freqid.report.kit.drawing import BLUE, INK, ORANGE, WIDTH, literal, plain, styled
 
@@ -90,7 +90,7 @@ def outline(scenario: Scenario, tilt: Mapping[str, float]) -> list[Solid]:
     Parameters
     ----------
     scenario : Scenario
-        Without ``[simulation.airframe]`` only rotors are known, and surfaces that state their hinge.
+        Without ``[simulation.airframe]`` only rotors are known, and surfaces that ``[[surface]]`` places.
     tilt : mapping of str to float
         rad, by the effector that tilts a wing; zero where absent.
 
@@ -105,7 +105,7 @@ def outline(scenario: Scenario, tilt: Mapping[str, float]) -> list[Solid]:
     lifting = [part for wing in shape.wing for part in _wing(wing, shape.surface)]
     parts = [*lifting, *(_tail(shape.tail, shape.surface) if shape.tail else [])]
     drawn = {part.name for part in parts}
-    parts += [_hinged(e) for e in vehicle.effectors if e.hinge_m is not None and e.name not in drawn]
+    parts += [_hinged(surface) for surface in scenario.surface if surface.name not in drawn]
     for rotor in vehicle.rotors:
         parts += _rotor(rotor, lifting)
     if shape.fuselage and parts:
@@ -198,11 +198,10 @@ def _tail(tail: _Tail, surfaces: tuple[_Surface, ...]) -> list[Solid]:
     return parts
 
 
-def _hinged(surface: Effector) -> Solid:
+def _hinged(surface: Surface) -> Solid:
     """Return a surface as a flat panel from its hinge backwards."""
-    assert surface.hinge_m is not None  # the caller asks for surfaces with a hinge
     hinge = np.array(surface.hinge_m).T
-    behind = np.array([[-(surface.chord_m or 0.0)], [0.0], [0.0]])
+    behind = np.array([[-surface.chord_m], [0.0], [0.0]])
     return Solid("surface", surface.name, np.hstack([hinge, hinge + behind]), surface.wing or "")
 
 

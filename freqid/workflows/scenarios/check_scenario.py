@@ -228,9 +228,10 @@ def _notes(scenario: Scenario) -> tuple[str, ...]:
             f"no [[wing]] turns with {', '.join(alone)}: centre of gravity and rotors stay where they are"
         )
     if not scenario.simulation.airframe:
-        unplaced = [e.name for e in vehicle.effectors if e.kind == "surface" and e.hinge_m is None]
+        placed = {s.name for s in scenario.surface}
+        unplaced = [e.name for e in vehicle.effectors if e.kind == "surface" and e.name not in placed]
         if unplaced:
-            notes.append(f"no hinge_m and chord_m for {', '.join(unplaced)}: they are not drawn")
+            notes.append(f"no [[surface]] says where {', '.join(unplaced)} are: they are not drawn")
         shapeless = [r.name for r in vehicle.rotors if not r.diameter_m]
         if shapeless:
             notes.append(f"[[rotor]] without diameter_m: {', '.join(shapeless)}; no disc is drawn")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import msgspec
 import numpy as np
@@ -34,6 +34,7 @@ def studied_point(
     linear: Mapping[str, Mapping[str, float]] | None = None,
     flown: Maneuver | None = None,
     validating: Maneuver | None = None,
+    repeat: Callable[[], PointModel] | None = None,
 ) -> StudiedPoint:
     """Return one condition for the page.
 
@@ -47,14 +48,20 @@ def studied_point(
         One that the model is made from, whose parameters are followed over its length where it is given,
         and one that it is not made from. Where the scenario has a gate of consistency, a model of the latter
         is compared.
+    repeat : callable, optional
+        Returns that model; it is identified where absent.
     """
     settings, repeated = identification_of(scenario), {}
     if scenario.gates.consistency is not None and validating is not None:
-        other = identify_point(
-            validating,
-            scenario,
-            at=model.reference.id,
-            estimator=next((name for name in ESTIMATOR_NAMES if name == model.estimator), None),
+        other = (
+            repeat()
+            if repeat is not None
+            else identify_point(
+                validating,
+                scenario,
+                at=model.reference.id,
+                estimator=next((name for name in ESTIMATOR_NAMES if name == model.estimator), None),
+            )
         )
         repeated = repeat_agreement(model, other)
     recorded = settings.response_source == "record"  # which estimates in flight do not follow

@@ -16,7 +16,7 @@ from matplotlib.transforms import Bbox
 from simulated_flights import film_record, scenario_of
 
 from freqid.core.scenario import Airframe, Scenario, read_scenario
-from freqid.core.vehicle import Effector, Inertia, Wing
+from freqid.core.vehicle import Effector, Inertia, Surface, Wing
 from freqid.dynamics.mass import centre_of_gravity
 from freqid.report.flight.aircraft import (
     REAR,
@@ -122,7 +122,7 @@ def test_every_effector_is_named_and_no_two_names_overlap(scenario, tilt):
         assert whole.contains(box.x1, box.y1), text
 
 
-def test_surfaces_that_state_their_hinge_are_drawn_without_an_airframe():
+def test_surfaces_are_drawn_where_the_scenario_places_them_without_an_airframe():
     own = read_scenario(Path("scenarios/tiltrotor.toml"))[0]
     parts = {p.name: p for p in outline(own, {}) if p.kind == "surface"}
     assert set(parts) == {"ail_l", "ail_r", "rv_l", "rv_r", "flap"}
@@ -136,12 +136,12 @@ def test_surfaces_that_state_their_hinge_are_drawn_without_an_airframe():
 
 
 def test_a_surface_on_a_tilting_wing_turns_with_it():
-    elevon = Effector(
-        "ele", "surface", (-0.5, 0.5), hinge_m=((-0.3, 0.0, 0.0), (-0.3, 1.0, 0.0)), chord_m=0.1, wing="w"
-    )
+    elevon = Effector("ele", "surface", (-0.5, 0.5))
+    place = Surface("ele", hinge_m=((-0.3, 0.0, 0.0), (-0.3, 1.0, 0.0)), chord_m=0.1, wing="w")
     tilt = Effector("nac", "tilt", (0.0, 1.6))
     body = Airframe("x", 1.0, Inertia(xx=1, yy=1, zz=1))
-    made = Scenario(body, effector=(elevon, tilt), wing=(Wing("w", "nac", (0.0, 0.0, 0.0)),))
+    wing = Wing("w", "nac", (0.0, 0.0, 0.0))
+    made = Scenario(body, effector=(elevon, tilt), wing=(wing,), surface=(place,))
     (part,) = [p for p in outline(made, {"nac": pi / 2}) if p.name == "ele"]
     # A quarter turn with the nose up: what was behind the axis is below it.
     np.testing.assert_allclose(sorted(part.points[2]), [0.3, 0.3, 0.4, 0.4], atol=1e-12)

@@ -19,7 +19,16 @@ from freqid.core.arrays import Array
 from freqid.core.channels import AIR, STATE
 from freqid.core.results.corridor import Corridor
 from freqid.core.results.point import Fit, per
-from freqid.report.kit.corridor import SPEED, Panel, ParameterBand, Points, blended_bands, parameters_along
+from freqid.report.kit.corridor import (
+    SPEED,
+    Panel,
+    ParameterBand,
+    Points,
+    blended_bands,
+    derivative_name,
+    parameters_along,
+)
+from freqid.report.kit.figures import fits_over_time
 from freqid.report.kit.findings import Finding, code, finding, listed
 from freqid.report.kit.notation import (
     NONE,
@@ -37,8 +46,6 @@ from freqid.report.kit.notation import (
 )
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.kit.rendering import render
-from freqid.report.study.figures import fits_over_time
-from freqid.report.study.pictures import derivative_name
 
 LEVEL = 0.95
 CHANCE = 0.01

@@ -29,6 +29,7 @@ from freqid.report.kit.drawing import (
     plain,
     styled,
 )
+from freqid.report.kit.notation import plain_symbol
 
 LOOKS = ((BLUE, "o"), (ORANGE, "s"), ("#009E73", "D"), ("#CC79A7", "^"))
 """Colour and marker by density, the densest air first."""
@@ -238,3 +239,9 @@ def blended_bands(model: GlobalModel, response: str, rho: float) -> dict[str, Pa
         name: ParameterBand(place, value, 2 * error)
         for name, value, error in zip(blended.names, blended.estimate, blended.std_error, strict=True)
     }
+
+
+def derivative_name(response: str, regressor: str, form: str) -> str:
+    """Return what a figure calls a parameter."""
+    symbol = plain_symbol(response, form)
+    return f"{symbol} at the trim" if regressor == "bias" else f"{symbol} per {regressor}"

@@ -13,7 +13,16 @@ from matplotlib.lines import Line2D
 from freqid.blend.campaign import StudiedPoint, StudyResults, same_density
 from freqid.core.arrays import Array
 from freqid.core.results.point import per
-from freqid.report.kit.corridor import LOOKS, SPEED, Panel, Points, blended_bands, draw_key, parameters_along
+from freqid.report.kit.corridor import (
+    LOOKS,
+    SPEED,
+    Panel,
+    Points,
+    blended_bands,
+    derivative_name,
+    draw_key,
+    parameters_along,
+)
 from freqid.report.kit.drawing import (
     INK,
     few_ticks,
@@ -25,7 +34,7 @@ from freqid.report.kit.drawing import (
 from freqid.report.kit.effectors import effector_groups
 from freqid.report.kit.notation import formula, number, percent, plain_symbol, short, symbol
 from freqid.report.kit.pictures import Picture, picture
-from freqid.report.study.pictures import derivative_name, parts
+from freqid.report.study.pictures import parts
 from freqid.report.study.results import densities
 
 

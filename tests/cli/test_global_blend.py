@@ -18,6 +18,7 @@ from freqid.core.results.corridor import read_global
 from freqid.core.results.point import read_point, write_point
 
 SEA, HIGH = 1.225, 1.06
+BLEND = ("global-blend", "--no-page")  # figures take longer than models
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +40,7 @@ def points(made, tmp_path):
 
 
 def test_points_become_a_model_that_can_be_read_and_evaluated(freqid, points, tmp_path):
-    code, out, err = freqid("global-blend", *points, "-o", tmp_path / "g.h5", "--json")
+    code, out, err = freqid(*BLEND, *points, "-o", tmp_path / "g.h5", "--json")
     assert (code, err) == (0, "")
     said = json.loads(out)
     assert said["reference"]["line"] == [0, 0, 0, 1, 1, 1]
@@ -55,7 +56,7 @@ def test_points_become_a_model_that_can_be_read_and_evaluated(freqid, points, tm
 
 
 def test_the_text_says_lines_agreement_and_where_it_is(freqid, points, tmp_path):
-    code, out, _ = freqid("global-blend", *points, "-o", tmp_path / "g.h5")
+    code, out, _ = freqid(*BLEND, *points, "-o", tmp_path / "g.h5")
     assert code == 0
     assert "line 1: 3 points, u 3 to 12 m/s, rho 1.06 kg/m3" in out
     assert "Z: rho 1.225 against 1.06 kg/m3 at 3 points: chi-square" in out
@@ -81,7 +82,16 @@ def test_a_held_out_record_is_predicted(freqid, points, tmp_path):
     for u in (8.0, 10.0):
         write_point(tmp_path / f"{u}.h5", tilt_wing.exact_point(tilt_wing.trim(u, SEA), f"u{u}"))
     near = (tmp_path / "8.0.h5", tmp_path / "10.0.h5")
-    arguments = ("global-blend", *points[:3], *near, "-o", tmp_path / "g.h5", "--predict", tmp_path / "r.h5")
+    arguments = (
+        "global-blend",
+        "--no-page",
+        *points[:3],
+        *near,
+        "-o",
+        tmp_path / "g.h5",
+        "--predict",
+        tmp_path / "r.h5",
+    )
     code, out, err = freqid(*arguments, "--json")
     assert (code, err) == (0, "")
     said = json.loads(out)["prediction"]
@@ -120,7 +130,15 @@ def test_the_page_of_a_global_model_shows_points_intervals_and_a_predicted_fligh
 
 def test_a_record_off_the_corridor_is_named_and_can_be_held(freqid, points, tmp_path):
     write_record(tmp_path / "r.h5", reconstructable(tilt_wing.trim(9.0, SEA, 0.9), 5))
-    arguments = ("global-blend", *points[:3], "-o", tmp_path / "g.h5", "--predict", tmp_path / "r.h5")
+    arguments = (
+        "global-blend",
+        "--no-page",
+        *points[:3],
+        "-o",
+        tmp_path / "g.h5",
+        "--predict",
+        tmp_path / "r.h5",
+    )
     code, _, err = freqid(*arguments)
     assert code == 3
     assert err.startswith(f"freqid: {tmp_path}/r.h5: ")
@@ -179,7 +197,7 @@ def test_bad_points_end_in_one_sentence_and_no_file(freqid, points, tmp_path, fa
     chosen = [*points[:3], points[1]] if count < 0 else points[:count]
     if spoil:
         spoil(points)
-    code, out, err = freqid("global-blend", *chosen, "-o", tmp_path / "g.h5")
+    code, out, err = freqid(*BLEND, *chosen, "-o", tmp_path / "g.h5")
     assert code == expected
     assert out == ""
     assert sentence in err

@@ -261,6 +261,12 @@ def _levels(corridor: Corridor) -> dict[str, NDArray[np.intp]]:
     return found
 
 
+def _density(model: GlobalModel, own: NDArray[np.intp]) -> float:
+    """Return the density of a line that some knots are on, or their mean where they share one with others."""
+    mean = float(model.corridor.rho[own].mean())
+    return next((line.rho for line in model.lines if same_density(line.rho, mean)), mean)
+
+
 def _points(corridor: Corridor, value: Array, half: Array) -> list[Points]:
     """Return a quantity at all knots, by density."""
     factor = _axis_unit(corridor)[1]
@@ -298,7 +304,7 @@ def _places(model: GlobalModel) -> list[Picture]:
             if own.size < 2 or not place[0] < place[-1]:
                 bands.append(None)
                 continue
-            line = model.reference(place, float(corridor.rho[own].mean()))[name]
+            line = model.reference(place, _density(model, own))[name]
             bands.append(ParameterBand(factor * place, scale * line, np.zeros(place.size)))
         panels.append(
             Panel(name, pretty_unit(shown), _points(corridor, scale * row, np.zeros(row.size)), bands)
@@ -374,7 +380,7 @@ def _figure(model: GlobalModel, response: str, names: Sequence[str]) -> Figure:
     bands = [
         {
             name: ParameterBand(factor * band.u, band.value, band.half)
-            for name, band in blended_bands(model, response, float(corridor.rho[own].mean())).items()
+            for name, band in blended_bands(model, response, _density(model, own)).items()
         }
         for own in levels.values()
     ]

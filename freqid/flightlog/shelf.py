@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+import weakref
 from collections.abc import Hashable, Iterator, MutableMapping
 from typing import BinaryIO
 
@@ -47,7 +48,8 @@ class Shelf(MutableMapping[Hashable, NDArray[np.float64]]):
             self._held += 8 * count
             return
         if self._file is None:
-            self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115 - as long as the object
+            self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115 - closed with the object
+            weakref.finalize(self, self._file.close)
         self._far[key] = self._end, count
         self._end += 8 * count
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -96,7 +97,7 @@ def build_global_page(
         scores=_scores(corridor, predicted),
         predictions=_predictions(corridor, predicted, flight),
         limits=_limits(model),
-        provenance=corridor.provenance,
+        provenance=json.loads(json.dumps(corridor.provenance, sort_keys=True)),  # as a file keeps it
     )
 
 
@@ -315,7 +316,7 @@ def _places(model: GlobalModel) -> list[Picture]:
 
 
 def _point_rows(corridor: Corridor) -> list[dict[str, Any]]:
-    files = list(corridor.provenance.get("points", {}))
+    files = corridor.provenance.get("files", [])  # of files of earlier releases the order is not known
     rows = []
     for k, identifier in enumerate(corridor.ids):
         set_there = []

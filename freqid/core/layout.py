@@ -384,7 +384,7 @@ def _owner(file: h5py.Group, place: str) -> tuple[Any, str]:
     at, _, name = place.rpartition("@")
     if not at:
         return file, name
-    return (file.create_group(at) if at not in file and file.mode != "r" else file[at]), name
+    return (file.create_group(at) if at not in file and file.file.mode != "r" else file[at]), name
 
 
 def _present(file: h5py.Group, slot: Any, scopes: tuple[Any, ...]) -> bool:

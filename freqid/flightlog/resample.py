@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import MutableMapping
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -339,5 +340,5 @@ def _band_limited(
         columns = nearest[:, None] + taps + (half + 1)
         ends = np.arange(rows.size + 1) * taps.size
         filter_rows = csr_array((weights.ravel(), columns.ravel(), ends), shape=(rows.size, len(padded)))
-        result[rows] = filter_rows @ padded
+        result[rows] = cast(NDArray[np.float64], filter_rows @ padded)
     return result.T + first + rise * (grid - even[0]) / (even[-1] - even[0])

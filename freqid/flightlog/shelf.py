@@ -67,7 +67,7 @@ class Shelf(MutableMapping[Hashable, NDArray[np.float64]]):
         assert self._file is not None  # of what is not in memory
         try:
             self._file.seek(self._far[key][0] + 8 * start)
-            left = memoryview(np.ascontiguousarray(values, dtype=np.float64)).cast("B")
+            left = np.ascontiguousarray(values, dtype=np.float64).data.cast("B")
             while left:
                 left = left[self._file.write(left) :]
         except OSError as error:

@@ -301,7 +301,7 @@ def _places(model: GlobalModel) -> list[Picture]:
         shown, scale = shown_unit(name, unit)
         bands = []
         for own in _levels(corridor).values():
-            place = np.linspace(*_place(corridor)[own[[0, -1]]], 49)
+            place = np.linspace(_place(corridor)[own[0]], _place(corridor)[own[-1]], 49)
             if own.size < 2 or not place[0] < place[-1]:
                 bands.append(None)
                 continue

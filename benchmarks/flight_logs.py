@@ -1,11 +1,13 @@
 """What a log costs: an estimate through several clocks, jitter and gaps; alignment; memory; real flights.
 
-Writes flight_logs.csv. Rows about real flights are left out where the data are not there.
+Writes flight_logs.csv. Rows about real flights are left out where the data are not there. With the argument
+``memory`` only those rows are made, and printed.
 """
 
 from __future__ import annotations
 
 import csv
+import os
 import subprocess
 import sys
 import tempfile
@@ -138,40 +140,45 @@ def alignment():
     yield f"alignment at 50 Hz, drift 50 ppm: worst end of {SEEDS} flights", "ms", max(worst)
 
 
-MEMORY = """
-import sys
-from pathlib import Path
-from freqid.core.record import write_record
-from freqid.flightlog.column_map import ChannelPlace, ColumnMap, TimePlace
-from freqid.flightlog.read import read_log
-import resource
-columns = tuple(ChannelPlace(name=f"effector/x{i}", column=f"x{i}", unit="deg") for i in range(60))
-rate = float(sys.argv[2]) or None
-column_map = ColumnMap(time=TimePlace(column="t", unit="s"), channel=columns)
-record = read_log(Path(sys.argv[1]), column_map, resample_hz=rate)
-write_record(Path(sys.argv[1]).with_suffix(".h5"), record)
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
-"""
-
-
 def memory():
-    """Import 2 h x 60 channels x 200 Hz, as it is and resampled, each in a process of its own."""
+    """Import 2 h x 60 channels x 200 Hz by the command, as it is and resampled; its peak memory."""
     import pyarrow as pa
+    import pyarrow.csv as pc
     import pyarrow.parquet as pq
 
+    names = [f"x{i}" for i in range(60)]
+    schema = pa.schema([(name, pa.float64()) for name in ("t", *names)])
+    t = np.arange(2 * 3600 * 200) / 200
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "x.parquet"
-        t = np.arange(2 * 3600 * 200) / 200
-        schema = pa.schema([("t", pa.float64()), *((f"x{i}", pa.float64()) for i in range(60))])
-        with pq.ParquetWriter(path, schema) as writer:
-            for rows in np.array_split(np.arange(t.size), 72):
-                block = [t[rows], *(np.sin((0.1 + 0.01 * i) * t[rows]) for i in range(60))]
-                writer.write_table(pa.table(block, schema=schema))
-        for rate in (0, 50):
-            run = [sys.executable, "-c", MEMORY, str(path), str(rate)]
-            peak = float(subprocess.run(run, check=True, capture_output=True, text=True).stdout)
-            how = f"resampled to {rate} Hz" if rate else "not resampled"
-            yield f"import of 2 h x 60 channels x 200 Hz from Parquet, {how}: peak memory", "MiB", peak
+        column_map = Path(folder) / "map.toml"
+        channels = [f'[[channel]]\nname = "effector/{n}"\ncolumn = "{n}"\nunit = "deg"\n' for n in names]
+        column_map.write_text('[time]\ncolumn = "t"\nunit = "s"\n' + "".join(channels))
+        for kind, suffix, writer in (
+            ("Parquet", ".parquet", pq.ParquetWriter),
+            ("CSV", ".csv", pc.CSVWriter),
+        ):
+            path = (Path(folder) / "x").with_suffix(suffix)
+            with writer(path, schema) as file:
+                for rows in np.array_split(np.arange(t.size), 72):
+                    waves = [np.round(np.sin((0.1 + 0.01 * i) * t[rows]), 6) for i in range(60)]
+                    file.write_table(pa.table([t[rows], *waves], schema=schema))
+            for rate in (0, 50):
+                options = ["--map", column_map, "-o", Path(folder) / "x.h5"]
+                options += ["--resample", str(rate)] if rate else []
+                peak = peak_mib([sys.executable, "-m", "freqid", "import-log", path, *options])
+                how = f"resampled to {rate} Hz" if rate else "not resampled"
+                yield f"import-log of 2 h x 60 channels x 200 Hz, {kind}, {how}: peak memory", "MiB", peak
+            path.unlink()
+
+
+def peak_mib(command):
+    """Run a command and return its largest resident memory, as `/usr/bin/time -v` does."""
+    child = subprocess.Popen([*map(str, command)], stdout=subprocess.DEVNULL)
+    _, status, used = os.wait4(child.pid, 0)
+    child.returncode = os.waitstatus_to_exitcode(status)  # Popen shall not wait for it again
+    if child.returncode:
+        raise SystemExit(f"{command[3]} ended with {child.returncode}")
+    return used.ru_maxrss / 1024
 
 
 def nanodrone():
@@ -209,6 +216,10 @@ def nanodrone():
 
 
 def main():
+    if sys.argv[1:] == ["memory"]:  # these rows alone
+        for what, unit, value in memory():
+            print(f"{what}: {value:.4g} {unit}", flush=True)
+        return
     rows = [*losses(), *alignment(), *memory()]
     if DATA.is_dir():
         rows += [*nanodrone()]

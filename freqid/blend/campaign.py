@@ -130,6 +130,9 @@ class StudyResults(Viewable):
     held_out : tuple of HeldOut
     provenance : mapping
         What the study was made from, for the page.
+    own_designs : mapping of str to MultisineDesign
+        By condition: the inputs of those that state an excitation of their own, flown there in place of
+        `design`.
     """
 
     vehicle: Vehicle
@@ -141,6 +144,7 @@ class StudyResults(Viewable):
     model: GlobalModel | None = None
     held_out: tuple[HeldOut, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
+    own_designs: Mapping[str, MultisineDesign] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         flown = f"noise {self.noise:g} times {self.sensors}" if self.sensors else "real flights"

@@ -88,7 +88,10 @@ def line_up(
         form=points[0].form,
         vehicle=points[0].vehicle,
         highest_hz=_highest(points),
-        provenance={"points": dict(zip(files, (p.provenance for p in points), strict=True))},
+        provenance={
+            "files": list(files),  # in the order of the knots, which the mapping loses in a file
+            "points": dict(zip(files, (p.provenance for p in points), strict=True)),
+        },
         scheduled=names,
         scheduled_units=tuple(stated.get(n, "rad") for n in names),
         along=along,

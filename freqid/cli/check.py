@@ -33,6 +33,6 @@ def command(scenario: Path, at: str, destination: Path | None, draw: bool, json_
         text += (
             f"\n\n{destination}"
             if written
-            else "\n\nNothing is drawn: no [[rotor]] and no airframe has a place."
+            else "\n\nNothing is drawn: no [[rotor]], [[surface]] or airframe has a place."
         )
     options.emit(json_, result, text)

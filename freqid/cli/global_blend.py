@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from freqid.cli.options import FILE, as_json, emit, keep_inputs, names
+from freqid.cli.options import FILE, as_json, emit, keep_inputs, names, page_option
 from freqid.core.errors import UsageError
 
 
@@ -57,9 +57,16 @@ from freqid.core.errors import UsageError
 @click.option(
     "--held-out", "judged", multiple=True, type=FILE, help="Of advance ratio: a point to judge all kinds by."
 )
+@page_option("the model")
 @as_json
 def command(
-    points: tuple[Path, ...], destination: Path, by: str, held_out: Path | None, json_: bool, **asked: Any
+    points: tuple[Path, ...],
+    destination: Path,
+    by: str,
+    held_out: Path | None,
+    page: bool,
+    json_: bool,
+    **asked: Any,
 ) -> None:
     """Blend POINTS, models of identify-point, into one model.
 
@@ -67,7 +74,14 @@ def command(
     carried one to the other. By advance ratio, each derivative is a mean, one or two exponentials of J in
     each cluster of trim angles of attack.
     """
-    keep_inputs(destination, *points, held_out, *asked["judged"])
+    drawn = destination.with_suffix(".html") if page else None
+    if drawn == destination:
+        raise UsageError(
+            "the result is no page; the page is written beside it",
+            where=str(destination),
+            remedy=f"write -o {destination.with_suffix('.h5')}",
+        )
+    keep_inputs([destination, drawn], *points, held_out, *asked["judged"])
     of = {
         "corridor": ("densities", "along", "outside"),
         "advance-ratio": ("kind", "clusters", "hold", "sensor_error"),
@@ -82,28 +96,45 @@ def command(
             f"--{option} does not go with --by {by}", remedy=f"leave it out, or change --by (it is {by})"
         )
     if by == "corridor":
-        _corridor(points, destination, held_out, asked, json_)
+        _corridor(points, destination, held_out, drawn, asked, json_)
     else:
-        _advance_ratio(points, destination, asked, json_)
+        _advance_ratio(points, destination, drawn, asked, json_)
 
 
 def _corridor(
-    points: tuple[Path, ...], destination: Path, held_out: Path | None, asked: dict[str, Any], json_: bool
+    points: tuple[Path, ...],
+    destination: Path,
+    held_out: Path | None,
+    drawn: Path | None,
+    asked: dict[str, Any],
+    json_: bool,
 ) -> None:
     from freqid.blend.consistency import density_agreement
     from freqid.cli.blend_texts import blend_result, blend_table
+    from freqid.views.page import page as page_of
     from freqid.workflows.files import save
     from freqid.workflows.models.blend import blend, predict
 
     model = blend(points, densities=asked["densities"] or "apart", along=asked["along"] or "")
-    predicted = predict(model, held_out, outside=asked["outside"] or "refuse") if held_out else {}
+    outside = asked["outside"] or "refuse"
+    predicted = predict(model, held_out, outside=outside) if held_out else {}
     found = (model.corridor, density_agreement(model), predicted)
     save(model, destination)
-    emit(json_, blend_result(*found), f"{blend_table(*found)}\n{destination}")
+    if drawn:
+        page_of(model, record=held_out, outside=outside).save(drawn)
+    text = "\n".join([blend_table(*found), *_written(destination, drawn)])
+    emit(json_, blend_result(*found), text)
 
 
-def _advance_ratio(points: tuple[Path, ...], destination: Path, asked: dict[str, Any], json_: bool) -> None:
+def _written(destination: Path, drawn: Path | None) -> list[str]:
+    return [str(destination), *([str(drawn)] if drawn else [])]
+
+
+def _advance_ratio(
+    points: tuple[Path, ...], destination: Path, drawn: Path | None, asked: dict[str, Any], json_: bool
+) -> None:
     from freqid.cli.advance_ratio_texts import advance_ratio_result, advance_ratio_table
+    from freqid.views.page import page as page_of
     from freqid.workflows.files import save
     from freqid.workflows.models.advance_ratio import blend_by_advance_ratio, compare_held_out
 
@@ -116,10 +147,13 @@ def _advance_ratio(points: tuple[Path, ...], destination: Path, asked: dict[str,
         sensor_errors=dict(map(_sensor_error, asked["sensor_error"])),
     )
     save(model, destination)
+    if drawn:
+        page_of(model).save(drawn)
     scores = None
     if asked["judged"]:
         scores = compare_held_out(points, asked["judged"], clusters=asked["clusters"], hold=hold)
-    emit(json_, advance_ratio_result(model, scores), f"{advance_ratio_table(model, scores)}\n{destination}")
+    text = "\n".join([advance_ratio_table(model, scores), *_written(destination, drawn)])
+    emit(json_, advance_ratio_result(model, scores), text)
 
 
 def _sensor_error(text: str) -> tuple[str, float]:

@@ -33,7 +33,7 @@ _WORST = 8  # parameters in the text
     show_default=True,
     help="Standard error over the estimate that a parameter is asked for.",
 )
-@click.option("-o", "destination", type=FILE, help="Page; default: the log's name with -quicklook.html.")
+@options.output("the log's name with -quicklook.h5")
 @options.page_option("the inputs")
 @options.as_json
 def command(
@@ -49,22 +49,32 @@ def command(
     Looks for the injection, its start, what effectors achieved of their commands, saturation, log rates and
     the accuracy of the parameters so far. Exit code 4 where the flight must be repeated.
     """
-    from freqid.core.errors import GateFailed
+    from freqid.core.errors import GateFailed, UsageError
     from freqid.views.page import page as page_of
+    from freqid.workflows.files import save
     from freqid.workflows.quicklook import quicklook
 
-    drawn = destination or log.with_name(f"{log.stem}-quicklook.html")
-    options.keep_inputs(drawn if page else (), log, design, asked["scenario"], asked["columns"])
+    destination = destination or log.with_name(f"{log.stem}-quicklook.h5")
+    drawn = destination.with_suffix(".html")
+    files = [destination, drawn] if page else [destination]
+    if destination == drawn:
+        raise UsageError(
+            "the result is no page; the page is written beside it",
+            where=str(destination),
+            remedy=f"write -o {destination.with_suffix('.h5')}",
+        )
+    options.keep_inputs(files, log, design, asked["scenario"], asked["columns"])
     look = quicklook(log, design, **asked)
+    save(look, destination, scenario=asked["scenario"])
     if page:
         page_of(look).save(drawn)
     text = quicklook_text(look)
-    options.emit(json_, quicklook_result(look), f"{text}\n{drawn}" if page else text)
+    options.emit(json_, quicklook_result(look), "\n".join([text, *map(str, files)]))
     if not look.usable:
         raise GateFailed(
             f"repeat, because {'; '.join(look.reasons)}",
             where=str(log),
-            remedy="the page is written all the same" if page else None,
+            remedy="what was found is written all the same",
         )
 
 

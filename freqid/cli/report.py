@@ -12,7 +12,12 @@ from freqid.cli.options import FILE, as_json, emit, keep_inputs, output
 @click.command("report")
 @click.argument("result", metavar="RESULT", type=FILE)
 @output("the result's name with .html")
-@click.option("--record", type=FILE, help="The record of a point model, where it has been moved.")
+@click.option(
+    "--record",
+    type=FILE,
+    help="Of a point model its record, where it has been moved; of a global model one that no point is made "
+    "from, to predict.",
+)
 @click.option("--scenario", type=FILE, help="Its gates enter the verdict.")
 @as_json
 def command(
@@ -20,8 +25,8 @@ def command(
 ) -> None:
     """Write one self-contained HTML page about RESULT.
 
-    A point model, laws against advance ratio, the diagnosis of a gap, a comparison of two simulations,
-    frequency responses, or a prediction and its score.
+    A point model, a global model, laws against advance ratio, a quick look, the diagnosis of a gap, a
+    comparison of two simulations, frequency responses, or a prediction and its score.
     """
     from freqid.views.page import page
 

@@ -86,5 +86,4 @@ def command(
     else:
         result, text = study_result(results, folder), study_table(results)
     options.emit(json_, result, f"{text}\nThe report is {drawn}")
-    if not isinstance(results, CampaignStudy):
-        refuse_missed_study_gates(results, scenario_of(scenario), str(folder))
+    refuse_missed_study_gates(results, scenario_of(scenario), str(folder))

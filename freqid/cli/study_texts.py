@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,8 @@ def study_result(results: StudyResults, folder: Path) -> dict[str, Any]:
             name: {
                 "r2": r.r2,
                 "distortion": r.distortion,
-                "rmse": p.modelling_rmse(name),
-                "validation_rmse": p.prediction_rmse(name),
+                "rmse": _known(p.modelling_rmse(name)),
+                "validation_rmse": _known(p.prediction_rmse(name)),  # null without a flight that validates
             }
             for name, r in p.model.responses.items()
         }
@@ -27,6 +28,10 @@ def study_result(results: StudyResults, folder: Path) -> dict[str, Any]:
         for h in results.held_out
     }
     return {"folder": str(folder), "points": points, "held_out": held_out}
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def study_table(results: StudyResults) -> str:

@@ -119,7 +119,24 @@ class Rows:
     layout: Layout
 
 
-Layout = Mapping[str, Dataset | Attribute | Attributes | Table | Nested | NestedSeries | Rows]
+@dataclass(frozen=True)
+class Part:
+    """An object that has a layout of its own, in a group.
+
+    Attributes
+    ----------
+    at : str
+        The group.
+    put, get : callable
+        ``put(group, value)`` writes it, ``get(group)`` reads it.
+    """
+
+    at: str
+    put: Callable[[h5py.Group, Any], None]
+    get: Callable[[h5py.Group], Any]
+
+
+Layout = Mapping[str, Dataset | Attribute | Attributes | Table | Nested | NestedSeries | Rows | Part]
 
 
 @dataclass(frozen=True)
@@ -189,12 +206,12 @@ class ResultFile(Generic[T]):
             return result
 
 
-def put_fields(file: h5py.File, value: Any, layout: Layout, scopes: tuple[Any, ...] = ()) -> None:
+def put_fields(file: h5py.Group, value: Any, layout: Layout, scopes: tuple[Any, ...] = ()) -> None:
     """Write the fields of an object, or entries of a dict, at their places; a field that is None is left out.
 
     Parameters
     ----------
-    file : h5py.File
+    file : h5py.File or h5py.Group
     value : object or dict
     layout : mapping
     scopes : tuple
@@ -208,12 +225,12 @@ def put_fields(file: h5py.File, value: Any, layout: Layout, scopes: tuple[Any, .
             _put(file, slot, held, scopes, hints.get(name, Any))
 
 
-def get_fields(file: h5py.File, of: type, layout: Layout, scopes: tuple[Any, ...] = ()) -> dict[str, Any]:
+def get_fields(file: h5py.Group, of: type, layout: Layout, scopes: tuple[Any, ...] = ()) -> dict[str, Any]:
     """Read the fields of a class from their places.
 
     Parameters
     ----------
-    file : h5py.File
+    file : h5py.File or h5py.Group
     of : type
     layout : mapping
     scopes : tuple
@@ -241,7 +258,7 @@ def get_fields(file: h5py.File, of: type, layout: Layout, scopes: tuple[Any, ...
     return {name: value for name, value in found.items() if name in fields}
 
 
-def _put(file: h5py.File, slot: Any, value: Any, scopes: tuple[Any, ...], hint: Any) -> None:
+def _put(file: h5py.Group, slot: Any, value: Any, scopes: tuple[Any, ...], hint: Any) -> None:
     """Write one field."""
     match slot:
         case Dataset():
@@ -287,9 +304,11 @@ def _put(file: h5py.File, slot: Any, value: Any, scopes: tuple[Any, ...], hint: 
         case Rows():
             columns = {names: [_row(one, names.split()) for one in value] for names in slot.layout}
             put_fields(file, columns, slot.layout, scopes)
+        case Part():
+            slot.put(file.require_group(slot.at), value)
 
 
-def _get(file: h5py.File, slot: Any, scopes: tuple[Any, ...], hint: Any) -> Any:
+def _get(file: h5py.Group, slot: Any, scopes: tuple[Any, ...], hint: Any) -> Any:
     """Read one field."""
     match slot:
         case Dataset():
@@ -327,6 +346,8 @@ def _get(file: h5py.File, slot: Any, scopes: tuple[Any, ...], hint: Any) -> Any:
                 for row in zip(*columns, strict=True)
             ]
             return tuple(slot.of(**dict(zip(names, row, strict=True))) for row in rows)
+        case Part():
+            return slot.get(store.subgroup(file, slot.at))
 
 
 def _fill_in(place: Address, scopes: tuple[Any, ...]) -> tuple[list[str], bool]:
@@ -358,15 +379,15 @@ def _look_up(name: str, scopes: Sequence[Any]) -> Any:
     raise KeyError(f"'{name}' is not there")
 
 
-def _owner(file: h5py.File, place: str) -> tuple[Any, str]:
+def _owner(file: h5py.Group, place: str) -> tuple[Any, str]:
     """Return what carries an attribute, and its name; a group that is not there yet is made in writing."""
     at, _, name = place.rpartition("@")
     if not at:
         return file, name
-    return (file.create_group(at) if at not in file and file.mode != "r" else file[at]), name
+    return (file.create_group(at) if at not in file and file.file.mode != "r" else file[at]), name
 
 
-def _present(file: h5py.File, slot: Any, scopes: tuple[Any, ...]) -> bool:
+def _present(file: h5py.Group, slot: Any, scopes: tuple[Any, ...]) -> bool:
     """Return whether a file has a field, or the first place of several."""
     if isinstance(slot, Nested | Rows):
         return _present(file, next(iter(slot.layout.values())), scopes)
@@ -378,7 +399,7 @@ def _present(file: h5py.File, slot: Any, scopes: tuple[Any, ...]) -> bool:
     return owner is not None and name in owner.attrs
 
 
-def _numbers(file: h5py.File, place: str, dtype: type | None) -> Any:
+def _numbers(file: h5py.Group, place: str, dtype: type | None) -> Any:
     """Return an array of a type; of the file's own, real or complex, where none is asked for."""
     if dtype is np.complex128:
         return store.complex_array(file, place)
@@ -387,7 +408,7 @@ def _numbers(file: h5py.File, place: str, dtype: type | None) -> Any:
     return store.array(file, place).astype(dtype or np.float64, copy=False)
 
 
-def _keys(file: h5py.File, place: str) -> list[str]:
+def _keys(file: h5py.Group, place: str) -> list[str]:
     """Return the keys of parts: from a JSON attribute, or the names in a group, numbers in their order."""
     if "@" in place:
         owner, name = _owner(file, place)

@@ -386,23 +386,24 @@ def write_record(path: Path, record: FlightRecord, scenario_sha256: str = "", *,
     DataError
         Where the folder cannot be written.
     """
+    store.write(path, kind, lambda file: put_record(file, record), scenario_sha256)
 
-    def fill(file: h5py.File) -> None:
-        time = store.put(file, "time", record.time, "s")
-        time.make_scale("time")
-        for channel in record.channels.values():
-            group, name = split(channel.name)
-            dataset = store.put(file.require_group(group), name, channel.values, channel.unit)
-            dataset.dims[0].attach_scale(time)
-            dataset.attrs["native_rate_hz"] = channel.native_rate_hz
-            dataset.attrs["source"] = channel.source
-            if channel.position_m is not None:
-                dataset.attrs["position_m"] = channel.position_m
-        # HDF5 lists by name; the order in which the channels were logged is kept here
-        store.put_json(file, "channel_order", list(record.channels))
-        put_fields(file, record, _HEADER)
 
-    store.write(path, kind, fill, scenario_sha256)
+def put_record(file: h5py.Group, record: FlightRecord) -> None:
+    """Write a record into an open file, or a group of one."""
+    time = store.put(file, "time", record.time, "s")
+    time.make_scale("time")
+    for channel in record.channels.values():
+        group, name = split(channel.name)
+        dataset = store.put(file.require_group(group), name, channel.values, channel.unit)
+        dataset.dims[0].attach_scale(time)
+        dataset.attrs["native_rate_hz"] = channel.native_rate_hz
+        dataset.attrs["source"] = channel.source
+        if channel.position_m is not None:
+            dataset.attrs["position_m"] = channel.position_m
+    # HDF5 lists by name; the order in which the channels were logged is kept here
+    store.put_json(file, "channel_order", list(record.channels))
+    put_fields(file, record, _HEADER)
 
 
 def read_record(path: Path, *, kind: str = FORMAT) -> FlightRecord:
@@ -414,35 +415,36 @@ def read_record(path: Path, *, kind: str = FORMAT) -> FlightRecord:
         Where the file is no intact record.
     """
     with store.reading(path, kind) as file:
-        channels = {}
-        for name in store.get_json(file, "channel_order") or _listed(file):
-            dataset = store.dataset(file, name)
-            unit = store.get_text(dataset, "units")
-            if not unit:
-                raise DataError(f"channel '{name}' has no unit", remedy="add the attribute 'units'")
-            position = store.floats(dataset, "position_m")
-            (native_rate_hz,) = store.floats(dataset, "native_rate_hz")
-            si = si_unit(name) or effector_unit(unit)
-            convert = to_si(unit, si, name)
-            if len(position) not in (0, 3):
-                raise DataError(
-                    f"channel '{name}' has a position_m of {len(position)} numbers, expected three"
-                )
-            channels[name] = Channel(
-                name=name,
-                unit=si,
-                values=convert.factor * store.array(file, name) + convert.offset,
-                native_rate_hz=native_rate_hz,
-                source=store.get_text(dataset, "source"),
-                position_m=(position[0], position[1], position[2]) if position else None,
-            )
-        return FlightRecord(
-            time=store.array(file, "time"),
-            channels=channels,
-            **get_fields(file, FlightRecord, _HEADER),
+        return get_record(file)
+
+
+def get_record(file: h5py.Group) -> FlightRecord:
+    """Read a record from an open file, or a group of one."""
+    channels = {}
+    for name in store.get_json(file, "channel_order") or _listed(file):
+        dataset = store.dataset(file, name)
+        unit = store.get_text(dataset, "units")
+        if not unit:
+            raise DataError(f"channel '{name}' has no unit", remedy="add the attribute 'units'")
+        position = store.floats(dataset, "position_m")
+        (native_rate_hz,) = store.floats(dataset, "native_rate_hz")
+        si = si_unit(name) or effector_unit(unit)
+        convert = to_si(unit, si, name)
+        if len(position) not in (0, 3):
+            raise DataError(f"channel '{name}' has a position_m of {len(position)} numbers, expected three")
+        channels[name] = Channel(
+            name=name,
+            unit=si,
+            values=convert.factor * store.array(file, name) + convert.offset,
+            native_rate_hz=native_rate_hz,
+            source=store.get_text(dataset, "source"),
+            position_m=(position[0], position[1], position[2]) if position else None,
         )
+    return FlightRecord(
+        time=store.array(file, "time"), channels=channels, **get_fields(file, FlightRecord, _HEADER)
+    )
 
 
-def _listed(file: h5py.File) -> list[str]:
+def _listed(file: h5py.Group) -> list[str]:
     """Return the channels of a file that another program wrote without their order."""
     return [f"{g}/{n}" for g, group in file.items() if isinstance(group, h5py.Group) for n in group]

@@ -15,7 +15,18 @@ from freqid.core.sections.campaign import Campaign
 from freqid.core.sections.excitation import Excitation
 from freqid.core.sections.identification import Identification
 from freqid.core.toml import read_toml
-from freqid.core.vehicle import Effector, Group, Inertia, MassProperties, Rotor, Strict, Vector, Vehicle, Wing
+from freqid.core.vehicle import (
+    Effector,
+    Group,
+    Inertia,
+    MassProperties,
+    Rotor,
+    Strict,
+    Surface,
+    Vector,
+    Vehicle,
+    Wing,
+)
 
 SHIPPED = Path(__file__).resolve().parents[1] / "scenarios"
 """Folder of the scenarios that come with the package."""
@@ -106,6 +117,9 @@ class Gates(Strict, frozen=True):
         Lowest coefficient of determination, for all responses or by response.
     condition_number : float, optional
         Highest condition number of the scaled regressors.
+    collinearity : float, optional
+        Highest variance inflation factor of a regressor, ``1 / (1 - R2)`` of that regressor on the others: 10
+        in common use, which two regressors reach at a correlation of 0.95 (Klein & Morelli, 2nd ed., ch. 5).
     coherence : float, optional
         Lowest coherence of measured and modelled responses, in the worst octave of the band.
     validation : float or dict, optional
@@ -118,12 +132,20 @@ class Gates(Strict, frozen=True):
 
     r2: float | dict[str, float] | None = None
     condition_number: float | None = None
+    collinearity: float | None = None
     coherence: float | None = None
     validation: float | dict[str, float] | None = None
     consistency: float | None = None
 
+    @property
+    def of_points(self) -> bool:
+        """Whether anything is asked of a point model."""
+        return any(
+            getattr(self, name) is not None for name in self.__struct_fields__ if name != "consistency"
+        )
+
     def __post_init__(self) -> None:
-        bars = [self.condition_number, self.coherence, self.consistency]
+        bars = [self.condition_number, self.collinearity, self.coherence, self.consistency]
         for name in ("r2", "validation"):
             asked = getattr(self, name)
             for response in asked if isinstance(asked, dict) else ():
@@ -132,6 +154,11 @@ class Gates(Strict, frozen=True):
             bars += asked.values() if isinstance(asked, dict) else [asked]
         if not all(isfinite(bar) for bar in bars if bar is not None):
             raise ValueError("a gate is not finite, expected a number that can be reached")
+        if self.collinearity is not None and not self.collinearity > 1:
+            raise ValueError(
+                f"gate collinearity is {self.collinearity:g}, expected more than 1, which is the variance "
+                "inflation of regressors that have nothing to do with each other"
+            )
 
 
 class Simulation(Strict, frozen=True):
@@ -169,6 +196,8 @@ class Scenario(Strict, frozen=True):
     vehicle : Airframe
     effector, rotor, wing, group, reference : tuple
         One entry for each ``[[effector]]``, ``[[rotor]]``, ``[[wing]]``, ``[[group]]``, ``[[reference]]``.
+    surface : tuple of Surface
+        One for each ``[[surface]]``: where surfaces are, for drawings alone.
     excitation : Excitation, optional
     identification : Identification, optional
     campaign : Campaign, optional
@@ -185,6 +214,7 @@ class Scenario(Strict, frozen=True):
     wing: tuple[Wing, ...] = ()
     group: tuple[Group, ...] = ()
     reference: tuple[Reference, ...] = ()
+    surface: tuple[Surface, ...] = ()
     excitation: Excitation | None = None
     identification: Identification | None = None
     campaign: Campaign | None = None
@@ -219,6 +249,7 @@ class Scenario(Strict, frozen=True):
                 if not isfinite(value):
                     raise ValueError(f"reference '{at.id}' has {name} = {value:g}, expected a finite number")
         self._check_excitations()
+        self._check_surfaces()
         self.aircraft()  # what does not fit together is refused when the file is read
 
     def aircraft(self) -> Vehicle:
@@ -255,6 +286,24 @@ class Scenario(Strict, frozen=True):
                 )
             self.at(identifier)
 
+    def _check_surfaces(self) -> None:
+        """Refuse a place of what is no surface, one stated twice, or one on a wing that is not described."""
+        known = {e.name for e in self.effector if e.kind == "surface"}
+        wings = {w.name for w in self.wing}
+        names = [s.name for s in self.surface]
+        for one in self.surface:
+            if one.name not in known:
+                raise ValueError(
+                    f"surface '{one.name}' is no effector of kind 'surface'; {nearest(one.name, known)}"
+                )
+            if names.count(one.name) > 1:
+                raise ValueError(f"surface '{one.name}' is described more than once")
+            if one.wing is not None and one.wing not in wings:
+                raise ValueError(
+                    f"surface '{one.name}' is on wing '{one.wing}', which is not described; "
+                    + nearest(one.wing, wings)
+                )
+
     def at(self, identifier: str) -> Scenario:
         """Return the scenario as it is flown at a reference condition: with the excitation stated for it.
 
@@ -270,6 +319,12 @@ class Scenario(Strict, frozen=True):
         except (ValueError, msgspec.ValidationError) as error:
             raise ValueError(f"excitation.at.{identifier}: {error}") from None
         return msgspec.structs.replace(self, excitation=there)
+
+    @property
+    def campaign_start(self) -> str:
+        """Id of the reference condition that a campaign starts from; empty where the scenario has none."""
+        named = self.campaign.start if self.campaign else ""
+        return named or (self.reference[0].id if self.reference else "")
 
     @property
     def schedulable(self) -> tuple[str, ...]:

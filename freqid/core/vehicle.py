@@ -175,6 +175,34 @@ class Rotor(Strict, frozen=True):
             raise ValueError(f"inertia of rotor '{self.name}' is {self.inertia:g}, expected zero or more")
 
 
+class Surface(Strict, frozen=True):
+    """Where a surface is, for drawings of an aircraft that is not simulated.
+
+    Attributes
+    ----------
+    name : str
+        Of the effector.
+    hinge_m : tuple of 2 points
+        Ends of its hinge line, vehicle axes, m, at zero tilt.
+    chord_m : float
+        How far it reaches behind its hinge, m.
+    wing : str, optional
+        Tilting wing that it turns with.
+    """
+
+    name: str
+    hinge_m: tuple[Vector, Vector]
+    chord_m: float
+    wing: str | None = None
+
+    def __post_init__(self) -> None:
+        ends = np.array(self.hinge_m)
+        if not (np.isfinite(ends).all() and np.ptp(ends, axis=0).any()):
+            raise ValueError(f"hinge_m of '{self.name}' is {self.hinge_m}, expected two different points")
+        if not 0 < self.chord_m < inf:
+            raise ValueError(f"chord_m of '{self.name}' is {self.chord_m:g}, expected a positive length")
+
+
 class Group(Strict, frozen=True):
     """Effectors that share a cause of error: a V-tail, a row of propellers, surfaces on one bus.
 

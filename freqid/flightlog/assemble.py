@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, MutableMapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ from freqid.core.units import parse_unit, to_si
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
 from freqid.flightlog.column_map import MASS_PROPERTIES
 from freqid.flightlog.resample import METHOD, Gridded, onto_grid
+from freqid.flightlog.shelf import Shelf
 from freqid.flightlog.spikes import find_spikes
 
 # Effectors whose kind nobody stated, and pilots' controls, take the SI unit of their dimension.
@@ -161,7 +162,7 @@ def assemble(
         raise error.at(str(path)) from None
 
 
-_Signals = dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
+_Signals = MutableMapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]
 _EMPTY = np.empty(0)
 
 
@@ -175,7 +176,7 @@ def _signals(
 ) -> tuple[dict[str, tuple[str, Column]], _Signals]:
     """Return each channel's SI unit and column, without its values, and its time and values in SI, cut."""
     facts: dict[str, tuple[str, Column]] = {}
-    signals: _Signals = {}
+    signals: _Signals = {} if uniform else Waiting()
     clocks: dict[
         int, tuple[NDArray[np.float64], slice, NDArray[np.float64]]
     ] = {}  # raw, rows, cut and checked
@@ -199,6 +200,29 @@ def _signals(
     if not signals:
         raise DataError("holds no channel that is not zero throughout", remedy="check the log")
     return facts, signals
+
+
+class Waiting(MutableMapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]]):
+    """Signals that wait to be resampled, their values on a shelf."""
+
+    def __init__(self) -> None:
+        self._time: dict[str, NDArray[np.float64]] = {}
+        self._values = Shelf()
+
+    def __getitem__(self, name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return self._time[name], self._values[name]
+
+    def __setitem__(self, name: str, signal: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
+        self._time[name], self._values[name] = signal
+
+    def __delitem__(self, name: str) -> None:
+        del self._time[name], self._values[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(list(self._time))
+
+    def __len__(self) -> int:
+        return len(self._time)
 
 
 def _check_one_clock(signals: _Signals) -> None:
@@ -281,7 +305,10 @@ def _si_values(column: Column, si: str) -> NDArray[np.float64]:
         kind = "mass property" if column.name in MASS_PROPERTIES else "channel"
         message = error.message.removeprefix(": ")
         raise DataError(f"{kind} '{column.name}': {message}", remedy=error.remedy) from None
-    return column.sign * (unit.factor * np.asarray(column.values, dtype=np.float64) + unit.offset)
+    values = (column.sign * unit.factor) * np.asarray(column.values, dtype=np.float64)
+    if unit.offset:
+        values += column.sign * unit.offset  # in place: a long log fills the memory
+    return values
 
 
 def _rows(clock: NDArray[np.float64], cut: tuple[float, float] | None) -> slice:

@@ -9,12 +9,13 @@ the rate falls, and the images when it rises. What fits no uniform grid is put o
 from __future__ import annotations
 
 import hashlib
+from collections.abc import MutableMapping
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.signal import kaiser_beta
 from scipy.sparse import csr_array
 from scipy.special import i0e
 
@@ -30,8 +31,13 @@ _FASTEST = 10.0  # times the log's own rate: above it a request is a slip
 _JITTER = 1e-3  # of a sample: closer than this to a uniform grid is on it
 _CROWDED = 1e-3  # of the usual interval: closer samples are one sample logged twice
 _WRAPPED = ("state/phi", "state/psi")
-_TOGETHER = 1 << 21  # samples filtered at a time, for the same reason
-_BLOCK = 1 << 20  # weights at a time, to bound the memory of long records
+# What is held at a time beside the log itself, to bound the memory of long records:
+_TOGETHER = 1 << 21  # samples filtered
+_BLOCK = 1 << 17  # weights
+_SPLINED = 1 << 16  # samples under one spline
+# Samples that a piece of a spline reaches beyond its own: a sample's influence at least halves with each knot
+# between, as off-diagonal terms of the tridiagonal system are at most half of the diagonal ones together.
+_OVERLAP = 64
 METHOD = (
     f"zero-phase windowed sinc, Kaiser {_ATTENUATION_DB:g} dB, pass band {PASS:g} of the lower Nyquist "
     "frequency; cubic spline onto a grid first where samples are missing or not uniform"
@@ -139,12 +145,14 @@ class _Clock:
         return float(np.sqrt(np.mean((single - self.step) ** 2)))
 
 
-def onto_grid(signals: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]], rate_hz: float) -> Gridded:
+def onto_grid(
+    signals: MutableMapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]], rate_hz: float
+) -> Gridded:
     """Put channels, each with its own clock, onto one uniform clock.
 
     Parameters
     ----------
-    signals : dict of str to (time, values), each of shape (sample,)
+    signals : mutable mapping of str to (time, values), each of shape (sample,)
         Time increases, s; values are NaN where the channel has no sample of its own. Emptied while it is
         read: a long log need not stand in memory twice.
     rate_hz : float
@@ -164,11 +172,13 @@ def onto_grid(signals: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]
         stretch in common.
     """
     names = list(signals)
-    fastest = 0.0
+    fastest, earliest, latest = 0.0, [], []
     clocks: dict[tuple[int, bytes], _Clock] = {}
     for name, (time, x) in signals.items():
         if np.isinf(x).any():
             raise DataError(f"channel '{name}' is infinite at t = {time[np.isinf(x)][0]:.6g} s")
+        earliest.append(float(time[0]))
+        latest.append(float(time[-1]))
         missing = np.isnan(x)
         mask = hashlib.sha1(missing.tobytes()).digest() if missing.any() else b""
         if (id(time), mask) in clocks:
@@ -183,8 +193,7 @@ def onto_grid(signals: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]
             f"the resampling rate is {rate_hz:g} Hz, expected more than 0 and at most "
             f"{_FASTEST * fastest:g} Hz for a log of {fastest:.6g} Hz"
         )
-    first = min(float(time[0]) for time, _ in signals.values())
-    last = max(float(time[-1]) for time, _ in signals.values())
+    first, last = min(earliest), max(latest)
     spans = _common_spans(list(clocks.values()))
     start, stop = max(spans, key=lambda span: span[1] - span[0])
     count = int(np.floor((stop - start) * rate_hz + 1e-6)) + 1
@@ -209,7 +218,7 @@ def onto_grid(signals: dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]
         for block in (clock.names[i : i + at_once] for i in range(0, len(clock.names), at_once)):
             stacked = np.array([_own_values(name, *signals.pop(name), clock.kept, rows) for name in block])
             if uneven:
-                stacked = CubicSpline(own, stacked, axis=1)(even)
+                stacked = _splined(own, stacked, even)
             values |= zip(block, _band_limited(even, stacked, grid, rate_hz), strict=True)
     dropouts = [gap for clock in clocks.values() for gap in clock.dropouts(first, last)]
     return Gridded(
@@ -266,10 +275,25 @@ def _native_step(own: NDArray[np.float64], name: str) -> float:
     return step
 
 
+def _splined(
+    own: NDArray[np.float64], values: NDArray[np.float64], even: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Evaluate the cubic spline through samples, shape (channel, sample), at times inside; in pieces."""
+    result = np.empty((len(values), even.size))
+    for first in range(0, own.size - 1, _SPLINED):
+        last = min(first + _SPLINED, own.size - 1)
+        low, high = max(first - _OVERLAP, 0), min(last + _OVERLAP, own.size - 1) + 1
+        start = 0 if first == 0 else np.searchsorted(even, own[first])
+        stop = even.size if last == own.size - 1 else np.searchsorted(even, own[last])
+        piece = CubicSpline(own[low:high], values[:, low:high], axis=1)
+        result[:, start:stop] = piece(even[start:stop])
+    return result
+
+
 def _band_limited(
     even: NDArray[np.float64], values: NDArray[np.float64], grid: NDArray[np.float64], rate_hz: float
 ) -> NDArray[np.float64]:
-    """Evaluate uniform samples at other times through the windowed sinc.
+    """Evaluate uniform samples at other times through the windowed sinc; the samples are overwritten.
 
     Parameters
     ----------
@@ -293,19 +317,16 @@ def _band_limited(
     slower = min(rate_hz, 1 / step)
     transition = 0.5 * (1 - PASS) * slower
     edge = 0.5 * slower - 0.5 * transition
-    beta = kaiser_beta(_ATTENUATION_DB)
+    beta = 0.1102 * (_ATTENUATION_DB - 8.7)  # Kaiser's, above 50 dB
     half_width = 0.5 * (_ATTENUATION_DB - 7.95) / (14.36 * transition)
     half = int(np.ceil(half_width / step))
     # Without the line through its ends a record is continued by odd reflection with no step in
     # value or slope; what is straight comes back exactly.
-    ramp = (even - even[0]) / (even[-1] - even[0])
-    first, last = values[:, :1], values[:, -1:]
-    padded = np.pad(
-        values - first - (last - first) * ramp,
-        ((0, 0), (half + 1, half + 1)),
-        mode="reflect",
-        reflect_type="odd",
-    ).T.copy()
+    first, rise = values[:, :1].copy(), values[:, -1:] - values[:, :1]
+    values -= first
+    values -= rise * ((even - even[0]) / (even[-1] - even[0]))
+    padded = np.pad(values.T, ((half + 1, half + 1), (0, 0)), mode="reflect", reflect_type="odd")
+    padded = np.ascontiguousarray(padded)
     result = np.empty((grid.size, len(values)))
     taps = np.arange(-half, half + 1)
     for rows in np.array_split(np.arange(grid.size), grid.size * taps.size // _BLOCK + 1):
@@ -319,5 +340,5 @@ def _band_limited(
         columns = nearest[:, None] + taps + (half + 1)
         ends = np.arange(rows.size + 1) * taps.size
         filter_rows = csr_array((weights.ravel(), columns.ravel(), ends), shape=(rows.size, len(padded)))
-        result[rows] = filter_rows @ padded
-    return result.T + first + (last - first) * (grid - even[0]) / (even[-1] - even[0])
+        result[rows] = cast(NDArray[np.float64], filter_rows @ padded)
+    return result.T + first + rise * (grid - even[0]) / (even[-1] - even[0])

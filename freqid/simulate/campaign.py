@@ -84,7 +84,7 @@ def fly_campaign(
     campaign = scenario.campaign
     if campaign is None:
         raise UsageError("the scenario has no [campaign]", remedy="add the trims that are to be flown")
-    start = scenario.reference_of(campaign.start or (scenario.reference[0].id if scenario.reference else ""))
+    start = scenario.reference_of(scenario.campaign_start)
     scenario, wind = flyable(scenario, conditions)
     parameters = jax.tree.map(jnp.asarray, motion.parameters(scenario))
     at = trim(scenario, parameters, start)

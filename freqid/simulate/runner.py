@@ -23,7 +23,7 @@ from freqid.core.errors import DataError, FreqidError, UsageError
 from freqid.core.store import replacing
 
 Inputs = Mapping[str, Any]
-Work = Callable[..., None]
+Work = Callable[..., Any]
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import read_record
@@ -17,7 +17,10 @@ from freqid.core.results.prediction import Prediction, Score
 from freqid.core.results.quicklook import Quicklook
 from freqid.core.results.rivals import Rivals
 from freqid.core.scenario import Scenario
-from freqid.workflows.inputs import File, Flight, record_of, scenario_of
+from freqid.workflows.inputs import File, Flight, names_of, record_of, scenario_of
+
+if TYPE_CHECKING:
+    from freqid.blend.global_model import GlobalModel
 
 
 @dataclass(frozen=True, repr=False)
@@ -51,18 +54,27 @@ class Page:
         return f'<iframe srcdoc="{html.escape(self.html)}" width="100%" height="800"></iframe>'
 
 
-def page(result: Any, *, record: Flight | None = None, scenario: Scenario | File | None = None) -> Page:
+def page(
+    result: Any,
+    *,
+    record: Flight | None = None,
+    scenario: Scenario | File | None = None,
+    outside: Literal["refuse", "hold"] = "refuse",
+) -> Page:
     """Return the page of a result, for a team to review.
 
     Parameters
     ----------
-    result : PointModel, GapResult, Rivals, FrequencyResponse, Prediction, Score, StudyResults, ...
+    result : PointModel, GlobalModel, AdvanceRatioModel, FrequencyResponse, Quicklook, Prediction, Score, ...
         What the verbs return, or `read`; or the path of such a file.
     record : FlightRecord, Maneuver or path, optional
         Of a point model: the flight that it was made from, whose channels are drawn; the file that the
-        model names where it is still there. Of a simulated manoeuvre, the path that it was saved to.
+        model names where it is still there. Of a global model: a flight that no point is made from, to be
+        predicted. Of a simulated manoeuvre, the path that it was saved to.
     scenario : Scenario, path or name, optional
-        Of a point model: its gates enter the verdict.
+        Of a point model: its gates enter the verdict. Of a global model: the vehicle of the flight.
+    outside : {"refuse", "hold"}
+        Of a global model: what is done where the flight leaves the corridor.
 
     Returns
     -------
@@ -85,7 +97,7 @@ def page(result: Any, *, record: Flight | None = None, scenario: Scenario | File
         from freqid.workflows.files import read
 
         try:
-            return page(read(result), record=record, scenario=scenario)
+            return page(read(result), record=record, scenario=scenario, outside=outside)
         except UsageError as error:
             if error.where:
                 raise
@@ -120,7 +132,27 @@ def page(result: Any, *, record: Flight | None = None, scenario: Scenario | File
         from freqid.report.advance_ratio.page import build_advance_ratio_page
 
         return Page(build_advance_ratio_page(result))
+    from freqid.blend.global_model import GlobalModel
+
+    if isinstance(result, GlobalModel):
+        return Page(_of_global(result, record, scenario, outside))
     return Page(_of_job(result, record))
+
+
+def _of_global(
+    model: GlobalModel,
+    record: Flight | None,
+    scenario: Scenario | File | None,
+    outside: Literal["refuse", "hold"],
+) -> str:
+    from freqid.blend.consistency import density_agreement
+    from freqid.report.global_model.page import build_global_page
+    from freqid.workflows.models.blend import predict
+
+    if record is None:
+        return build_global_page(model, density_agreement(model))
+    predicted = predict(model, record, scenario, outside=outside)
+    return build_global_page(model, density_agreement(model), predicted, Path(names_of([record])[0]).name)
 
 
 def _of_point(model: PointModel, record: Flight | None, scenario: Scenario | None) -> str:

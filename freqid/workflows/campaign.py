@@ -38,7 +38,8 @@ def simulate_campaign(
     scenario : Scenario, path or name
         With ``[campaign]``, and ``[control.tecs]`` that holds the trims.
     design : DesignedInputs, MultisineDesign, ClassicDesign, SampledInputs or path, optional
-        Flown at every trim; the multisines of ``[excitation]`` where absent.
+        Flown at every trim; where absent, the multisines of ``[excitation]``, as stated for the condition
+        that the campaign starts from.
     sensors, noise, turbulence, seed, effects, own_effects
         As in `simulate`.
 
@@ -67,7 +68,7 @@ def simulate_campaign(
         )
     described = with_effects(described, effect_settings(effects, own_effects))
     if design is None:
-        design = design_inputs(described, seed=0)
+        design = design_inputs(described, at=described.campaign_start, seed=0)
     inputs = design_samples(design)
     assert inputs is not None  # a design was given or made
     conditions = Conditions(sensors, noise, turbulence=turbulence, seed=seed)

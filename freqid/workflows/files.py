@@ -19,6 +19,7 @@ from freqid.core.results import (
     output_error,
     point,
     prediction,
+    quicklook,
     rivals,
 )
 from freqid.core.results.design import ClassicDesign, MultisineDesign
@@ -66,8 +67,8 @@ def read(path: File) -> Any:
     -------
     Result
         FlightRecord, MultisineDesign, PointModel, OutputErrorModel, GlobalModel, AdvanceRatioModel,
-        FrequencyResponse, GapResult, Rivals, Prediction or Score, as the file says of itself. Of a scenario's
-        TOML file, the `Scenario`; of classic inputs, their samples.
+        FrequencyResponse, Quicklook, GapResult, Rivals, Prediction or Score, as the file says of itself. Of
+        a scenario's TOML file, the `Scenario`; of classic inputs, their samples.
 
     Raises
     ------
@@ -180,6 +181,7 @@ _FILES = (
     rivals.FILE,
     prediction.FILE,
     prediction.SCORE_FILE,
+    quicklook.FILE,
 )
 _READERS: dict[str, Callable[[Path], Any]] = {
     record_file.FORMAT: record_file.read_record,

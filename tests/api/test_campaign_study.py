@@ -1,13 +1,17 @@
 """`freqid.study` of a campaign, with a flight by scipy in place of the simulation."""
 
+import msgspec
 import numpy as np
 import pytest
 from scipy_flight import SCENARIO, derivatives, one_flight
 
 import freqid as fq
-from freqid.core.errors import DataError, UsageError
+from freqid.core.errors import DataError, GateFailed, UsageError
 from freqid.core.record import write_record
+from freqid.core.scenario import Gates
+from freqid.core.sections.campaign import Campaign, CampaignTrim
 from freqid.workflows.studies import campaign_study
+from freqid.workflows.studies.studied import refuse_missed_study_gates
 
 RATIOS = (0.36, 0.45, 0.55, 0.65, 0.75, 0.9, np.inf, np.inf)
 
@@ -61,6 +65,28 @@ def test_a_campaign_goes_from_the_flight_to_the_page(flights, tmp_path):
         "one-shot.h5",
     ):
         assert (tmp_path / "study" / name).is_file()
+
+    assert set(study.points) == set(study.local.ids)
+    assert set(study.validation) == set(study.scores.ids)
+    weak = {r: max(of[r] for of in study.validation.values()) for r in next(iter(study.validation.values()))}
+
+    def judge(**gates):
+        refuse_missed_study_gates(study, msgspec.structs.replace(SCENARIO, gates=Gates(**gates)), "out")
+
+    judge(r2=-10.0, collinearity=1e6, validation={r: value + 1e-9 for r, value in weak.items()})
+    with pytest.raises(GateFailed, match=r"validation error of M is .*, held out") as missed:
+        judge(validation={"M": 0.5 * weak["M"]})
+    assert all(f"in {i}" not in str(missed.value) for i in study.local.ids if i not in study.scores.ids)
+    with pytest.raises(GateFailed, match=r"variance inflation of \w is .* moved together .* in m00"):
+        judge(collinearity=1.0001)
+    with pytest.raises(GateFailed, match=r"and \d+ more"):
+        judge(r2=2.0)
+    twice = tuple(CampaignTrim(speed=v) for v in (15.0, 16.0, 15.0))
+    flown = msgspec.structs.replace(SCENARIO, campaign=Campaign(trim=twice))
+    repeated = campaign_study._repeated(flown, study.points, 3)
+    assert set(repeated) == {"m00 and m02"}
+    assert min(repeated["m00 and m02"].values()) < 1e-3  # at two advance ratios, in truth
+    assert campaign_study._repeated(flown, study.points, 2) == {}
 
     again = fq.study(SCENARIO, tmp_path / "study", turbulence=0.5, seed=3, held_out=["m01", "m04"])
     assert len(flights) == 1  # what is done is kept

@@ -24,7 +24,8 @@ def points(tmp_path_factory):
 
 
 def run(*arguments):
-    return CliRunner().invoke(main, ["global-blend", *map(str, arguments)], standalone_mode=False)
+    words = ["global-blend", "--no-page", *map(str, arguments)]
+    return CliRunner().invoke(main, words, standalone_mode=False)
 
 
 def test_laws_are_printed_and_saved(points, tmp_path):

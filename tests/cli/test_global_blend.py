@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from freqid.core.results.corridor import read_global
 from freqid.core.results.point import read_point, write_point
 
 SEA, HIGH = 1.225, 1.06
+BLEND = ("global-blend", "--no-page")  # figures take longer than models
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +40,7 @@ def points(made, tmp_path):
 
 
 def test_points_become_a_model_that_can_be_read_and_evaluated(freqid, points, tmp_path):
-    code, out, err = freqid("global-blend", *points, "-o", tmp_path / "g.h5", "--json")
+    code, out, err = freqid(*BLEND, *points, "-o", tmp_path / "g.h5", "--json")
     assert (code, err) == (0, "")
     said = json.loads(out)
     assert said["reference"]["line"] == [0, 0, 0, 1, 1, 1]
@@ -54,7 +56,7 @@ def test_points_become_a_model_that_can_be_read_and_evaluated(freqid, points, tm
 
 
 def test_the_text_says_lines_agreement_and_where_it_is(freqid, points, tmp_path):
-    code, out, _ = freqid("global-blend", *points, "-o", tmp_path / "g.h5")
+    code, out, _ = freqid(*BLEND, *points, "-o", tmp_path / "g.h5")
     assert code == 0
     assert "line 1: 3 points, u 3 to 12 m/s, rho 1.06 kg/m3" in out
     assert "Z: rho 1.225 against 1.06 kg/m3 at 3 points: chi-square" in out
@@ -80,7 +82,16 @@ def test_a_held_out_record_is_predicted(freqid, points, tmp_path):
     for u in (8.0, 10.0):
         write_point(tmp_path / f"{u}.h5", tilt_wing.exact_point(tilt_wing.trim(u, SEA), f"u{u}"))
     near = (tmp_path / "8.0.h5", tmp_path / "10.0.h5")
-    arguments = ("global-blend", *points[:3], *near, "-o", tmp_path / "g.h5", "--predict", tmp_path / "r.h5")
+    arguments = (
+        "global-blend",
+        "--no-page",
+        *points[:3],
+        *near,
+        "-o",
+        tmp_path / "g.h5",
+        "--predict",
+        tmp_path / "r.h5",
+    )
     code, out, err = freqid(*arguments, "--json")
     assert (code, err) == (0, "")
     said = json.loads(out)["prediction"]
@@ -90,9 +101,41 @@ def test_a_held_out_record_is_predicted(freqid, points, tmp_path):
     assert "predicted R2" in freqid(*arguments)[1]
 
 
+def test_the_page_of_a_global_model_shows_points_intervals_and_a_predicted_flight(freqid, points, tmp_path):
+    write_record(tmp_path / "r.h5", reconstructable(tilt_wing.trim(9.0, SEA), 5))
+    code, out, _ = freqid("global-blend", *points, "-o", tmp_path / "g.h5")
+    assert code == 0
+    assert str(tmp_path / "g.html") in out
+    alone = (tmp_path / "g.html").read_text(encoding="utf-8")
+    assert "No flight was held out" in alone
+    assert "Do the densities agree?" in alone
+    assert "http" not in alone.replace("http://www.w3.org", "")  # it fetches nothing
+    knots = read_global(tmp_path / "g.h5")
+    rows = re.findall(r'<th scope="row"><code>(\S+)</code></th>.*<td class="words">(\S+)</td></tr>', alone)
+    assert [Path(file).stem for _, file in rows] == [identifier for identifier, _ in rows] == list(knots.ids)
+    value = float(knots["M"].estimate[knots["M"].regressors.index("df"), 0])
+    assert f'<data value="{value!r}">' in alone
+    report = ("report", tmp_path / "g.h5", "-o", tmp_path / "p.html")
+    assert freqid(*report)[0] == 0
+    assert (tmp_path / "p.html").read_text(encoding="utf-8") == alone
+    assert freqid(*report, "--record", tmp_path / "r.h5")[0] == 0
+    held = (tmp_path / "p.html").read_text(encoding="utf-8")
+    assert "r.h5" in held
+    assert "No flight was held out" not in held
+    assert "A flight that no point is made from" in held
+
+
 def test_a_record_off_the_corridor_is_named_and_can_be_held(freqid, points, tmp_path):
     write_record(tmp_path / "r.h5", reconstructable(tilt_wing.trim(9.0, SEA, 0.9), 5))
-    arguments = ("global-blend", *points[:3], "-o", tmp_path / "g.h5", "--predict", tmp_path / "r.h5")
+    arguments = (
+        "global-blend",
+        "--no-page",
+        *points[:3],
+        "-o",
+        tmp_path / "g.h5",
+        "--predict",
+        tmp_path / "r.h5",
+    )
     code, _, err = freqid(*arguments)
     assert code == 3
     assert err.startswith(f"freqid: {tmp_path}/r.h5: ")
@@ -151,7 +194,7 @@ def test_bad_points_end_in_one_sentence_and_no_file(freqid, points, tmp_path, fa
     chosen = [*points[:3], points[1]] if count < 0 else points[:count]
     if spoil:
         spoil(points)
-    code, out, err = freqid("global-blend", *chosen, "-o", tmp_path / "g.h5")
+    code, out, err = freqid(*BLEND, *chosen, "-o", tmp_path / "g.h5")
     assert code == expected
     assert out == ""
     assert sentence in err

@@ -111,6 +111,36 @@ def test_logs_are_read_by_their_map(study, flights, write_log, tmp_path):
     np.testing.assert_allclose(point["M"].estimate, direct["M"].estimate, rtol=1e-6)
 
 
+def test_a_second_run_with_one_flight_more_does_only_what_changed(study, flights, tmp_path):
+    folder = tmp_path / "growing"
+    folder.mkdir()
+    for path in flights.glob("flight-*.h5"):
+        shutil.copy(path, folder)
+    late = (folder / "flight-7-2.h5").rename(tmp_path / "flight-7-2.h5")
+    assert study("--json", folder=folder)[0] == 0
+    units = tmp_path / "out" / "units" / "identify_point"
+    made = {path: path.stat().st_mtime_ns for path in units.glob("*.h5")}
+    assert len(made) == 3
+    first = read_point(tmp_path / "out" / "points" / "u7.h5")
+    code, said, _ = study("--json", folder=folder)
+    assert code == 0
+    assert {path: path.stat().st_mtime_ns for path in units.glob("*.h5")} == made
+    late.rename(folder / late.name)
+    code, more, _ = study("--json", folder=folder)
+    assert code == 0
+    now = {path: path.stat().st_mtime_ns for path in units.glob("*.h5")}
+    assert made.items() < now.items()
+    assert len(now) == 4  # u7 has a flight that validates: its point alone is made again
+    assert json.loads(said)["points"]["u3"] == json.loads(more)["points"]["u3"]
+    point = read_point(tmp_path / "out" / "points" / "u7.h5")
+    assert not first.prediction
+    assert set(point.prediction) == set(tilt_wing.RESPONSES)
+    changed = tilt_wing.fly(tilt_wing.trim(3.0, 1.225), 77, amplitude=0.3).record
+    write_record(folder / "flight-3-1.h5", changed)  # another flight under the same name is another flight
+    assert study(folder=folder)[0] == 0
+    assert len(list(units.glob("*.h5"))) == 5
+
+
 def test_missed_gates_are_sentences_and_everything_is_written(study, tmp_path):
     gates = "coherence = 0.99999\nvalidation = { Z = 1e-6 }\nconsistency = 1e-9\nr2 = { Z = 0.5 }"
     code, _, err = study(gates=gates)
@@ -123,6 +153,35 @@ def test_missed_gates_are_sentences_and_everything_is_written(study, tmp_path):
     assert "consistency of" not in err
     assert (tmp_path / "out" / "index.html").is_file()
     assert (tmp_path / "out" / "model.h5").is_file()
+
+
+def test_regressors_that_moved_together_miss_a_gate_by_name(study, flights, freqid, tmp_path):
+    assert study(gates="collinearity = 10")[0] == 0
+    geared = tmp_path / "geared"
+    geared.mkdir()
+    for path in flights.glob("flight*.h5"):
+        (geared / path.name).write_bytes(path.read_bytes())
+    flown = fq.read(flights / "flight-7-1.h5")
+    one, other = flown.channel("effector/df"), flown.channel("effector/dr")
+    record = flown.with_channels(replace(other, values=one.values + 0.1 * other.values))
+    write_record(geared / "flight-7-1.h5", record)
+    code, _, err = study(gates="collinearity = 10", folder=geared)
+    assert code == 4
+    assert "variance inflation of M is" in err
+    assert "'df' and 'dr' moved together" in err or "'dr' and 'df' moved together" in err
+    assert "the gate is 10 at u7" in err
+    assert "at u5" not in err
+    code, out, err = freqid(
+        "identify-point", geared / "flight-7-1.h5", "--scenario", tmp_path / "s.toml", "--at", "u7",
+        "-o", tmp_path / "p.h5", "--responses", "M", "--regressors", "df,dr",
+    )  # fmt: skip
+    assert code == 4
+    assert "moved together" in err
+    pair = read_point(tmp_path / "p.h5")["M"].most_collinear
+    # dr = df + 0.1 x, df and x of one size and nothing to do with each other: 1 / (1 - R2) is 101.
+    assert pair.inflation == pytest.approx(101, rel=0.02)
+    assert pair.correlation < -0.95
+    assert f"inflation of M is {pair.inflation:.5g}" in err
 
 
 def test_flights_that_contradict_each_other_miss_the_gate_of_consistency(study, flights, tmp_path):

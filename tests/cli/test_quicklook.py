@@ -44,7 +44,30 @@ def test_a_good_flight_is_usable(freqid, flown):
     code, out, err = look(freqid, folder)
     assert (code, err) == (0, "")
     assert out.startswith("Usable.")
-    page = (folder / "flight-quicklook.html").read_text(encoding="utf-8")
+    kept = fq.read(folder / "flight-quicklook.h5")
+    again = fq.quicklook(folder / "flight.h5", folder / "design.h5", SCENARIO)
+    for name in (
+        "verdict",
+        "reasons",
+        "remarks",
+        "start_s",
+        "band_hz",
+        "inputs",
+        "rates",
+        "parameters",
+        "accuracy",
+    ):
+        assert repr(getattr(kept, name)) == repr(getattr(again, name)), name
+    assert kept.plausibility == again.plausibility
+    assert kept.record.fingerprint == again.record.fingerprint
+    np.testing.assert_array_equal(kept.inputs_flown.values, again.inputs_flown.values)
+    written = (folder / "flight-quicklook.html").read_text(encoding="utf-8")
+    assert freqid("report", folder / "flight-quicklook.h5", "-o", folder / "again.html")[0] == 0
+    assert (folder / "again.html").read_text(encoding="utf-8") == written
+    code, _, err = look(freqid, folder, None, "-o", folder / "x.html")
+    assert code == 2
+    assert "write -o" in err
+    page = written
     assert "Usable." in page
     assert "http" not in page.replace("http://www.w3.org", "")  # it fetches nothing
 

@@ -5,11 +5,16 @@ from pathlib import Path
 
 import pytest
 
+import freqid as fq
 from freqid.blend.global_model import GlobalModel
 from freqid.core.results.corridor import read_global
+from freqid.core.results.design import read_design
 from freqid.core.results.point import read_point
+from freqid.workflows.studies import study as studies
+from freqid.workflows.studies import units
 
 LA8 = Path(__file__).resolve().parents[2] / "scenarios" / "la8.toml"
+LINEAR = LA8.with_name("linear.toml")
 
 
 @pytest.fixture(scope="module")
@@ -64,3 +69,37 @@ def test_what_cannot_be_studied_is_said_before_anything_is_flown(freqid, scenari
     assert code == 2
     assert said in err
     assert not (tmp_path / "study" / "units").exists()
+
+
+def test_each_condition_is_designed_for_and_flown_by_what_is_stated_for_it(monkeypatch, tmp_path):
+    text = LINEAR.read_text() + '\n[[reference]]\nid = "u24"\nu = 24.0\nrho = 1.2\n'
+    text += "[excitation.at.u24]\nperiod_s = 40.0\n"
+    (tmp_path / "two.toml").write_text(text)
+    asked = {}
+
+    class Enough(Exception):
+        pass
+
+    def run(campaign, unit, inputs, suffix):
+        asked[unit.__name__] = inputs
+        if unit is units.identify:
+            raise Enough
+        paths = [tmp_path / f"{unit.__name__}-{i}.h5" for i in range(len(inputs))]
+        for path, one in zip(paths, inputs, strict=True):
+            if unit is units.design:
+                units.design(path, **one)
+        return paths
+
+    monkeypatch.setattr(studies, "_run", run)
+    with pytest.raises(Enough):
+        fq.study(tmp_path / "two.toml", tmp_path / "out", at=("u20", "u24"))
+    assert [(one["seed"], one.get("at", "")) for one in asked["design"]] == [
+        (0, ""),
+        (0, "u24"),
+        (1, ""),
+        (1, "u24"),
+    ]
+    flown = {(Path(one["design"]).stem, one["reference"]) for one in asked["fly"]}
+    assert flown == {("design-0", "u20"), ("design-1", "u24"), ("design-2", "u20"), ("design-3", "u24")}
+    assert read_design(tmp_path / "out" / "design-u24.h5").period_s == 40.0
+    assert read_design(tmp_path / "out" / "design.h5").period_s != 40.0

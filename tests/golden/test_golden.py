@@ -140,7 +140,8 @@ def test_a_study_its_points_blended_and_a_flight_through_the_corridor(result, tm
     words = ["study", scenario, "--at", "u40,u50", "--jobs", "1", "-o", folder, "--json"]
     hold("study-la8", result(tmp_path, *words), SEARCHED)
     points = [folder / "points" / f"{at}.h5" for at in ("u40", "u50")]
-    words = ["global-blend", *points, "-o", tmp_path / "model.h5", "--densities", "together", "--json"]
+    words = ["global-blend", *points, "-o", tmp_path / "model.h5", "--densities", "together"]
+    words += ["--json", "--no-page"]
     hold("blend-la8", result(tmp_path, *words), SEARCHED)
     words = ["simulate", scenario, "-o", tmp_path / "gusts.h5", "--at", "u40", "--duration", "5"]
     words += ["--noise", "1", "--turbulence", "7.7", "--effect", "mass=0.05", *QUICK]

@@ -14,7 +14,7 @@ from freqid.core.arrays import Array
 from freqid.core.channels import COEFFICIENT
 from freqid.core.record import Maneuver
 from freqid.core.results.advance_ratio import AdvanceRatioModel, LocalDerivatives
-from freqid.core.results.point import Fit
+from freqid.core.results.point import Fit, PointModel
 from freqid.core.sections.identification import Identification
 from freqid.core.viewable import Viewable
 from freqid.identify.loads.explanatory import history
@@ -41,6 +41,14 @@ class CampaignStudy(Viewable):
     outputs : mapping of str to mapping of str to Fit
         Its motion by output, simulated with parameters of ``equation error`` and of ``output error``; empty
         where no form of dynamic model fits the identification.
+    points : mapping of str to PointModel
+        Of the manoeuvres by id.
+    validation : mapping of str to mapping of str to float
+        Theil's coefficient by held-out manoeuvre and response: of the coefficients in time, as laws say that
+        were made without it.
+    repeated : mapping of str to mapping of str to float
+        By two manoeuvres that were flown at one trim, and by response: probability of a larger chi-square
+        between their parameters, were the two alike.
     remarks : tuple of str
         What could not be had, one sentence each.
     provenance : dict
@@ -53,6 +61,9 @@ class CampaignStudy(Viewable):
     shown: str
     coefficients: Mapping[str, Mapping[str, Fit]]
     outputs: Mapping[str, Mapping[str, Fit]]
+    points: Mapping[str, PointModel] = field(default_factory=dict)
+    validation: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    repeated: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     provenance: dict[str, Any] = field(default_factory=dict)
 

@@ -152,6 +152,25 @@ class ErrorsInVariables:
 
 
 @dataclass(frozen=True)
+class Collinear:
+    """Two regressors that moved together, as far as the data say.
+
+    Attributes
+    ----------
+    regressors : tuple of 2 str
+        The one with the largest variance inflation, and its nearest companion.
+    inflation : float
+        Variance inflation factor of the first.
+    correlation : float
+        Of the errors of the two parameters.
+    """
+
+    regressors: tuple[str, str]
+    inflation: float
+    correlation: float
+
+
+@dataclass(frozen=True)
 class ResponseModel:
     """One response as a linear function of p regressors about the reference, with its uncertainty.
 
@@ -259,6 +278,26 @@ class ResponseModel:
         return tuple(name for name, b in zip(self.regressors, beyond, strict=True) if b)
 
     @property
+    def most_collinear(self) -> Collinear | None:
+        """The regressor that the others explain best, and its nearest companion; None of a single one.
+
+        The companion is the regressor whose parameter has the error most correlated with that of the first:
+        the correlation of two parameters' errors is, but for its sign, the correlation of their regressors
+        after all others are projected out.
+        """
+        if len(self.regressors) < 2:
+            return None
+        i = int(np.argmax(np.where(np.isnan(self.variance_inflation), np.inf, self.variance_inflation)))
+        beside = np.abs(np.nan_to_num(self.correlation[i]))
+        beside[i] = -1.0
+        j = int(beside.argmax())
+        return Collinear(
+            (self.regressors[i], self.regressors[j]),
+            float(self.variance_inflation[i]),
+            float(self.correlation[i, j]),
+        )
+
+    @property
     def condition_number(self) -> float:
         """Ratio of largest to smallest singular value of the scaled columns."""
         return float(self.condition_index[-1])
@@ -354,17 +393,22 @@ class MissedGate:
     ----------
     response : str
     figure : str
-        ``"R2"``, ``"condition number"``, ``"coherence"``, ``"validation error"`` or ``"consistency"``.
+        ``"R2"``, ``"condition number"``, ``"variance inflation"``, ``"coherence"``, ``"validation error"`` or
+        ``"consistency"``.
     value, gate : float
+    why : str
+        What it comes from, in a few words, where that is known.
     """
 
     response: str
     figure: str
     value: float
     gate: float
+    why: str = ""
 
     def __str__(self) -> str:
-        return f"{self.figure} of {self.response} is {self.value:.5g}, the gate is {self.gate:g}"
+        said = f"{self.figure} of {self.response} is {self.value:.5g}"
+        return f"{said}{f', because {self.why}' if self.why else ''}, the gate is {self.gate:g}"
 
 
 def missed_gates(model: PointModel, gates: Gates) -> list[MissedGate]:
@@ -377,6 +421,14 @@ def missed_gates(model: PointModel, gates: Gates) -> list[MissedGate]:
         bound = gates.condition_number
         if bound is not None and not response.condition_number <= bound:
             missed.append(MissedGate(name, "condition number", response.condition_number, bound))
+        pair = response.most_collinear
+        if gates.collinearity is not None and pair and not pair.inflation <= gates.collinearity:
+            one, other = pair.regressors
+            why = (
+                f"'{one}' and '{other}' moved together (their parameters' errors are correlated by "
+                f"{pair.correlation:.3f})"
+            )
+            missed.append(MissedGate(name, "variance inflation", pair.inflation, gates.collinearity, why))
         if gates.coherence is not None:
             lines = response.fit.get("frequency")
             value = lines.coherence if lines is not None else float("nan")

@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from freqid.core.record import FlightRecord
+from freqid.core.layout import Attribute, Dataset, Nested, Part, ResultFile, Rows, Table
+from freqid.core.record import FlightRecord, get_record, put_record
 from freqid.core.results.design import SampledInputs
+from freqid.core.viewable import Viewable
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,7 @@ class ParameterLook:
 
 
 @dataclass(frozen=True)
-class Quicklook:
+class Quicklook(Viewable):
     """A log held against its design.
 
     Attributes
@@ -162,3 +164,49 @@ class Quicklook:
     def sentence(self) -> str:
         """The verdict in words."""
         return "usable." if self.usable else f"repeat, because {'; '.join(self.reasons)}."
+
+
+def _columns(group: str, words: tuple[str, ...], numbers: dict[str, str]) -> dict[str, Attribute | Dataset]:
+    """Return the layout of small objects: words as lists, numbers with their units."""
+    return {name: Attribute(f"{group}@{name}", json=True) for name in words} | {
+        name: Dataset(f"{group}/{name}", unit) for name, unit in numbers.items()
+    }
+
+
+_INPUT = _columns(
+    "input",
+    ("name", "unit", "source", "present", "found_on", "achieved_of"),
+    {
+        **dict.fromkeys(
+            ("coherence", "p_value", "gain", "periods", "achieved_gain", "achieved_coherence"), "1"
+        ),
+        "achieved_lag_s": "s",
+        **dict.fromkeys(("at_limit", "at_rate_limit"), "1"),
+    },
+)
+_PARAMETER = _columns(
+    "parameter",
+    ("response", "name", "unit", "met"),
+    {"estimate": "mixed", "std_error": "mixed", "contribution_error": "1"},
+)
+_LOOK = {
+    **{
+        name: Attribute(f"@{name}")
+        for name in ("log", "design", "verdict", "start_s", "likeness", "accuracy")
+    },
+    **{name: Attribute(f"@{name}", json=True) for name in ("reasons", "remarks", "band_hz")},
+    "inputs": Rows(InputLook, _INPUT),
+    "rates": Rows(RateLook, _columns("rate", ("channel", "enough"), {"rate_hz": "Hz"})),
+    "parameters": Rows(ParameterLook, _PARAMETER),
+    "plausibility": Table("plausibility"),
+    "record": Part("record", put_record, get_record),
+    "inputs_flown": Nested(
+        SampledInputs,
+        {
+            **{name: Attribute(f"flown@{name}", json=True) for name in ("names", "units")},
+            "time": Dataset("flown/time", "s", ("sample",)),
+            "values": Dataset("flown/values", "mixed", ("names", "sample")),
+        },
+    ),
+}
+FILE = ResultFile("freqid-quicklook", Quicklook, _LOOK)

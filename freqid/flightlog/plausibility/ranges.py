@@ -89,9 +89,13 @@ def stray_samples(record: FlightRecord) -> Iterator[Stray]:
         x = channel.values
         if x.size < 50 or np.ptp(x) == 0:
             continue
-        away = np.abs(x - median_filter(x, 5))[2:-2]
-        moves = np.abs(np.diff(x))
-        usual = max(float(np.quantile(away, 0.995)), float(np.median(moves[moves > 0])))
+        away = median_filter(x, 5)
+        away -= x  # in place, here and below: arrays of a long log fill the memory
+        away = np.abs(away, out=away)[2:-2]
+        largest = float(np.quantile(away, 0.995))
+        moves = np.diff(x)
+        moves = np.abs(moves, out=moves)
+        usual = max(largest, float(np.median(moves[moves > 0], overwrite_input=True)))
         at = np.flatnonzero(away > SPIKE * usual) + 2
         if at.size and at.size <= max(1, MOST_SPIKES * x.size):
             yield name, at, float(away[at - 2].max()), usual

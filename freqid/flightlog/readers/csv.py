@@ -11,10 +11,9 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from freqid.core.errors import DataError, UsageError
@@ -23,12 +22,16 @@ from freqid.core.units import parse_unit
 from freqid.flightlog.column_map import ColumnMap, Place
 from freqid.flightlog.mapped import assemble_map
 from freqid.flightlog.read import Reader
+from freqid.flightlog.shelf import Shelf
 from freqid.flightlog.signal import Signal, clock_of_table, column_index
+
+if TYPE_CHECKING:  # other logs are read without it
+    import pandas as pd
 
 _FOREIGN = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")  # control characters that no text table holds
 _BRACKETS = re.compile(r"^[(\[{]\s*(.*?)\s*[)\]}]$")
 _PREAMBLE = 200  # lines in which a table must begin
-_ROWS = 50_000  # read at a time
+_ROWS = 10_000  # read at a time
 _SPACES = re.compile(r"[ \t]+")
 
 
@@ -60,19 +63,22 @@ class Table:
     rows: int
     width: int
 
-    def columns(self, wanted: Sequence[int], dates: Sequence[int] = ()) -> dict[int, NDArray[np.float64]]:
-        """Return columns, counted from 0, as numbers; those in `dates` as seconds since 1970.
+    def columns(self, wanted: Sequence[int], dates: Sequence[int] = ()) -> Shelf:
+        """Return columns by their number, counted from 0; those in `dates` as seconds since 1970.
 
         Raises
         ------
         DataError
             Naming the first cell that is no number by its line.
         """
+        import pandas as pd
+
         wanted = sorted(set(wanted))
+        result, done = Shelf(), 0
+        for index in wanted:
+            result.reserve(index, self.rows)
         if not wanted:
-            return {}
-        result = {index: np.empty(self.rows) for index in wanted}
-        done = 0
+            return result
         try:
             blocks = pd.read_csv(
                 self.path,
@@ -95,7 +101,7 @@ class Table:
                     for index in wanted:
                         cells = block[index]
                         convert = _dates if index in dates else _numbers
-                        result[index][done:stop] = convert(cells, self.first_line + done, index)
+                        result.fill(index, done, convert(cells, self.first_line + done, index))
                     done = stop
         except (ValueError, OverflowError) as error:
             raise DataError(f"is no readable table ({error})", remedy="export the log again") from None
@@ -167,7 +173,7 @@ def read_csv(path: Path, column_map: ColumnMap | None, **options: Any) -> Flight
     return assemble_map(Path(path), "csv", column_map, pick, **options)
 
 
-def _wanted(table: Table, column_map: ColumnMap) -> tuple[dict[int, NDArray[np.float64]], dict[int, int]]:
+def _wanted(table: Table, column_map: ColumnMap) -> tuple[Shelf, dict[int, int]]:
     """Return the mapped columns that the table has, and how often the map names each."""
     uses: dict[int, int] = {}
     for column in (*column_map.columns(), *column_map.sources()):
@@ -337,6 +343,8 @@ def _is_unit(text: str) -> bool:
 
 def _numbers(column: pd.Series, first_line: int, index: int) -> NDArray[np.float64]:
     """Return one column as numbers; the first cell that is none is named by its line."""
+    import pandas as pd
+
     if pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column):
         return column.to_numpy(dtype=np.float64)
     # Rarely needed, so slow and plain: quoted numbers, and the search for the offending cell.
@@ -356,6 +364,8 @@ def _numbers(column: pd.Series, first_line: int, index: int) -> NDArray[np.float
 
 def _dates(column: pd.Series, first_line: int, index: int) -> NDArray[np.float64]:
     """Return dates and times of day as seconds since 1970, without a zone taken as UTC."""
+    import pandas as pd
+
     found = pd.to_datetime(column.str.strip().str.strip('"'), format="ISO8601", utc=True, errors="coerce")
     wrong = np.flatnonzero(found.isna() & column.notna())
     if wrong.size:
@@ -394,10 +404,10 @@ def csv_signals(path: Path) -> Iterator[Signal]:
     columns: dict[int, NDArray[np.float64]] = {}
     for index in range(table.width):
         try:
-            columns |= table.columns([index])
+            columns[index] = table.columns([index])[index]
         except DataError:  # text, perhaps dates
             try:
-                columns |= table.columns([index], [index])
+                columns[index] = table.columns([index], [index])[index]
             except DataError:
                 continue
     yield from clock_of_table([(names[i], units[i], x) for i, x in columns.items()])

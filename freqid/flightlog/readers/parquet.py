@@ -17,6 +17,8 @@ from freqid.flightlog.read import Reader
 from freqid.flightlog.readers.extras import extra
 from freqid.flightlog.signal import Signal, clock_of_table, column_index
 
+_ROWS = 100_000  # read at a time, so that a column of a long log stands in memory once
+
 
 def read_parquet(path: Path, column_map: ColumnMap | None, **options: Any) -> FlightRecord:
     """Read the mapped columns of a Parquet file.
@@ -76,14 +78,22 @@ class _Columns:
         name = self.names[column_index(column, self.names)]
         try:
             pa.default_memory_pool().release_unused()  # of the column before
-            values = self._file.read(columns=[name]).column(0)
-            if pa.types.is_timestamp(values.type):
-                return values.cast(pa.timestamp("ns")).cast(pa.int64()).to_numpy().astype(np.float64) * 1e-9
-            if pa.types.is_boolean(values.type) or pa.types.is_integer(values.type):
-                values = values.cast(pa.float64(), safe=False)
-            if not pa.types.is_floating(values.type):
-                raise DataError(f"column '{name}' holds {values.type}, expected numbers")
-            return values.to_numpy().astype(np.float64, copy=False)
+            result, done = np.empty(self._file.metadata.num_rows), 0
+            for batch in self._file.iter_batches(_ROWS, columns=[name], use_threads=False):
+                values = batch.column(0)
+                date = pa.types.is_timestamp(values.type)
+                if date:
+                    values = values.cast(pa.timestamp("ns")).cast(pa.int64())
+                if pa.types.is_boolean(values.type):
+                    values = values.cast(pa.int8())
+                if not (pa.types.is_floating(values.type) or pa.types.is_integer(values.type)):
+                    raise DataError(f"column '{name}' holds {values.type}, expected numbers")
+                values = values.cast(pa.float64(), safe=False).fill_null(np.nan)
+                # Its own to_numpy loads pandas, which takes as much memory as four columns.
+                numbers = np.frombuffer(values.buffers()[1], np.float64, len(values), 8 * values.offset)
+                result[done : done + len(values)] = 1e-9 * numbers if date else numbers
+                done += len(values)
+            return result
         except self._faults as error:
             raise DataError(
                 f"column '{name}' cannot be read ({type(error).__name__})", remedy="export the log again"

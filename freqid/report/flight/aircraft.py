@@ -20,7 +20,7 @@ from scipy.spatial import ConvexHull
 from freqid.core.arrays import Array
 from freqid.core.frames import shaft_axis, turn_about_y
 from freqid.core.scenario import Scenario
-from freqid.core.vehicle import Rotor, Vector, Vehicle, Wing
+from freqid.core.vehicle import Rotor, Surface, Vector, Vehicle, Wing
 from freqid.dynamics.mass import centre_of_gravity
 from freqid.report.kit.drawing import BLUE, INK, ORANGE, WIDTH, literal, plain, styled
 
@@ -90,7 +90,7 @@ def outline(scenario: Scenario, tilt: Mapping[str, float]) -> list[Solid]:
     Parameters
     ----------
     scenario : Scenario
-        Without ``[simulation.airframe]`` only rotors are known.
+        Without ``[simulation.airframe]`` only rotors are known, and surfaces that ``[[surface]]`` places.
     tilt : mapping of str to float
         rad, by the effector that tilts a wing; zero where absent.
 
@@ -104,6 +104,8 @@ def outline(scenario: Scenario, tilt: Mapping[str, float]) -> list[Solid]:
     shape = msgspec.convert(scenario.simulation.airframe, _Shape)
     lifting = [part for wing in shape.wing for part in _wing(wing, shape.surface)]
     parts = [*lifting, *(_tail(shape.tail, shape.surface) if shape.tail else [])]
+    drawn = {part.name for part in parts}
+    parts += [_hinged(surface) for surface in scenario.surface if surface.name not in drawn]
     for rotor in vehicle.rotors:
         parts += _rotor(rotor, lifting)
     if shape.fuselage and parts:
@@ -194,6 +196,13 @@ def _tail(tail: _Tail, surfaces: tuple[_Surface, ...]) -> list[Solid]:
                 first = 1 - surface.chord_fraction
                 parts.append(Solid("surface", surface.name, np.hstack([at(-0.5, first), at(0.5, first)])))
     return parts
+
+
+def _hinged(surface: Surface) -> Solid:
+    """Return a surface as a flat panel from its hinge backwards."""
+    hinge = np.array(surface.hinge_m).T
+    behind = np.array([[-surface.chord_m], [0.0], [0.0]])
+    return Solid("surface", surface.name, np.hstack([hinge, hinge + behind]), surface.wing or "")
 
 
 def _section(first: float) -> tuple[Array, Array]:
@@ -339,7 +348,7 @@ def _name_from_above(panel: Axes, parts: Sequence[Solid]) -> None:
         row = np.concatenate(alike) if part.group else own[1]
         if part.kind == "rotor":
             _write(panel, y, row.max() + _NEAR, part.name, color=ORANGE)
-        elif part.group:
+        elif part.group or own[0].min() < 0 < own[0].max():  # across the body there is no side beside it
             _write(panel, y, row.min() - _NEAR, part.name, color=BLUE)
         else:
             side = 1 if y >= 0 else -1

@@ -6,7 +6,7 @@ other on a phone without a change of scale. What a panel shows stands above it, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
@@ -43,6 +44,8 @@ from freqid.report.kit.drawing import (
 )
 from freqid.report.kit.notation import shown_unit
 
+_STRIP = 0.62  # inches, of one of many histories
+
 
 @dataclass(frozen=True)
 class Spectrum:
@@ -66,6 +69,36 @@ class Spectrum:
     frequencies_hz: NDArray[np.float64]
     values: NDArray[np.complex128]
     duration: float
+
+
+@styled
+def fits_over_time(fits: Mapping[str, tuple[str, Fit]], span: tuple[float, float], modelled: str) -> Figure:
+    """Draw several responses over a stretch of time, measured and modelled, each about its mean.
+
+    Parameters
+    ----------
+    fits : mapping of str to (unit, Fit)
+        By response as matplotlib writes it; real, in time.
+    span : tuple of (start, end)
+        s.
+    modelled : str
+        What the model's line is called.
+    """
+    figure, panels = stacked_panels([_STRIP] * len(fits), legend=1)
+    drawn: list[Line2D] = []
+    time = np.array(span)
+    for axes, (label, (unit, fit)) in zip(panels, fits.items(), strict=True):
+        inside = (fit.axis >= span[0]) & (fit.axis <= span[1])
+        time, mean = fit.axis[inside], fit.measured.mean()
+        drawn = [
+            draw_history(axes, time, fit.measured[inside] - mean, GREY, linewidth=2.0, label="measured"),
+            draw_history(axes, time, fit.modelled[inside] - mean, BLUE, linewidth=0.9, label=modelled),
+        ]
+        name_panel(axes, f"{label}, R² {fit.r2:.3f}", unit)
+        few_ticks(axes)
+    draw_legend(figure, drawn)
+    share_time(panels, time)
+    return figure
 
 
 @styled

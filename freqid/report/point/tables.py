@@ -87,7 +87,7 @@ def _duration(model: PointModel) -> str:
 def fit_summary(model: PointModel, gates: Gates | None) -> dict[str, Any]:
     """Return the table that says how each response fares."""
     missed = missed_by_response(model, gates) if gates else {}
-    gated = gates is not None and (gates.r2 is not None or gates.condition_number is not None)
+    gated = gates is not None and gates.of_points
     rows = []
     for name, response in model.responses.items():
         ceiling, distortion = _or_nan(response.r2_ceiling), _or_nan(response.distortion)

@@ -187,6 +187,7 @@ def missed_by_response(model: PointModel, gates: Gates) -> dict[str, tuple[Marku
         else:
             bound = "asked" if miss.figure == "coherence" else "allowed"
             text = Markup("{} {} where {:g} is {}").format(miss.figure, number(miss.value), miss.gate, bound)
+            text += Markup(": {}").format(miss.why) if miss.why else ""
         summary[miss.response] = (*summary.get(miss.response, ()), text)
     return summary
 
@@ -199,7 +200,7 @@ def crosses_zero(response: ResponseModel) -> np.ndarray:
 def _headline(model: PointModel, gates: Gates | None) -> Finding:
     scores = {name: response.r2 for name, response in model.responses.items()}
     spread = _spread(model, scores)
-    if gates is None or (gates.r2 is None and gates.condition_number is None):
+    if gates is None or not gates.of_points:
         return finding("note", "R² is {}. No gate was given to hold it against.", spread)
     missed = missed_by_response(model, gates)
     if not missed:

@@ -28,7 +28,6 @@ from freqid.report.kit.drawing import (
     name_panel,
     plain,
     share_frequency,
-    share_time,
     stacked_panels,
     styled,
 )
@@ -154,36 +153,6 @@ def errors_over_time(
         few_ticks(axes)
     draw_legend(figure, lines)
     _share_length(drawn, longest)
-    return figure
-
-
-@styled
-def fits_over_time(fits: Mapping[str, tuple[str, Fit]], span: tuple[float, float], modelled: str) -> Figure:
-    """Draw several responses over a stretch of time, measured and modelled, each about its mean.
-
-    Parameters
-    ----------
-    fits : mapping of str to (unit, Fit)
-        By response as matplotlib writes it; real, in time.
-    span : tuple of (start, end)
-        s.
-    modelled : str
-        What the model's line is called.
-    """
-    figure, panels = stacked_panels([_STRIP] * len(fits), legend=1)
-    drawn: list[Line2D] = []
-    time = np.array(span)
-    for axes, (label, (unit, fit)) in zip(panels, fits.items(), strict=True):
-        inside = (fit.axis >= span[0]) & (fit.axis <= span[1])
-        time, mean = fit.axis[inside], fit.measured.mean()
-        drawn = [
-            draw_history(axes, time, fit.measured[inside] - mean, GREY, linewidth=2.0, label="measured"),
-            draw_history(axes, time, fit.modelled[inside] - mean, BLUE, linewidth=0.9, label=modelled),
-        ]
-        name_panel(axes, f"{label}, R² {fit.r2:.3f}", unit)
-        few_ticks(axes)
-    draw_legend(figure, drawn)
-    share_time(panels, time)
     return figure
 
 

@@ -9,7 +9,9 @@ import numpy as np
 
 from freqid import __version__
 from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults
+from freqid.core.results.design import MultisineDesign
 from freqid.core.scenario import Reference
+from freqid.core.vehicle import Vehicle
 from freqid.design.multisine.signals import sample, samples_per_period
 from freqid.identify.regress.estimators import label_of
 from freqid.report.design import figures as design_figures
@@ -62,7 +64,18 @@ def study_facts(results: StudyResults) -> list[tuple[str, str]]:
             ("Manoeuvre", f"{design.periods} × {short(design.period_s)} s"),
             ("Band", f"{short(design.band_hz[0])} to {short(design.band_hz[1])} Hz"),
         ]
+    if results.own_designs:
+        facts.append(
+            ("Own excitation", "; ".join(f"{i}: {_size(d)}" for i, d in results.own_designs.items()))
+        )
     return facts
+
+
+def _size(design: MultisineDesign) -> str:
+    low, high = (short(f) for f in design.band_hz)
+    return (
+        f"{len(design.signals)} effectors, {design.periods} × {short(design.period_s)} s, {low} to {high} Hz"
+    )
 
 
 def heads(results: StudyResults) -> list[dict[str, Any]]:
@@ -221,6 +234,11 @@ def build_study_page(results: StudyResults) -> str:
         histories=history_pictures(results, middle),
         other_histories=[{"id": p.id, "pictures": history_pictures(results, p)} for p in others if p.history],
         inputs=_inputs(results),
+        own_inputs=[
+            {"id": i, "picture": _spectra(design, results.vehicle, f"spectra-{place}")}
+            for place, (i, design) in enumerate(results.own_designs.items())
+            if design is not results.design
+        ],
         provenance={**(results.design.provenance if results.design else {}), **results.provenance},
     )
 
@@ -235,12 +253,16 @@ def _inputs(results: StudyResults) -> list[Picture]:
     time = np.linspace(0.0, design.period_s, samples + 1)
     values = np.array([sample(s.index, s.amplitude, s.phase, samples) for s in design.signals])
     values = np.append(values, values[:, :1], axis=1)  # a period ends as it starts
-    spectra = picture(
+    when = f"one period of {design.periods}"
+    signals = signal_pictures(design, vehicle, time, values, when, "Each group has one scale.")
+    return [_spectra(design, vehicle, "spectra"), *signals]
+
+
+def _spectra(design: MultisineDesign, vehicle: Vehicle, key: str) -> Picture:
+    return picture(
         design_figures.harmonic_map(design, effector_groups(design.names, vehicle), ()),
-        "spectra",
+        key,
         "Spectra of all effectors, and which effector has which harmonic",
         f"{len(design.signals)} effectors at once. A line that one effector has alone tells its effect from "
         "all others.",
     )
-    when = f"one period of {design.periods}"
-    return [spectra, *signal_pictures(design, vehicle, time, values, when, "Each group has one scale.")]

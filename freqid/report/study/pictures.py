@@ -12,7 +12,9 @@ from freqid.blend.campaign import StudiedPoint, StudyResults
 from freqid.core.results.point import Fit, per
 from freqid.core.vehicle import Vehicle
 from freqid.identify.in_flight.parameter_history import ParameterHistory
+from freqid.report.kit.corridor import derivative_name
 from freqid.report.kit.effectors import effector_groups
+from freqid.report.kit.figures import fits_over_time
 from freqid.report.kit.notation import formula, number, percent, plain_symbol, short, symbol
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.study import figures
@@ -134,7 +136,7 @@ def fitted_conditions(results: StudyResults, point: StudiedPoint) -> list[Pictur
         of = "the manoeuvre it was made from" if key == "time" else "a manoeuvre that was not used"
         pictures.append(
             picture(
-                figures.fits_over_time(fits, span, "model" if key == "time" else "prediction"),
+                fits_over_time(fits, span, "model" if key == "time" else "prediction"),
                 f"{key}{place}",
                 f"Responses over time at {point.id}: measured and {what}",
                 Markup(
@@ -167,12 +169,6 @@ def several_pictures(results: StudyResults) -> list[Picture]:
             "each response: what is small at one condition may lead at another.",
         )
     ]
-
-
-def derivative_name(response: str, regressor: str, form: str) -> str:
-    """Return what a figure calls a parameter."""
-    symbol = plain_symbol(response, form)
-    return f"{symbol} at the trim" if regressor == "bias" else f"{symbol} per {regressor}"
 
 
 def _last(history: ParameterHistory) -> tuple[str, str]:

@@ -40,8 +40,13 @@ def study_verdict(results: StudyResults) -> tuple[Finding, ...]:
 
 
 def settled_by(results: StudyResults) -> float | None:
-    """Return when parameters should have settled, s; None where no manoeuvre is as long as that."""
+    """Return when parameters should have settled, s; None where flights are shorter or differ in length."""
     if results.design is None:
+        return None
+    if any(
+        (d.period_s, d.periods) != (results.design.period_s, results.design.periods)
+        for d in results.own_designs.values()
+    ):
         return None
     by = results.design.period_s + SETTLED_BY
     return by if by < results.design.duration_s else None

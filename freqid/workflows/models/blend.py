@@ -16,6 +16,7 @@ from freqid.core.results.point import Fit, PointModel
 from freqid.core.scenario import Scenario
 from freqid.core.toml import overridden
 from freqid.identify import point
+from freqid.identify.model.problem import measured_responses
 from freqid.workflows.inputs import (
     File,
     Flight,
@@ -93,7 +94,7 @@ def predict(
     flight : FlightRecord, Maneuver or path
     scenario : Scenario, path or name, optional
         Describes the vehicle. A point model needs its ``[identification]``, which says how responses are had
-        from the record.
+        from the record; of a global model they are made from the motion without it.
     responses : sequence of str
         All of the model where empty.
     outside : {"refuse", "hold"}
@@ -131,7 +132,10 @@ def predict(
             text = f"{names_of([flight])[0]} is predicted by a model that was made from it"
             warnings.warn(f"{text}, which validates nothing", stacklevel=2)
         if isinstance(model, GlobalModel):
-            fits = replay(model, maneuver, outside=outside)
+            settings = described.identification if described is not None else None
+            recorded = settings is not None and settings.response_source == "record"
+            measured = measured_responses(maneuver, settings) if settings is not None and recorded else None
+            fits = replay(model, maneuver, measured=measured, outside=outside)
             return {name: fit for name, fit in fits.items() if name in (responses or fits)}
         if described is None:
             raise UsageError(

@@ -147,6 +147,8 @@ def identify_point(
     given = several(flights)
     flown = flown_maneuvers(given, described, at, cut)
     maneuvers, names = list(flown.maneuvers), flown.names
+    reference = described.reference_of(flown.reference) if flown.reference else None
+    described = described.at(flown.reference)
     compatibility: Checked | None = None
     if kinematics != "off":
         compatibility = checked(
@@ -159,8 +161,6 @@ def identify_point(
             progress=progress("checking sensors", "flight"),
         )
         maneuvers = compatibility.used
-    reference = described.reference_of(flown.reference) if flown.reference else None
-    described = described.at(flown.reference)
     try:
         if settings.method in MAXIMUM_LIKELIHOOD:
             from freqid.workflows.models.output_error import ready_point  # loads jax

@@ -163,7 +163,7 @@ def identify_output_error(
         and described is not None
         and described.identification
     ):
-        frequencies_hz = lines_of(described.identification, described.excitation).tolist()
+        frequencies_hz = lines_of(described.identification, described.at(flown.reference).excitation).tolist()
     stated = described.identification if described is not None else None
     settings = Settings(
         method,
@@ -186,7 +186,7 @@ def identify_output_error(
                 choices,
                 reference,
                 outputs,
-                _highest(identification, described.excitation if described else None),
+                _highest(identification, described.at(flown.reference).excitation if described else None),
             )
         else:
             assert model is not None

@@ -75,7 +75,8 @@ def check_sensors(
     if scenario is not None:
         described = scenario_of(scenario)
         flown = maneuver_of(flight, described)
-        driven, lag = _driven([flown], described.identification, described.excitation)[0]
+        there = described.at(flown.record.reference)
+        driven, lag = _driven([flown], described.identification, there.excitation)[0]
         return kinematics.check_kinematics(flown, settings or KinematicSettings(), driven, lag)
     return kinematics.check_kinematics(flown, settings or KinematicSettings())
 

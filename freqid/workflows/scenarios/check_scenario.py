@@ -227,6 +227,15 @@ def _notes(scenario: Scenario) -> tuple[str, ...]:
         notes.append(
             f"no [[wing]] turns with {', '.join(alone)}: centre of gravity and rotors stay where they are"
         )
+    if not scenario.simulation.airframe:
+        placed = {s.name for s in scenario.surface}
+        unplaced = [e.name for e in vehicle.effectors if e.kind == "surface" and e.name not in placed]
+        if unplaced:
+            notes.append(f"no [[surface]] says where {', '.join(unplaced)} are: they are not drawn")
+        shapeless = [r.name for r in vehicle.rotors if not r.diameter_m]
+        if shapeless:
+            notes.append(f"[[rotor]] without diameter_m: {', '.join(shapeless)}; no disc is drawn")
+        notes.append("no [simulation.airframe]: wings, tails and body have no shape and are not drawn")
     light = [w.name for w in vehicle.wings if not w.mass_kg]
     if light:
         notes.append(

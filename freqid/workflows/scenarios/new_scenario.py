@@ -160,6 +160,8 @@ def _text(kinds: Mapping[str, str], name: str) -> str:
             f"axis = [1.0, 0.0, 0.0] # of the thrust, at zero tilt; [0, 0, -1] is upwards\n"
             f"position_m = [0.5, {side:.2f}, 0.0] # {FILL_IN}\n{carrier}diameter_m = 0.4 # {FILL_IN}\n"
         )
+    if "surface" in by_kind:
+        blocks.append(_SURFACE.format(name=by_kind["surface"][0]))
     angles = "".join(f"{t} = 0.0 # rad; {FILL_IN}\n" for t in tilts)
     blocks += [
         f'[[reference]]\nid = "u{speed}"\nu = {speed}.0 # m/s; {FILL_IN}\nrho = 1.225 # kg/m3\n{angles}'
@@ -184,6 +186,15 @@ def _mount(tilt: str, kinds: Mapping[str, str]) -> str:
     """Return a name for what an effector tilts."""
     return f"mount_{tilt}" if f"mount_{tilt}" not in kinds else f"on_{tilt}"
 
+
+_SURFACE = """\
+# For `freqid check` to draw surfaces; nothing else reads it.
+# [[surface]]
+# name = "{name}"
+# hinge_m = [[-1.0, 0.1, 0.0], [-1.0, 0.5, 0.0]] # its ends, at zero tilt
+# chord_m = 0.1 # behind the hinge
+# wing = "..." # where it turns with one
+"""
 
 _HEAD = """\
 # {name}: {count}. SI units and radians throughout.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from freqid import __version__
+from freqid.blend.consistency import repeat_agreement
 from freqid.blend.semi_local.campaign import CampaignStudy, coefficient_histories, inner_trims
 from freqid.blend.semi_local.held import semi_local_model
 from freqid.blend.semi_local.held_out import LOCAL, score_held_out
@@ -20,7 +21,7 @@ from freqid.blend.semi_local.parametric import global_model
 from freqid.core.errors import DataError, FreqidError, UsageError
 from freqid.core.record import FlightRecord, Maneuver, read_record, write_record
 from freqid.core.results.advance_ratio import AdvanceRatioModel, LocalDerivatives
-from freqid.core.results.point import Fit
+from freqid.core.results.point import Fit, PointModel, read_point
 from freqid.core.scenario import Scenario
 from freqid.core.sections.estimators import EstimatorName
 from freqid.core.store import replacing
@@ -80,6 +81,7 @@ def study_campaign(
         Where the flight diverges or no manoeuvre can be identified; single ones are left out with a remark.
     """
     settings = identification_of(scenario)
+    scenario = scenario.at(scenario.campaign_start)  # one excitation is flown at all trims
     at = Path(folder)
     state = {
         "scenario": scenario.sha256,
@@ -95,6 +97,7 @@ def study_campaign(
     pieces = _maneuvers(scenario, at, sensors, noise, turbulence, seed)
     tell(f"point models of {len(pieces)} manoeuvres")
     points, left_out = _points(scenario, at, pieces, estimator)
+    identified = {identifier: read_point(path) for identifier, path in points.items()}
     local, vehicle, _ = told(points.values())
     local = replace(local, ids=tuple(points))
     out = _held_out(local, held_out)
@@ -118,6 +121,9 @@ def study_campaign(
         shown=shown,
         coefficients=_in_time(maneuver, scenario, local, judging, shown),
         outputs=outputs,
+        points=identified,
+        validation=_validation(scenario, pieces, judged, judging[0]),
+        repeated=_repeated(scenario, identified, len(pieces)),
         remarks=(
             *left_out,
             *whole.remarks,
@@ -218,6 +224,37 @@ def _in_time(
         kind: coefficient_histories(maneuver, settings, derivatives, highest)
         for kind, derivatives in by_kind.items()
     }
+
+
+def _validation(
+    scenario: Scenario, pieces: dict[str, Path], judged: LocalDerivatives, model: AdvanceRatioModel
+) -> dict[str, dict[str, float]]:
+    """Return Theil's coefficient of each held-out manoeuvre and response, by laws made without it."""
+    settings = identification_of(scenario)
+    highest = scenario.excitation.band_hz[1] if scenario.excitation else None
+    found = {}
+    for identifier, j, alpha in zip(judged.ids, judged.advance_ratio, judged.alpha, strict=True):
+        maneuver = Maneuver.of(excited(read_record(pieces[identifier])), scenario.aircraft())
+        derivatives = model.derivatives(float(j), float(alpha), outside="hold")
+        fits = coefficient_histories(maneuver, settings, derivatives, highest)
+        found[identifier] = {r: fit.inside(highest or np.inf).theil for r, fit in fits.items()}
+    return found
+
+
+def _repeated(
+    scenario: Scenario, points: Mapping[str, PointModel], count: int
+) -> dict[str, dict[str, float]]:
+    """Return how manoeuvres agree that were flown at one and the same trim of the campaign."""
+    trims = scenario.campaign.trim if scenario.campaign else ()
+    if count != len(trims):  # some were not found in the flight, so which trim is whose is not known
+        return {}
+    at = [(f"m{i:02d}", trim) for i, trim in enumerate(trims)]
+    found = {}
+    for i, (one, trim) in enumerate(at):
+        for other, again in at[i + 1 :]:
+            if trim == again and one in points and other in points:
+                found[f"{one} and {other}"] = repeat_agreement(points[one], points[other])
+    return found
 
 
 def _simulated(maneuver: Maneuver, scenario: Scenario) -> tuple[dict[str, dict[str, Fit]], tuple[str, ...]]:

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import hashlib
+import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+
+import msgspec
 
 from freqid.blend.campaign import StudyResults, spanning_conditions
 from freqid.core import record as record_file
 from freqid.core import store
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.core.results.point import PointModel
+from freqid.core.results.point import PointModel, read_point
 from freqid.core.scenario import Scenario
 from freqid.core.sections.estimators import EstimatorName
+from freqid.core.store import replacing
 from freqid.flightlog.read import readers
 from freqid.identify.point import departures, flown_reference
+from freqid.simulate import runner
 from freqid.workflows.files import save
 from freqid.workflows.import_log import read_log
 from freqid.workflows.inputs import File, Flight, Tell, name_of, record_of, several, silent
@@ -46,7 +52,8 @@ def study_flights(
     scenario : Scenario
         Its references are the conditions; those that no flight belongs to are left out.
     folder : path
-        Where ``points/ID.h5`` and ``model.h5`` are kept.
+        Where ``points/ID.h5`` and ``model.h5`` are kept, and under ``units`` what a later run need not do
+        again: records of logs, and point models by scenario, estimator and the contents of their flights.
     flights, columns, resample_hz, validate, at, held_out, estimator, tell
         As for `freqid.study`.
 
@@ -62,7 +69,8 @@ def study_flights(
         Where a flight cannot be read or identified, or belongs to no condition.
     """
     tell("flights")
-    sources = find_flights(scenario, flights, columns, resample_hz, Path(folder) / "records")
+    kept = _Kept(scenario, Path(folder))
+    sources = find_flights(scenario, flights, columns, resample_hz, kept)
     at_condition = sort_flights(scenario, {name: record_of(source) for name, source in sources.items()})
     ids = [r.id for r in scenario.reference if r.id in at_condition]
     for wanted in (*at, *held_out):
@@ -86,7 +94,7 @@ def study_flights(
                 remedy="leave it out of the held-out ones, or fly it again",
             )
     tell("point models")
-    points = {i: _identify(scenario, i, sources, *roles[i], estimator) for i in ids}
+    points = {i: kept.identify(i, sources, *roles[i], estimator) for i in ids}
     for identifier, point in points.items():
         save(point, Path(folder) / "points" / f"{identifier}.h5")
     tell("global model")
@@ -106,6 +114,7 @@ def study_flights(
                 points[i],
                 flown=next(iter(roles[i][0].values())) if i in shown else None,
                 validating=next(iter(roles[i][1].values()), None),
+                repeat=lambda i=i: kept.identify(i, sources, dict([*roles[i][1].items()][:1]), {}, estimator),
             )
             for i in ids
         ),
@@ -122,12 +131,95 @@ def study_flights(
     )
 
 
+class _Kept:
+    """What a study has done, under the folder's ``units``, by everything that it was made from.
+
+    Parameters
+    ----------
+    scenario : Scenario
+    folder : Path
+    """
+
+    def __init__(self, scenario: Scenario, folder: Path) -> None:
+        self._scenario, self._folder = scenario, folder
+        # of what the scenario says, as one made in Python has no file, or no longer its file's contents
+        said = msgspec.json.encode(msgspec.structs.replace(scenario, file="", sha256=""), order="sorted")
+        self._sha256 = hashlib.sha256(said).hexdigest()
+
+    def _unit(self, work: runner.Work, inputs: runner.Inputs) -> runner.Unit:
+        at = self._folder / "units" / work.__name__
+        (unit,) = runner.plan(work, [inputs], at, scenario_sha256=self._sha256, suffix=".h5")
+        return unit
+
+    def record(self, log: Path, name: str, columns: File | None, resample_hz: float | None) -> Path:
+        """Return the record of a log, read where it was not read before."""
+        inputs = {
+            "log": _sha256(log),
+            "columns": _sha256(Path(columns)) if columns and Path(columns).is_file() else str(columns),
+            "resample_hz": resample_hz,
+        }
+        unit, path = self._unit(read_log, inputs), self._folder / "records" / f"{name}.h5"
+        if not unit.done:
+            record = read_log(log, columns, scenario=self._scenario, resample_hz=resample_hz)
+            save(record, unit.path, scenario=self._scenario)
+        _copy(unit.path, path)
+        return path
+
+    def identify(
+        self,
+        identifier: str,
+        sources: Mapping[str, Flight],
+        modelled: Flown,
+        validating: Flown,
+        estimator: EstimatorName | None,
+    ) -> PointModel:
+        """Return the point model of a condition, identified where it was not identified before."""
+        held_out = next(iter(validating), None)
+        inputs = {
+            "reference": identifier,
+            "flights": {name: _identity(sources[name], flown) for name, flown in modelled.items()},
+            "held_out": None if held_out is None else _identity(sources[held_out], validating[held_out]),
+            "estimator": estimator,
+        }
+        unit = self._unit(identify_point, inputs)
+        if not unit.done:
+            point = identify_point(
+                [sources[name] for name in modelled],
+                self._scenario,
+                at=identifier,
+                held_out=None if held_out is None else sources[held_out],
+                estimator=estimator,
+            )
+            save(point, unit.path)
+        return read_point(unit.path)
+
+
+def _identity(source: Flight, flown: Maneuver) -> list[str]:
+    """Return what tells a flight from another: of a file its path and contents, else samples and sensors."""
+    if isinstance(source, str | Path):
+        return [str(source), _sha256(Path(source))]
+    record = flown.record
+    places = {name: c.position_m for name, c in record.channels.items() if c.position_m is not None}
+    beside = msgspec.json.encode([record.mass_properties, flown.vehicle, places], order="sorted")
+    return [record.fingerprint, hashlib.sha256(beside).hexdigest()]
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _copy(source: Path, target: Path) -> None:
+    with replacing(target) as temporary:
+        shutil.copyfile(source, temporary)
+
+
 def find_flights(
     scenario: Scenario,
     flights: File | Iterable[Flight],
     columns: File | None,
     resample_hz: float | None,
-    imported: Path,
+    kept: _Kept,
 ) -> dict[str, Flight]:
     """Return real flights by name, in the order of the names; logs become records.
 
@@ -142,8 +234,8 @@ def find_flights(
         Map of columns.
     resample_hz : float, optional
         Rate of the records of logs.
-    imported : path
-        Folder that the records of logs are written to.
+    kept : _Kept
+        Keeps the records of logs.
 
     Raises
     ------
@@ -162,8 +254,7 @@ def find_flights(
         if name in found:
             raise UsageError(f"two flights are called '{name}'", remedy="rename one of them")
         if isinstance(given, str | Path) and _is_log(Path(given)):
-            record = read_log(given, columns, scenario=scenario, resample_hz=resample_hz)
-            found[name] = save(record, imported / f"{name}.h5", scenario=scenario)
+            found[name] = kept.record(Path(given), name, columns, resample_hz)
         else:
             found[name] = given
     return found
@@ -264,20 +355,3 @@ def _roles(
             {n: m for n, m in of.items() if n in chosen},
         )
     return roles
-
-
-def _identify(
-    scenario: Scenario,
-    identifier: str,
-    sources: Mapping[str, Flight],
-    modelled: Flown,
-    validating: Flown,
-    estimator: EstimatorName | None,
-) -> PointModel:
-    return identify_point(
-        [sources[name] for name in modelled],
-        scenario,
-        at=identifier,
-        held_out=next((sources[name] for name in validating), None),
-        estimator=estimator,
-    )

@@ -13,7 +13,7 @@ from freqid.blend.campaign import StudyResults, spanning_conditions
 from freqid.blend.semi_local.campaign import CampaignStudy
 from freqid.core.errors import UsageError
 from freqid.core.record import Maneuver, read_record
-from freqid.core.results.design import read_design
+from freqid.core.results.design import MultisineDesign, read_design
 from freqid.core.results.point import PointModel, read_point
 from freqid.core.scenario import Scenario
 from freqid.core.sections.estimators import EstimatorName
@@ -194,7 +194,8 @@ def study(
     suites.suite(described, sensors)  # a wrong name is said before anything is flown
     campaign.folder.mkdir(parents=True, exist_ok=True)
     tell(f"flights at {len(ids)} conditions")
-    design, flown = _fly(campaign, ids)
+    own = [i for i in ids if described.excitation is not None and i in described.excitation.at]
+    designs, flown = _fly(campaign, ids, own)
     tell("point models")
     points = _identify(campaign, flown)
     linear = _linearise(campaign, ids)
@@ -208,7 +209,8 @@ def study(
         sensors=sensors,
         noise=noise,
         estimator=points[ids[0]].estimator,
-        design=read_design(design),
+        design=next(iter([designs[i] for i in ids if i not in own] or designs.values())),
+        own_designs={i: designs[i] for i in own},
         points=tuple(
             studied_point(
                 described,
@@ -227,11 +229,19 @@ def study(
     )
 
 
-def _fly(campaign: _Campaign, ids: Sequence[str]) -> tuple[Path, _Flights]:
-    """Return the design that is modelled with, and the records of all flights."""
+def _fly(
+    campaign: _Campaign, ids: Sequence[str], own: Sequence[str]
+) -> tuple[dict[str, MultisineDesign], _Flights]:
+    """Return the designs that are modelled with, and the records of all flights, by condition.
+
+    Conditions share one design, but for those that state an excitation of their `own`.
+    """
+    of = {identifier: {"at": identifier} if identifier in own else {} for identifier in ids}
     shared = campaign.shared
     seeds = [campaign.seed, campaign.seed + 1]
-    designs = _run(campaign, units.design, [shared | {"seed": seed} for seed in seeds], ".h5")
+    each = [(seed, place, identifier) for seed in seeds for place, identifier in enumerate(ids)]
+    wanted = [shared | {"seed": seed} | of[identifier] for seed, _, identifier in each]
+    designs = _run(campaign, units.design, wanted, ".h5")
     inputs = [
         shared
         | {
@@ -241,13 +251,15 @@ def _fly(campaign: _Campaign, ids: Sequence[str]) -> tuple[Path, _Flights]:
             "noise": campaign.noise,
             "seed": _FLIGHT_SEEDS * seed + place,
         }
-        for seed, design in zip(seeds, designs, strict=True)
-        for place, identifier in enumerate(ids)
+        for (seed, place, identifier), design in zip(each, designs, strict=True)
     ]
     records = _run(campaign, units.fly, inputs, ".h5")
-    shutil.copyfile(designs[0], campaign.folder / "design.h5")
+    modelled = dict(zip(ids, designs, strict=False))
+    for identifier, design in modelled.items():
+        name = f"design-{identifier}.h5" if identifier in own else "design.h5"
+        shutil.copyfile(design, campaign.folder / name)
     count = len(ids)
-    return designs[0], _Flights(
+    return {i: read_design(path) for i, path in modelled.items()}, _Flights(
         dict(zip(ids, records[:count], strict=True)), dict(zip(ids, records[count:], strict=True))
     )
 

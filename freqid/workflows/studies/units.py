@@ -15,11 +15,11 @@ from freqid.core.scenario import read_scenario
 from freqid.core.sections.estimators import EstimatorName
 
 
-def design(path: Path, *, scenario: str, seed: int) -> None:
-    """Write the multisines of a scenario."""
+def design(path: Path, *, scenario: str, seed: int, at: str = "") -> None:
+    """Write the multisines of a scenario, or of one of its conditions that states its own."""
     from freqid.workflows.design import design_inputs
 
-    design_inputs(scenario, seed=seed).save(path)
+    design_inputs(scenario, at=at, seed=seed).save(path)
 
 
 def fly(

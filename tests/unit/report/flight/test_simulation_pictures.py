@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import combinations
-from math import pi
+from math import atan, degrees, pi
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,8 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 from simulated_flights import film_record, scenario_of
 
-from freqid.core.scenario import Scenario
+from freqid.core.scenario import Airframe, Scenario, read_scenario
+from freqid.core.vehicle import Effector, Inertia, Surface, Wing
 from freqid.dynamics.mass import centre_of_gravity
 from freqid.report.flight.aircraft import (
     REAR,
@@ -119,6 +120,32 @@ def test_every_effector_is_named_and_no_two_names_overlap(scenario, tilt):
     for text, _, box in shown:
         assert whole.contains(box.x0, box.y0), text
         assert whole.contains(box.x1, box.y1), text
+
+
+def test_surfaces_are_drawn_where_the_scenario_places_them_without_an_airframe():
+    own = read_scenario(Path("scenarios/tiltrotor.toml"))[0]
+    parts = {p.name: p for p in outline(own, {}) if p.kind == "surface"}
+    assert set(parts) == {"ail_l", "ail_r", "rv_l", "rv_r", "flap"}
+    left, right = (parts[n].points for n in ("rv_l", "rv_r"))
+    np.testing.assert_array_equal(left * [[1], [-1], [1]], right)  # mirrored
+    rise = np.ptp(right[2]) / np.ptp(right[1])
+    assert degrees(atan(rise)) == pytest.approx(40, abs=1)  # the V that the example flies leans by 0.70 rad
+    assert np.ptp(right[0]) == pytest.approx(0.1)
+    figure = three_view(own, {})
+    assert {"rv_l", "rv_r", "flap"} <= {text for text, _, _ in texts(figure)}
+
+
+def test_a_surface_on_a_tilting_wing_turns_with_it():
+    elevon = Effector("ele", "surface", (-0.5, 0.5))
+    place = Surface("ele", hinge_m=((-0.3, 0.0, 0.0), (-0.3, 1.0, 0.0)), chord_m=0.1, wing="w")
+    tilt = Effector("nac", "tilt", (0.0, 1.6))
+    body = Airframe("x", 1.0, Inertia(xx=1, yy=1, zz=1))
+    wing = Wing("w", "nac", (0.0, 0.0, 0.0))
+    made = Scenario(body, effector=(elevon, tilt), wing=(wing,), surface=(place,))
+    (part,) = [p for p in outline(made, {"nac": pi / 2}) if p.name == "ele"]
+    # A quarter turn with the nose up: what was behind the axis is below it.
+    np.testing.assert_allclose(sorted(part.points[2]), [0.3, 0.3, 0.4, 0.4], atol=1e-12)
+    np.testing.assert_allclose(part.points[0], 0, atol=1e-12)
 
 
 @pytest.mark.parametrize(("tilt", "panel", "axes", "sense"), [(UPRIGHT, 0, TOP, 1), (LEVEL, 1, REAR, -1)])

@@ -12,6 +12,7 @@ from matplotlib.transforms import Bbox
 from test_study_page import DENSITIES, HELD, SPEEDS, results, truth
 
 from freqid.blend.similarity import equivalent
+from freqid.report.kit.figures import fits_over_time
 from freqid.report.study import corridor, figures
 from freqid.report.study.corridor import _draw
 
@@ -124,14 +125,14 @@ def test_no_text_over_time_lies_over_another():
     assert_apart(figures.settled_over_time(curves, 100.0))
     point = results().points[0]
     fits = {r: (m.unit, m.fit["time"]) for r, m in point.model.responses.items()}
-    assert_apart(figures.fits_over_time(fits, (20.0, 40.0), "prediction"))
+    assert_apart(fits_over_time(fits, (20.0, 40.0), "prediction"))
     lines = {r: (m.unit, m.fit["frequency"]) for r, m in point.model.responses.items()}
     assert_apart(figures.fits_over_frequency(lines))
 
 
 def test_a_stretch_of_time_shows_its_samples_about_the_mean_of_all():
     fit = results().points[0].model["Z"].fit["time"]
-    axes = figures.fits_over_time({"Z": ("N", fit)}, (20.0, 30.0), "model").axes[0]
+    axes = fits_over_time({"Z": ("N", fit)}, (20.0, 30.0), "model").axes[0]
     measured, modelled = axes.lines
     inside = (fit.axis >= 20) & (fit.axis <= 30)
     assert measured.get_ydata() == pytest.approx(fit.measured[inside] - fit.measured.mean())

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
-from freqid.core.layout import Attribute, Attributes, Dataset, Nested, NestedSeries, ResultFile
+from freqid.core.layout import Attribute, Attributes, Dataset, Nested, NestedSeries, ResultFile, Table
 from freqid.core.scenario import Gates, Reference
+from freqid.core.vehicle import Vehicle
 from freqid.core.viewable import Viewable
 
 
@@ -306,6 +308,8 @@ class PointModel(Viewable):
         Why there is none in `trim`; empty where there is.
     scheduled_units : dict of str to str
         SI unit of what the reference sets beside speed and density; rad where a name is absent.
+    aircraft : Vehicle, optional
+        What was flown: mass, geometry and effectors; files of older releases have none.
     """
 
     reference: Reference
@@ -323,6 +327,7 @@ class PointModel(Viewable):
     trim: Mapping[str, float] = field(default_factory=dict)
     no_advance_ratio: str = ""
     scheduled_units: dict[str, str] = field(default_factory=dict)
+    aircraft: Vehicle | None = None
 
     def __repr__(self) -> str:
         fits = ", ".join(f"{name} R2 {r.r2:.4f}" for name, r in self.responses.items())
@@ -344,6 +349,63 @@ class PointModel(Viewable):
             raise UsageError(
                 f"the model has no response '{response}'", remedy=nearest(response, self.responses)
             ) from None
+
+    def drawn(self, count: int, seed: int = 0) -> list[PointModel]:
+        """Return models as far from this one as its covariances let them be, each response independently.
+
+        Parameters
+        ----------
+        count : int
+        seed : int
+            Of the random numbers.
+
+        Raises
+        ------
+        UsageError
+            Where a response states no covariance.
+        """
+        rng = np.random.default_rng(seed)
+        steps = {}
+        for name, r in self.responses.items():
+            check_covariance(name, r.covariance)
+            steps[name] = rng.standard_normal((count, r.estimate.size)) @ spread_of(r.covariance).T
+        shift = {name: r.bias_std_error * rng.standard_normal(count) for name, r in self.responses.items()}
+        return [
+            replace(
+                self,
+                responses={
+                    name: replace(r, estimate=r.estimate + steps[name][i], bias=r.bias + float(shift[name][i]))
+                    for name, r in self.responses.items()
+                },
+            )
+            for i in range(count)
+        ]
+
+    def to_control(
+        self, *, draws: int = 0, seed: int = 0, outputs: Sequence[str] = (), vehicle: Vehicle | None = None
+    ) -> Any:
+        """Return the aircraft's small motion as a python-control ``StateSpace``, or a list of draws.
+
+        As `GlobalModel.to_control`, at the model's own condition. Needs the extra ``control``.
+        """
+        of_point = import_module("freqid.blend.state_space").point_statespaces
+        spaces = [one.to_control(outputs) for one in of_point(self, vehicle, draws, seed)]
+        return spaces if draws else spaces[0]
+
+
+def check_covariance(response: str, covariance: Array) -> None:
+    """Raise UsageError where a response states no covariance, so that nothing can be drawn from it."""
+    if not np.isfinite(covariance).all() or not covariance.any():
+        raise UsageError(
+            f"the model states no covariance of '{response}', so that no models can be drawn from it",
+            remedy="identify it again, or ask for the estimate alone with draws=0",
+        )
+
+
+def spread_of(covariance: Array) -> Array:
+    """Return F with ``F F^T`` equal to covariances, shape (..., p, p), also where these are singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
 
 
 @dataclass(frozen=True)
@@ -459,6 +521,7 @@ _POINT = {
     "trim": Attributes("trim", only=("V", "alpha", "advance_ratio")),
     "no_advance_ratio": Attribute("trim@no_advance_ratio"),
     "provenance": Attribute("provenance@json", json=True),
+    "aircraft": Table("aircraft"),
     "responses": NestedSeries(ResponseModel, _RESPONSE, "response", "@responses"),
     "prediction": NestedSeries(Fit, _fits("prediction/{of}", "{units.of}"), "of", "prediction"),
 }

@@ -330,14 +330,14 @@ def margins_from_samples(omega: Array, values: ArrayLike, loop: LoopGain | None 
     def crossings(of: Array, exact: Callable[[complex], float]) -> list[tuple[float, complex]]:
         found = []
         for i in np.flatnonzero(np.sign(of[:-1]) * np.sign(of[1:]) < 0):
-            if loop is None:
+            low, high = float(omega[i]), float(omega[i + 1])
+            # one frequency at a time may round to the other sign of a part that is zero but for rounding
+            if loop is None or exact(_one(loop, low)) * exact(_one(loop, high)) > 0:
                 share = of[i] / (of[i] - of[i + 1])
-                at = float(omega[i] * (omega[i + 1] / omega[i]) ** share)
+                at = float(low * (high / low) ** share)
                 found.append((at, complex(v[i] + share * (v[i + 1] - v[i]))))
             else:
-                at = float(
-                    brentq(lambda w: exact(_one(loop, w)), omega[i], omega[i + 1], xtol=1e-12 * omega[i])  # pyright: ignore
-                )
+                at = float(brentq(lambda w: exact(_one(loop, w)), low, high, xtol=1e-12 * low))  # pyright: ignore
                 found.append((at, _one(loop, at)))
         return found
 

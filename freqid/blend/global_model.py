@@ -358,15 +358,30 @@ class GlobalModel(Viewable):
         -----
         The pitch angle is that at which the blended trim wrench carries the weight, ``tan(theta) = X / -Z``.
         """
+        return self.to_statespaces([reference], vehicle)[0]
+
+    def to_statespaces(
+        self, references: Sequence[Reference], vehicle: Vehicle | None = None
+    ) -> list[StateSpace]:
+        """Return `to_statespace` of several conditions, faster than one by one."""
         check_loads(self.names, self.corridor.form)
         described = vehicle_of(vehicle, self.corridor.aircraft)
         along = self.corridor.along
-        inputs = self.reference(reference.u if along == "u" else reference[along], reference.rho)
+        inputs = self.reference(
+            [r.u if along == "u" else r[along] for r in references], [r.rho for r in references]
+        )
         rows = [self.names.index(r) for r in WRENCH]
-        gradient = dict(zip(self.inputs, self.gradient(inputs)[rows, :, 0].T, strict=True))
-        loads = self.wrench(inputs).values[rows, 0]
-        at = {name: float(value[0]) for name, value in inputs.items()}
-        return trimmed({n: gradient[n] for n in self.corridor.units}, loads, at, described)
+        gradient = dict(zip(self.inputs, self.gradient(inputs)[rows].swapaxes(0, 1), strict=True))
+        loads = self.wrench(inputs).values[rows]
+        return [
+            trimmed(
+                {n: gradient[n][:, i] for n in self.corridor.units},
+                loads[:, i],
+                {name: float(value[i]) for name, value in inputs.items()},
+                described,
+            )
+            for i in range(len(references))
+        ]
 
     def drawn(self, count: int, seed: int = 0) -> list[GlobalModel]:
         """Return models as far from this one as its points' covariances let them be.

@@ -26,6 +26,7 @@ COMMANDS = {
     "identify-point": "identify_point",
     "frequency-response": "frequency_response",
     "global-blend": "global_blend",
+    "margins": "margins",
     "check-simulation": "check_simulation",
     "diagnose-gap": "diagnose_gap",
     "report": "report",

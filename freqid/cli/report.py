@@ -20,8 +20,8 @@ def command(
 ) -> None:
     """Write one self-contained HTML page about RESULT.
 
-    A point model, laws against advance ratio, the diagnosis of a gap, a comparison of two simulations, or
-    frequency responses.
+    A point model, laws against advance ratio, the diagnosis of a gap, a comparison of two simulations,
+    frequency responses, or margins.
     """
     from freqid.views.page import page
 

@@ -147,23 +147,23 @@ def loop_margins(
     described = vehicle_of(vehicle, _aircraft(model))
     drawn = [] if not draws else model.drawn(draws, seed)
     columns, laws, settled = [], [], []
-    for place in places:
+    motions = _statespaces(model, places, described)
+    varied = [_statespaces(one, places, described) for one in drawn]
+    for i, (place, motion) in enumerate(zip(places, motions, strict=True)):
         tell(f"margins at {place.id}")
+        tilts = {w.tilt: motion.trim[w.tilt] for w in described.wings if w.tilt in motion.trim}
+        settled.append(replace(place, scheduled=tilts | place.scheduled))
         try:
-            motion = _statespace(model, place, described)
-            tilts = {w.tilt: motion.trim[w.tilt] for w in described.wings if w.tilt in motion.trim}
-            settled.append(replace(place, scheduled=tilts | place.scheduled))
             laws.append(law(place.u, place.rho, settled[-1].scheduled))
             found = _Estimated.of(motion, laws[-1], described)
-            others = [_statespace(one, place, described) for one in drawn]
-            columns.append(found.with_draws(others, laws[-1], described))
+            columns.append(found.with_draws([each[i] for each in varied], laws[-1], described))
         except (DataError, UsageError) as error:
             raise error.at(f"condition '{place.id}'") from None
     figures = tuple(dict.fromkeys(path for column in columns for path in column.estimate))
     stood: dict[str, Beside] = {}
     for name, other in (beside or {}).items():
         tell(f"margins of {name}")
-        motions = [other(p) if callable(other) else _statespace(other, p, described) for p in settled]
+        motions = [other(p) for p in settled] if callable(other) else _statespaces(other, settled, described)
         conditions = [closed(m, one, described) for m, one in zip(motions, laws, strict=True)]
         stood[name] = Beside(np.array([_row(figures_of(c, assess(c)), figures) for c in conditions]).T)
     first = columns[0].assessment
@@ -192,10 +192,13 @@ def _aircraft(model: GlobalModel | PointModel) -> Vehicle | None:
     return model.aircraft if isinstance(model, PointModel) else model.corridor.aircraft
 
 
-def _statespace(model: GlobalModel | PointModel, place: Place, vehicle: Vehicle) -> StateSpace:
+def _statespaces(
+    model: GlobalModel | PointModel, places: Sequence[Place], vehicle: Vehicle
+) -> list[StateSpace]:
     if isinstance(model, PointModel):
-        return point_statespaces(model, vehicle)[0]
-    return model.to_statespace(Reference(place.id, place.u, place.rho, place.scheduled), vehicle)
+        return point_statespaces(model, vehicle)
+    references = [Reference(p.id, p.u, p.rho, p.scheduled) for p in places]
+    return model.to_statespaces(references, vehicle)
 
 
 def _row(values: Mapping[str, float], figures: Sequence[str]) -> list[float]:
@@ -265,6 +268,9 @@ class _Estimated:
                 start = self.coarse.get(path, np.nan)
                 refined = self.estimate[path] - start if np.isfinite(start) else 0.0
                 found[path] = _quantile(known, share) + (refined if np.isfinite(refined) else 0.0)
+            if path.startswith("trim/"):  # a trim near the middle of the range can only have less travel left
+                outer = min if share < 0.5 else max
+                found[path] = outer(found[path], self.estimate[path])
         return found
 
     def _coarse(self, condition: Condition) -> dict[str, float]:

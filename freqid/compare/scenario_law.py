@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import cache
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from freqid.blend.state_space import StateSpace
-from freqid.compare.loop_margins import Place
+from freqid.compare.loop_margins import MotionAt, Place
 from freqid.compare.scenario_consequence import condition_at, design_law_at
 from freqid.core.errors import UsageError
 from freqid.core.scenario import Reference, Scenario
@@ -45,8 +45,9 @@ def scenario_law(scenario: Scenario) -> LawAt:
             remedy="describe it about one trim in a loop file (docs/margins.md)",
         )
 
-    def at(u: float, rho: float, scheduled: dict[str, float]) -> ControlLaw:
-        reference = Reference.of("", u, rho, **scheduled)
+    @cache
+    def designed(u: float, rho: float, scheduled: tuple[tuple[str, float], ...]) -> ControlLaw:
+        reference = Reference.of("", u, rho, **dict(scheduled))
         loop = condition_at(scenario, reference, {}, design_law_at(scenario, reference, {})).loop
         k, measured = len(linearize.STATES), (*linearize.STATES, "alt")
         integrals = loop.gain[:, k:]
@@ -66,10 +67,10 @@ def scenario_law(scenario: Scenario) -> LawAt:
             name=scenario.vehicle.name,
         )
 
-    return at
+    return lambda u, rho, scheduled: designed(u, rho, tuple(scheduled.items()))
 
 
-def simulated_motion(scenario: Scenario) -> Callable[[Place], StateSpace]:
+def simulated_motion(scenario: Scenario) -> MotionAt:
     """Return the linearised simulation as a function of the place, wakes in their steady state.
 
     Parameters

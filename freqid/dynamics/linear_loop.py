@@ -11,7 +11,7 @@ P. Seiler, A. Packard, P. Gahinet, "An Introduction to Disk Margins", *IEEE Cont
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -269,15 +269,34 @@ class LinearLoop:
 
     @cached_property
     def _closed(self) -> Array:
-        """Matrix of the closed loop, for the states of x and then of the actuators."""
-        parts = [self.actuation.state_space(i) for i in range(len(self.effectors))]
-        a, b, c = (block_diag(*matrices) for matrices in zip(*(part[:3] for part in parts), strict=True))
-        direct = np.array([part[3] for part in parts])
-        command = -self.allocation @ self.gain
-        motion = self.A + self.B @ (direct[:, None] * command)
-        if not any(len(part[0]) for part in parts):
+        """Matrix of the closed loop, for the states of x and then of the actuators.
+
+        Effectors that answer alike share one answer for each axis where they are more than the axes: left
+        out are eigenvalues of actuators alone, which nothing reaches.
+        """
+        motion, rows = self.A, []
+        for places in _alike(self.actuation):
+            effect = self.B[:, places] * self.actuation.gain[places]
+            command = -self.allocation[places] @ self.gain
+            if len(places) > len(self.axes):
+                effect, command = effect @ self.allocation[places], -self.gain
+            a, b, c, direct = replace(self.actuation, gain=np.ones(len(self.effectors))).state_space(places[0])
+            motion = motion + direct * effect @ command
+            rows += [(a, b @ command[[k]], effect[:, [k]] @ c) for k in range(len(command)) if len(a)]
+        if not rows:
             return motion
-        return np.block([[motion, self.B @ c], [b @ command, a]])
+        a = block_diag(*(row[0] for row in rows))
+        b, c = np.vstack([row[1] for row in rows]), np.hstack([row[2] for row in rows])
+        return np.block([[motion, c], [b, a]])
+
+
+def _alike(actuation: Actuation) -> list[list[int]]:
+    """Return the places of effectors whose dynamics are the same but for the gain."""
+    names = ("delay", "frequency", "damping", "share", "lag", "lag_2")
+    groups: dict[tuple[float, ...], list[int]] = {}
+    for i in range(len(actuation.gain)):
+        groups.setdefault(tuple(float(getattr(actuation, n)[i]) for n in names), []).append(i)
+    return list(groups.values())
 
 
 def stability_margins(

@@ -16,6 +16,7 @@ from freqid.core.results import (
     design,
     frequency_response,
     gap,
+    loop_margins,
     output_error,
     point,
     rivals,
@@ -65,7 +66,7 @@ def read(path: File) -> Any:
     -------
     Result
         FlightRecord, MultisineDesign, PointModel, OutputErrorModel, GlobalModel, AdvanceRatioModel,
-        FrequencyResponse, GapResult or Rivals, as the file says of itself. Of a scenario's TOML file, the
+        FrequencyResponse, LoopMargins, GapResult or Rivals, as the file says of itself. Of a scenario's TOML file, the
         `Scenario`; of classic inputs, their samples.
 
     Raises
@@ -170,7 +171,15 @@ def _write_design(path: Path, planned: MultisineDesign | ClassicDesign, sha256: 
     design.write_design(path, planned, inputs, sha256)
 
 
-_FILES = (point.FILE, advance_ratio.FILE, output_error.FILE, frequency_response.FILE, gap.FILE, rivals.FILE)
+_FILES = (
+    point.FILE,
+    advance_ratio.FILE,
+    output_error.FILE,
+    frequency_response.FILE,
+    gap.FILE,
+    rivals.FILE,
+    loop_margins.FILE,
+)
 _READERS: dict[str, Callable[[Path], Any]] = {
     record_file.FORMAT: record_file.read_record,
     design.FORMAT: _read_design,

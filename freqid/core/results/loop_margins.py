@@ -28,6 +28,9 @@ UNITS = {
 }
 """Unit of a figure by the last part of its path."""
 
+COMPARED = ("gain_up_db", "gain_down_db", "phase_deg", "disk")
+"""Margins that are compared with those that stand beside."""
+
 
 @dataclass(frozen=True, eq=False)
 class Beside:
@@ -120,26 +123,60 @@ class LoopMargins(Viewable):
     def least(self, figure: str) -> tuple[str, float]:
         """Return the least of a margin over axes and conditions, and ``"axis at condition"``."""
         found = [
-            (float(self.estimate[i, k]), f"{place} at {self.ids[k]}")
-            for place in self.axes
-            if (path := f"margins/{place}/{figure}") in self.figures
-            for i in [self.figures.index(path)]
+            (float(self.row(path)[0, k]), f"{path.split('/')[1]} at {self.ids[k]}")
             for k in range(len(self.ids))
-            if not np.isnan(self.estimate[i, k])
+            if (path := least_of(self, k, figure, self.axes))
         ]
         value, where = min(found, default=(float("nan"), ""))
         return where, value
 
-    def outside(self, name: str) -> list[tuple[str, str]]:
-        """Return the margins and conditions whose interval does not hold what stands beside."""
-        other = self.beside[name].estimate
-        known = ~np.isnan(other) & ~np.isnan(self.lower)
-        off = known & ((other < self.lower) | (other > self.upper))
-        return [
-            (self.figures[i], self.ids[k])
-            for i, k in np.argwhere(off)
-            if self.figures[i].startswith("margins/")
+    @property
+    def warnings(self) -> list[str]:
+        """What must be answered before the loop is flown, one sentence each."""
+        unstable = [name for name, stable in zip(self.ids, self.stable, strict=True) if not stable]
+        doubtful = [
+            f"{name} ({100 * share:.0f} % of the draws)"
+            for name, share, stable in zip(self.ids, self.unstable_share, self.stable, strict=True)
+            if stable and share > 0
         ]
+        texts = []
+        if unstable:
+            texts.append(f"the closed loop is unstable at {', '.join(unstable)}: there are no margins")
+        if doubtful:
+            texts.append(f"the closed loop may be unstable, as far as the model knows, at {', '.join(doubtful)}")
+        for name in self.beside:
+            off = self.outside(name)
+            if off:
+                places = dict.fromkeys(condition for _, condition in off)
+                texts.append(
+                    f"{len(off)} of {self._compared(name).sum()} margins of {name} lie outside the interval, "
+                    f"{100 * (1 - self.level):.0f} % of which would by chance, at {', '.join(places)}"
+                )
+        return texts
+
+    def outside(self, name: str) -> list[tuple[str, str]]:
+        """Return the margins of axes, and conditions, whose interval does not hold what stands beside."""
+        other = self.beside[name].estimate
+        off = self._compared(name) & ((other < self.lower) | (other > self.upper))
+        return [(self.figures[i], self.ids[k]) for i, k in np.argwhere(off)]
+
+    def _compared(self, name: str) -> NDArray[np.bool_]:
+        """Say which margins of axes both have, shape (f, c)."""
+        known = ~np.isnan(self.beside[name].estimate) & ~np.isnan(self.lower)
+        of_axes = {f"margins/{axis}/{figure}" for axis in self.axes for figure in COMPARED}
+        return known & np.array([path in of_axes for path in self.figures])[:, None]
+
+
+def least_of(found: LoopMargins, condition: int, figure: str, places: tuple[str, ...]) -> str:
+    """Return the path of the least of a margin over places at one condition; empty where there is none."""
+    rows = [
+        (float(found.estimate[i, condition]), path)
+        for place in places
+        if (path := f"margins/{place}/{figure}") in found.figures
+        for i in [found.figures.index(path)]
+        if not np.isnan(found.estimate[i, condition])
+    ]
+    return min(rows, default=(0.0, ""))[1]
 
 
 def unit_of(figure: str) -> str:

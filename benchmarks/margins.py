@@ -83,7 +83,9 @@ def known() -> Known:
     law, motion = scenario_law(SCENARIO), simulated_motion(SCENARIO)
     truths = flights(IDS, jobs=JOBS)
     places = [Place(at.id, at.u, at.rho, dict(at.scheduled)) for at in SCENARIO.reference]
-    return Known({p.id: law(p.u, p.rho, p.scheduled) for p in places}, {p.id: motion(p) for p in places}, truths)
+    return Known(
+        {p.id: law(p.u, p.rho, p.scheduled) for p in places}, {p.id: motion(p) for p in places}, truths
+    )
 
 
 def one_seed(of: Known, seed: int) -> LoopMargins:
@@ -96,14 +98,18 @@ def main() -> None:
     shared = known()
     quiet = shared.margins(corridor(shared.truths, 0, 0.0), 0)
     seeds = range(FIRST, FIRST + SEEDS)
-    found = list(tqdm(Parallel(n_jobs=JOBS, return_as="generator")(delayed(one_seed)(shared, s) for s in seeds)))
+    found = list(
+        tqdm(Parallel(n_jobs=JOBS, return_as="generator")(delayed(one_seed)(shared, s) for s in seeds))
+    )
     rows, pooled = [], {}
     for k, name in enumerate(quiet.ids):
         for axis in quiet.axes:
             for figure in FIGURES:
                 path = f"margins/{axis}/{figure}"
                 at = [one.ids.index(name) for one in found]
-                estimate, low, high = np.array([one.row(path)[:, i] for one, i in zip(found, at, strict=True)]).T
+                estimate, low, high = np.array(
+                    [one.row(path)[:, i] for one, i in zip(found, at, strict=True)]
+                ).T
                 exact = float(quiet.row(path)[0, k])
                 linear = float(quiet.beside["linear"].estimate[quiet.figures.index(path), k])
                 if not np.isfinite([exact, linear, *estimate]).all():

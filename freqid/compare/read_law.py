@@ -166,7 +166,9 @@ def _from_file(text: str, vehicle: Vehicle) -> tuple[LawAt, str]:
             schedule = schedule_of(read_toml(path, LoopFile)[0], vehicle)
         else:
             raise UsageError(
-                "is no loop file", where=text, remedy="give LOOP.toml, LOOP.mat, FILE.py:NAME or SCENARIO.toml"
+                "is no loop file",
+                where=text,
+                remedy="give LOOP.toml, LOOP.mat, FILE.py:NAME or SCENARIO.toml",
             )
     except FreqidError as error:
         raise error.at(text) from None
@@ -260,11 +262,14 @@ def _table(numbers: Numbers, rows: Sequence[str], columns: Sequence[str], key: s
     table = np.zeros((len(rows), len(columns)))
     for row, values in numbers.items():
         if row not in rows:
-            raise UsageError(f"[{key}.{row}]: '{row}' is not among the file's names", remedy=nearest(row, rows))
+            raise UsageError(
+                f"[{key}.{row}]: '{row}' is not among the file's names", remedy=nearest(row, rows)
+            )
         for column, value in values.items():
             if column not in columns:
                 raise UsageError(
-                    f"[{key}.{row}]: '{column}' is not among the file's names", remedy=nearest(column, columns)
+                    f"[{key}.{row}]: '{column}' is not among the file's names",
+                    remedy=nearest(column, columns),
                 )
             table[rows.index(row), columns.index(column)] = value
     return table
@@ -351,5 +356,3 @@ def _of_object(system: Any) -> ControlLaw:
     effectors = tuple(system.output_labels)
     ideal, eye = Actuation.ideal(len(effectors)), np.eye(len(effectors))
     return ControlLaw(tuple(system.input_labels), effectors, effectors, A, B, C, D, eye, ideal, system.name)
-
-

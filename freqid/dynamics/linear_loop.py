@@ -280,7 +280,9 @@ class LinearLoop:
             command = -self.allocation[places] @ self.gain
             if len(places) > len(self.axes):
                 effect, command = effect @ self.allocation[places], -self.gain
-            a, b, c, direct = replace(self.actuation, gain=np.ones(len(self.effectors))).state_space(places[0])
+            a, b, c, direct = replace(self.actuation, gain=np.ones(len(self.effectors))).state_space(
+                places[0]
+            )
             motion = motion + direct * effect @ command
             rows += [(a, b @ command[[k]], effect[:, [k]] @ c) for k in range(len(command)) if len(a)]
         if not rows:

@@ -163,13 +163,26 @@ def _of_response(response: FrequencyResponse) -> pd.DataFrame:
 def _of_margins(found: LoopMargins) -> pd.DataFrame:
     rows = []
     for k, name in enumerate(found.ids):
-        others = {n: dict(zip(found.figures, one.estimate[:, k], strict=True)) for n, one in found.beside.items()}
+        others = {
+            n: dict(zip(found.figures, one.estimate[:, k], strict=True)) for n, one in found.beside.items()
+        }
         for path, (estimate, low, high) in found[name].items():
             kind, place, figure = path.split("/")
             beside = [others[n][path] for n in others]
             where = (name, found.u[k], found.rho[k], kind, place, figure)
             rows.append((*where, estimate, low, high, unit_of(path), *beside))
-    head = ["condition", "u (m/s)", "rho (kg/m3)", "kind", "of", "figure", "estimate", "lower", "upper", "unit"]
+    head = [
+        "condition",
+        "u (m/s)",
+        "rho (kg/m3)",
+        "kind",
+        "of",
+        "figure",
+        "estimate",
+        "lower",
+        "upper",
+        "unit",
+    ]
     return pd.DataFrame(rows, columns=[*head, *found.beside])
 
 

@@ -143,7 +143,9 @@ class LoopMargins(Viewable):
         if unstable:
             texts.append(f"the closed loop is unstable at {', '.join(unstable)}: there are no margins")
         if doubtful:
-            texts.append(f"the closed loop may be unstable, as far as the model knows, at {', '.join(doubtful)}")
+            texts.append(
+                f"the closed loop may be unstable, as far as the model knows, at {', '.join(doubtful)}"
+            )
         for name in self.beside:
             off = self.outside(name)
             if off:

@@ -374,7 +374,9 @@ class PointModel(Viewable):
             replace(
                 self,
                 responses={
-                    name: replace(r, estimate=r.estimate + steps[name][i], bias=r.bias + float(shift[name][i]))
+                    name: replace(
+                        r, estimate=r.estimate + steps[name][i], bias=r.bias + float(shift[name][i])
+                    )
                     for name, r in self.responses.items()
                 },
             )

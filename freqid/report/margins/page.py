@@ -69,7 +69,11 @@ def conditions_table(found: LoopMargins) -> list[dict[str, Any]]:
     rows = []
     for k, name in enumerate(found.ids):
         row: dict[str, Any] = {"id": name, "u": short(float(found.u[k])), "stable": bool(found.stable[k])}
-        for key, figure, digits in (("gain", "gain_up_db", 1), ("phase", "phase_deg", 1), ("disk", "disk", 2)):
+        for key, figure, digits in (
+            ("gain", "gain_up_db", 1),
+            ("phase", "phase_deg", 1),
+            ("disk", "disk", 2),
+        ):
             path = least_of(found, k, figure, found.axes)
             row[key] = NONE if not path else f"{_told(found, path, k, digits)} {path.split('/')[1]}"
         if f"{_ALL}/disk" in found.figures and not isnan(found.row(f"{_ALL}/disk")[0, k]):
@@ -135,7 +139,9 @@ def _facts(found: LoopMargins) -> list[tuple[str, str]]:
     facts = []
     for figure, (label, unit) in _KINDS.items():
         where, value = found.least(figure)
-        text = NONE if not where else f"{'∞' if isinf(value) else f'{value:.3g}'} {unit}".strip() + f", {where}"
+        text = (
+            NONE if not where else f"{'∞' if isinf(value) else f'{value:.3g}'} {unit}".strip() + f", {where}"
+        )
         facts.append((f"Least {label.lower()}", text))
     facts.append(("Conditions", f"{len(found.ids)}, {int(found.stable.sum())} stable"))
     facts.append(("Axes of the law", ", ".join(found.axes)))
@@ -170,8 +176,12 @@ def _pictures(found: LoopMargins) -> list[Picture]:
     with_others = ", ".join(f"dashes: {name}" for name in found.beside)
     drawn = []
     for figure, (label, unit) in _KINDS.items():
-        if any(np.isfinite(found.row(f"margins/{a}/{figure}")[0]).any() for a in axes if _has(found, a, figure)):
-            caption = f"{label}{f', {unit}' if unit else ''}, by axis of the law. Bars: {percent(found.level)} "
+        if any(
+            np.isfinite(found.row(f"margins/{a}/{figure}")[0]).any() for a in axes if _has(found, a, figure)
+        ):
+            caption = (
+                f"{label}{f', {unit}' if unit else ''}, by axis of the law. Bars: {percent(found.level)} "
+            )
             caption += "intervals; an infinite margin is not drawn."
             if figure in WANTED:
                 caption += f" Grey line: {WANTED[figure]:g} {unit}."
@@ -243,7 +253,12 @@ def margins_along(found: LoopMargins, figure: str, axes: list[str]) -> Figure:
                 row = other.estimate[found.figures.index(path)]
                 values = np.where(np.isfinite(row), row, np.nan)[here]
                 dashes = panel.plot(
-                    found.u[here], values, color=INK, linewidth=0.8, linestyle=(0, (3, 1.5)), label=literal(name, 24)
+                    found.u[here],
+                    values,
+                    color=INK,
+                    linewidth=0.8,
+                    linestyle=(0, (3, 1.5)),
+                    label=literal(name, 24),
                 )
                 lines[name] = dashes[0]
         if figure in WANTED:
@@ -258,7 +273,9 @@ def margins_along(found: LoopMargins, figure: str, axes: list[str]) -> Figure:
 @styled
 def modes_along(found: LoopMargins) -> Figure:
     """Draw frequency and damping of the closed loop's modes along the corridor."""
-    names = [p.split("/")[1] for p in found.figures if p.startswith("closed_modes/") and p.endswith("frequency")]
+    names = [
+        p.split("/")[1] for p in found.figures if p.startswith("closed_modes/") and p.endswith("frequency")
+    ]
     known = {n: np.isfinite(found.row(f"closed_modes/{n}/frequency")[0]).sum() for n in names}
     shown = sorted(names, key=lambda n: -known[n])[:_MOST_MODES]
     colours = (BLUE, ORANGE, "#009E73", "#CC79A7", "#56B4E9", INK, GREY)

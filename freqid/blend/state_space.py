@@ -170,8 +170,8 @@ def check_loads(responses: Sequence[str], form: str, axes: str = "body") -> None
     """Raise UsageError where a model has not all six loads as forces and moments in body axes."""
     if [r for r in WRENCH if r not in responses] or (form, axes) != ("force", "body"):
         raise UsageError(
-            f"a state-space model needs X Y Z L M N in N and N m, found {' '.join(responses)} in form '{form}'"
-            + ("" if axes == "body" else f" and {axes} axes"),
+            f"a state-space model needs X Y Z L M N in N and N m, found {' '.join(responses)} in form "
+            f"'{form}'" + ("" if axes == "body" else f" and {axes} axes"),
             remedy="blend points of all six responses, identified with form 'force'",
         )
 

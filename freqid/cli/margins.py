@@ -43,7 +43,8 @@ from freqid.cli.progress import line
     "--beside",
     multiple=True,
     type=FILE,
-    help="Another global model, or a scenario whose simulation is linearised, to show beside; may be repeated.",
+    help="Another global model, or a scenario whose simulation is linearised, to show beside; may be "
+    "repeated.",
 )
 @options.page_option("the margins along the corridor")
 @options.as_json
@@ -62,8 +63,8 @@ def command(
 ) -> None:
     """Say what the uncertainty of MODEL means for the control law LOOP.
 
-    MODEL is a global model or a point model. LOOP is a loop file (TOML or MAT), FILE.py:NAME of a python-control
-    system, or a scenario, whose own law and actuators are then taken (docs/margins.md).
+    MODEL is a global model or a point model. LOOP is a loop file (TOML or MAT), FILE.py:NAME of a
+    python-control system, or a scenario, whose own law and actuators are then taken (docs/margins.md).
     """
     from freqid.cli.margins_texts import margins_result, margins_table
     from freqid.views.page import page as page_of

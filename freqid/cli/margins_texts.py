@@ -46,17 +46,17 @@ def margins_result(found: LoopMargins) -> dict[str, Any]:
 
 
 def margins_table(found: LoopMargins) -> str:
-    """Return one line for each condition: the least margins over the axes of the law, and what they rest on."""
+    """Return one line for each condition: the least margins over the axes of the law."""
     share = 100 * found.level
     lines = [
         f"{found.model} under {found.law}: least margins over {' '.join(found.axes)}"
         + (f"; {share:g} % intervals from {found.draws} draws" if found.draws else ""),
         f"{'condition':<12}{'u m/s':>7}  {'gain dB':<24}{'phase deg':<26}{'disk':<24}least travel left",
     ]
-    for row in conditions_table(found):
-        lines.append(
-            f"{row['id']:<12}{row['u']:>7}  {row['gain']:<24}{row['phase']:<26}{row['disk']:<24}{row['travel']}"
-        )
+    lines += [
+        f"{row['id']:<12}{row['u']:>7}  {row['gain']:<24}{row['phase']:<26}{row['disk']:<24}" + row["travel"]
+        for row in conditions_table(found)
+    ]
     lines += [f"warning: {text}" for text in found.warnings]
     return "\n".join(lines)
 

@@ -1,4 +1,4 @@
-"""What the uncertainty of an identified model means for a control loop: margins, modes and trim, with intervals.
+"""What the uncertainty of an identified model means for a control loop: margins, modes and trim.
 
 Every model that is drawn from the covariance is put under the same law (docs/margins.md).
 """

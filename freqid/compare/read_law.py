@@ -1,4 +1,4 @@
-"""A user's control law from a TOML file, a MAT file, a Python file or a python-control object (docs/margins.md)."""
+"""A user's control law: a TOML, MAT or Python file, or a python-control object (docs/margins.md)."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ class ActuatorTable(Strict, frozen=True):
 class Matrices(Strict, frozen=True):
     """One ``[state_space]``: ``x' = A x + B y``, ``axes = C x + D y``, in the units of the file."""
 
-    A: Matrix = []
-    B: Matrix = []
-    C: Matrix = []
-    D: Matrix = []
+    A: Matrix = msgspec.field(default_factory=list)
+    B: Matrix = msgspec.field(default_factory=list)
+    C: Matrix = msgspec.field(default_factory=list)
+    D: Matrix = msgspec.field(default_factory=list)
 
 
 class LawTable(Strict, frozen=True):
@@ -335,7 +335,7 @@ def _read_mat(path: Path, vehicle: Vehicle) -> LawSchedule:
 
 
 def _of_object(system: Any) -> ControlLaw:
-    """Return the law of a python-control system, whose inputs are signals and whose outputs are commands, SI."""
+    """Return the law of a python-control system from signals to commands, SI."""
     if isinstance(system, ControlLaw):
         return system
     if not hasattr(system, "input_labels"):

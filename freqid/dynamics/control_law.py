@@ -1,7 +1,7 @@
 """A linear control law as its user describes it: signals in, commands out, actuators behind.
 
-``x' = A x + B y``, ``axes = C x + D y``, ``commands = allocation @ axes``, all measured from the trim. A law is
-closed around an aircraft's small motion, which gives the `LinearLoop` that margins are taken of.
+``x' = A x + B y``, ``axes = C x + D y``, ``commands = allocation @ axes``, all measured from the trim. A law
+is closed around an aircraft's small motion, which gives the `LinearLoop` that margins are taken of.
 """
 
 from __future__ import annotations

@@ -66,8 +66,8 @@ def read(path: File) -> Any:
     -------
     Result
         FlightRecord, MultisineDesign, PointModel, OutputErrorModel, GlobalModel, AdvanceRatioModel,
-        FrequencyResponse, LoopMargins, GapResult or Rivals, as the file says of itself. Of a scenario's TOML file, the
-        `Scenario`; of classic inputs, their samples.
+        FrequencyResponse, LoopMargins, GapResult or Rivals, as the file says of itself. Of a scenario's TOML
+        file, the `Scenario`; of classic inputs, their samples.
 
     Raises
     ------

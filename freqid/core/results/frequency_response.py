@@ -128,7 +128,7 @@ class FrequencyResponse(Viewable):
         )
 
     def to_control(self) -> Any:
-        """Return the responses as a python-control ``FrequencyResponseData`` with names on inputs and outputs.
+        """Return the responses as a python-control ``FrequencyResponseData`` with its names.
 
         Returns
         -------

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.errors import DataError, UsageError
+from freqid.core.extras import extra
 from freqid.core.record import FlightRecord
 from freqid.flightlog.column_map import ColumnMap, Place
 from freqid.flightlog.mapped import assemble_map
 from freqid.flightlog.read import Reader
-from freqid.core.extras import extra
 from freqid.flightlog.signal import Signal, clock_of_table, column_index
 
 

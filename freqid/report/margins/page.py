@@ -1,4 +1,4 @@
-"""One self-contained page about margins along the corridor: what is least, where, and how well it is known."""
+"""One self-contained page about margins along the corridor: the least, where, and how well it is known."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from freqid.report.kit.drawing import (
     styled,
 )
 from freqid.report.kit.findings import Finding, finding
-from freqid.report.kit.notation import NONE, percent, short
+from freqid.report.kit.notation import NONE, percent, short, with_unit
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.kit.rendering import render
 
 WANTED = {"gain_up_db": 6.0, "phase_deg": 45.0}
-"""Margins that piloted aircraft are asked for at their rigid-body modes: MIL-DTL-9490E and SAE AS94900, table of
-gain and phase margins. Grey lines of the figures."""
+"""Margins that piloted aircraft are asked for at their rigid-body modes: MIL-DTL-9490E and SAE AS94900, table
+of gain and phase margins. Grey lines of the figures."""
 
 _KINDS = {
     "gain_up_db": ("Gain margin", "dB"),
@@ -101,6 +101,14 @@ def _told(found: LoopMargins, path: str, k: int, digits: int) -> str:
     return estimate if "nan" in (low, high) else f"{estimate} ({low} to {high})"
 
 
+def _damping(found: LoopMargins, path: str, k: int) -> str:
+    """Return a damping ratio as text; of a real eigenvalue, whether it decays."""
+    value = float(found.row(path)[0, k])
+    if isnan(value):
+        return NONE
+    return _told(found, path, k, 2) if abs(value) < 1 else ("real, decays" if value > 0 else "real, grows")
+
+
 def _findings(found: LoopMargins) -> list[Finding]:
     findings = [finding("bad", "{}.", text[:1].upper() + text[1:]) for text in found.warnings]
     low = []
@@ -164,7 +172,7 @@ def _modes_table(found: LoopMargins) -> list[dict[str, Any]]:
                                 "kind": label,
                                 "mode": path.split("/")[1],
                                 "frequency": _told(found, path, k, 2),
-                                "damping": _told(found, damping, k, 2).replace("nan", NONE),
+                                "damping": _damping(found, damping, k),
                             }
                         )
     return rows
@@ -199,8 +207,8 @@ def _pictures(found: LoopMargins) -> list[Picture]:
                 modes_along(found),
                 "modes",
                 "Modes of the closed loop along the corridor",
-                f"Modes under the law in which the aircraft's motion takes most part, with {percent(found.level)} "
-                "intervals. Below zero damping a mode grows.",
+                "Modes under the law in which the aircraft's motion takes most part, with "
+                f"{percent(found.level)} intervals. Below zero damping a mode grows.",
             )
         )
     return drawn
@@ -263,7 +271,8 @@ def margins_along(found: LoopMargins, figure: str, axes: list[str]) -> Figure:
                 lines[name] = dashes[0]
         if figure in WANTED:
             panel.axhline(WANTED[figure], color=PALE, linewidth=0.8, zorder=0)
-        name_panel(panel, literal(axis, 20), _KINDS[figure][1])
+        unit = _KINDS[figure][1]
+        panel.set_title(with_unit(literal(axis, 20), unit) if unit else literal(axis, 20))
         few_ticks(panel)
     _by_speed(panels, found)
     draw_legend(frame, list(lines.values()))
@@ -299,7 +308,7 @@ def modes_along(found: LoopMargins) -> Figure:
             )
         lines.append(line)
     name_panel(panels[0], "Frequency", "rad/s")
-    name_panel(panels[1], "Damping ratio", "")
+    panels[1].set_title("Damping ratio")
     panels[1].axhline(0.0, color=PALE, linewidth=0.8, zorder=0)
     for panel in panels:
         few_ticks(panel)

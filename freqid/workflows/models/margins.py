@@ -45,9 +45,9 @@ def margins(
     model : GlobalModel, PointModel or path
         Of forces and moments, all six.
     loop : path, python-control object, Scenario or callable
-        A loop file (TOML or MAT), ``FILE.py:NAME``, a python-control system whose inputs are signals and whose
-        outputs are effectors (SI, from the trim), a function of speed and density that returns one, or a
-        scenario, whose own law and actuators are then taken.
+        A loop file (TOML or MAT), ``FILE.py:NAME``, a python-control system from signals to effectors (SI,
+        from the trim), a function of speed and density that returns one, or a scenario, whose own law and
+        actuators are then taken.
     at : str, float or Reference, or several
         Ids of the model's points, speeds, m/s, or conditions; all points where empty.
     scenario : Scenario, path or name, optional

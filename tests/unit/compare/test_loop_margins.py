@@ -152,7 +152,7 @@ def test_what_cannot_be_done_is_said(model, loop):
         n: replace(k, covariance=np.zeros_like(k.covariance)) for n, k in model.corridor.responses.items()
     }
     of = fq.GlobalModel(replace(model.corridor, responses=bare))
-    with pytest.raises(UsageError, match="states no covariance of 'X'.*draws=0"):
+    with pytest.raises(UsageError, match=r"states no covariance of 'X'.*draws=0"):
         fq.margins(of, loop)
     assert fq.margins(of, loop, "u9", draws=0).stable.all()
     with pytest.raises(UsageError, match="5 draws give no interval"):

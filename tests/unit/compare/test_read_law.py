@@ -117,7 +117,7 @@ def test_what_does_not_fit_is_said_in_a_sentence(tmp_path, change, error, words)
 
 
 def test_other_things_are_refused(tmp_path):
-    with pytest.raises(UsageError, match="the law is discrete, at steps of 0.02 s"):
+    with pytest.raises(UsageError, match=r"the law is discrete, at steps of 0\.02 s"):
         at(control.ss(A, B, C, D, 0.02, inputs=SIGNALS, outputs=COMMANDS))
     with pytest.raises(UsageError, match="the law measures 'u\\[0\\]'"):
         at(control.ss(A, B, C, D))
@@ -131,7 +131,8 @@ def test_other_things_are_refused(tmp_path):
     savemat(mat, {"D": D})
     with pytest.raises(DataError, match="has no variable 'signals'"):
         at(mat)
-    text = '[signals]\nq = "rad/s"\n[commands]\ndr = "rad"\n[state_space]\nA = [[-1.0]]\nB = [[1.0, 2.0]]\nC = [[1.0]]\n'
+    text = '[signals]\nq = "rad/s"\n[commands]\ndr = "rad"\n[state_space]\nA = [[-1.0]]\n'
+    text += "B = [[1.0, 2.0]]\nC = [[1.0]]\n"
     with pytest.raises(UsageError, match="B has shape \\(1, 2\\), expected \\(1, 1\\)"):
         at(write(tmp_path, text))
 

@@ -155,7 +155,7 @@ def test_an_unknown_place_is_refused():
 
 
 def test_disk_margins_of_closed_forms():
-    """An integrator keeps the largest disk; of three lags the least of 2 |1 + L| / |1 - L|, by brute force."""
+    """An integrator keeps the largest disk; three lags the least of 2 |1 + L| / |1 - L|, by brute force."""
     assert stability_margins(lambda w: 2.0 / (1j * w), 0.01, 200.0).disk == pytest.approx(2.0, abs=1e-6)
 
     # Seiler, Packard & Gahinet (2020) use this loop: gain margin 3.6, phase margin 29 deg, disk margin 0.46
@@ -177,7 +177,7 @@ def test_disk_margins_of_closed_forms():
 
 @pytest.mark.parametrize("seed", [0, 2, 3])
 def test_the_disk_of_all_axes_at_once_is_a_guarantee_that_is_nearly_reached(seed):
-    """Every factor of a disk that is smaller keeps I + L regular; some of one that is little larger do not."""
+    """No perturbation inside the disk reaches the limit; one that is little larger does."""
     loop = system(seed)
     d = loop.disk_margin()
     assert d <= min(loop.margins()[n].disk for n in loop.axes) * (1 + 1e-6)

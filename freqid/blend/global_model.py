@@ -363,7 +363,7 @@ class GlobalModel(Viewable):
     def to_statespaces(
         self, references: Sequence[Reference], vehicle: Vehicle | None = None
     ) -> list[StateSpace]:
-        """Return `to_statespace` of several conditions, faster than one by one."""
+        """Return `to_statespace` of several `references`, of one `vehicle`, faster than one by one."""
         check_loads(self.names, self.corridor.form)
         described = vehicle_of(vehicle, self.corridor.aircraft)
         along = self.corridor.along

@@ -44,7 +44,7 @@ def test_the_table_has_the_least_margins(freqid, files):
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        (["aircraft.h5", "loop.toml", "--at", "40"], 3, "condition '40 m/s'"),
+        (["aircraft.h5", "loop.toml", "--at", "40"], 3, "u = 40 m/s is outside the corridor"),
         (["aircraft.h5", "loop.toml", "--at", "u7"], 2, "the model has no point 'u7'"),
         (["aircraft.h5", "none.toml"], 3, "none.toml: cannot be read"),
         (["aircraft.h5", "aircraft.h5"], 2, "is no loop file"),

@@ -114,14 +114,14 @@ class LoopMargins(Viewable):
         return {f: (float(e), float(lo), float(hi)) for f, e, lo, hi in rows if not np.isnan(e)}
 
     def row(self, figure: str) -> Array:
-        """Return estimate, lower and upper limit of one figure, shape (3, c)."""
+        """Return estimate, lower and upper limit of one `figure`, shape (3, c)."""
         if figure not in self.figures:
             raise UsageError(f"there is no figure '{figure}'", remedy=nearest(figure, self.figures))
         i = self.figures.index(figure)
         return np.array([self.estimate[i], self.lower[i], self.upper[i]])
 
     def least(self, figure: str) -> tuple[str, float]:
-        """Return the least of a margin over axes and conditions, and ``"axis at condition"``."""
+        """Return where a margin, `figure`, is least over axes and conditions, and its value there."""
         found = [
             (float(self.row(path)[0, k]), f"{path.split('/')[1]} at {self.ids[k]}")
             for k in range(len(self.ids))
@@ -157,7 +157,7 @@ class LoopMargins(Viewable):
         return texts
 
     def outside(self, name: str) -> list[tuple[str, str]]:
-        """Return the margins of axes, and conditions, whose interval does not hold what stands beside."""
+        """Return margins of axes, and conditions, whose interval does not hold that of `name` beside."""
         other = self.beside[name].estimate
         off = self._compared(name) & ((other < self.lower) | (other > self.upper))
         return [(self.figures[i], self.ids[k]) for i, k in np.argwhere(off)]

@@ -389,6 +389,23 @@ class PointModel(Viewable):
         """Return the aircraft's small motion as a python-control ``StateSpace``, or a list of draws.
 
         As `GlobalModel.to_control`, at the model's own condition. Needs the extra ``control``.
+
+        Parameters
+        ----------
+        draws, seed : int
+            How many models to draw from the covariance, and with which random numbers; the estimate alone
+            where zero.
+        outputs : sequence of str
+            Among u v w p q r phi theta, psi, alt, V, alpha and beta; the eight states where empty.
+        vehicle : Vehicle, optional
+            Mass properties and rotors, in place of the model's own.
+
+        Raises
+        ------
+        UsageError
+            Where the model lacks a response, or states no vehicle or no covariance.
+        DataError
+            Where python-control is not installed.
         """
         of_point = import_module("freqid.blend.state_space").point_statespaces
         spaces = [one.to_control(outputs) for one in of_point(self, vehicle, draws, seed)]

@@ -149,10 +149,12 @@ class LoopMargins(Viewable):
         for name in self.beside:
             off = self.outside(name)
             if off:
-                places = dict.fromkeys(condition for _, condition in off)
+                conditions = {condition for _, condition in off}
+                places = [one for one in self.ids if one in conditions]
                 texts.append(
-                    f"{len(off)} of {self._compared(name).sum()} margins of {name} lie outside the interval, "
-                    f"{100 * (1 - self.level):.0f} % of which would by chance, at {', '.join(places)}"
+                    f"{len(off)} of {self._compared(name).sum()} margins of {name} lie outside the model's "
+                    f"interval, where chance alone would put {100 * (1 - self.level):.0f} %, at "
+                    f"{', '.join(places)}"
                 )
         return texts
 

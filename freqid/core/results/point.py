@@ -365,18 +365,18 @@ class PointModel(Viewable):
             Where a response states no covariance.
         """
         rng = np.random.default_rng(seed)
-        steps = {}
         for name, r in self.responses.items():
             check_covariance(name, r.covariance)
-            steps[name] = rng.standard_normal((count, r.estimate.size)) @ spread_of(r.covariance).T
+        estimates = [
+            {n: rng.multivariate_normal(r.estimate, r.covariance) for n, r in self.responses.items()}
+            for _ in range(count)
+        ]
         shift = {name: r.bias_std_error * rng.standard_normal(count) for name, r in self.responses.items()}
         return [
             replace(
                 self,
                 responses={
-                    name: replace(
-                        r, estimate=r.estimate + steps[name][i], bias=r.bias + float(shift[name][i])
-                    )
+                    name: replace(r, estimate=estimates[i][name], bias=r.bias + float(shift[name][i]))
                     for name, r in self.responses.items()
                 },
             )

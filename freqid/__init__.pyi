@@ -9,6 +9,7 @@ from freqid.core.results.advance_ratio import AdvanceRatioModel as AdvanceRatioM
 from freqid.core.results.design import MultisineDesign as MultisineDesign
 from freqid.core.results.diagnosis import GapDiagnosis as GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse as FrequencyResponse
+from freqid.core.results.loop_margins import LoopMargins as LoopMargins
 from freqid.core.results.output_error import OutputErrorModel as OutputErrorModel
 from freqid.core.results.point import PointModel as PointModel
 from freqid.core.results.prediction import Prediction as Prediction
@@ -40,6 +41,7 @@ from freqid.workflows.models.blend import blend as blend
 from freqid.workflows.models.blend import predict as predict
 from freqid.workflows.models.frequency_response import frequency_response as frequency_response
 from freqid.workflows.models.identify import identify_point as identify_point
+from freqid.workflows.models.margins import margins as margins
 from freqid.workflows.models.output_error import identify_output_error as identify_output_error
 from freqid.workflows.models.seal import predict_flight as predict_flight
 from freqid.workflows.models.seal import score_prediction as score_prediction

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from freqid.blend.line import BlendedResponse, Line
 from freqid.blend.locate import CorridorTolerance, Located, Outside, between, locate
 from freqid.blend.similarity import equivalent, goes_with_velocity
-from freqid.blend.state_space import StateSpace
+from freqid.blend.state_space import StateSpace, check_loads, trimmed, vehicle_of
 from freqid.core.arrays import Array
 from freqid.core.channels import WRENCH
 from freqid.core.errors import DataError, UsageError, nearest
@@ -357,15 +358,15 @@ class GlobalModel(Viewable):
             found += w**2 * np.einsum("ik,kij,jk->ij", by_knot, own, by_knot)
         return found * np.outer(scale, scale)
 
-    def to_statespace(self, reference: Reference, vehicle: Vehicle) -> StateSpace:
+    def to_statespace(self, reference: Reference, vehicle: Vehicle | None = None) -> StateSpace:
         """Linearise the aircraft's motion about a condition, identified or not.
 
         Parameters
         ----------
         reference : Reference
             Its speed and density; the trim there, tilts included, is the model's own.
-        vehicle : Vehicle
-            Mass properties, as they are at its trimmed tilts, and rotors.
+        vehicle : Vehicle, optional
+            Mass properties and rotors, in place of those that the points were identified with.
 
         Returns
         -------
@@ -374,7 +375,7 @@ class GlobalModel(Viewable):
         Raises
         ------
         UsageError
-            Where the model lacks a response or is not one of forces and moments.
+            Where the model lacks a response, is not one of forces and moments, or nobody states the mass.
         DataError
             Where the speed is outside the corridor.
 
@@ -382,22 +383,104 @@ class GlobalModel(Viewable):
         -----
         The pitch angle is that at which the blended trim wrench carries the weight, ``tan(theta) = X / -Z``.
         """
-        missing = [r for r in WRENCH if r not in self.names]
-        if missing or self.corridor.form != "force":
-            raise UsageError(
-                f"a state-space model needs X Y Z L M N in N and N m, found {' '.join(self.names)} in form "
-                f"'{self.corridor.form}'",
-                remedy="blend points of all six responses, identified with form 'force'",
-            )
+        return self.to_statespaces([reference], vehicle)[0]
+
+    def to_statespaces(
+        self, references: Sequence[Reference], vehicle: Vehicle | None = None
+    ) -> list[StateSpace]:
+        """Return `to_statespace` of several `references`, of one `vehicle`, faster than one by one."""
+        check_loads(self.names, self.corridor.form)
+        described = vehicle_of(vehicle, self.corridor.aircraft)
         along = self.corridor.along
-        inputs = self.reference(reference.u if along == "u" else reference[along], reference.rho)
+        inputs = self.reference(
+            [r.u if along == "u" else r[along] for r in references], [r.rho for r in references]
+        )
         rows = [self.names.index(r) for r in WRENCH]
-        gradient = dict(zip(self.inputs, self.gradient(inputs)[rows, :, 0].T, strict=True))
-        bias = self.wrench(inputs).values[rows, 0]
-        theta = float(np.arctan2(bias[0], -bias[2]))
-        at = {name: float(value[0]) for name, value in inputs.items()} | {"theta": theta}
-        at = {"v": 0.0, "w": at["u"] * np.tan(theta)} | at
-        return StateSpace.of({n: gradient[n] for n in self.corridor.units}, at, vehicle)
+        gradient = dict(zip(self.inputs, self.gradient(inputs)[rows].swapaxes(0, 1), strict=True))
+        loads = self.wrench(inputs).values[rows]
+        return [
+            trimmed(
+                {n: gradient[n][:, i] for n in self.corridor.units},
+                loads[:, i],
+                {name: float(value[i]) for name, value in inputs.items()},
+                described,
+            )
+            for i in range(len(references))
+        ]
+
+    def drawn(self, count: int, seed: int = 0) -> list[GlobalModel]:
+        """Return models as far from this one as its points' covariances let them be.
+
+        Parameters
+        ----------
+        count : int
+        seed : int
+            Of the random numbers.
+
+        Raises
+        ------
+        UsageError
+            Where the points state no covariance.
+        """
+        return [GlobalModel(corridor, self.tolerance) for corridor in self.corridor.drawn(count, seed)]
+
+    def to_control(
+        self,
+        *,
+        draws: int = 0,
+        seed: int = 0,
+        outputs: Sequence[str] = (),
+        vehicle: Vehicle | None = None,
+        **at: float,
+    ) -> Any:
+        """Return the aircraft's small motion about a condition as a python-control ``StateSpace``.
+
+        Parameters
+        ----------
+        draws : int
+            How many models to draw from the covariance; the estimate alone where zero.
+        seed : int
+            Of the draws.
+        outputs : sequence of str
+            Among u v w p q r phi theta, psi, alt, V, alpha and beta; the eight states where empty.
+        vehicle : Vehicle, optional
+            Mass properties and rotors, in place of those that the points were identified with.
+        **at : float
+            ``u``, m/s (or what else the corridor runs along, SI), and ``rho``, kg/m3, where the corridor has
+            lines of several densities: the one at sea level where absent.
+
+        Returns
+        -------
+        control.StateSpace, or a list of `draws` of them
+            States u v w (m/s) p q r (rad/s) phi theta (rad), inputs the effectors in SI (rad, or rad/s of
+            rotors), all from the trim. Names are its labels: ``aircraft.to_control(u=30.0)["q", "de1"]``.
+
+        Raises
+        ------
+        DataError
+            Where the condition is outside the corridor, or python-control is not installed: it is the extra
+            ``control``.
+        UsageError
+            Where the condition is not given, or the model states no covariance to draw from.
+
+        Examples
+        --------
+        >>> aircraft.to_control(u=30.0).poles()  # doctest: +SKIP
+        """
+        along = self.corridor.along
+        for name in at:
+            if name not in (along, "rho"):
+                raise UsageError(
+                    f"a condition is set by {along} and rho, not by '{name}'", remedy=f"give {along} alone"
+                )
+        if along not in at:
+            self._about_trim({})  # says so
+        rho = at.get("rho", self.lines[-1].rho)
+        place = {along: at[along]} if along != "u" else {}
+        condition = Reference.of("", at.get("u", float("nan")), rho, **place)
+        models = self.drawn(draws, seed) if draws else [self]
+        spaces = [model.to_statespace(condition, vehicle).to_control(outputs) for model in models]
+        return spaces if draws else spaces[0]
 
     def _about_trim(self, values: Mapping[str, ArrayLike]) -> dict[str, ArrayLike]:
         """Return all inputs: those given, and the corridor's own trim for the others."""

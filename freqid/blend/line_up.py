@@ -95,6 +95,7 @@ def line_up(
         scheduled=names,
         scheduled_units=tuple(stated.get(n, "rad") for n in names),
         along=along,
+        aircraft=points[0].aircraft if all(p.aircraft == points[0].aircraft for p in points) else None,
     )
     for i in range(line.max() + 1):
         _check_line(corridor, np.flatnonzero(line == i), points, files)

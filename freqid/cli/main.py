@@ -28,6 +28,7 @@ COMMANDS = {
     "export": "export",
     "predict": "predict",
     "score": "score",
+    "margins": "margins",
     "check-simulation": "check_simulation",
     "diagnose-gap": "diagnose_gap",
     "report": "report",

@@ -25,8 +25,8 @@ def command(
 ) -> None:
     """Write one self-contained HTML page about RESULT.
 
-    A point model, a global model, laws against advance ratio, a quick look, the diagnosis of a gap, a
-    comparison of two simulations, frequency responses, or a prediction and its score.
+    A point model, a global model, laws against advance ratio, a quick look, margins, the diagnosis of a gap,
+    a comparison of two simulations, frequency responses, or a prediction and its score.
     """
     from freqid.views.page import page
 

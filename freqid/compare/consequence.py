@@ -15,7 +15,7 @@ from freqid.dynamics.modes import MOTION, Mode, named_modes
 
 Limits = tuple[float, float]
 
-MARGIN_FIGURES = ("gain_up_db", "gain_down_db", "phase_deg", "delay_s", "crossover_hz", "modulus")
+MARGIN_FIGURES = ("gain_up_db", "gain_down_db", "phase_deg", "delay_s", "crossover_hz", "modulus", "disk")
 
 _FEWEST = 0.5  # share of the draws that must have a figure for it to be given an interval
 

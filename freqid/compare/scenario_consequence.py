@@ -14,6 +14,7 @@ from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.core.scenario import Reference, Scenario
 from freqid.dynamics.linear_loop import Actuation, LinearLoop
+from freqid.dynamics.small_motion import navigation_rows
 from freqid.simulate import effects as library
 from freqid.simulate.control.law import Setting
 from freqid.simulate.control.linearize import STATES, linearize
@@ -128,12 +129,7 @@ def condition_at(scenario: Scenario, reference: Reference, settings: Settings, l
     size, k = len(states), len(STATES)
     A, B = np.zeros((size, size)), np.zeros((size, len(order)))
     A[:k, :k], B[:k] = linear.A, linear.B[:, order]
-    climb = np.zeros(k)
-    climb[[STATES.index(n) for n in ("u", "w", "theta")]] = (
-        np.sin(theta),
-        -np.cos(theta),
-        velocity[0] * np.cos(theta) + velocity[2] * np.sin(theta),
-    )
+    climb = np.append(navigation_rows(velocity, theta)[1], 0.0)
     unit = np.eye(k)
     A[k:, :k] = [unit[STATES.index("u")], unit[STATES.index("v")], climb, unit[STATES.index("psi")]]
     effectors = tuple(linear.effectors[i] for i in order)

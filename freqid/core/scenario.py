@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from math import inf, isfinite
 from pathlib import Path
@@ -383,6 +384,17 @@ def find_scenario(name: Path | str) -> Path:
         if shipped.is_file():
             return shipped
     return path
+
+
+def is_scenario(path: Path | str) -> bool:
+    """Tell whether a path or name is that of a scenario: a TOML file that describes a vehicle."""
+    found = find_scenario(path)
+    if found.suffix != ".toml" or not found.is_file():
+        return False
+    try:
+        return "vehicle" in tomllib.loads(found.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
 
 
 def read_scenario(path: Path | str) -> tuple[Scenario, str]:

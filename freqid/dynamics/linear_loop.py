@@ -4,18 +4,21 @@ References
 ----------
 K. J. Astrom, R. M. Murray, *Feedback Systems*, 2nd ed., Princeton, 2021, sec. 10.3 (margins, delay margin).
 J. M. Maciejowski, *Multivariable Feedback Design*, Addison-Wesley, 1989, sec. 2 (loops broken one at a time).
+P. Seiler, A. Packard, P. Gahinet, "An Introduction to Disk Margins", *IEEE Control Systems Magazine* 40(5),
+2020 (disk margins, one loop at a time and several at once).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import block_diag
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.errors import UsageError, nearest
@@ -58,6 +61,9 @@ class Margins:
         Frequency of `phase_deg`, Hz; nan if the gain is never one.
     modulus : float
         Least distance of the loop gain from -1, over all frequencies.
+    disk : float
+        Symmetric disk margin, 0 to 2: the loop stays stable for any gain and phase, together, of
+        ``(1 + d / 2) / (1 - d / 2)`` with complex ``|d| < disk`` (Seiler, Packard & Gahinet, 2020).
     """
 
     gain_up_db: float
@@ -66,6 +72,7 @@ class Margins:
     delay_s: float
     crossover_hz: float
     modulus: float
+    disk: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,25 +206,63 @@ class LinearLoop:
         With M the return ratio matrix of the loop that is broken at all commands at once,
         ``1 + l_i = 1 / [(1 + M)^-1]_ii``: Maciejowski, 1989, sec. 2.
         """
-        s = 1j * np.asarray(omega, dtype=float)
-        motion = np.linalg.solve(s[:, None, None] * np.eye(len(self.A)) - self.A, self.B.astype(complex))
-        law = self.gain @ motion * self.actuation.response(omega).T[:, None]  # (M, axis, effector)
+        law = self._law(omega)
+        inverse = np.linalg.inv(np.eye(len(self.axes)) + law @ self.allocation)
+        by_axis = np.diagonal(inverse, axis1=1, axis2=2).T
+        # (1 + S G)^-1 = 1 - S (1 + G S)^-1 G: there are fewer axes than effectors
+        by_effector = 1 - np.einsum("na,fab,fbn->nf", self.allocation, inverse, law, optimize=True)
         gains = {}
-        for names, matrix in ((self.axes, law @ self.allocation), (self.effectors, self.allocation @ law)):
-            inverse = np.linalg.inv(np.eye(len(names)) + matrix)
+        for names, sensitivity in ((self.axes, by_axis), (self.effectors, by_effector)):
             with np.errstate(divide="ignore"):
-                each = 1 / np.diagonal(inverse, axis1=1, axis2=2).T - 1
-            gains |= dict(zip(names, each, strict=True))
+                gains |= dict(zip(names, 1 / sensitivity - 1, strict=True))
         return gains
 
-    def margins(self, *, exact: bool = True, span: tuple[float, float] = MARGIN_RANGE) -> dict[str, Margins]:
+    def disk_margin(self, *, points: int = POINTS, span: tuple[float, float] = MARGIN_RANGE) -> float:
+        """Return a disk margin that all axes of the law keep at once, each perturbed on its own.
+
+        Parameters
+        ----------
+        points : int
+            Frequencies that it is computed at.
+        span : tuple of 2 floats
+            rad/s.
+
+        Returns
+        -------
+        float
+            At most the true one, as `Margins.disk` has it; nan without a law, meaningless if not `stable`.
+
+        Notes
+        -----
+        ``1 / max mu(S - I / 2)`` over frequency, S the sensitivity at the axes and mu for a diagonal complex
+        perturbation, of which the largest singular value of ``D (S - I / 2) D^-1`` is an upper bound for any
+        positive diagonal D (Seiler et al., 2020). D balances the matrix (Osborne, J. ACM 7, 1960).
+        """
+        if not self.axes:
+            return float("nan")
+        omega = margin_frequencies(*span, points)
+        eye = np.eye(len(self.axes))
+        matrix = np.linalg.inv(eye + self._law(omega) @ self.allocation) - eye / 2
+        largest = np.linalg.svd(_balanced(matrix), compute_uv=False)[:, 0]
+        return float(1 / largest.max())
+
+    def _law(self, omega: Array) -> Complex:
+        """Return what the law makes of commands, back at its axes, shape (M, axis, effector)."""
+        s = 1j * np.asarray(omega, dtype=float)
+        across = s[:, None, None] * np.eye(len(self.A)) - self.A.T
+        seen = np.linalg.solve(across, self.gain.T.astype(complex)).swapaxes(1, 2)  # (M, axis, state)
+        return seen @ self.B * self.actuation.response(omega).T[:, None]
+
+    def margins(
+        self, *, exact: bool = True, span: tuple[float, float] = MARGIN_RANGE, points: int = POINTS
+    ) -> dict[str, Margins]:
         """Return the margins at every axis and effector, by name; they are meaningful only if `stable`.
 
-        Effectors that take no part in the law are left out. `exact` as in `stability_margins`.
+        Effectors that take no part in the law are left out. `exact` and `points` as in `stability_margins`.
         """
         if not self.axes:
             return {}
-        omega = margin_frequencies(*span)
+        omega = margin_frequencies(*span, points)
         found = {}
         for name, values in self.loop_gains(omega).items():
             if np.abs(values).max() > _NO_LOOP:
@@ -227,15 +272,36 @@ class LinearLoop:
 
     @cached_property
     def closed(self) -> Array:
-        """Matrix of the closed loop, for the states of x and then of the actuators."""
-        parts = [self.actuation.state_space(i) for i in range(len(self.effectors))]
-        a, b, c = (block_diag(*matrices) for matrices in zip(*(part[:3] for part in parts), strict=True))
-        direct = np.array([part[3] for part in parts])
-        command = -self.allocation @ self.gain
-        motion = self.A + self.B @ (direct[:, None] * command)
-        if not any(len(part[0]) for part in parts):
+        """Matrix of the closed loop, for the states of x and then of the actuators.
+
+        Effectors that answer alike share one answer for each axis where they are more than the axes: left
+        out are eigenvalues of actuators alone, which nothing reaches.
+        """
+        motion, rows = self.A, []
+        for places in _alike(self.actuation):
+            effect = self.B[:, places] * self.actuation.gain[places]
+            command = -self.allocation[places] @ self.gain
+            if len(places) > len(self.axes):
+                effect, command = effect @ self.allocation[places], -self.gain
+            a, b, c, direct = replace(self.actuation, gain=np.ones(len(self.effectors))).state_space(
+                places[0]
+            )
+            motion = motion + direct * effect @ command
+            rows += [(a, b @ command[[k]], effect[:, [k]] @ c) for k in range(len(command)) if len(a)]
+        if not rows:
             return motion
-        return np.block([[motion, self.B @ c], [b @ command, a]])
+        a = block_diag(*(row[0] for row in rows))
+        b, c = np.vstack([row[1] for row in rows]), np.hstack([row[2] for row in rows])
+        return np.block([[motion, c], [b, a]])
+
+
+def _alike(actuation: Actuation) -> list[list[int]]:
+    """Return the places of effectors whose dynamics are the same but for the gain."""
+    names = ("delay", "frequency", "damping", "share", "lag", "lag_2")
+    groups: dict[tuple[float, ...], list[int]] = {}
+    for i in range(len(actuation.gain)):
+        groups.setdefault(tuple(float(getattr(actuation, n)[i]) for n in names), []).append(i)
+    return list(groups.values())
 
 
 def stability_margins(
@@ -288,14 +354,14 @@ def margins_from_samples(omega: Array, values: ArrayLike, loop: LoopGain | None 
     def crossings(of: Array, exact: Callable[[complex], float]) -> list[tuple[float, complex]]:
         found = []
         for i in np.flatnonzero(np.sign(of[:-1]) * np.sign(of[1:]) < 0):
-            if loop is None:
+            low, high = float(omega[i]), float(omega[i + 1])
+            # one frequency at a time may round to the other sign of a part that is zero but for rounding
+            if loop is None or exact(_one(loop, low)) * exact(_one(loop, high)) > 0:
                 share = of[i] / (of[i] - of[i + 1])
-                at = float(omega[i] * (omega[i + 1] / omega[i]) ** share)
+                at = float(low * (high / low) ** share)
                 found.append((at, complex(v[i] + share * (v[i + 1] - v[i]))))
             else:
-                at = float(
-                    brentq(lambda w: exact(_one(loop, w)), omega[i], omega[i + 1], xtol=1e-12 * omega[i])  # pyright: ignore
-                )
+                at = float(brentq(lambda w: exact(_one(loop, w)), low, high, xtol=1e-12 * low))  # pyright: ignore
                 found.append((at, _one(loop, at)))
         return found
 
@@ -316,8 +382,42 @@ def margins_from_samples(omega: Array, values: ArrayLike, loop: LoopGain | None 
         phase_deg=float(np.degrees(phase)),
         delay_s=float(min(delay, default=np.inf)),
         crossover_hz=float(at / (2 * np.pi)),
-        modulus=float(np.abs(1 + v).min()),
+        modulus=_least(omega, v, loop, lambda x: np.abs(1 + x)),
+        disk=min(2.0, _least(omega, v, loop, _symmetric_disk)),
     )
+
+
+def _symmetric_disk(gain: Any) -> Any:
+    """Return ``1 / |S - 1 / 2|`` of loop gains: S - 1/2 = (1 - L) / (1 + L) / 2."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return 2 * np.abs(1 + gain) / np.abs(1 - gain)
+
+
+def _least(omega: Array, values: Complex, loop: LoopGain | None, of: Callable[[Any], Any]) -> float:
+    """Return the least of a function of the loop gain, between the frequencies too if `loop` is given."""
+    sampled = of(values)
+    i = int(np.nanargmin(sampled))
+    if loop is None or not 0 < i < omega.size - 1:
+        return float(sampled[i])
+    found = minimize_scalar(
+        lambda w: float(of(_one(loop, w))), bounds=(omega[i - 1], omega[i + 1]), method="bounded"
+    )
+    return float(min(found.fun, sampled[i]))
+
+
+def _balanced(matrix: Complex, sweeps: int = 12) -> Complex:
+    """Return ``D M D^-1`` with rows and columns of equal size, D positive and diagonal, shape (M, n, n)."""
+    size = np.abs(matrix) ** 2
+    size[:, *np.diag_indices(size.shape[1])] = 0.0
+    scale = np.ones(size.shape[:2])
+    for _ in range(sweeps):
+        for i in range(scale.shape[1]):
+            row = (size[:, i] / scale**2).sum(axis=1) * scale[:, i] ** 2
+            column = (size[:, :, i] * scale**2).sum(axis=1) / scale[:, i] ** 2
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = (column / row) ** 0.25
+            scale[:, i] *= np.where(np.isfinite(step) & (step > 0), step, 1.0)
+    return matrix * scale[:, :, None] / scale[:, None, :]
 
 
 def _one(loop: LoopGain, omega: float) -> complex:

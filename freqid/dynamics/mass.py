@@ -46,6 +46,45 @@ def centre_of_gravity(vehicle: Vehicle, tilt: Mapping[str, ArrayLike]) -> Array:
     return place.T
 
 
+def with_tilted_wings(vehicle: Vehicle, tilt: Mapping[str, float]) -> Vehicle:
+    """Return the vehicle with the mass properties that it has at other tilts of its wings.
+
+    Parameters
+    ----------
+    vehicle : Vehicle
+    tilt : mapping of str to float
+        By tilt effector, rad; a wing without one stays where the vehicle has it.
+
+    Returns
+    -------
+    Vehicle
+        Its centre of gravity, inertia and ``tilt_rad`` are those at these tilts.
+
+    Raises
+    ------
+    UsageError
+        As `without_wings`.
+    """
+    turned = [w for w in vehicle.wings if w.tilt in tilt and (w.mass_kg > 0 or w.inertia.matrix.any())]
+    if not turned:
+        return vehicle
+    whole = vehicle.mass_properties
+    stated = {w.tilt: vehicle.tilt_rad.get(w.name, 0.0) for w in vehicle.wings}
+    at = {name: float(tilt.get(name, angle)) for name, angle in stated.items()}
+    cg = centre_of_gravity(vehicle, at)
+    _, inertia = without_wings(vehicle, turned, cg)
+    for wing in turned:
+        turn = turn_about_y(np.eye(3), at[wing.tilt])
+        place = np.subtract(wing.pivot_m, cg) + turn_about_y(wing_arm(wing), at[wing.tilt])
+        inertia = inertia + turn @ wing.inertia.matrix @ turn.T + point_inertia(wing.mass_kg, place)
+    (xx, yy, zz), (xy, xz, yz) = np.diag(inertia), -inertia[[0, 0, 1], [1, 2, 2]]
+    mass_properties = msgspec.structs.replace(
+        whole, cg_m=tuple(cg.tolist()), inertia=Inertia(xx=xx, yy=yy, zz=zz, xz=xz, xy=xy, yz=yz)
+    )
+    angles = vehicle.tilt_rad | {w.name: at[w.tilt] for w in turned}
+    return msgspec.structs.replace(vehicle, mass_properties=mass_properties, tilt_rad=angles)
+
+
 def wing_arm(wing: Wing) -> Array:
     """Return a wing's centre of gravity from its pivot at zero tilt, m, shape (3,).
 

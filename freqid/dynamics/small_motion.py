@@ -13,6 +13,22 @@ from freqid.core.vehicle import Vehicle
 
 STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta")
 
+NAVIGATION = {"psi": "rad", "alt": "m"}
+"""Heading and altitude, which no load depends on, with their units."""
+
+SIGNALS = {
+    **dict.fromkeys(("u", "v", "w"), "m/s"),
+    **dict.fromkeys(("p", "q", "r"), "rad/s"),
+    **dict.fromkeys(("phi", "theta"), "rad"),
+    **NAVIGATION,
+    "V": "m/s",
+    "alpha": "rad",
+    "beta": "rad",
+}
+"""What a sensor may measure of the small motion, with its unit."""
+
+_AT_REST = 0.1  # m/s: below it there is no flow direction
+
 
 def equations_of_motion(
     wrench: Array,
@@ -95,3 +111,52 @@ def rotor_spin(vehicle: Vehicle, effectors: Sequence[str], positions: Mapping[st
             axis = shaft_axis(rotor.axis, tilts.get(rotor.wing or "", 0.0))
             spin[:, list(effectors).index(rotor.name)] = rotor.spin * rotor.inertia * axis
     return spin
+
+
+def navigation_rows(velocity: Array, theta: float) -> Array:
+    """Return the rates of psi and altitude by u v w p q r phi theta, wings level, shape (2, 8).
+
+    Parameters
+    ----------
+    velocity : ndarray, shape (3,)
+        u v w of the reference, m/s.
+    theta : float
+        Pitch angle of the reference, rad.
+
+    Notes
+    -----
+    ``psi' = r / cos(theta)``, ``h' = u sin(theta) - w cos(theta) + (u0 cos(theta) + w0 sin(theta)) theta``.
+    """
+    u, _, w = velocity
+    rows = np.zeros((2, len(STATES)))
+    rows[0, STATES.index("r")] = 1 / np.cos(theta)
+    rows[1, [STATES.index(n) for n in ("u", "w", "theta")]] = (
+        np.sin(theta),
+        -np.cos(theta),
+        u * np.cos(theta) + w * np.sin(theta),
+    )
+    return rows
+
+
+def signal_row(name: str, velocity: Array) -> Array:
+    """Return one of `SIGNALS` by u v w p q r phi theta, psi and altitude, shape (10,).
+
+    Airspeed and flow angles are those at the centre of gravity in still air; at rest there are none.
+
+    Raises
+    ------
+    ValueError
+        For a flow angle or an airspeed at rest.
+    """
+    states = (*STATES, *NAVIGATION)
+    row = np.zeros(len(states))
+    if name in states:
+        row[states.index(name)] = 1.0
+        return row
+    u, _, w = velocity
+    speed = float(np.hypot(u, w))
+    if speed < _AT_REST:
+        raise ValueError(f"'{name}' has no meaning at {speed:.2g} m/s")
+    by_velocity = {"V": (u, 0.0, w), "alpha": (-w / speed, 0.0, u / speed), "beta": (0.0, 1.0, 0.0)}[name]
+    row[:3] = np.array(by_velocity) / speed
+    return row

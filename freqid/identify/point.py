@@ -292,6 +292,7 @@ def identify_point(
         trim=trim,
         no_advance_ratio=no_advance_ratio,
         scheduled_units=units,
+        aircraft=maneuvers[0].vehicle,
     )
 
 

@@ -19,6 +19,7 @@ from freqid.core.results.corridor import Corridor
 from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledInputs
 from freqid.core.results.diagnosis import GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse
+from freqid.core.results.loop_margins import LoopMargins
 from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
 from freqid.core.results.prediction import Prediction, Score
@@ -28,6 +29,7 @@ from freqid.report.advance_ratio.figures import derivatives_over_advance_ratio
 from freqid.report.design.figures import GROUP_COLOURS, signal_rows
 from freqid.report.gap.figures import probability_bars
 from freqid.report.kit.figures import channel_strips
+from freqid.report.margins.page import margins_along
 from freqid.report.prediction.page import band_strips, difference_strips
 from freqid.report.response.page import bode
 
@@ -110,6 +112,12 @@ def _of_output_error(found: OutputErrorModel) -> Figure:
     panels[-1].set_xlabel("Frequency (Hz)" if on_lines else "Time (s)")
     panels[0].legend(frameon=False)
     return figure
+
+
+@figure_of.register
+def _of_margins(found: LoopMargins) -> Figure:
+    """Draw the phase margin of every axis along the corridor."""
+    return margins_along(found, "phase_deg", list(found.axes[:_MOST_LAWS]))
 
 
 @figure_of.register

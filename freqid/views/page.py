@@ -12,6 +12,7 @@ from freqid.core.record import read_record
 from freqid.core.results.advance_ratio import AdvanceRatioModel
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.results.gap import GapResult
+from freqid.core.results.loop_margins import LoopMargins
 from freqid.core.results.point import PointModel
 from freqid.core.results.prediction import Prediction, Score
 from freqid.core.results.quicklook import Quicklook
@@ -65,7 +66,7 @@ def page(
 
     Parameters
     ----------
-    result : PointModel, GlobalModel, AdvanceRatioModel, FrequencyResponse, Quicklook, Prediction, Score, ...
+    result : PointModel, GlobalModel, AdvanceRatioModel, FrequencyResponse, LoopMargins, Prediction, Score, ...
         What the verbs return, or `read`; or the path of such a file.
     record : FlightRecord, Maneuver or path, optional
         Of a point model: the flight that it was made from, whose channels are drawn; the file that the
@@ -128,6 +129,10 @@ def page(
         from freqid.report.quicklook.page import build_quicklook_page
 
         return Page(build_quicklook_page(result))
+    if isinstance(result, LoopMargins):
+        from freqid.report.margins.page import build_margins_page
+
+        return Page(build_margins_page(result))
     if isinstance(result, AdvanceRatioModel):
         from freqid.report.advance_ratio.page import build_advance_ratio_page
 

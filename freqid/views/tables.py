@@ -18,6 +18,7 @@ from freqid.core.results.corridor import Corridor
 from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledInputs
 from freqid.core.results.diagnosis import GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse
+from freqid.core.results.loop_margins import LoopMargins, unit_of
 from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel, per
 from freqid.core.results.prediction import Prediction, Score
@@ -157,6 +158,33 @@ def _of_response(response: FrequencyResponse) -> pd.DataFrame:
                 )
             )
     return pd.concat(tables, ignore_index=True)
+
+
+@frame_of.register
+def _of_margins(found: LoopMargins) -> pd.DataFrame:
+    rows = []
+    for k, name in enumerate(found.ids):
+        others = {
+            n: dict(zip(found.figures, one.estimate[:, k], strict=True)) for n, one in found.beside.items()
+        }
+        for path, (estimate, low, high) in found[name].items():
+            kind, place, figure = path.split("/")
+            beside = [others[n][path] for n in others]
+            where = (name, found.u[k], found.rho[k], kind, place, figure)
+            rows.append((*where, estimate, low, high, unit_of(path), *beside))
+    head = [
+        "condition",
+        "u (m/s)",
+        "rho (kg/m3)",
+        "kind",
+        "of",
+        "figure",
+        "estimate",
+        "lower",
+        "upper",
+        "unit",
+    ]
+    return pd.DataFrame(rows, columns=[*head, *found.beside])
 
 
 @frame_of.register

@@ -16,6 +16,7 @@ from freqid.core.results import (
     design,
     frequency_response,
     gap,
+    loop_margins,
     output_error,
     point,
     prediction,
@@ -67,8 +68,8 @@ def read(path: File) -> Any:
     -------
     Result
         FlightRecord, MultisineDesign, PointModel, OutputErrorModel, GlobalModel, AdvanceRatioModel,
-        FrequencyResponse, Quicklook, GapResult, Rivals, Prediction or Score, as the file says of itself. Of
-        a scenario's TOML file, the `Scenario`; of classic inputs, their samples.
+        FrequencyResponse, LoopMargins, Quicklook, GapResult, Rivals, Prediction or Score, as the file says of
+        itself. Of a scenario's TOML file, the `Scenario`; of classic inputs, their samples.
 
     Raises
     ------
@@ -182,6 +183,7 @@ _FILES = (
     prediction.FILE,
     prediction.SCORE_FILE,
     quicklook.FILE,
+    loop_margins.FILE,
 )
 _READERS: dict[str, Callable[[Path], Any]] = {
     record_file.FORMAT: record_file.read_record,

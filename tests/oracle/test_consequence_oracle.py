@@ -11,16 +11,20 @@ import msgspec
 import numpy as np
 import pytest
 
+from freqid.blend.state_space import StateSpace
+from freqid.compare.consequence import assess
+from freqid.compare.loop_margins import Place, closed
 from freqid.compare.scenario_consequence import condition_at, consequence_of_effects, design_law_at
+from freqid.compare.scenario_law import scenario_law, simulated_motion
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.scenario import read_scenario
 from freqid.core.vehicle import Inertia
 from freqid.dynamics.small_motion import equations_of_motion, rotor_spin
 from freqid.identify.loads.mass import moving_mass
 from freqid.identify.loads.momentum import airframe_momentum
-from freqid.simulate.control.linearize import linearize
+from freqid.simulate.control.linearize import STATES, linearize
 from freqid.simulate.control.trim import trim
-from freqid.simulate.motion import whole_vehicle as motion
+from freqid.simulate.motion import whole_vehicle
 
 SCENARIO = read_scenario(Path(__file__).resolve().parents[2] / "scenarios" / "la8.toml")[0]
 AT = SCENARIO.reference_of("u45")
@@ -43,7 +47,7 @@ def late():
 
 def test_rigid_body_equations_are_those_of_the_differentiated_simulation():
     """Those that identification and design use, with the inertia of the tilted wings at this trim."""
-    parameters = jax.tree.map(jnp.asarray, motion.parameters(SCENARIO))
+    parameters = jax.tree.map(jnp.asarray, whole_vehicle.parameters(SCENARIO))
     at = trim(SCENARIO, parameters, AT)
     linear = linearize(SCENARIO, parameters, at)
     names = {kind: [e.name for e in SCENARIO.effector if e.kind == kind] for kind in ("rotor", "tilt")}
@@ -65,6 +69,31 @@ def test_rigid_body_equations_are_those_of_the_differentiated_simulation():
     rates = np.linalg.solve(E[:, :8], motion_and_input)
     np.testing.assert_allclose(rates[:, :8], linear.A[:8, :8], atol=1e-9)
     np.testing.assert_allclose(rates[:, 8:], linear.B[:8], atol=1e-9)
+
+
+def test_the_models_state_space_is_the_differentiated_simulation():
+    """From derivatives of the wrench alone, the wings' masses moved from where the scenario states them."""
+    place = Place("u45", AT.u, AT.rho, dict(AT.scheduled))
+    motion = simulated_motion(SCENARIO)(place)
+    parameters = jax.tree.map(jnp.asarray, whole_vehicle.parameters(SCENARIO))
+    linear = linearize(SCENARIO, parameters, trim(SCENARIO, parameters, AT))
+    names = (*STATES[:6], *linear.effectors)
+    derivatives = {n: linear.wrench[:, j] for j, n in enumerate(names)}
+    found = StateSpace.of(derivatives, motion.trim, SCENARIO.aircraft())
+    assert found.inputs == motion.inputs
+    np.testing.assert_allclose(found.A, motion.A, atol=1e-9)
+    np.testing.assert_allclose(found.B, motion.B, atol=1e-9)
+
+
+def test_the_simulations_law_read_back_gives_the_simulations_margins(late):
+    law = scenario_law(SCENARIO)(AT.u, AT.rho, dict(AT.scheduled))
+    motion = simulated_motion(SCENARIO)(Place("u45", AT.u, AT.rho, dict(AT.scheduled)))
+    found = assess(closed(motion, law, SCENARIO.aircraft()))
+    for axis, margins in late.before.margins.items():
+        for figure in ("gain_up_db", "phase_deg", "disk"):
+            expected = getattr(margins, figure)
+            assert getattr(found.margins[axis], figure) == pytest.approx(expected, abs=1e-9), (axis, figure)
+    assert found.authority == pytest.approx(late.before.authority)
 
 
 def _tilted(vehicle, tilts):

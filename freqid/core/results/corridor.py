@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
-from freqid.core.layout import Attribute, Dataset, NestedSeries, ResultFile
-from freqid.core.results.point import per
+from freqid.core.layout import Attribute, Dataset, NestedSeries, ResultFile, Table
+from freqid.core.results.point import check_covariance, per, spread_of
 from freqid.core.units import RHO0
+from freqid.core.vehicle import Vehicle
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,8 @@ class Corridor:
         ``dw1 dw2``.
     along : str
         What lines are sorted and interpolated by: ``u``, or the name of a scheduled variable.
+    aircraft : Vehicle, optional
+        Its mass, geometry and effectors, where all points state the same; files of older releases have none.
     """
 
     ids: tuple[str, ...]
@@ -107,6 +110,7 @@ class Corridor:
     scheduled: tuple[str, ...] = ("dw1", "dw2")
     scheduled_units: tuple[str, ...] = ("rad", "rad")
     along: str = "u"
+    aircraft: Vehicle | None = None
 
     @property
     def coordinate(self) -> Array:
@@ -122,6 +126,39 @@ class Corridor:
             raise UsageError(
                 f"the model has no response '{response}'", remedy=nearest(response, self.responses)
             ) from None
+
+    def drawn(self, count: int, seed: int = 0) -> list[Corridor]:
+        """Return corridors as far from this one as its covariances let them be.
+
+        Parameters
+        ----------
+        count : int
+            How many; knots and responses are drawn apart from each other.
+        seed : int
+            Of the random numbers.
+
+        Raises
+        ------
+        UsageError
+            Where the points state no covariance.
+        """
+        rng = np.random.default_rng(seed)
+        estimates, biases = {}, {}
+        for name, knots in self.responses.items():
+            check_covariance(name, knots.covariance)
+            step = spread_of(knots.covariance) @ rng.standard_normal((count, *knots.covariance.shape[:2], 1))
+            estimates[name] = knots.estimate + step[..., 0].swapaxes(1, 2)
+            biases[name] = knots.bias + knots.bias_std_error * rng.standard_normal((count, knots.bias.size))
+        return [
+            replace(
+                self,
+                responses={
+                    name: replace(knots, estimate=estimates[name][i], bias=biases[name][i])
+                    for name, knots in self.responses.items()
+                },
+            )
+            for i in range(count)
+        ]
 
     @property
     def units(self) -> dict[str, str]:
@@ -159,6 +196,7 @@ _CORRIDOR = {
     "schedule": Dataset("reference/{scheduled}", "{scheduled_units}", ("scheduled", "ids")),
     "line": Dataset("reference/line", axes=("ids",)),
     "provenance": Attribute("provenance@json", json=True),
+    "aircraft": Table("aircraft"),
     "responses": NestedSeries(KnotResponse, _RESPONSE, "response", "@responses"),
 }
 

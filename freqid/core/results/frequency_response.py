@@ -9,6 +9,7 @@ import numpy as np
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.errors import UsageError, nearest
+from freqid.core.extras import extra
 from freqid.core.layout import Attribute, Dataset, NestedSeries, ResultFile
 from freqid.core.viewable import Viewable
 
@@ -215,6 +216,38 @@ class FrequencyResponse(Viewable):
                 for c in self.compared
             ),
             tuple(x for x in self.fits if {*x.inputs} <= {*inputs} and {*x.outputs} <= {*outputs}),
+        )
+
+    def to_control(self) -> Any:
+        """Return the responses as a python-control ``FrequencyResponseData`` with its names.
+
+        Returns
+        -------
+        control.FrequencyResponseData
+            At the frequencies where every pair is known; output unit per input unit, rad/s.
+
+        Raises
+        ------
+        UsageError
+            Where no frequency has every pair: take fewer pairs with `of`.
+        DataError
+            Where python-control is not installed: it is the extra ``control``.
+
+        Examples
+        --------
+        >>> response.of(("de1",), ("q",)).to_control().magnitude  # doctest: +SKIP
+        """
+        control = extra("control", "control")
+        known = np.isfinite(self.value).all(axis=(0, 1))
+        if not known.any():
+            raise UsageError(
+                "no frequency has the responses of all pairs", remedy="take fewer with .of(inputs, outputs)"
+            )
+        return control.frd(
+            self.value[:, :, known],
+            2 * np.pi * self.frequencies_hz[known],
+            inputs=list(self.inputs),
+            outputs=list(self.outputs),
         )
 
 

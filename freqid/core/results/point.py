@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
-from freqid.core.layout import Attribute, Attributes, Dataset, Nested, NestedSeries, ResultFile
+from freqid.core.layout import Attribute, Attributes, Dataset, Nested, NestedSeries, ResultFile, Table
 from freqid.core.scenario import Gates, Reference
+from freqid.core.vehicle import Vehicle
 from freqid.core.viewable import Viewable
 
 
@@ -345,6 +347,8 @@ class PointModel(Viewable):
         Why there is none in `trim`; empty where there is.
     scheduled_units : dict of str to str
         SI unit of what the reference sets beside speed and density; rad where a name is absent.
+    aircraft : Vehicle, optional
+        What was flown: mass, geometry and effectors; files of older releases have none.
     """
 
     reference: Reference
@@ -362,6 +366,7 @@ class PointModel(Viewable):
     trim: Mapping[str, float] = field(default_factory=dict)
     no_advance_ratio: str = ""
     scheduled_units: dict[str, str] = field(default_factory=dict)
+    aircraft: Vehicle | None = None
 
     def __repr__(self) -> str:
         fits = ", ".join(f"{name} R2 {r.r2:.4f}" for name, r in self.responses.items())
@@ -383,6 +388,82 @@ class PointModel(Viewable):
             raise UsageError(
                 f"the model has no response '{response}'", remedy=nearest(response, self.responses)
             ) from None
+
+    def drawn(self, count: int, seed: int = 0) -> list[PointModel]:
+        """Return models as far from this one as its covariances let them be, each response independently.
+
+        Parameters
+        ----------
+        count : int
+        seed : int
+            Of the random numbers.
+
+        Raises
+        ------
+        UsageError
+            Where a response states no covariance.
+        """
+        rng = np.random.default_rng(seed)
+        for name, r in self.responses.items():
+            check_covariance(name, r.covariance)
+        estimates = [
+            {n: rng.multivariate_normal(r.estimate, r.covariance) for n, r in self.responses.items()}
+            for _ in range(count)
+        ]
+        shift = {name: r.bias_std_error * rng.standard_normal(count) for name, r in self.responses.items()}
+        return [
+            replace(
+                self,
+                responses={
+                    name: replace(r, estimate=estimates[i][name], bias=r.bias + float(shift[name][i]))
+                    for name, r in self.responses.items()
+                },
+            )
+            for i in range(count)
+        ]
+
+    def to_control(
+        self, *, draws: int = 0, seed: int = 0, outputs: Sequence[str] = (), vehicle: Vehicle | None = None
+    ) -> Any:
+        """Return the aircraft's small motion as a python-control ``StateSpace``, or a list of draws.
+
+        As `GlobalModel.to_control`, at the model's own condition. Needs the extra ``control``.
+
+        Parameters
+        ----------
+        draws, seed : int
+            How many models to draw from the covariance, and with which random numbers; the estimate alone
+            where zero.
+        outputs : sequence of str
+            Among u v w p q r phi theta, psi, alt, V, alpha and beta; the eight states where empty.
+        vehicle : Vehicle, optional
+            Mass properties and rotors, in place of the model's own.
+
+        Raises
+        ------
+        UsageError
+            Where the model lacks a response, or states no vehicle or no covariance.
+        DataError
+            Where python-control is not installed.
+        """
+        of_point = import_module("freqid.blend.state_space").point_statespaces
+        spaces = [one.to_control(outputs) for one in of_point(self, vehicle, draws, seed)]
+        return spaces if draws else spaces[0]
+
+
+def check_covariance(response: str, covariance: Array) -> None:
+    """Raise UsageError where a response states no covariance, so that nothing can be drawn from it."""
+    if not np.isfinite(covariance).all() or not covariance.any():
+        raise UsageError(
+            f"the model states no covariance of '{response}', so that no models can be drawn from it",
+            remedy="identify it again, or ask for the estimate alone with draws=0",
+        )
+
+
+def spread_of(covariance: Array) -> Array:
+    """Return F with ``F F^T`` equal to covariances, shape (..., p, p), also where these are singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    return vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
 
 
 @dataclass(frozen=True)
@@ -511,6 +592,7 @@ _POINT = {
     "trim": Attributes("trim", only=("V", "alpha", "advance_ratio")),
     "no_advance_ratio": Attribute("trim@no_advance_ratio"),
     "provenance": Attribute("provenance@json", json=True),
+    "aircraft": Table("aircraft"),
     "responses": NestedSeries(ResponseModel, _RESPONSE, "response", "@responses"),
     "prediction": NestedSeries(Fit, _fits("prediction/{of}", "{units.of}"), "of", "prediction"),
 }

@@ -132,28 +132,6 @@ def derivatives_of(model: PointModel) -> dict[str, dict[str, float]]:
     }
 
 
-def drawn_derivatives(model: PointModel, count: int, seed: int = 0) -> list[dict[str, dict[str, float]]]:
-    """Return derivatives as far from an identified model's as its own covariance lets them be.
-
-    Parameters
-    ----------
-    model : PointModel
-    count : int
-        How many models are drawn, each response independently.
-    seed : int
-    """
-    rng = np.random.default_rng(seed)
-    return [
-        {
-            name: dict(
-                zip(r.regressors, rng.multivariate_normal(r.estimate, r.covariance).tolist(), strict=True)
-            )
-            for name, r in model.responses.items()
-        }
-        for _ in range(count)
-    ]
-
-
 def _feedback(gains: Mapping[str, Mapping[str, float]] | ArrayLike | None, names: tuple[str, ...]) -> Array:
     """Return gains as an array, shape (effector, state)."""
     shape = (len(names), len(STATES))
@@ -240,9 +218,9 @@ class ModelledAircraft:
             return perturbed_aircraft(derivatives, vehicle, u=point.reference.u, gains=gains, trim=trim)
 
         varied = []
-        for derivatives in drawn_derivatives(point, VARIED_MODELS, seed):
+        for drawn in point.drawn(VARIED_MODELS, seed):
             try:
-                varied.append(closed(derivatives))
+                varied.append(closed(derivatives_of(drawn)))
             except UsageError:  # a draw that is unstable says that the spread is at least this wide
                 continue
         noise = dict(scenario.noise)

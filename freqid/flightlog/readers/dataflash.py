@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.extras import extra
 from freqid.core.record import FlightRecord
 from freqid.core.units import parse_unit
 from freqid.flightlog.column_map import ColumnMap, Place
 from freqid.flightlog.mapped import assemble_map
 from freqid.flightlog.read import Reader
-from freqid.flightlog.readers.extras import extra
 from freqid.flightlog.resample import LONGEST_GAP
 from freqid.flightlog.signal import NotLogged, Signal
 
@@ -125,7 +125,7 @@ class DataFlashFile:
     """
 
     def __init__(self, path: Path) -> None:
-        reader = extra("pymavlink.DFReader", "logs", path)
+        reader = extra("pymavlink.DFReader", "logs", str(path))
         if not _starts_with_magic(path):
             raise DataError("is no DataFlash log, it does not begin as one", remedy="check the path")
         self._log = reader.DFReader_binary.__new__(reader.DFReader_binary)

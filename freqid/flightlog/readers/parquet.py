@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.errors import DataError, UsageError
+from freqid.core.extras import extra
 from freqid.core.record import FlightRecord
 from freqid.flightlog.column_map import ColumnMap, Place
 from freqid.flightlog.mapped import assemble_map
 from freqid.flightlog.read import Reader
-from freqid.flightlog.readers.extras import extra
 from freqid.flightlog.signal import Signal, clock_of_table, column_index
 
 _ROWS = 100_000  # read at a time, so that a column of a long log stands in memory once
@@ -59,8 +59,8 @@ class _Columns:
     """The columns of an open file."""
 
     def __init__(self, path: Path) -> None:
-        pyarrow = extra("pyarrow", "parquet", path)
-        parquet = extra("pyarrow.parquet", "parquet", path)
+        pyarrow = extra("pyarrow", "parquet", str(path))
+        parquet = extra("pyarrow.parquet", "parquet", str(path))
         self._faults = (pyarrow.ArrowException, OSError, ValueError)
         try:
             self._file = parquet.ParquetFile(path)

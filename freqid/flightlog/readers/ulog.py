@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.errors import DataError, UsageError, nearest
+from freqid.core.extras import extra
 from freqid.core.record import FlightRecord
 from freqid.flightlog.column_map import ColumnMap, Place
 from freqid.flightlog.mapped import assemble_map
 from freqid.flightlog.read import Reader
-from freqid.flightlog.readers.extras import extra
 from freqid.flightlog.signal import NotLogged, Signal
 
 MAGIC = b"ULog\x01\x12\x35"
@@ -112,7 +112,7 @@ class ULogFile:
     """
 
     def __init__(self, path: Path, topics: Iterable[str] | None = None, *, whole: bool = True) -> None:
-        pyulog = extra("pyulog", "logs", path)
+        pyulog = extra("pyulog", "logs", str(path))
         self.clocks: dict[str, str] = {}
         self._times: dict[tuple[str, int], NDArray[np.float64]] = {}
         check_messages(path, whole=whole)

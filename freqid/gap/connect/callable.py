@@ -280,7 +280,7 @@ def load(text: str) -> CallableSimulation:
         raise UsageError(f"'{text}' names no function", remedy="write FILE.py:NAME")
     if not path.is_file():
         raise DataError("there is no such file", where=file, remedy="check the path before the colon")
-    module = _imported(path)
+    module = import_file(path)
     function = getattr(module, name, None)
     if not callable(function):
         known = [n for n, v in vars(module).items() if callable(v) and not n.startswith("_")]
@@ -336,7 +336,14 @@ def simulation_of(
     return CallableSimulation(function, name, responses, vehicle, effects, source)
 
 
-def _imported(path: Path) -> Any:
+def import_file(path: Path) -> Any:
+    """Run a user's Python file and return it as a module.
+
+    Raises
+    ------
+    UsageError, DataError
+        Where it is no Python file, or raises anything.
+    """
     spec = importlib.util.spec_from_file_location(f"freqid_user_{path.stem}", path)
     if spec is None or spec.loader is None:
         raise UsageError("it is no Python file", where=str(path), remedy="write FILE.py:NAME")

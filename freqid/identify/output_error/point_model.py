@@ -142,6 +142,7 @@ def point_model(
         trim=trim,
         no_advance_ratio=no_advance_ratio,
         scheduled_units=units,
+        aircraft=maneuvers[0].vehicle,
     )
 
 

@@ -152,3 +152,74 @@ def test_eigenvalues_are_the_zeros_of_the_determinant():
 def test_an_unknown_place_is_refused():
     with pytest.raises(UsageError, match="de9"):
         system(0).loop_gain("de9", np.array([1.0]))
+
+
+def test_disk_margins_of_closed_forms():
+    """An integrator keeps the largest disk; three lags the least of 2 |1 + L| / |1 - L|, by brute force."""
+    assert stability_margins(lambda w: 2.0 / (1j * w), 0.01, 200.0).disk == pytest.approx(2.0, abs=1e-6)
+
+    # Seiler, Packard & Gahinet (2020) use this loop: gain margin 3.6, phase margin 29 deg, disk margin 0.46
+    def loop(w):
+        s = 1j * np.asarray(w)
+        return 25 / (s**3 + 10 * s**2 + 10 * s + 10)
+
+    w = np.linspace(0.5, 5, 400_001)
+    found = stability_margins(loop, 0.01, 200.0)
+    assert found.disk == pytest.approx((2 * np.abs(1 + loop(w)) / np.abs(1 - loop(w))).min(), rel=1e-6)
+    assert found.disk == pytest.approx(0.46, abs=0.005)
+    assert found.gain_up_db == pytest.approx(20 * np.log10(3.6), abs=1e-6)
+    assert found.phase_deg == pytest.approx(29.1, abs=0.05)
+    # a guarantee for gain and for phase alone
+    d = found.disk
+    assert (2 + d) / (2 - d) < 10 ** (found.gain_up_db / 20)
+    assert 2 * np.degrees(np.arctan(d / 2)) < found.phase_deg
+
+
+@pytest.mark.parametrize("seed", [0, 2, 3])
+def test_the_disk_of_all_axes_at_once_is_a_guarantee_that_is_nearly_reached(seed):
+    """No perturbation inside the disk reaches the limit; one that is little larger does."""
+    loop = system(seed)
+    d = loop.disk_margin()
+    assert d <= min(loop.margins()[n].disk for n in loop.axes) * (1 + 1e-6)
+    omega = np.geomspace(0.01, 300, 1500)
+    L = loop._law(omega) @ loop.allocation
+    S = np.linalg.inv(np.eye(3) + L) - np.eye(3) / 2
+    worst = int(np.linalg.norm(S, 2, axis=(1, 2)).argmax())
+    rng = np.random.default_rng(seed)
+    # the power method for mu: spectral radius over unitary diagonal matrices, a lower bound that is often it
+    radius = 0.0
+    for place in range(max(worst - 200, 0), min(worst + 200, omega.size), 4):
+        turns = np.exp(2j * np.pi * rng.random((300, 3)))
+        radius = max(radius, np.abs(np.linalg.eigvals(S[place] * turns[:, None, :])).max())
+    assert 1 / radius >= d * (1 - 1e-9)
+    assert 1 / radius < 1.25 * d
+
+
+def test_effectors_that_answer_alike_share_an_answer():
+    """The same loop with actuators that differ by a trifle, so that none are shared, has the same modes."""
+    rng = np.random.default_rng(5)
+    from scipy.linalg import solve_continuous_are
+
+    A, B = rng.normal(size=(4, 4)), rng.normal(size=(4, 6))
+    mixing = rng.normal(size=(6, 2))
+    drive = B @ mixing
+    P = solve_continuous_are(A, drive, np.eye(4), np.eye(2))
+
+    def loop(spread):
+        fast = Actuation(
+            gain=np.linspace(0.9, 1.1, 6),
+            delay=np.full(6, 0.02),
+            frequency=50.0 + spread * np.arange(6),
+            damping=np.full(6, 0.8),
+            share=np.ones(6),
+            lag=np.array([0.0, 0.0, 0.0, 0.05, 0.05, 0.05]),
+            lag_2=np.zeros(6),
+        )
+        names = tuple(f"de{i}" for i in range(6))
+        return LinearLoop(("u", "w", "q", "theta"), names, ("X", "M"), A, B, drive.T @ P, mixing, fast)
+
+    shared, apart = loop(0.0), loop(1e-9)
+    assert len(shared.eigenvalues) < len(apart.eigenvalues)
+    for value in shared.eigenvalues:
+        assert np.abs(apart.eigenvalues - value).min() < 1e-4
+    assert shared.eigenvalues.real.max() == pytest.approx(apart.eigenvalues.real.max(), abs=1e-6)

@@ -1,15 +1,14 @@
-"""Readers' libraries that are installed only where they are wanted."""
+"""Libraries that are installed only where they are wanted."""
 
 from __future__ import annotations
 
 from importlib import import_module
-from pathlib import Path
 from types import ModuleType
 
 from freqid.core.errors import DataError
 
 
-def extra(module: str, name: str, path: Path) -> ModuleType:
+def extra(module: str, name: str, where: str | None = None) -> ModuleType:
     """Import a module of an optional extra.
 
     Parameters
@@ -18,8 +17,8 @@ def extra(module: str, name: str, path: Path) -> ModuleType:
         To be imported.
     name : str
         Of the extra that has it.
-    path : Path
-        The log that needs it.
+    where : str, optional
+        The file that needs it.
 
     Raises
     ------
@@ -30,7 +29,9 @@ def extra(module: str, name: str, path: Path) -> ModuleType:
         return import_module(module)
     except ImportError:
         raise DataError(
-            f"needs {module.partition('.')[0]}, which is not installed",
-            where=str(path),
+            f"needs {module.partition('.')[0]}, which is not installed"
+            if where
+            else f"this needs {module.partition('.')[0]}, which is not installed",
+            where=where,
             remedy=f"install it with: pip install 'freqid[{name}]'",
         ) from None

@@ -1,0 +1,100 @@
+"""A scenario's own control law and simulation, linearised, at the conditions of a model."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from freqid.blend.state_space import StateSpace
+from freqid.compare.loop_margins import MotionAt, Place
+from freqid.compare.scenario_consequence import condition_at, design_law_at
+from freqid.core.errors import UsageError
+from freqid.core.scenario import Reference, Scenario
+from freqid.dynamics.control_law import ControlLaw, LawAt
+from freqid.dynamics.small_motion import STATES
+from freqid.simulate.control import linearize
+from freqid.simulate.control.trim import trim
+from freqid.simulate.motion import whole_vehicle as motion
+from freqid.simulate.motion.actuators import by_kind
+
+_INTEGRATED = {0: "u", 1: "v", 3: "psi"}  # of the law's four integral terms, those that are states of the law
+_ALTITUDE = 2  # the one that is measured
+
+
+def scenario_law(scenario: Scenario) -> LawAt:
+    """Return the law that a scenario flies, with its actuators, as a function of the condition.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        Its ``[control]`` is designed anew at every condition that is asked for, as the simulation does at its
+        reference conditions.
+
+    Raises
+    ------
+    UsageError
+        For a law by total energy, whose modes are not one linear law.
+    """
+    if "tecs" in scenario.control:
+        raise UsageError(
+            "the law of [control.tecs] is not linear about one trim",
+            where=scenario.file or scenario.vehicle.name,
+            remedy="describe it about one trim in a loop file (docs/margins.md)",
+        )
+
+    @cache
+    def designed(u: float, rho: float, scheduled: tuple[tuple[str, float], ...]) -> ControlLaw:
+        reference = Reference.of("", u, rho, **dict(scheduled))
+        loop = condition_at(scenario, reference, {}, design_law_at(scenario, reference, {})).loop
+        k, measured = len(linearize.STATES), (*linearize.STATES, "alt")
+        integrals = loop.gain[:, k:]
+        D = -np.hstack([loop.gain[:, :k], integrals[:, [_ALTITUDE]]])
+        B = np.array([[float(name == n) for n in measured] for name in _INTEGRATED.values()])
+        size = len(_INTEGRATED)
+        return ControlLaw(
+            signals=measured,
+            axes=loop.axes,
+            effectors=loop.effectors,
+            A=np.zeros((size, size)),
+            B=B,
+            C=-integrals[:, list(_INTEGRATED)],
+            D=D,
+            allocation=loop.allocation,
+            actuation=loop.actuation,
+            name=scenario.vehicle.name,
+        )
+
+    return lambda u, rho, scheduled: designed(u, rho, tuple(scheduled.items()))
+
+
+def simulated_motion(scenario: Scenario) -> MotionAt:
+    """Return the linearised simulation as a function of the place, wakes in their steady state.
+
+    Parameters
+    ----------
+    scenario : Scenario
+
+    Notes
+    -----
+    The returned function raises UsageError where the place cannot be trimmed.
+    """
+    parameters = jax.tree.map(jnp.asarray, motion.parameters(scenario))
+    order = by_kind(scenario.aircraft(), np.arange(len(scenario.effector)))
+
+    def at(place: Place) -> StateSpace:
+        reference = Reference.of(place.id, place.u, place.rho, **place.scheduled)
+        level = trim(scenario, parameters, reference)
+        found = linearize.linearize(scenario, parameters, level)
+        positions: dict[str, float] = {}
+        for kind in ("surface", "tilt", "speed"):
+            values = np.asarray(getattr(level.positions, kind)).tolist()
+            names = [found.effectors[int(i)] for i in np.asarray(getattr(order, kind))]
+            positions |= dict(zip(names, values, strict=True))
+        u, v, w = np.asarray(level.body.velocity).tolist()
+        trimmed = positions | {"u": u, "v": v, "w": w, "theta": float(level.angles[1])}
+        return StateSpace(STATES, found.effectors, found.A[:8, :8], found.B[:8], trimmed)
+
+    return at

@@ -12,7 +12,7 @@ from freqid.blend.global_model import GlobalModel
 from freqid.blend.predict import replay
 from freqid.core.errors import GateFailed
 from freqid.core.record import Maneuver
-from freqid.core.results.point import MissedGate, PointModel, missed_gates
+from freqid.core.results.point import MissedGate, PointModel, gate_sentences
 from freqid.core.scenario import Scenario
 from freqid.core.sections.estimators import ESTIMATOR_NAMES
 from freqid.identify.in_flight.convergence import validation_rmse
@@ -106,7 +106,7 @@ def refuse_missed_study_gates(results: StudyResults, scenario: Scenario, where: 
         With a sentence for every gate that is missed at a condition.
     """
     missed = [
-        f"{miss} at {p.id}" for p in results.points for miss in missed_gates(p.model, scenario.gates)
+        f"{text} at {p.id}" for p in results.points for text in gate_sentences(p.model, scenario.gates)
     ] + [str(miss) for miss in _inconsistent(results, scenario.gates.consistency)]
     if missed:
         raise GateFailed("; ".join(missed), where=where, remedy="everything is written all the same")

@@ -1,0 +1,173 @@
+"""Do the intervals hold for an aircraft that someone wrote from the documentation alone?
+
+`python benchmarks/docs_reader_tiltrotor/run.py [v07 v15 ...]` flies six conditions with twenty seeds of noise and gusts
+(`simulation.py`), writes each flight's log, imports it with jitter and mixed units, identifies it as `scenario.toml` says,
+and writes `coverage.csv`: by condition and response the share of 95 % intervals that hold each of two truths.
+
+- *noise-free*: the estimate, by the same settings, from the same flight with sensors that have no noise.
+- *derivative*: central differences of the simulation's wrench at the flight's own mean. It differs from the noise-free
+  estimate by curvature over the excitation and the gusts, which no interval of a linear model knows of.
+
+`... run.py chain` types the commands from scenario to page, counts them, and writes `chain.csv`.
+"""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+import freqid as fq
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE))
+import simulation as own  # noqa: E402
+
+SEEDS = range(100, 120)  # not those that the scenario's amplitudes were chosen with
+SCENARIO, COLUMNS = HERE / "scenario.toml", HERE / "map.toml"
+NAMES = ["u", "v", "w", "p", "q", "r", *own.EFFECTORS]
+CHANNELS = [f"state/{n}" for n in ("p", "q", "r", "ax", "ay", "az", "phi", "theta", "psi")]
+CHANNELS += ["air/V", "air/alpha", "air/beta", "state/alt", *(f"effector/{n}" for n in own.EFFECTORS)]
+
+
+def derivatives_flown(flight: dict[str, np.ndarray], which: int) -> np.ndarray:
+    """Central differences of the wrench at the mean of one flight, (6, 20)."""
+    mean = flight["truth"][:, which].mean(0)
+    tilt = mean[17:21]
+    v = own.feedback(mean[None], np.zeros(10))[0, :3] + np.cross(mean[:3], own.centre(tilt[None])[0])
+    return own.derivatives(mean[13:], v, mean[:3])
+
+
+def judged(condition: str, folder: Path, seeds: Sequence[int]) -> list[dict]:
+    """Fly, log, import and identify one condition; one row for each response."""
+    scenario = fq.read_scenario(SCENARIO)
+    path = fq.design_inputs(scenario, at=condition, seed=0).write_csv(folder / f"{condition}.csv")
+    signals, dt = own.read_design(path)
+    flight = own.fly(condition, signals[None], dt, seeds=list(seeds))
+    models, clean, truth = [], [], []
+    for i, seed in enumerate(seeds):
+        path = folder / f"{condition}-{seed}.csv"
+        own.write_log(path, flight, i)
+        record = fq.read_log(path, COLUMNS, scenario=scenario, at=condition, resample_hz=50.0)
+        path.unlink()
+        models.append(fq.identify_point(record, scenario))
+        clean.append(fq.identify_point(without_noise(record, flight, i), scenario))
+        truth.append(derivatives_flown(flight, i))
+    rows = []
+    for k, response in enumerate("XYZLMN"):
+        order = [models[0][response].regressors.index(n) for n in NAMES]
+        estimate, error, lower, upper = (
+            np.array([getattr(m[response], a)[order] for m in models])
+            for a in ("estimate", "std_error", "lower", "upper")
+        )
+        row = {"condition": condition, "response": response, "seeds": len(models), "parameters": len(NAMES)}
+        noise_free = np.array([m[response].estimate[order] for m in clean])
+        for name, true in (("noise_free", noise_free), ("derivative", np.array([t[k] for t in truth]))):
+            off = (estimate - true) / error
+            row |= {
+                f"{name}_covered_percent": round(100 * float(np.mean((lower <= true) & (true <= upper))), 2),
+                f"{name}_error_rms": round(float(np.sqrt(np.mean(off**2))), 3),
+                f"{name}_worst_mean_error": round(float(np.abs(off.mean(0)).max()), 3),
+            }
+        rows.append(row)
+    return rows
+
+
+def without_noise(record: fq.FlightRecord, flight: dict[str, np.ndarray], which: int) -> fq.FlightRecord:
+    """The record with what sensors without noise read in place of what these read: cubic between the samples."""
+    stamp = flight["time"] + 312.4
+    at = np.clip(np.searchsorted(stamp, record.time) - 2, 0, len(stamp) - 4)
+    points = stamp[at[:, None] + np.arange(4)]
+    values = flight["truth"][at[:, None] + np.arange(4), which]
+    weight = np.ones((len(at), 4))
+    for i in range(4):
+        for j in set(range(4)) - {i}:
+            weight[:, i] *= (record.time - points[:, j]) / (points[:, i] - points[:, j])
+    smooth = (weight[..., None] * values).sum(1)
+    return record.with_channels(
+        *(replace(record.channel(name), values=smooth[:, i]) for i, name in enumerate(CHANNELS))
+    )
+
+
+def chain(folder: Path) -> list[dict]:
+    """Return how often each command was typed from scenario to page, and the seconds it took."""
+    program, took = Path(sys.executable).with_name("freqid"), {}
+
+    def run(*words: object, good: tuple[int, ...] = (0,)) -> str:
+        started = perf_counter()
+        done = subprocess.run(list(map(str, words)), cwd=folder, capture_output=True, text=True, check=False)
+        if done.returncode not in good:
+            raise SystemExit(f"{' '.join(map(str, words))}: {done.returncode}\n{done.stderr}")
+        name = f"freqid {words[1]}" if words[0] == program else Path(str(words[1])).name
+        took.setdefault(name, []).append(perf_counter() - started)
+        return done.stdout
+
+    log = ("--map", COLUMNS, "--scenario", SCENARIO, "--resample", 50)
+    simulation = HERE / "simulation.py"
+    effectors = [f"{n}:{k}" for n, k in zip(own.EFFECTORS, ["surface"] * 4 + ["tilt"] * 4 + ["rotor"] * 6, strict=True)]
+    run(program, "new-scenario", "--effectors", ",".join(effectors), "-o", "skeleton.toml")
+    run(program, "check", SCENARIO)
+    (folder / "flights").mkdir()
+    for at in own.CORRIDOR:
+        run(program, "design-inputs", SCENARIO, "--at", at, "--csv", "--no-study", "-o", f"design-{at}.h5")
+        check = ("design-inputs", SCENARIO, "--at", at, "--csv", "--no-study", "--no-page", "--seed", 5)
+        run(program, *check, "-o", f"check-{at}.h5")
+        logs = ("--log", f"{at}.csv", "--log", f"{at}-check.csv")
+        run(sys.executable, simulation, at, f"design-{at}.csv", f"check-{at}.csv", *logs)
+        for name in (at, f"{at}-check"):
+            run(program, "import-log", f"{name}.csv", *log, "--at", at, "-o", f"flights/{name}.h5")
+        run(program, "quicklook", f"flights/{at}.h5", f"design-{at}.h5", "--scenario", SCENARIO)
+        held_out = ("--predict", f"flights/{at}-check.h5")
+        run(program, "identify-point", f"flights/{at}.h5", "--scenario", SCENARIO, *held_out, "-o", f"point-{at}.h5")
+    run(sys.executable, simulation, 21, "check-v19.csv", "--log", "v21.csv", "--seed", 7)
+    run(program, "import-log", "v21.csv", *log, "-o", "v21.h5")
+    points = [f"point-{at}.h5" for at in own.CORRIDOR]
+    print(run(program, "global-blend", *points, "--predict", "v21.h5", "-o", "global.h5"))
+    run(program, "report", "point-v19.h5", "--scenario", SCENARIO, "-o", "point-v19.html")
+    print(run(program, "study", SCENARIO, "--flights", "flights", "-o", "study", good=(0, 4)))
+    rows = [{"command": n, "runs": len(s), "seconds": round(sum(s), 1)} for n, s in took.items()]
+    return [*rows, {"command": "all", "runs": sum(r["runs"] for r in rows), "seconds": sum(r["seconds"] for r in rows)}]
+
+
+def write(path: Path, rows: list[dict]) -> None:
+    """Write rows as CSV."""
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def main() -> None:
+    """Run what was asked for."""
+    asked = sys.argv[1:]
+    with tempfile.TemporaryDirectory() as name:
+        if asked == ["chain"]:
+            rows = chain(Path(name))
+            write(HERE / "chain.csv", rows)
+            print(*rows, sep="\n")
+            return
+        table = HERE / "coverage.csv"
+        for condition in asked or own.CORRIDOR:
+            started = perf_counter()
+            rows = judged(condition, Path(name), SEEDS)
+            old = list(csv.DictReader(table.open())) if table.exists() else []
+            order = list(own.CORRIDOR)
+            rows += [r for r in old if r["condition"] not in (condition, "all")]
+            rows.sort(key=lambda r: (order.index(r["condition"]), "XYZLMN".index(r["response"])))
+            write(table, rows)
+            print(*(r for r in rows if r["condition"] == condition), f"{perf_counter() - started:.0f} s", sep="\n", flush=True)
+    for kind in ("noise_free", "derivative"):
+        covered = [float(r[f"{kind}_covered_percent"]) for r in rows]
+        rms = np.sqrt(np.mean([float(r[f"{kind}_error_rms"]) ** 2 for r in rows]))
+        print(f"{kind}: {np.mean(covered):.1f} % covered, errors {rms:.2f} standard errors rms, {len(rows)} rows")
+
+
+if __name__ == "__main__":
+    main()

@@ -65,6 +65,15 @@ def test_a_skeleton_is_designed_for_as_it_is(freqid, tmp_path):
     assert (code, err.count("freqid:")) == (0, 0)
 
 
+def test_the_test_card_says_where_speed_and_tilts_are(freqid, tmp_path):
+    path = tmp_path / "mine.toml"
+    freqid("new-scenario", "--effectors", "de,nac:tilt,n1", "-o", path)
+    path.write_text(path.read_text().replace("nac = 0.0 # rad", "nac = 0.5 # rad"))
+    code, _, err = freqid("design-inputs", path, "--at", "u15", "--no-study", "-o", tmp_path / "design.h5")
+    assert code == 0, err
+    assert "u15: u 15 m/s, nac 28.65 deg\n" in (tmp_path / "design-card.txt").read_text()
+
+
 def test_effectors_of_a_log_are_found_by_their_columns(freqid, tmp_path):
     log = tmp_path / "flight.csv"
     log.write_text(

@@ -1,12 +1,13 @@
-"""Do the intervals hold for an aircraft that someone wrote from the documentation alone?
+"""Judge the intervals of an aircraft that someone described from the documentation alone.
 
-`python benchmarks/docs_reader_tiltrotor/run.py [v07 v15 ...]` flies six conditions with twenty seeds of noise and gusts
-(`simulation.py`), writes each flight's log, imports it with jitter and mixed units, identifies it as `scenario.toml` says,
-and writes `coverage.csv`: by condition and response the share of 95 % intervals that hold each of two truths.
+`python benchmarks/docs_reader_tiltrotor/run.py [v07 v15 ...]` flies six conditions with twenty seeds of noise
+and gusts (`simulation.py`), writes each flight's log, imports it with jitter and mixed units, identifies it as
+`scenario.toml` says, and writes `coverage.csv`: by condition and response the share of 95 % intervals that
+hold each of two truths.
 
 - *noise-free*: the estimate, by the same settings, from the same flight with sensors that have no noise.
-- *derivative*: central differences of the simulation's wrench at the flight's own mean. It differs from the noise-free
-  estimate by curvature over the excitation and the gusts, which no interval of a linear model knows of.
+- *derivative*: central differences of the simulation's wrench at the flight's own mean. It differs from the
+  noise-free estimate by curvature over the excitation and the gusts, which a linear model's interval ignores.
 
 `... run.py chain` types the commands from scenario to page, counts them, and writes `chain.csv`.
 """
@@ -81,7 +82,7 @@ def judged(condition: str, folder: Path, seeds: Sequence[int]) -> list[dict]:
 
 
 def without_noise(record: fq.FlightRecord, flight: dict[str, np.ndarray], which: int) -> fq.FlightRecord:
-    """The record with what sensors without noise read in place of what these read: cubic between the samples."""
+    """Return the record as sensors without noise would have it: cubic between the samples."""
     stamp = flight["time"] + 312.4
     at = np.clip(np.searchsorted(stamp, record.time) - 2, 0, len(stamp) - 4)
     points = stamp[at[:, None] + np.arange(4)]
@@ -111,7 +112,9 @@ def chain(folder: Path) -> list[dict]:
 
     log = ("--map", COLUMNS, "--scenario", SCENARIO, "--resample", 50)
     simulation = HERE / "simulation.py"
-    effectors = [f"{n}:{k}" for n, k in zip(own.EFFECTORS, ["surface"] * 4 + ["tilt"] * 4 + ["rotor"] * 6, strict=True)]
+    effectors = [
+        f"{n}:{k}" for n, k in zip(own.EFFECTORS, ["surface"] * 4 + ["tilt"] * 4 + ["rotor"] * 6, strict=True)
+    ]
     run(program, "new-scenario", "--effectors", ",".join(effectors), "-o", "skeleton.toml")
     run(program, "check", SCENARIO)
     (folder / "flights").mkdir()
@@ -125,7 +128,16 @@ def chain(folder: Path) -> list[dict]:
             run(program, "import-log", f"{name}.csv", *log, "--at", at, "-o", f"flights/{name}.h5")
         run(program, "quicklook", f"flights/{at}.h5", f"design-{at}.h5", "--scenario", SCENARIO)
         held_out = ("--predict", f"flights/{at}-check.h5")
-        run(program, "identify-point", f"flights/{at}.h5", "--scenario", SCENARIO, *held_out, "-o", f"point-{at}.h5")
+        run(
+            program,
+            "identify-point",
+            f"flights/{at}.h5",
+            "--scenario",
+            SCENARIO,
+            *held_out,
+            "-o",
+            f"point-{at}.h5",
+        )
     run(sys.executable, simulation, 21, "check-v19.csv", "--log", "v21.csv", "--seed", 7)
     run(program, "import-log", "v21.csv", *log, "-o", "v21.h5")
     points = [f"point-{at}.h5" for at in own.CORRIDOR]
@@ -133,7 +145,10 @@ def chain(folder: Path) -> list[dict]:
     run(program, "report", "point-v19.h5", "--scenario", SCENARIO, "-o", "point-v19.html")
     print(run(program, "study", SCENARIO, "--flights", "flights", "-o", "study", good=(0, 4)))
     rows = [{"command": n, "runs": len(s), "seconds": round(sum(s), 1)} for n, s in took.items()]
-    return [*rows, {"command": "all", "runs": sum(r["runs"] for r in rows), "seconds": sum(r["seconds"] for r in rows)}]
+    return [
+        *rows,
+        {"command": "all", "runs": sum(r["runs"] for r in rows), "seconds": sum(r["seconds"] for r in rows)},
+    ]
 
 
 def write(path: Path, rows: list[dict]) -> None:
@@ -162,11 +177,18 @@ def main() -> None:
             rows += [r for r in old if r["condition"] not in (condition, "all")]
             rows.sort(key=lambda r: (order.index(r["condition"]), "XYZLMN".index(r["response"])))
             write(table, rows)
-            print(*(r for r in rows if r["condition"] == condition), f"{perf_counter() - started:.0f} s", sep="\n", flush=True)
+            print(
+                *(r for r in rows if r["condition"] == condition),
+                f"{perf_counter() - started:.0f} s",
+                sep="\n",
+                flush=True,
+            )
     for kind in ("noise_free", "derivative"):
         covered = [float(r[f"{kind}_covered_percent"]) for r in rows]
         rms = np.sqrt(np.mean([float(r[f"{kind}_error_rms"]) ** 2 for r in rows]))
-        print(f"{kind}: {np.mean(covered):.1f} % covered, errors {rms:.2f} standard errors rms, {len(rows)} rows")
+        print(
+            f"{kind}: {np.mean(covered):.1f} % covered, rms error {rms:.2f} standard errors, {len(rows)} rows"
+        )
 
 
 if __name__ == "__main__":

@@ -1,11 +1,12 @@
 """Heron six: a tilt-rotor of 46 kg with six rotors, four nacelles and a V-tail, in plain numpy.
 
-How does the aircraft answer an excitation, and what does its flight computer log? Everything here is its own: no part of
-the tool that identifies it is used. Loads: rotors by blade elements with closed azimuth means and uniform inflow from
-Glauert's momentum balance in oblique flow; wing and V-tail panels with a blend to a stalled plate, slipstreams, downwash.
-Motion: Newton and Euler for each body (airframe, four nacelles) about the airframe's origin, shafts' momentum on top.
-Gusts: Dryden filters. Law: LQ on a numerical linearisation, fed by the noisy sensors. All flights of a call run together
-(first axis: flight). Units SI, x forward, y right, z down, origin at the nose.
+How does the aircraft answer an excitation, and what does its flight computer log? Everything here is its own:
+no part of the tool that identifies it is used. Loads: rotors by blade elements with closed azimuth means and
+uniform inflow from Glauert's momentum balance in oblique flow; wing and V-tail panels with a blend to a
+stalled plate, slipstreams, downwash. Motion: Newton and Euler for each body (airframe, four nacelles) about
+the airframe's origin, shafts' momentum on top. Gusts: Dryden filters. Law: LQ on a numerical linearisation,
+fed by the noisy sensors. All flights of a call run together (first axis: flight). SI, x forward, y right,
+z down, origin at the nose.
 """
 
 from __future__ import annotations
@@ -42,10 +43,14 @@ def schedule(speed: float) -> np.ndarray:
 
 # ---- masses: airframe and nacelles; each nacelle's own inertia about its own centre of gravity at zero tilt
 AIRFRAME_MASS, AIRFRAME_CG = 36.8, np.array([-1.20, 0.0, 0.02])
-AIRFRAME_INERTIA = np.array([[5.6, 0.0, -0.35], [0.0, 11.2, 0.0], [-0.35, 0.0, 14.6]])  # matrix: xz entry is -Ixz
+AIRFRAME_INERTIA = np.array(
+    [[5.6, 0.0, -0.35], [0.0, 11.2, 0.0], [-0.35, 0.0, 14.6]]
+)  # matrix: xz entry is -Ixz
 NACELLE_MASS = np.array([2.5, 2.5, 2.1, 2.1])
 PIVOT = np.array([[-0.42, -0.85, -0.10], [-0.42, 0.85, -0.10], [-1.08, -2.25, -0.16], [-1.08, 2.25, -0.16]])
-NACELLE_ARM = np.array([[0.11, 0.0, -0.010]] * 2 + [[0.09, 0.0, -0.015]] * 2)  # centre of gravity from the pivot
+NACELLE_ARM = np.array(
+    [[0.11, 0.0, -0.010]] * 2 + [[0.09, 0.0, -0.015]] * 2
+)  # centre of gravity from the pivot
 NACELLE_INERTIA = np.array([np.diag([0.009, 0.020, 0.020])] * 2 + [np.diag([0.007, 0.016, 0.016])] * 2)
 MASS = AIRFRAME_MASS + NACELLE_MASS.sum()
 # ---- rotors: two on front nacelles, two on wing tips, two fixed lifters behind
@@ -60,12 +65,19 @@ BLADES, CHORD, BLADE_SLOPE, BLADE_DRAG = np.array([3, 3, 3, 3, 2, 2]), 0.040, 5.
 # ---- panels: left and right outer wing, left and right inner wing, left and right V-tail
 PANEL_AREA = np.array([0.46, 0.46, 0.46, 0.46, 0.30, 0.30])
 PANEL_AT = np.array(
-    [[-1.10, -1.65, -0.18], [-1.10, 1.65, -0.18], [-1.12, -0.58, -0.18], [-1.12, 0.58, -0.18]]
-    + [[-2.85, -0.36, -0.42], [-2.85, 0.36, -0.42]]
+    [
+        [-1.10, -1.65, -0.18],
+        [-1.10, 1.65, -0.18],
+        [-1.12, -0.58, -0.18],
+        [-1.12, 0.58, -0.18],
+        [-2.85, -0.36, -0.42],
+        [-2.85, 0.36, -0.42],
+    ]
 )
 V_ANGLE = 38.0 * DEG  # of the tail panels, upwards
 NORMAL = np.array(
-    [[0.0, 0.0, -1.0]] * 4 + [[0.0, np.sin(V_ANGLE), -np.cos(V_ANGLE)], [0.0, -np.sin(V_ANGLE), -np.cos(V_ANGLE)]]
+    [[0.0, 0.0, -1.0]] * 4
+    + [[0.0, np.sin(V_ANGLE), -np.cos(V_ANGLE)], [0.0, -np.sin(V_ANGLE), -np.cos(V_ANGLE)]]
 )
 PANEL_SLOPE = np.array([4.6, 4.6, 4.8, 4.8, 3.4, 3.4])
 PANEL_ZERO = np.array([0.105, 0.105, 0.115, 0.115, -0.02, -0.02])  # incidence plus camber
@@ -120,7 +132,7 @@ def skew(v: np.ndarray) -> np.ndarray:
 
 
 def _panel_maps() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Matrices from (velocity, rate) to the panels' chordwise and normal velocity; from panel forces to the wrench."""
+    """Return matrices from (velocity, rate) to panel velocities, and from panel forces to the wrench."""
     turn = skew(PANEL_AT)  # rate x r, row vector of rates from the left
     u = np.concatenate([np.tile([[1.0], [0.0], [0.0]], 6), turn[:, :, 0].T])
     n = np.concatenate([NORMAL.T, np.einsum("ikj,ij->ki", turn, NORMAL)])
@@ -137,7 +149,7 @@ HUB_Y = np.concatenate([PIVOT[:, 1], LIFTERS_Y])
 def rotor_loads(
     along: np.ndarray, vt: np.ndarray, speed: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Thrust, torque, in-plane drag, rolling moment and induced velocity at a hub that moves along and across its shaft."""
+    """Return thrust, torque, in-plane drag, rolling moment and inflow at a hub's speeds along and across."""
     half = 0.5 * RHO * BLADE_SLOPE
     area = 2 * RHO * DISK
     fixed = half * (speed**2 * T2 + 0.5 * vt**2 * T0 - speed * A1 * along)
@@ -152,12 +164,16 @@ def rotor_loads(
     blown = speed * T2 * through - A1 * through**2
     torque = 0.5 * RHO * (BLADE_DRAG * (speed**2 * C3 + 0.5 * vt**2 * C1) + BLADE_SLOPE * blown)
     drag = 0.5 * RHO * vt * (BLADE_DRAG * speed * C1 + 0.5 * BLADE_SLOPE * T0 * through)
-    rolling = 0.25 * half * vt * (speed * T2 - 0.5 * A1 * through)  # blades bend: a quarter of the rigid moment
+    rolling = (
+        0.25 * half * vt * (speed * T2 - 0.5 * A1 * through)
+    )  # blades bend: a quarter of the rigid moment
     return fixed - slope * inflow, torque, drag, rolling, inflow
 
 
-def loads(velocity: np.ndarray, rate: np.ndarray, eff: np.ndarray, tilt_rate: np.ndarray | float = 0.0) -> np.ndarray:
-    """Applied force and moment about the airframe's origin, (flight, 6).
+def loads(
+    velocity: np.ndarray, rate: np.ndarray, eff: np.ndarray, tilt_rate: np.ndarray | float = 0.0
+) -> np.ndarray:
+    """Return applied force and moment about the airframe's origin, (flight, 6).
 
     velocity of the origin through the air, body rates, and the 14 effectors, each (flight, n).
     """
@@ -186,7 +202,9 @@ def loads(velocity: np.ndarray, rate: np.ndarray, eff: np.ndarray, tilt_rate: np
 
     both = np.concatenate([velocity, rate], 1)
     pu, pn = both @ CHORDWISE, both @ ACROSS
-    wash = 0.88 * c**2 * inflow[:, :4]  # slipstreams: outer wing by tip rotors, inner by front ones that point forward
+    wash = (
+        0.88 * c**2 * inflow[:, :4]
+    )  # slipstreams: outer wing by tip rotors, inner by front ones that point forward
     order = [2, 3, 0, 1]
     pu[:, :4] += (wash * c)[:, order]
     pn[:, :4] += (wash * s)[:, order]
@@ -227,7 +245,7 @@ def panel_coefficients(
 
 # ---- masses in motion
 def nacelles(tilt: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Centres of gravity from the pivots (x, z) and own inertia (xx, xz, zz of the matrix), (flight, 4) each."""
+    """Return centres of gravity from the pivots (x, z), and own inertia (xx, xz, zz), (flight, 4) each."""
     c, s = np.cos(tilt), np.sin(tilt)
     ax, az = NACELLE_ARM[:, 0] * c + NACELLE_ARM[:, 2] * s, NACELLE_ARM[:, 2] * c - NACELLE_ARM[:, 0] * s
     a, b = NACELLE_INERTIA[:, 0, 0], NACELLE_INERTIA[:, 2, 2]
@@ -271,8 +289,8 @@ def acceleration(
 ) -> np.ndarray:
     """Inertial acceleration of the origin less gravity, and angular acceleration, (flight, 6).
 
-    For each body m (a_O + w' x r + w x (w x r) + 2 w x r' + r'') and r x that + I w_b' + w_b x I w_b, summed over airframe
-    and nacelles; d1 and d2 are the nacelles' rates and accelerations; shafts' momentum on top.
+    For each body m (a_O + w' x r + w x (w x r) + 2 w x r' + r'') and r x that + I w_b' + w_b x I w_b, summed over
+    airframe and nacelles; d1 and d2 are the nacelles' rates and accelerations; shafts' momentum on top.
     """
     tilt = eff[:, 4:8]
     p, q, r = rate[:, :1], rate[:, 1:2], rate[:, 2:]
@@ -327,7 +345,7 @@ def down(phi: np.ndarray, theta: np.ndarray) -> np.ndarray:
 
 # ---- trim and law
 def trim(speed: float, tilt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Attitude (phi, theta) and effectors (14) of level flight: the least departure from a preferred setting."""
+    """Return attitude (phi, theta) and effectors (14) of level flight, nearest to a preferred setting."""
     fast = np.clip((speed - 7.0) / 20.0, 0, 1)
     prefer = np.r_[0.0, 0.035, 0.03, 0.03, 0, 0, [265 + 25 * fast] * 4, [270 - 140 * fast] * 2]
     unit = np.r_[0.03, 0.012, [0.05] * 2, [0.10] * 2, [60.0] * 4, [40.0] * 2]
@@ -356,15 +374,19 @@ def trim(speed: float, tilt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return x[:2], np.concatenate([x[2:6], tilt, x[6:]])
 
 
-def rates_of_change(state: np.ndarray, eff: np.ndarray, gust: np.ndarray, d1: np.ndarray, d2: np.ndarray, up: np.ndarray):
-    """Derivative of u v w p q r phi theta psi z (of the origin, over ground) and the specific force at the origin."""
-    v, w, phi, theta, psi = state[:, :3], state[:, 3:6], state[:, 6], state[:, 7], state[:, 8]
+def rates_of_change(
+    state: np.ndarray, eff: np.ndarray, gust: np.ndarray, d1: np.ndarray, d2: np.ndarray, up: np.ndarray
+):
+    """Return the derivative of u v w p q r phi theta psi z, of the origin over ground, and `acceleration`."""
+    v, w, phi, theta = state[:, :3], state[:, 3:6], state[:, 6], state[:, 7]
     acc = acceleration(loads(v - gust, w, eff, d1), w, eff, d1, d2, up)
     vdot = acc[:, :3] + G * down(phi, theta) - cross(w, v)
     p, q, r = w.T
     turn = q * np.sin(phi) + r * np.cos(phi)
     sink = (down(phi, theta) * v).sum(-1)
-    angles = np.stack([p + np.tan(theta) * turn, q * np.cos(phi) - r * np.sin(phi), turn / np.cos(theta), sink], -1)
+    angles = np.stack(
+        [p + np.tan(theta) * turn, q * np.cos(phi) - r * np.sin(phi), turn / np.cos(theta), sink], -1
+    )
     return np.concatenate([vdot, acc[:, 3:], angles], 1), acc
 
 
@@ -394,7 +416,7 @@ def gains(speed: float, tilt: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
 
 # ---- flight
 def dryden(speed: float, sigma: float, dt: np.ndarray, rng: np.random.Generator, flights: int) -> np.ndarray:
-    """Gusts (sample, flight, 3) after Dryden: 1/(1+Ts) along, (1+sqrt3 Ts)/(1+Ts)^2 across the flight path."""
+    """Return gusts (sample, flight, 3): 1/(1+Ts) along, (1+sqrt3 Ts)/(1+Ts)^2 across the flight path."""
     time = np.array([150.0, 150.0, 75.0]) / speed
     steps = np.concatenate([np.full(600, 0.1), dt])
     out = np.zeros((len(steps), flights, 3))
@@ -429,7 +451,7 @@ def actuator_step(dt: float) -> np.ndarray:
 
 
 def adams(times: np.ndarray, step: float) -> np.ndarray:
-    """Weights of derivatives at these times (from now) in the integral from now over a step: polynomials are exact."""
+    """Return weights of derivatives at these times (from now) in the integral over the next step."""
     n = np.arange(len(times))
     return np.linalg.solve((times / step) ** n[:, None], step / (n + 1.0))
 
@@ -448,8 +470,8 @@ def fly(
 ) -> dict[str, np.ndarray]:
     """Fly excitations, (flight, 14, samples) in rad and rad/s, each with its seed.
 
-    Returns time (sample) and, each (sample, flight, n): what the sensors read ("rate" ...), the truth without noise
-    ("true_rate" ...), effectors, commands and injected signals. Stamps jitter; samples are of the stamped times.
+    Returns the stamps ("time") and, each (sample, flight, n), what sensors read and would read without noise
+    ("read", "truth"), commands and injected signals. Stamps jitter; samples are of the stamped times.
     """
     speed, tilt = CORRIDOR[condition] if isinstance(condition, str) else (condition, schedule(condition))
     x0, eff0, gain = gains(speed, tilt)
@@ -509,13 +531,14 @@ def fly(
 # what is read, in this order: p q r, fx fy fz, phi theta psi, V alpha beta, altitude, 14 effectors
 READINGS = {"rate": 3, "acc": 3, "angle": 3, "air": 3, "alt": 1, "surface": 4, "nacelle": 4, "rotor": 6}
 SIGMA = np.r_[
-    [NOISE["rate"]] * 3, [NOISE["acc"]] * 3, [NOISE["angle"]] * 3, NOISE["V"], [NOISE["flow"]] * 2, NOISE["alt"],
+    [NOISE["rate"]] * 3, [NOISE["acc"]] * 3, [NOISE["angle"]] * 3, NOISE["V"], [NOISE["flow"]] * 2,
+    NOISE["alt"],
     [NOISE["surface"]] * 4, [NOISE["nacelle"]] * 4, [NOISE["rotor"]] * 6,
 ]  # fmt: skip
 
 
 def sense(state: np.ndarray, position: np.ndarray, total: np.ndarray, air: np.ndarray) -> np.ndarray:
-    """What sensors without noise read: gyros, accelerometers at IMU, attitude, probe on BOOM, altitude, positions."""
+    """Return what sensors without noise read, as READINGS has it: accelerometers at IMU, probe on BOOM."""
     v, w = state[:, :3], state[:, 3:6]
     acc = total[:, :3] + cross(total[:, 3:], IMU) + cross(w, cross(w, IMU))
     probe = v - air + cross(w, BOOM)
@@ -527,14 +550,26 @@ def sense(state: np.ndarray, position: np.ndarray, total: np.ndarray, air: np.nd
 def feedback(read: np.ndarray, x0: np.ndarray) -> np.ndarray:
     """Departure of the ten states as the flight computer takes them from its sensors."""
     rate, angle, (size, alpha, beta) = read[:, :3], read[:, 6:9], read[:, 9:12].T
-    probe = size[:, None] * np.stack([np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)], -1)
+    probe = size[:, None] * np.stack(
+        [np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)], -1
+    )
     v = probe - cross(rate, BOOM)
     return np.concatenate([v, rate, angle, -read[:, 12:13]], 1) - x0
 
 
 # ---- the log: the project's own names and units
 COLUMNS = (
-    ["GyroX_dps", "GyroY_dps", "GyroZ_dps", "AccFwd_g", "AccRight_g", "LoadFactor_g", "Bank_deg", "Pitch_deg", "Hdg_deg"]
+    [
+        "GyroX_dps",
+        "GyroY_dps",
+        "GyroZ_dps",
+        "AccFwd_g",
+        "AccRight_g",
+        "LoadFactor_g",
+        "Bank_deg",
+        "Pitch_deg",
+        "Hdg_deg",
+    ]
     + ["TAS_kt", "AOA_deg", "AOS_deg", "Alt_ft"]
     + [f"{n}_deg" for n in ("FLN_L", "FLN_R", "RVT_L", "RVT_R")]
     + [f"CONV_{n}_deg" for n in ("FL", "FR", "TL", "TR")]
@@ -550,7 +585,7 @@ SHIFT = np.where(np.char.startswith(COLUMNS, "CONV"), 90.0, 0.0)
 
 
 def write_log(path: Path, flight: dict[str, np.ndarray], which: int = 0) -> None:
-    """Write the flight's CSV: stamps in ms since power-up, mixed units, a static temperature and pressure line."""
+    """Write the flight's CSV: stamps in ms since power-up, names and units of its own."""
     stamp = (flight["time"] + 312.4) * 1e3
     scale, shift, names = LOGGED[13:], SHIFT[13:], COLUMNS[13:]
     header = ["Stamp_ms", *COLUMNS, "RHO_kgm3", *[f"CMD_{n}" for n in names], *[f"INJ_{n}" for n in names]]
@@ -558,11 +593,18 @@ def write_log(path: Path, flight: dict[str, np.ndarray], which: int = 0) -> None
     command = flight["command"][:, which] * scale + shift
     density = np.full(len(stamp), RHO)
     table = np.column_stack([stamp, read, density, command, flight["inject"][:, which] * scale])
-    np.savetxt(path, table, fmt=["%.3f"] + ["%.7g"] * (table.shape[1] - 1), delimiter=",", header=",".join(header), comments="")
+    np.savetxt(
+        path,
+        table,
+        fmt=["%.3f"] + ["%.7g"] * (table.shape[1] - 1),
+        delimiter=",",
+        header=",".join(header),
+        comments="",
+    )
 
 
 def read_design(path: Path) -> tuple[np.ndarray, float]:
-    """Injected signals (14, samples) and their interval from the CSV of a design; what it does not have is zero."""
+    """Return injected signals (14, samples) and their interval from a design's CSV; zero where it has none."""
     with path.open(newline="") as stream:
         rows = [r for r in csv.reader(stream) if r and not r[0].startswith("#")]
     names, values = rows[0], np.array(rows[1:], dtype=float)

@@ -19,7 +19,17 @@ _UNITS = {
         u: u for u in ("deg", "rad", "ft", "m", "s", "ms", "us", "kt", "rpm", "g", "psf", "lbf", "slug", "kg")
     },
     **{"sec": "s", "fps": "fps", "mps": "m/s", "dps": "dps", "degps": "deg/s", "radps": "rad/s", "kts": "kt"},
-    **{"s2": "s2", "sec2": "s2", "ft3": "ft3", "m3": "m3", "nmi": "nmi", "h": "h", "pa": "Pa", "in": "in", "kgm3": "kg/m3"},
+    **{
+        "s2": "s2",
+        "sec2": "s2",
+        "ft3": "ft3",
+        "m3": "m3",
+        "nmi": "nmi",
+        "h": "h",
+        "pa": "Pa",
+        "in": "in",
+        "kgm3": "kg/m3",
+    },
     **{"knots": "kt", "volt": "V", "amp": "A", "n": "N", "norm": "1", "rps": "rad/s", "fps2": "ft/s2"},
 }
 _WORDS = {

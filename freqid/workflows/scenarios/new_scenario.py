@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 
 from freqid.core.channels import EFFECTOR_UNITS, TAKEN
@@ -89,16 +89,16 @@ def write_scenario(path: Path, text: str) -> None:
 
 
 def _kinds(given: Mapping[str, str]) -> dict[str, str]:
-    """Return kind by name; all names whose kind is neither given nor guessed are refused at once."""
+    """Return kind by name; those that tell none are refused together."""
     for name, kind in given.items():
         if kind and kind not in EFFECTOR_UNITS:
             raise UsageError(f"effector '{name}' is of kind '{kind}'", remedy=nearest(kind, EFFECTOR_UNITS))
     kinds = {name: kind or guess_kind(name) for name, kind in given.items()}
     if unknown := [name for name, kind in kinds.items() if not kind]:
-        few = ", ".join(f"'{name}'" for name in unknown)
+        named = ", ".join(f"'{name}'" for name in unknown)
+        verb = "the names {} do" if len(unknown) > 1 else "the name {} does"
         raise UsageError(
-            f"the name{'s' if len(unknown) > 1 else ''} {few} {'do' if len(unknown) > 1 else 'does'} not tell "
-            "what kind of effector it is",
+            f"{verb.format(named)} not tell what kind of effector it is",
             remedy=f"write each with its kind, as {unknown[0]}:KIND; kinds are {', '.join(EFFECTOR_UNITS)}",
         )
     return kinds
@@ -155,7 +155,8 @@ def _text(kinds: Mapping[str, str], name: str) -> str:
     if rotors:
         blocks.append(_ROTORS)
     for i, rotor in enumerate(rotors):
-        carrier = f'# wing = "{_mount(_carrier(rotor, tilts), kinds)}" # where it turns with one\n' if tilts else ""
+        mount = _mount(_carrier(rotor, tilts), kinds) if tilts else ""
+        carrier = f'# wing = "{mount}" # where it turns with one\n' if mount else ""
         side = (i - (len(rotors) - 1) / 2) * 0.5
         blocks.append(
             f'[[rotor]]\nname = "{rotor}"\nspin = {1 if i % 2 == 0 else -1} # {FILL_IN}\n'
@@ -184,9 +185,13 @@ def _text(kinds: Mapping[str, str], name: str) -> str:
 
 
 def _carrier(rotor: str, tilts: list[str]) -> str:
-    """Return the tilt that a rotor's name suggests: the one whose name ends alike (rot_fl, nac_fl), else the first."""
-    ends = {tilt: len(os.path.commonprefix([rotor[::-1], tilt[::-1]])) for tilt in tilts}
-    return max(tilts, key=lambda tilt: ends[tilt])
+    """Return the tilt whose name ends most like a rotor's (rot_fl, nac_fl): the first where several do."""
+
+    def alike(tilt: str) -> int:
+        pairs = zip(reversed(rotor), reversed(tilt), strict=False)
+        return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+
+    return max(tilts, key=alike)
 
 
 def _mount(tilt: str, kinds: Mapping[str, str]) -> str:

@@ -1,8 +1,8 @@
 """Judge the intervals of an aircraft that someone described from the documentation alone.
 
 `python benchmarks/docs_reader_tiltrotor/run.py [v07 v15 ...]` flies six conditions with twenty seeds of noise
-and gusts (`simulation.py`), writes each flight's log, imports it with jitter and mixed units, identifies it as
-`scenario.toml` says, and writes `coverage.csv`: by condition and response the share of 95 % intervals that
+and gusts (`simulation.py`), writes each flight's log, imports it with jitter and mixed units, identifies it
+as `scenario.toml` says, and writes `coverage.csv`: by condition and response the share of 95 % intervals that
 hold each of two truths.
 
 - *noise-free*: the estimate, by the same settings, from the same flight with sensors that have no noise.

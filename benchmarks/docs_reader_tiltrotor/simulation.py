@@ -289,8 +289,8 @@ def acceleration(
 ) -> np.ndarray:
     """Inertial acceleration of the origin less gravity, and angular acceleration, (flight, 6).
 
-    For each body m (a_O + w' x r + w x (w x r) + 2 w x r' + r'') and r x that + I w_b' + w_b x I w_b, summed over
-    airframe and nacelles; d1 and d2 are the nacelles' rates and accelerations; shafts' momentum on top.
+    For each body m (a_O + w' x r + w x (w x r) + 2 w x r' + r''), and r x that + I w_b' + w_b x I w_b: summed
+    over airframe and nacelles; d1 and d2 are the nacelles' rates and accelerations; shafts' momentum on top.
     """
     tilt = eff[:, 4:8]
     p, q, r = rate[:, :1], rate[:, 1:2], rate[:, 2:]
@@ -604,7 +604,7 @@ def write_log(path: Path, flight: dict[str, np.ndarray], which: int = 0) -> None
 
 
 def read_design(path: Path) -> tuple[np.ndarray, float]:
-    """Return injected signals (14, samples) and their interval from a design's CSV; zero where it has none."""
+    """Return injected signals (14, samples) and their interval from a design's CSV; zero where absent."""
     with path.open(newline="") as stream:
         rows = [r for r in csv.reader(stream) if r and not r[0].startswith("#")]
     names, values = rows[0], np.array(rows[1:], dtype=float)

@@ -77,7 +77,7 @@ def test_what_noise_does_not_explain_is_said_in_the_terminal(record):
 
 def test_a_gate_that_nothing_was_given_to_judge_by_is_one_sentence(freqid, record, tmp_path):
     strict, point, page = tmp_path / "strict.toml", tmp_path / "point.h5", tmp_path / "p.html"
-    strict.write_text(SCENARIO.read_text().replace("r2 = 0.8", "validation = 0.3"))
+    strict.write_text(SCENARIO.read_text().replace("r2 = 0.8", "r2 = 0.5\nvalidation = 0.3"))
     code, _, err = freqid("identify-point", record, "--scenario", strict, "-o", point)
     assert code == 4
     assert err.count("validation") == 1

@@ -202,10 +202,10 @@ def crosses_zero(response: ResponseModel) -> np.ndarray:
 def _headline(model: PointModel, gates: Gates | None) -> Finding:
     scores = {name: response.r2 for name, response in model.responses.items()}
     spread = _spread(model, scores)
-    if gates is None or gates == Gates():
+    if gates is None or (gates.r2 is None and gates.condition_number is None):
         return finding("note", "R² is {}. No gate was given to hold it against.", spread)
-    unjudged = unjudged_gates(model, gates)
     missed = missed_by_response(model, gates)
+    unjudged = unjudged_gates(model, gates)
     if not missed and unjudged:
         return finding("bad", "{} R² is {}.", _sentence(unjudged), spread)
     if not missed:

@@ -3,7 +3,7 @@
 `python benchmarks/docs_reader_tiltrotor/run.py [v07 v15 ...]` flies six conditions with twenty seeds of noise
 and gusts (`simulation.py`), writes each flight's log, imports it with jitter and mixed units, identifies it
 as `scenario.toml` says, and writes `coverage.csv`: by condition and response the share of 95 % intervals that
-hold each of two truths.
+hold each of two truths, and what the model leaves on the harmonics over the noise there.
 
 - *noise-free*: the estimate, by the same settings, from the same flight with sensors that have no noise.
 - *derivative*: central differences of the simulation's wrench at the flight's own mean. It differs from the
@@ -18,7 +18,7 @@ import csv
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -46,8 +46,8 @@ def derivatives_flown(flight: dict[str, np.ndarray], which: int) -> np.ndarray:
     return own.derivatives(mean[13:], v, mean[:3])
 
 
-def judged(condition: str, folder: Path, seeds: Sequence[int]) -> list[dict]:
-    """Fly, log, import and identify one condition; one row for each response."""
+def judged(condition: str, folder: Path, seeds: Sequence[int]) -> Iterator[list[dict]]:
+    """Fly one condition; after each log that is imported and identified, yield a row for each response."""
     scenario = fq.read_scenario(SCENARIO)
     path = fq.design_inputs(scenario, at=condition, seed=0).write_csv(folder / f"{condition}.csv")
     signals, dt = own.read_design(path)
@@ -61,24 +61,35 @@ def judged(condition: str, folder: Path, seeds: Sequence[int]) -> list[dict]:
         models.append(fq.identify_point(record, scenario))
         clean.append(fq.identify_point(without_noise(record, flight, i), scenario))
         truth.append(derivatives_flown(flight, i))
-    rows = []
-    for k, response in enumerate("XYZLMN"):
-        order = [models[0][response].regressors.index(n) for n in NAMES]
-        estimate, error, lower, upper = (
-            np.array([getattr(m[response], a)[order] for m in models])
-            for a in ("estimate", "std_error", "lower", "upper")
-        )
-        row = {"condition": condition, "response": response, "seeds": len(models), "parameters": len(NAMES)}
-        noise_free = np.array([m[response].estimate[order] for m in clean])
-        for name, true in (("noise_free", noise_free), ("derivative", np.array([t[k] for t in truth]))):
-            off = (estimate - true) / error
-            row |= {
-                f"{name}_covered_percent": round(100 * float(np.mean((lower <= true) & (true <= upper))), 2),
-                f"{name}_error_rms": round(float(np.sqrt(np.mean(off**2))), 3),
-                f"{name}_worst_mean_error": round(float(np.abs(off.mean(0)).max()), 3),
-            }
-        rows.append(row)
-    return rows
+        yield [row_of(condition, k, models, clean, truth) for k in range(6)]
+
+
+def row_of(
+    condition: str,
+    k: int,
+    models: Sequence[fq.PointModel],
+    clean: Sequence[fq.PointModel],
+    truth: Sequence[np.ndarray],
+) -> dict:
+    """Return coverage and errors in standard errors of one response over the flights so far."""
+    response = "XYZLMN"[k]
+    order = [models[0][response].regressors.index(n) for n in NAMES]
+    estimate, error, lower, upper = (
+        np.array([getattr(m[response], a)[order] for m in models])
+        for a in ("estimate", "std_error", "lower", "upper")
+    )
+    left = float(np.mean([m[response].distortion for m in models]))
+    row = {"condition": condition, "response": response, "seeds": len(models), "parameters": len(NAMES)}
+    row["left_over_noise"] = round(left, 2)
+    noise_free = np.array([m[response].estimate[order] for m in clean])
+    for name, true in (("noise_free", noise_free), ("derivative", np.array([t[k] for t in truth]))):
+        off = (estimate - true) / error
+        row |= {
+            f"{name}_covered_percent": round(100 * float(np.mean((lower <= true) & (true <= upper))), 2),
+            f"{name}_error_rms": round(float(np.sqrt(np.mean(off**2))), 3),
+            f"{name}_worst_mean_error": round(float(np.abs(off.mean(0)).max()), 3),
+        }
+    return row
 
 
 def without_noise(record: fq.FlightRecord, flight: dict[str, np.ndarray], which: int) -> fq.FlightRecord:
@@ -169,20 +180,16 @@ def main() -> None:
             print(*rows, sep="\n")
             return
         table = HERE / "coverage.csv"
+        order = list(own.CORRIDOR)
         for condition in asked or own.CORRIDOR:
             started = perf_counter()
-            rows = judged(condition, Path(name), SEEDS)
             old = list(csv.DictReader(table.open())) if table.exists() else []
-            order = list(own.CORRIDOR)
-            rows += [r for r in old if r["condition"] not in (condition, "all")]
-            rows.sort(key=lambda r: (order.index(r["condition"]), "XYZLMN".index(r["response"])))
-            write(table, rows)
-            print(
-                *(r for r in rows if r["condition"] == condition),
-                f"{perf_counter() - started:.0f} s",
-                sep="\n",
-                flush=True,
-            )
+            kept = [r for r in old if r["condition"] != condition]
+            for found in judged(condition, Path(name), SEEDS):
+                rows = [*kept, *found]
+                rows.sort(key=lambda r: (order.index(r["condition"]), "XYZLMN".index(r["response"])))
+                write(table, rows)  # a run that is broken off leaves the seeds so far
+            print(*found, f"{perf_counter() - started:.0f} s", sep="\n", flush=True)
     for kind in ("noise_free", "derivative"):
         covered = [float(r[f"{kind}_covered_percent"]) for r in rows]
         rms = np.sqrt(np.mean([float(r[f"{kind}_error_rms"]) ** 2 for r in rows]))

@@ -11,7 +11,8 @@ hold each of two truths.
 
 `... run.py chain` types the commands from scenario to page, counts them, and writes `chain.csv`, and
 `chain_coverage.csv`: the two flights of each condition, of a design each, against derivatives, what is left
-on the harmonics over the noise there, and the errors less those that the nacelles' rates make.
+on the harmonics over the noise there, and the same less what the nacelles' rates, and then curvature too,
+make of the estimates of a linear model.
 """
 
 from __future__ import annotations
@@ -100,42 +101,50 @@ def judged_chain(folder: Path) -> list[dict]:
         models = [fq.identify_point(r, scenario) for r in records]
         means = [np.array([r[name].mean() for name in CHANNELS]) for r in records]
         truth = [derivatives_flown(mean) for mean in means]
-        bias = [bias_by_tilt_rates(*of) for of in zip(records, models, means, strict=True)]
+        form = [errors_of_form(*of) for of in zip(records, models, means, strict=True)]
         for k, response in enumerate("XYZLMN"):
             row = row_of(condition, k, models, [], truth)
-            off = [
-                [(m[response][n][0] - t[k, j] - b[k, j]) / m[response][n][1] for j, n in enumerate(NAMES)]
-                for m, t, b in zip(models, truth, bias, strict=True)
-            ]
             left = np.mean([m[response].distortion for m in models])
             row["left_over_noise"] = round(float(left), 2)
-            row["error_rms_less_tilt_rates"] = round(float(np.sqrt(np.mean(np.square(off)))), 3)
+            for what, parts in (("tilt_rates", 1), ("form", 2)):
+                off, inside = [], []
+                for model, true, wrong in zip(models, truth, form, strict=True):
+                    one = model[response]
+                    order = [one.regressors.index(n) for n in NAMES]
+                    about = true[k] + wrong[:parts, k].sum(0)
+                    off.append((one.estimate[order] - about) / one.std_error[order])
+                    inside.append((one.lower[order] <= about) & (about <= one.upper[order]))
+                row[f"less_{what}_covered_percent"] = round(100 * float(np.mean(inside)), 2)
+                row[f"less_{what}_error_rms"] = round(float(np.sqrt(np.mean(np.square(off)))), 3)
             rows.append(row)
     return rows
 
 
-def bias_by_tilt_rates(record: fq.FlightRecord, model: fq.PointModel, mean: np.ndarray) -> np.ndarray:
-    """Return the error of each derivative, (6, 20), from loads that go with the nacelles' rates.
+def errors_of_form(record: fq.FlightRecord, model: fq.PointModel, mean: np.ndarray) -> np.ndarray:
+    """Return errors of each derivative, (2, 6, 20), from loads that no linear model in the regressors holds.
 
-    A hub on a nacelle is moved through the air by the nacelle's rate. No regressor holds that, so it is
-    regressed on those that there are, on the lines of the model.
+    First, those that go with the nacelles' rates, which move the hubs through the air; second, the rest of
+    the simulation's wrench along the measured motion, less its derivatives times the regressors. Each is
+    regressed on the regressors, on the lines of the model.
     """
-    flow = own.feedback(mean[None], np.zeros(10))[0, :3]
-    step = 1e-3 * np.concatenate([np.eye(4), -np.eye(4)])
-    still = [np.tile(a, (8, 1)) for a in (flow, mean[:3], mean[13:])]
-    moved = own.loads(*still, step)
-    moved[:, 3:] -= np.cross(own.centre(mean[None, 17:21])[0], moved[:, :3])
-    by_rate = (moved[:4] - moved[4:]) / 2e-3
     read = np.stack([record[name] for name in CHANNELS], -1)
-    at_centre = np.cross(read[:, :3], own.centre(mean[None, 17:21])[0])
-    flows = own.feedback(read, np.zeros(10))[:, :3] + at_centre
-    regressors = np.concatenate([flows, read[:, :3], read[:, 13:]], 1)
+    centre = own.centre(read[:, 17:21])
+    flow = own.feedback(read, np.zeros(10))[:, :3]
+    regressors = np.concatenate([flow + np.cross(read[:, :3], centre), read[:, :3], read[:, 13:]], 1)
+    regressors -= regressors.mean(0)
+    wrench = own.loads(flow, read[:, :3], read[:, 13:])
+    wrench[:, 3:] -= np.cross(centre, wrench[:, :3])
+    curved = wrench - wrench.mean(0) - regressors @ derivatives_flown(mean).T
+    step = 1e-3 * np.concatenate([np.eye(4), -np.eye(4)])
+    at = own.feedback(mean[None], np.zeros(10))[0, :3]
+    moved = own.loads(*(np.tile(a, (8, 1)) for a in (at, mean[:3], mean[13:])), step)
+    moved[:, 3:] -= np.cross(own.centre(mean[None, 17:21])[0], moved[:, :3])
     lines = model["X"].fit["frequency"].axis
     turn = np.exp(-2j * np.pi * lines[:, None] * (record.time - record.time[0]))
-    x = turn @ (regressors - regressors.mean(0))
-    y = (2j * np.pi * lines[:, None] * x[:, 10:14]) @ by_rate
-    stacked = (np.concatenate([part.real, part.imag]) for part in (x, y))
-    return np.linalg.lstsq(*stacked, rcond=None)[0].T
+    x = turn @ regressors
+    by_rate = (2j * np.pi * lines[:, None] * x[:, 10:14]) @ ((moved[:4] - moved[4:]) / 2e-3)
+    stacked = [np.concatenate([part.real, part.imag]) for part in (x, by_rate, turn @ curved)]
+    return np.stack([np.linalg.lstsq(stacked[0], y, rcond=None)[0].T for y in stacked[1:]])
 
 
 def without_noise(record: fq.FlightRecord, flight: dict[str, np.ndarray], which: int) -> fq.FlightRecord:

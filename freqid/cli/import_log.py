@@ -63,7 +63,7 @@ def command(
     from freqid.workflows.inputs import scenario_of
 
     if list_:
-        listing = list_log(log)
+        listing = list_log(log, scenario=scenario)
         options.emit(json_, listing_result(listing), str(listing).rstrip())
         return
     described = scenario_of(scenario) if scenario else None

@@ -80,6 +80,11 @@ def point_table(model: PointModel) -> str:
                 f"{n} {beside.estimate[response.regressors.index(n)]:.6g}" for n in response.differing
             )
             lines.append(f"  least squares differs beyond noise: {listing}")
+        if response.distortion is not None and response.distortion > DISTORTED:
+            lines.append(
+                f"  on the harmonics {response.distortion:.3g} times the noise is left: not linear, or late; "
+                "the errors above hold noise alone"
+            )
         lines += _chosen(model.provenance.get("structure", {}).get(name, {}))
         lines += [f"  the data cannot separate {' and '.join(group)}" for group in response.inseparable]
     lines.append("(+- is two standard errors)")

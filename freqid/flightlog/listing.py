@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -85,13 +85,15 @@ class Listing:
         return "\n".join(["# " + line for line in (str(self.path), *lines)]) + "\n\n" + self.map
 
 
-def list_log(path: Path) -> Listing:
+def list_log(path: Path, effectors: Collection[str] = ()) -> Listing:
     """List the channels of a log and propose a column map.
 
     Parameters
     ----------
     path : Path
         Of a kind that does not say itself what its channels are.
+    effectors : collection of str
+        Names of the aircraft's effectors, which columns are compared with.
 
     Raises
     ------
@@ -109,7 +111,7 @@ def list_log(path: Path) -> Listing:
     except DataError as error:
         raise error.at(str(path)) from None
     shipped = _shipped_map([c.name for c in channels])
-    proposal = shipped if shipped else _proposed(channels)
+    proposal = shipped if shipped else _proposed(channels, effectors)
     return Listing(path, channels, proposal)
 
 
@@ -160,7 +162,7 @@ def _shipped_map(names: Sequence[str]) -> str:
     )
 
 
-def _proposed(channels: Sequence[Listed]) -> str:
+def _proposed(channels: Sequence[Listed], effectors: Collection[str]) -> str:
     """Return a map of the channels whose names are understood; the others are listed as comments."""
     clock = next((c for c in channels if c.clock or c.source), None)
     parts, unknown, taken = [], [], set()
@@ -172,7 +174,7 @@ def _proposed(channels: Sequence[Listed]) -> str:
     for c in channels:
         if c.clock or not c.samples:
             continue
-        channel, unit = recognise(c.name, c.unit)
+        channel, unit = recognise(c.name, c.unit, effectors)
         if not channel or channel in taken or not _fits(channel, unit):
             unknown.append(f"{c.name}{f' ({unit})' if unit else ''}")
             continue

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 
 from freqid.core.errors import DataError
 from freqid.core.units import parse_unit
@@ -18,7 +19,17 @@ _UNITS = {
         u: u for u in ("deg", "rad", "ft", "m", "s", "ms", "us", "kt", "rpm", "g", "psf", "lbf", "slug", "kg")
     },
     **{"sec": "s", "fps": "fps", "mps": "m/s", "dps": "dps", "degps": "deg/s", "radps": "rad/s", "kts": "kt"},
-    **{"s2": "s2", "sec2": "s2", "ft3": "ft3", "m3": "m3", "nmi": "nmi", "h": "h", "pa": "Pa", "in": "in"},
+    **{
+        "s2": "s2",
+        "sec2": "s2",
+        "ft3": "ft3",
+        "m3": "m3",
+        "nmi": "nmi",
+        "h": "h",
+        "pa": "Pa",
+        "in": "in",
+        "kgm3": "kg/m3",
+    },
     **{"knots": "kt", "volt": "V", "amp": "A", "n": "N", "norm": "1", "rps": "rad/s", "fps2": "ft/s2"},
 }
 _WORDS = {
@@ -27,13 +38,13 @@ _WORDS = {
     "state/r": "r yawrate gyrz gyroz bodyangularratewrteiyaw wz omegaz rrate",
     "state/phi": "phi roll rollangle eulerangleroll bank bankangle",
     "state/theta": "theta pitch pitchangle euleranglepitch",
-    "state/psi": "psi yaw yawangle heading eulerangleyaw psitrue headingtrue",
+    "state/psi": "psi yaw yawangle hdg heading eulerangleyaw psitrue headingtrue",
     "state/u": "u ubody uaero",
     "state/v": "v vbody vaero",
     "state/w": "w wbody waero wdown",
-    "state/ax": "ax accx accelx nx axm",
-    "state/ay": "ay accy accely ny aym",
-    "state/az": "az accz accelz azm",
+    "state/ax": "ax accx accelx nx axm accfwd accforward",
+    "state/ay": "ay accy accely ny aym accright",
+    "state/az": "az accz accelz azm accdown",
     "state/pdot": "pdot rollacceleration",
     "state/qdot": "qdot pitchacceleration",
     "state/rdot": "rdot yawacceleration",
@@ -66,8 +77,14 @@ _KINDS = (
         r"^stab|slat|^tef|^lef|(^|_)fin|vane",
     ),
 )
+# What stands before or after an effector's name where a column is not its position.
+_GROUPS = {"excitation": "inj|injected|injection|exc|excitation", "command": "cmd|command|sp|setpoint"}
+_GROUP = {
+    group: re.compile(rf"^(?:{words})[_ ](.+)$|^(.+)[_ ](?:{words})$", re.IGNORECASE)
+    for group, words in _GROUPS.items()
+}
 _NO_POSITION = re.compile(
-    r"inject|excit|cmd|command|setpoint|_sp$|target|stick|pilot|elevation|alpha|beta", re.IGNORECASE
+    r"inj|excit|cmd|command|setpoint|_sp$|target|stick|pilot|elevation|alpha|beta", re.IGNORECASE
 )
 _ROTOR = re.compile(r"^(?:n|rpm|motor|esc|rotor|engine|m)(\d+)(?:rpm|speed|erpm)?$")
 
@@ -77,7 +94,7 @@ def guess_kind(name: str) -> str:
     return next((kind for kind, words in _KINDS if re.search(words, name, re.IGNORECASE)), "")
 
 
-def recognise(name: str, unit: str = "") -> tuple[str, str]:
+def recognise(name: str, unit: str = "", effectors: Collection[str] = ()) -> tuple[str, str]:
     """Return the channel that a logger's name means, empty where it is not understood, and its unit.
 
     Parameters
@@ -86,6 +103,9 @@ def recognise(name: str, unit: str = "") -> tuple[str, str]:
         Of a column; what stands before the last slash or dot is its folder.
     unit : str
         That the log states elsewhere; else it is looked for in the name.
+    effectors : collection of str
+        Of the aircraft: a column with the name of one, in capitals or not, is that one, and so are its
+        commands and injected signals.
 
     Examples
     --------
@@ -95,10 +115,21 @@ def recognise(name: str, unit: str = "") -> tuple[str, str]:
     ('air/V', 'ft/s')
     >>> recognise("/fdm/jsbsim/velocities/p-rad_sec")
     ('state/p', 'rad/s')
+    >>> recognise("INJ_RVT_L_deg", effectors=["rvt_l"])
+    ('excitation/rvt_l', 'deg')
     """
     base, found = _split(name)
     unit = unit or found
     leaf = re.split(r"[/.]", base)[-1] or base
+    by_name = {_plain(effector): effector for effector in effectors}
+    if _plain(leaf) in by_name:
+        return f"effector/{by_name[_plain(leaf)]}", unit
+    for group, pattern in _GROUP.items():
+        if match := pattern.match(leaf):
+            rest = match[1] or match[2]
+            position = by_name.get(_plain(rest)) or recognise(rest)[0].removeprefix("effector/")
+            known = position and "/" not in position
+            return (f"{group}/{position}" if known else ""), unit or ("rpm" if "rpm" in rest.lower() else "")
     if leaf == "V":
         return "air/V", unit
     word = re.sub(r"[^a-z0-9]", "", leaf.lower())
@@ -113,6 +144,10 @@ def recognise(name: str, unit: str = "") -> tuple[str, str]:
     if re.fullmatch(r"[A-Za-z]\w*", leaf) and guess_kind(leaf) and not _NO_POSITION.search(base):
         return f"effector/{leaf}", unit
     return "", unit
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", name.lower())
 
 
 def _split(name: str) -> tuple[str, str]:

@@ -66,7 +66,7 @@ def page(
 
     Parameters
     ----------
-    result : PointModel, GlobalModel, AdvanceRatioModel, FrequencyResponse, LoopMargins, Prediction, Score, ...
+    result : PointModel, GlobalModel, AdvanceRatioModel, FrequencyResponse, LoopMargins, Prediction, ...
         What the verbs return, or `read`; or the path of such a file.
     record : FlightRecord, Maneuver or path, optional
         Of a point model: the flight that it was made from, whose channels are drawn; the file that the

@@ -128,12 +128,15 @@ def read_pieces(path: File, columns: ColumnMap | File | None = None, **options: 
     ]
 
 
-def list_log(path: File) -> Listing:
+def list_log(path: File, *, scenario: Scenario | File | None = None) -> Listing:
     """List the channels of a log with rates, units and gaps, and propose a column map.
 
     Parameters
     ----------
     path : path
+    scenario : Scenario, path or name, optional
+        Its effectors are looked for among the columns, whatever their case, and so are their commands
+        (``CMD_``) and injected signals (``INJ_``).
 
     Returns
     -------
@@ -151,7 +154,8 @@ def list_log(path: File) -> Listing:
     --------
     >>> Path("map.toml").write_text(str(list_log("flight.ulg")))  # doctest: +SKIP
     """
-    return listing.list_log(Path(path))
+    effectors = [e.name for e in scenario_of(scenario).effector] if scenario is not None else []
+    return listing.list_log(Path(path), effectors)
 
 
 def align_excitation(record: FlightRecord | File, design: SampledInputs | File) -> FlightRecord:

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -10,6 +11,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import freqid as fq
+from freqid.cli.point_texts import point_table
 from freqid.core.results.point import read_point
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
@@ -60,6 +63,28 @@ def test_a_missed_gate_is_exit_code_4_and_the_model_is_written(freqid, record, t
     assert code == 4
     assert "the gate is 0.99999" in err
     assert point.is_file()
+
+
+def test_what_noise_does_not_explain_is_said_in_the_terminal(record):
+    model = fq.identify_point(record, SCENARIO, responses=("M",))
+    quiet, loud = (
+        point_table(replace(model, responses={"M": replace(model["M"], distortion=ratio)}))
+        for ratio in (1.2, 3.31)
+    )
+    assert "on the harmonics 3.31 times the noise is left" in loud
+    assert "on the harmonics" not in quiet
+
+
+def test_a_gate_that_nothing_was_given_to_judge_by_is_one_sentence(freqid, record, tmp_path):
+    strict, point, page = tmp_path / "strict.toml", tmp_path / "point.h5", tmp_path / "p.html"
+    strict.write_text(SCENARIO.read_text().replace("r2 = 0.8", "r2 = 0.5\nvalidation = 0.3"))
+    code, _, err = freqid("identify-point", record, "--scenario", strict, "-o", point)
+    assert code == 4
+    assert err.count("validation") == 1
+    assert "--predict" in err
+    assert "nan" not in err
+    freqid("report", point, "--scenario", strict, "-o", page)
+    assert "is not judged: no manoeuvre" in page.read_text()
 
 
 def test_instruments_are_shown_beside_least_squares(freqid, record, tmp_path):

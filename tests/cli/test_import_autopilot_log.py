@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 
 import numpy as np
 import pandas as pd
@@ -64,7 +65,27 @@ def test_a_listing_is_a_map_that_imports_the_log(freqid, tmp_path):
         ("/fdm/jsbsim/aero/alpha-deg", ("air/alpha", "deg")),
         ("m3_erpm", ("effector/n3", "rpm")),
         ("nonsense_deg", ("", "deg")),
+        ("INJ_RPM1", ("excitation/n1", "rpm")),
+        ("cmd elevator (deg)", ("command/elevator", "deg")),
+        ("INJ_nonsense", ("", "")),
+        ("RHO_kgm3", ("air/rho", "kg/m3")),
     ],
 )
 def test_names_of_other_loggers(name, expected):
     assert recognise(name) == expected
+
+
+def test_the_effectors_of_a_scenario_are_found_among_the_columns(freqid, tmp_path):
+    names = "FLN_L (deg),CMD_FLN_L (deg),INJ_FLN_L (deg),Rot FL (rpm),inj_rot_fl"
+    (tmp_path / "x.csv").write_text(f"time,{names}\n" + "".join(f"{i},1,2,3,4,5\n" for i in range(9)))
+    freqid("new-scenario", "--effectors", "fln_l:surface,rot_fl:rotor", "-o", tmp_path / "s.toml")
+    code, out, err = freqid("import-log", tmp_path / "x.csv", "--list", "--scenario", tmp_path / "s.toml")
+    assert code == 0, err
+    proposed = tomllib.loads(out)["channel"]
+    assert [c["name"] for c in proposed] == [
+        "effector/fln_l",
+        "command/fln_l",
+        "excitation/fln_l",
+        "effector/rot_fl",
+        "excitation/rot_fl",
+    ]

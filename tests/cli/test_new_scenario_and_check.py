@@ -40,9 +40,22 @@ def test_the_skeleton_of_a_list_is_read_and_lists_what_to_fill_in(freqid, tmp_pa
     assert found["missing"]["identify-point"] == []
     assert any("[control]" in sentence for sentence in found["missing"]["simulate"])
     lines = path.read_text().splitlines()
-    numbers = [int(re.match(r"line (\d+)", line)[1]) for line in found["placeholders"]]
+    numbers = [one["line"] for one in found["placeholders"]]
     assert numbers == [i for i, text in enumerate(lines, 1) if "fill in" in text and not text.startswith("#")]
     assert (tmp_path / "three.svg").read_text().count("<path") > 10
+
+
+def test_what_is_to_be_filled_in_is_listed_by_section_and_rotors_find_their_mounts(freqid, tmp_path):
+    path = tmp_path / "mine.toml"
+    names = "de,nac_fl,nac_fr,nac_rr,rot_fr:rotor,rot_fl:rotor,rot_rr:rotor"
+    freqid("new-scenario", "--effectors", names, "-o", path)
+    carriers = re.findall(r'# wing = "(\w+)"', path.read_text())
+    assert carriers == ["mount_nac_fr", "mount_nac_fl", "mount_nac_rr"]
+    _, out, _ = freqid("check", path, "--no-draw")
+    assert "[[effector]] de             limits, rate_limit (lines" in out
+    assert "[excitation.amplitude]      all (line" in out
+    assert re.search(r"study --flights +ready", out)
+    assert re.search(r"\nstudy +missing: \[control\]", out)
 
 
 def test_a_skeleton_is_designed_for_as_it_is(freqid, tmp_path):
@@ -50,6 +63,15 @@ def test_a_skeleton_is_designed_for_as_it_is(freqid, tmp_path):
     freqid("new-scenario", "--effectors", "de,da,dr,n1", "-o", path)
     code, _, err = freqid("design-inputs", path, "--no-page", "-o", tmp_path / "design.h5")
     assert (code, err.count("freqid:")) == (0, 0)
+
+
+def test_the_test_card_says_where_speed_and_tilts_are(freqid, tmp_path):
+    path = tmp_path / "mine.toml"
+    freqid("new-scenario", "--effectors", "de,nac:tilt,n1", "-o", path)
+    path.write_text(path.read_text().replace("nac = 0.0 # rad", "nac = 0.5 # rad"))
+    code, _, err = freqid("design-inputs", path, "--at", "u15", "--no-study", "-o", tmp_path / "design.h5")
+    assert code == 0, err
+    assert "u15: u 15 m/s, nac 28.65 deg\n" in (tmp_path / "design-card.txt").read_text()
 
 
 def test_effectors_of_a_log_are_found_by_their_columns(freqid, tmp_path):
@@ -70,6 +92,7 @@ def test_effectors_of_a_log_are_found_by_their_columns(freqid, tmp_path):
     ("options", "says"),
     [
         (["--effectors", "de1,blob"], "the name 'blob' does not tell"),
+        (["--effectors", "blob,de1,lump"], "the names 'blob', 'lump' do not tell"),
         (["--effectors", "de1:surfase"], "did you mean 'surface'"),
         (["--effectors", "q:surface"], "'q' has the name of a state"),
         ([], "no effector is named"),

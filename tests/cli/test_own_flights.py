@@ -13,6 +13,7 @@ from freqid.blend.global_model import GlobalModel
 from freqid.core.record import write_record
 from freqid.core.results.corridor import read_global
 from freqid.core.results.point import read_point
+from freqid.workflows.studies.own_flights import find_flights
 
 SPEEDS = (3.0, 5.0, 7.0)
 
@@ -256,3 +257,13 @@ def test_predicting_a_flight_by_a_model_made_from_it_warns(freqid, flights, tmp_
     assert not [w for w in recwarn if "made from it" in str(w.message)]
     with pytest.warns(UserWarning, match="made from it, which validates nothing"):
         fq.predict(model, one, tmp_path / "s.toml")
+
+
+def test_flights_are_in_the_order_of_their_names_not_of_their_files(flights, tmp_path):
+    one = next(flights.glob("flight-3-*.h5"))
+    for name in ("u3-check", "u3", "u3-again"):
+        shutil.copy(one, tmp_path / f"{name}.h5")
+    (tmp_path / "s.toml").write_text(scenario_text())
+    scenario = fq.read_scenario(tmp_path / "s.toml")
+    found = find_flights(scenario, tmp_path, None, None, tmp_path / "records")
+    assert list(found) == ["u3", "u3-again", "u3-check"]

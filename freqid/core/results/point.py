@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
@@ -487,9 +488,25 @@ class MissedGate:
     gate: float
     why: str = ""
 
+    @property
+    def unjudged(self) -> bool:
+        """Whether the gate is on a manoeuvre that was not used, and none was given."""
+        return self.figure == "validation error" and math.isnan(self.value)
+
     def __str__(self) -> str:
         said = f"{self.figure} of {self.response} is {self.value:.5g}"
         return f"{said}{f', because {self.why}' if self.why else ''}, the gate is {self.gate:g}"
+
+
+def unjudged_gates(model: PointModel, gates: Gates) -> str:
+    """Return one sentence on gates that nothing was given to judge by; empty where there are none."""
+    left = [miss.response for miss in missed_gates(model, gates) if miss.unjudged]
+    if not left:
+        return ""
+    return (
+        f"the gate on validation of {', '.join(left)} is not judged: no manoeuvre that was not used was "
+        "predicted (--predict)"
+    )
 
 
 def missed_gates(model: PointModel, gates: Gates) -> list[MissedGate]:
@@ -519,6 +536,12 @@ def missed_gates(model: PointModel, gates: Gates) -> list[MissedGate]:
         if asked is not None and not (value := validation_error(model, name)) <= asked:
             missed.append(MissedGate(name, "validation error", value, asked))
     return missed
+
+
+def gate_sentences(model: PointModel, gates: Gates) -> list[str]:
+    """Return a sentence for each gate that a model misses; one for all that nothing was given to judge by."""
+    missed = [str(miss) for miss in missed_gates(model, gates) if not miss.unjudged]
+    return [*missed, *filter(None, [unjudged_gates(model, gates)])]
 
 
 def validation_error(model: PointModel, response: str) -> float:

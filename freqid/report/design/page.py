@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from markupsafe import Markup
 
 from freqid import __version__
 from freqid.core.arrays import Array
-from freqid.core.channels import WRENCH
+from freqid.core.channels import AIR, EFFECTOR_UNITS, STATE, WRENCH
 from freqid.core.results.design import ClassicDesign, MultisineDesign
 from freqid.core.scenario import Scenario
 from freqid.design.finish import FinishedSet
@@ -27,8 +28,8 @@ from freqid.report.design import figures, tables
 from freqid.report.design.flight_plan import FlightPlan
 from freqid.report.design.signal_pictures import signal_pictures
 from freqid.report.design.test_card import Card, build_card, test_card_text, write_test_card
-from freqid.report.kit.effectors import effector_groups
-from freqid.report.kit.notation import short
+from freqid.report.kit.effectors import effector_groups, engineering
+from freqid.report.kit.notation import pretty_unit, short
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.kit.rendering import render, write_text
 
@@ -246,7 +247,7 @@ def flight_plan(
     watched = tuple(dict.fromkeys((*STATES, *excitation.excursions, *design.names)))
     return FlightPlan(
         vehicle=vehicle,
-        condition=condition,
+        condition=_condition(scenario, condition),
         trim=trim if trim is not None else (aircraft.trim if aircraft else {}),
         source=destination.name if destination else "",
         sha256=hashlib.sha256(destination.read_bytes()).hexdigest() if destination else "",
@@ -257,6 +258,19 @@ def flight_plan(
         motion=excursions(design, aircraft.loop, watched) if aircraft else None,
         varied=[excursions(design, loop, watched) for loop in aircraft.varied] if aircraft else (),
     )
+
+
+def _condition(scenario: Scenario, at: str) -> str:
+    """Return a reference in words, with all that is set there: the card's reader has no scenario at hand."""
+    reference = next((r for r in scenario.reference if r.id == at), None)
+    if reference is None:
+        return at
+    kinds = {e.name: EFFECTOR_UNITS[e.kind] for e in scenario.effector}
+    words = [f"u {short(reference.u)} m/s"] if math.isfinite(reference.u) else []
+    for name, value in reference.scheduled.items():
+        unit, factor = engineering(kinds.get(name) or {**STATE, **AIR}.get(name, ("1",))[0])
+        words.append(f"{name} {short(factor * value)} {pretty_unit(unit)}".rstrip())
+    return f"{at}: {', '.join(words)}" if words else at
 
 
 def write_cards(destination: Path, card: Card) -> list[Path]:

@@ -223,9 +223,9 @@ def judge_limits(rows: Sequence[Mapping[str, Any]]) -> tuple[Literal["good", "no
     if over:
         return "bad", Markup("{} beyond a limit or a slew rate").format(listed(_first(over)))
     if unknown:
-        return "note", Markup("limits of {} are not judged: their trim is not given").format(
-            listed(_first(unknown))
-        )
+        return "note", Markup(
+            "limits of {} are not judged: their trim is not given (a point model has it: --model)"
+        ).format(listed(_first(unknown)))
     return "good", Markup("no signal exceeds a limit or a slew rate")
 
 

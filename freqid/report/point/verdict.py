@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
-from freqid.core.results.point import PointModel, ResponseModel, missed_gates
+from freqid.core.results.point import PointModel, ResponseModel, missed_gates, unjudged_gates
 from freqid.core.scenario import Gates
 from freqid.identify.model.selection import DISTORTED
 from freqid.identify.regress.two_stage import LEAST_STRENGTH
@@ -112,7 +112,8 @@ def _distortion(model: PointModel) -> list[Finding]:
         finding(
             "note",
             "On the harmonics the model leaves more power than noise has between them in {}: motion that is "
-            "not linear in the regressors, or lags behind them.",
+            "not linear in the regressors, or lags behind them. The intervals hold noise alone. Smaller "
+            "amplitudes, products of regressors (--nonlinear products) or --align fit tell which.",
             listing,
         )
     ]
@@ -179,6 +180,8 @@ def missed_by_response(model: PointModel, gates: Gates) -> dict[str, tuple[Marku
     """Return by response what it should have reached; responses that reach everything are absent."""
     summary: dict[str, tuple[Markup, ...]] = {}
     for miss in missed_gates(model, gates):
+        if miss.unjudged:
+            continue  # one sentence for all responses, in the headline
         if miss.figure == "R2":
             text = Markup("R² {} where {:g} is asked").format(share(miss.value), miss.gate)
             allowed = model[miss.response].r2_ceiling
@@ -203,6 +206,9 @@ def _headline(model: PointModel, gates: Gates | None) -> Finding:
     if gates is None or not gates.of_points:
         return finding("note", "R² is {}. No gate was given to hold it against.", spread)
     missed = missed_by_response(model, gates)
+    unjudged = unjudged_gates(model, gates)
+    if not missed and unjudged:
+        return finding("bad", "{} R² is {}.", _sentence(unjudged), spread)
     if not missed:
         return finding("good", "Every response reaches its gate: R² is {}.", spread)
     phrases = [
@@ -211,13 +217,18 @@ def _headline(model: PointModel, gates: Gates | None) -> Finding:
     ]
     return finding(
         "bad",
-        "{} of {} responses {} a gate: {}. R² is {}.",
+        "{} of {} responses {} a gate: {}. R² is {}.{}",
         len(missed),
         len(scores),
         "misses" if len(missed) == 1 else "miss",
         listed(phrases),
         spread,
+        f" {_sentence(unjudged)}" if unjudged else "",
     )
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 def _prediction(model: PointModel) -> Finding:

@@ -9,7 +9,7 @@ from typing import Literal
 from freqid import __version__
 from freqid.core.errors import DataError, GateFailed, UsageError, nearest
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.core.results.point import PointModel, missed_gates
+from freqid.core.results.point import PointModel, gate_sentences
 from freqid.core.scenario import Scenario
 from freqid.core.sections.estimators import EstimatorName
 from freqid.core.sections.identification import MAXIMUM_LIKELIHOOD, Method
@@ -280,9 +280,9 @@ def refuse_missed_gates(model: PointModel, scenario: Scenario, where: str) -> No
     GateFailed
         With every figure of merit that is missed; `where` is the model's file.
     """
-    missed = missed_gates(model, scenario.gates)
+    missed = gate_sentences(model, scenario.gates)
     if missed:
-        raise GateFailed("; ".join(map(str, missed)), where=where, remedy="the model is written all the same")
+        raise GateFailed("; ".join(missed), where=where, remedy="the model is written all the same")
 
 
 def _refuse_unknown(option: str, value: str, known: Sequence[str]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from freqid.core.scenario import Scenario, find_scenario
 from freqid.core.sections.identification import factors_of
 from freqid.dynamics.mass import centre_of_gravity
 from freqid.workflows.inputs import File, scenario_of
-from freqid.workflows.scenarios.new_scenario import placeholders
+from freqid.workflows.scenarios.new_scenario import Placeholder, placeholders
 
 
 @dataclass(frozen=True)
@@ -43,15 +44,15 @@ class ScenarioCheck:
         By command, one sentence for each thing that is missing; none where it is ready.
     notes : tuple of str
         What may be meant so, and is worth a look.
-    placeholders : tuple of str
-        Lines of the file that are to be filled in.
+    placeholders : tuple of Placeholder
+        Lines of the file that are to be filled in, with their section and key.
     moment_points : tuple of MomentPoint
     """
 
     vehicle: str
     missing: Mapping[str, tuple[str, ...]]
     notes: tuple[str, ...] = ()
-    placeholders: tuple[str, ...] = ()
+    placeholders: tuple[Placeholder, ...] = ()
     moment_points: tuple[MomentPoint, ...] = field(default=())
 
     def ready(self, command: str) -> bool:
@@ -78,7 +79,13 @@ class ScenarioCheck:
         if self.notes:
             lines += ["", "Worth a look:", *(f"  {note}" for note in self.notes)]
         if self.placeholders:
-            lines += ["", "To be filled in:", *(f"  {line}" for line in self.placeholders)]
+            lines += ["", "To be filled in:"]
+            for section, group in groupby(self.placeholders, key=lambda p: p.section):
+                left = list(group)
+                keys = ", ".join(p.key for p in left if p.key) or "all"
+                first, last = left[0].line, left[-1].line
+                where = f"line {first}" if first == last else f"lines {first} to {last}"
+                lines.append(f"  {section:<28}{keys} ({where})")
         return "\n".join(lines)
 
 
@@ -113,6 +120,7 @@ def check_scenario(scenario: Scenario | File) -> ScenarioCheck:
         "identify-point": identifies,
         "global-blend": (*identifies, *_blend(described)),
         "diagnose-gap": identifies,
+        "study --flights": (*identifies, *_blend(described)),
         "study": tuple(dict.fromkeys((*designs, *simulates, *identifies, *_blend(described)))),
     }
     path = find_scenario(described.file) if described.file else None
@@ -121,7 +129,7 @@ def check_scenario(scenario: Scenario | File) -> ScenarioCheck:
         vehicle=repr(described).strip("<>"),
         missing=missing,
         notes=_notes(described),
-        placeholders=tuple(f"line {i}: {text}" for i, text in found),
+        placeholders=tuple(found),
         moment_points=_moment_points(described),
     )
 

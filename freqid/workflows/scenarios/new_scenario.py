@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 
 from freqid.core.channels import EFFECTOR_UNITS, TAKEN
@@ -55,9 +57,8 @@ def new_scenario(effectors: Iterable[str] = (), *, log: File | None = None, name
     # My aircraft: 1 rotor, 1 surface, 1 tilt. SI units and radians throughout.
     """
     kinds = _of_log(Path(log)) if log is not None else {}
-    for text in effectors:
-        given, _, kind = text.partition(":")
-        kinds[given.strip()] = _kind(given.strip(), kind.strip())
+    named = [text.partition(":") for text in effectors]
+    kinds |= _kinds({name.strip(): kind.strip() for name, _, kind in named})
     if not kinds:
         raise UsageError(
             "no effector is named" + (f" by the columns of {log}" if log else ""),
@@ -87,18 +88,20 @@ def write_scenario(path: Path, text: str) -> None:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def _kind(name: str, given: str) -> str:
-    if given:
-        if given not in EFFECTOR_UNITS:
-            raise UsageError(f"effector '{name}' is of kind '{given}'", remedy=nearest(given, EFFECTOR_UNITS))
-        return given
-    guessed = guess_kind(name)
-    if not guessed:
+def _kinds(given: Mapping[str, str]) -> dict[str, str]:
+    """Return kind by name; those that tell none are refused together."""
+    for name, kind in given.items():
+        if kind and kind not in EFFECTOR_UNITS:
+            raise UsageError(f"effector '{name}' is of kind '{kind}'", remedy=nearest(kind, EFFECTOR_UNITS))
+    kinds = {name: kind or guess_kind(name) for name, kind in given.items()}
+    if unknown := [name for name, kind in kinds.items() if not kind]:
+        named = ", ".join(f"'{name}'" for name in unknown)
+        verb = "the names {} do" if len(unknown) > 1 else "the name {} does"
         raise UsageError(
-            f"the name '{name}' does not tell what kind of effector it is",
-            remedy=f"write it with its kind, such as {name}:surface; kinds are {', '.join(EFFECTOR_UNITS)}",
+            f"{verb.format(named)} not tell what kind of effector it is",
+            remedy=f"write each with its kind, as {unknown[0]}:KIND; kinds are {', '.join(EFFECTOR_UNITS)}",
         )
-    return guessed
+    return kinds
 
 
 def _of_log(path: Path) -> dict[str, str]:
@@ -147,12 +150,13 @@ def _text(kinds: Mapping[str, str], name: str) -> str:
             f'[[wing]]\nname = "{_mount(tilt, kinds)}"\ntilt = "{tilt}"\n'
             f"pivot_m = [{0.5 - i:.1f}, 0.0, 0.0] # {FILL_IN}\nmass_kg = 0.0 # {FILL_IN}\n"
             f"# cg_m = [{0.6 - i:.1f}, 0.0, 0.0] # needed with a mass, at zero tilt\n"
-            "# inertia = { xx = 0.0, yy = 0.0, zz = 0.0 }\n"
+            "# inertia = { xx = 0.0, yy = 0.0, zz = 0.0 } # about its cg_m, rotor included\n"
         )
     if rotors:
         blocks.append(_ROTORS)
     for i, rotor in enumerate(rotors):
-        carrier = f'# wing = "{_mount(tilts[0], kinds)}" # where it turns with one\n' if tilts else ""
+        mount = _mount(_carrier(rotor, tilts), kinds) if tilts else ""
+        carrier = f'# wing = "{mount}" # where it turns with one\n' if mount else ""
         side = (i - (len(rotors) - 1) / 2) * 0.5
         blocks.append(
             f'[[rotor]]\nname = "{rotor}"\nspin = {1 if i % 2 == 0 else -1} # {FILL_IN}\n'
@@ -182,6 +186,16 @@ def _text(kinds: Mapping[str, str], name: str) -> str:
     return "\n".join(blocks)
 
 
+def _carrier(rotor: str, tilts: list[str]) -> str:
+    """Return the tilt whose name ends most like a rotor's (rot_fl, nac_fl): the first where several do."""
+
+    def alike(tilt: str) -> int:
+        pairs = zip(reversed(rotor), reversed(tilt), strict=False)
+        return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+
+    return max(tilts, key=alike)
+
+
 def _mount(tilt: str, kinds: Mapping[str, str]) -> str:
     """Return a name for what an effector tilts."""
     return f"mount_{tilt}" if f"mount_{tilt}" not in kinds else f"on_{tilt}"
@@ -203,9 +217,9 @@ _HEAD = """\
 
 [vehicle]
 name = "{name}"
-mass_kg = 10.0 # {fill}
+mass_kg = 10.0 # of all, what tilts included; {fill}
 cg_m = [0.0, 0.0, 0.0] # x forward, y right, z down, from an origin of your choice; {fill}
-inertia = {{ xx = 1.0, yy = 1.0, zz = 1.5, xz = 0.0 }} # kg m2 about cg_m; {fill}
+inertia = {{ xx = 1.0, yy = 1.0, zz = 1.5, xz = 0.0 }} # kg m2 about cg_m, xz = + integral of x z dm; {fill}
 # area_m2 = 1.0 # for coefficients, with span_m and chord_m
 # span_m = 2.0
 # chord_m = 0.5
@@ -236,6 +250,7 @@ _IDENTIFICATION = """\
 [identification]
 estimator = "instruments" # not biased by noise in the regressors; needs excitation/* in the log
 residuals = "noise-lines" # needs two periods or more
+# Tilts that are excited (an amplitude above) must be regressors too.
 regressors = [{regressors}]
 
 # [noise] # one sigma of a sample, for forecasts: design-inputs --model
@@ -252,8 +267,26 @@ regressors = [{regressors}]
 """
 
 
-def placeholders(path: Path) -> list[tuple[int, str]]:
-    """Return number and text of the lines of a scenario that still hold a placeholder.
+@dataclass(frozen=True)
+class Placeholder:
+    """A line of a scenario that is still to be filled in.
+
+    Attributes
+    ----------
+    line : int
+    section : str
+        With the name of what it describes: ``"[[effector]] de1"``.
+    key : str
+        Empty where all of the section is to be filled in.
+    """
+
+    line: int
+    section: str
+    key: str
+
+
+def placeholders(path: Path) -> list[Placeholder]:
+    """Return the lines of a scenario that still hold a placeholder.
 
     Raises
     ------
@@ -264,8 +297,14 @@ def placeholders(path: Path) -> list[tuple[int, str]]:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise DataError(f"cannot be read ({error})", where=str(path), remedy="check the path") from None
-    return [
-        (i, line.split("#")[0].strip() or line.strip())
-        for i, line in enumerate(lines, start=1)
-        if FILL_IN in line and not line.startswith("#")
-    ]
+    found, section = [], ""
+    for i, line in enumerate(lines, start=1):
+        text = line.split("#")[0].strip()
+        key, _, value = (part.strip() for part in text.partition("="))
+        if text.startswith("["):
+            section, key = text, ""
+        elif key in ("name", "id") and section.startswith("[["):
+            section = f"{section} {value.strip(chr(34))}"
+        if FILL_IN in line and not line.startswith("#"):
+            found.append(Placeholder(i, section, key))
+    return found

@@ -273,7 +273,7 @@ def _flights_in(folder: Path, columns: File | None) -> list[Path]:
             where=str(folder),
             remedy="read the logs with --map COLUMNS.toml, or import them first with import-log",
         )
-    return sorted(records + logs)
+    return sorted(records + logs, key=lambda p: p.stem)  # by flight: 'u16' before 'u16-check'
 
 
 def _is_log(path: Path) -> bool:

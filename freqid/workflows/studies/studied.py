@@ -14,7 +14,7 @@ from freqid.blend.predict import replay
 from freqid.blend.semi_local.campaign import CampaignStudy
 from freqid.core.errors import GateFailed
 from freqid.core.record import Maneuver
-from freqid.core.results.point import MissedGate, PointModel, missed_gates
+from freqid.core.results.point import MissedGate, PointModel, gate_sentences, missed_gates
 from freqid.core.scenario import Gates, Scenario
 from freqid.core.sections.estimators import ESTIMATOR_NAMES
 from freqid.identify.in_flight.convergence import validation_rmse
@@ -122,7 +122,7 @@ def refuse_missed_study_gates(results: StudyResults | CampaignStudy, scenario: S
     if isinstance(results, CampaignStudy):
         missed = _missed_in_campaign(results, gates)
     else:
-        missed = [f"{miss} at {p.id}" for p in results.points for miss in missed_gates(p.model, gates)]
+        missed = [f"{text} at {p.id}" for p in results.points for text in gate_sentences(p.model, gates)]
         compared = {
             f"{r} of repeated flights at {p.id}": v for p in results.points for r, v in p.repeated.items()
         }

@@ -19,7 +19,7 @@ from candidates import Candidate, candidates, outsiders
 from detectability import STRATA, IdealScan, metric, signatures
 from motion import fly
 from multisine import load_module
-from scatter import added, draw, per_case, per_flight
+from scatter import KINDS, added, draw, kind_of, per_case, per_flight
 from settings import Settings
 from stack import stack
 
@@ -153,7 +153,7 @@ def make(args, plan, setup) -> None:
             )[0]
         )
         rng = np.random.default_rng(case["seed"])
-        case["common"], case["own"] = draw(sigmas, rng), []
+        case["common"], case["own"] = only(args.scatter, draw(sigmas, rng)), []
         effect = {}
         for source, i, j in case["acts"]:
             c: Candidate = source.candidates[i]
@@ -161,7 +161,7 @@ def make(args, plan, setup) -> None:
         for condition in conditions:
             for name in FILES:
                 flights.append({"condition": condition, "design": 1 if name == "h" else 0})
-                case["own"].append(draw(biases, rng))
+                case["own"].append(only(args.scatter, draw(biases, rng)))
                 departures.append(added(case["common"], case["own"][-1], effect))
     log = fly(truth, flights, Settings(departures))
     seen = {id(source): source.beyond(m) for source in (known, others)}
@@ -190,6 +190,11 @@ def make(args, plan, setup) -> None:
         case["ideal"] = scan.judge(white, [s.candidates[i].id for s, i, _ in case["acts"]])
         text = json.dumps(described(args, case, truth, m, conditions), indent=1)
         (folder / "case.json").write_text(text + "\n")
+
+
+def only(kinds: list[str], drawn: dict[str, float]) -> dict[str, float]:
+    """Return draws of some kinds of scatter, the others at zero."""
+    return {name: value if kind_of(name) in kinds else 0.0 for name, value in drawn.items()}
 
 
 def described(args, case, truth, m, conditions) -> dict:
@@ -242,6 +247,9 @@ def main() -> None:
         "--places", type=int, default=1, help="parameters or places of one effect in a stratum"
     )
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--scatter", nargs="*", choices=KINDS, default=list(KINDS), help="what is drawn, to tell causes"
+    )
     args = parser.parse_args()
     start = time.time()
     setup = matrices(args.out, args.vehicle)

@@ -46,6 +46,24 @@ MASS = ("mass", "cg_offset", "inertia")
 WITHIN = 2.0  # sigmas of mass properties that are still scatter; from three on they are an effect
 
 
+KINDS = ("own", "actuators", "mass", "sensors", "biases")
+"""What is drawn: the simulation's own parameters, actuators', mass properties, sensors' errors of a case, and
+the biases of each flight."""
+
+
+def kind_of(name: str) -> str:
+    """Return which of `KINDS` a departure is of."""
+    effect = name.partition(".")[0]
+    if effect in MASS:
+        return "mass"
+    if effect == "sensor_bias":
+        return "biases"
+    if effect in CHANNELS and effect != "actuator_delay":
+        return "sensors"
+    late = ("natural_frequency", "damping", "gain", "time_constant")
+    return "actuators" if effect == "actuator_delay" or name.endswith(late) else "own"
+
+
 def draw(sigmas: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
     """Return one normal draw of each departure; mass properties within two sigmas."""
     out = {}

@@ -243,7 +243,7 @@ class LinearLoop:
         omega = margin_frequencies(*span, points)
         eye = np.eye(len(self.axes))
         matrix = np.linalg.inv(eye + self._law(omega) @ self.allocation) - eye / 2
-        largest = np.linalg.svd(_balanced(matrix), compute_uv=False)[:, 0]
+        largest = np.linalg.svd(_balanced(np.asarray(matrix, dtype=np.complex128)), compute_uv=False)[:, 0]
         return float(1 / largest.max())
 
     def _law(self, omega: Array) -> Complex:
@@ -408,7 +408,8 @@ def _least(omega: Array, values: Complex, loop: LoopGain | None, of: Callable[[A
 def _balanced(matrix: Complex, sweeps: int = 12) -> Complex:
     """Return ``D M D^-1`` with rows and columns of equal size, D positive and diagonal, shape (M, n, n)."""
     size = np.abs(matrix) ** 2
-    size[:, *np.diag_indices(size.shape[1])] = 0.0
+    at = np.arange(size.shape[1])
+    size[:, at, at] = 0.0
     scale = np.ones(size.shape[:2])
     for _ in range(sweeps):
         for i in range(scale.shape[1]):

@@ -407,7 +407,7 @@ def _least(omega: Array, values: Complex, loop: LoopGain | None, of: Callable[[A
 
 def _balanced(matrix: Complex, sweeps: int = 12) -> Complex:
     """Return ``D M D^-1`` with rows and columns of equal size, D positive and diagonal, shape (M, n, n)."""
-    size = np.abs(matrix) ** 2
+    size: Array = np.asarray(np.abs(matrix) ** 2, dtype=float)
     at = np.arange(size.shape[1])
     size[:, at, at] = 0.0
     scale = np.ones(size.shape[:2])

@@ -408,11 +408,12 @@ def _least(omega: Array, values: Complex, loop: LoopGain | None, of: Callable[[A
 def _balanced(matrix: Complex, sweeps: int = 12) -> Complex:
     """Return ``D M D^-1`` with rows and columns of equal size, D positive and diagonal, shape (M, n, n)."""
     size: Array = np.asarray(np.abs(matrix) ** 2, dtype=float)
-    at = np.arange(size.shape[1])
+    count, n, _ = matrix.shape
+    at = np.arange(n)
     size[:, at, at] = 0.0
-    scale = np.ones(size.shape[:2])
+    scale = np.ones((count, n))
     for _ in range(sweeps):
-        for i in range(scale.shape[1]):
+        for i in range(n):
             row = (size[:, i] / scale**2).sum(axis=1) * scale[:, i] ** 2
             column = (size[:, :, i] * scale**2).sum(axis=1) / scale[:, i] ** 2
             with np.errstate(divide="ignore", invalid="ignore"):

@@ -6,7 +6,7 @@ from math import isfinite
 from typing import Any
 
 from freqid.core.results.frequency_response import FrequencyResponse
-from freqid.report.response.page import summary_rows
+from freqid.report.response.page import SMOOTH, summary_rows
 
 
 def response_result(response: FrequencyResponse) -> dict[str, Any]:
@@ -76,11 +76,18 @@ def _by_pair(response: FrequencyResponse, values: Any) -> dict[str, dict[str, fl
 def response_table(response: FrequencyResponse) -> str:
     """Return one line for each pair."""
     lines = ["output    input     lines  coherence (lowest)  random error  misfit"]
-    for row in summary_rows(response):
+    rows = summary_rows(response)
+    for row in rows:
         misfit = "-" if row["misfit"] is None else f"{row['misfit']:.2f}"
         lines.append(
             f"{row['output']:<10}{row['input']:<10}{row['lines']:>5}  {row['coherence']:>9.3f} "
             f"({row['lowest']:.3f}) {100 * row['error']:>13.2f} %  {misfit:>6}"
+        )
+    rough = sorted({row["output"] for row in rows if (row["misfit"] or 0.0) > SMOOTH})
+    if rough:
+        lines.append(
+            f"{', '.join(rough)}: more is left on excited lines than noise explains (misfit over {SMOOTH:g}), so "
+            "random errors are too small; add --poles 2, or fly fewer inputs at a time or a longer period"
         )
     for c in response.compared:
         lines.append(f"{c.name} ({c.source})    J    inside MUAD bounds")

@@ -86,8 +86,8 @@ def response_table(response: FrequencyResponse) -> str:
     rough = sorted({row["output"] for row in rows if (row["misfit"] or 0.0) > SMOOTH})
     if rough:
         lines.append(
-            f"{', '.join(rough)}: more is left on excited lines than noise explains (misfit over {SMOOTH:g}), so "
-            "random errors are too small; add --poles 2, or fly fewer inputs at a time or a longer period"
+            f"{' '.join(rough)}: more is left on excited lines than noise explains (misfit over {SMOOTH:g}), "
+            "so random errors are too small; add --poles 2, or fly fewer inputs at a time or a longer period"
         )
     for c in response.compared:
         lines.append(f"{c.name} ({c.source})    J    inside MUAD bounds")

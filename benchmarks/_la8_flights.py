@@ -79,11 +79,11 @@ def reference_of(identifier: str) -> Reference:
     return {at.id: at for along in corridors().values() for at in along}[identifier]
 
 
-def fly(path: Path, *, reference: str, corridor: str, among: list[list[float]], design: str) -> None:
+def fly(path: Path, *, reference: str, corridor: str, among: list[list[float]], design: Path) -> None:
     """Write the truth of one manoeuvre; `among` makes a changed corridor another unit of work."""
     scenario = msgspec.structs.replace(SCENARIO, reference=corridors()[corridor])
     at = reference_of(reference)
-    flown = fly_maneuver(scenario, at, read_inputs(Path(design)), Conditions(), loop=_loop(corridor))
+    flown = fly_maneuver(scenario, at, read_inputs(design), Conditions(), loop=_loop(corridor))
     if flown.divergence:
         raise DataError(str(flown.divergence), where=reference, remedy="lower the inputs")
     write_truth(path, flown.truth, SHA256)
@@ -99,14 +99,14 @@ def _loop(corridor: str):
 
 def flights(ids: Sequence[str], seed: int = 0, jobs: int = 2) -> dict[str, fq.FlightRecord]:
     """Return truths by condition; `seed` is that of the multisines."""
-    shared = [{"scenario": PATH, "seed": seed}]
-    design = runner.run_units(units.design, shared, FOLDER, scenario_sha256=SHA256, suffix=".h5")[0]
+    here = {"scenario_sha256": SHA256, "suffix": ".h5", "beside": {"scenario": PATH}}
+    design = runner.run_units(units.design, [{"seed": seed}], FOLDER, **here)[0]
     inputs = [
         {
             "reference": at.id,
             "corridor": corridor,
             "among": [[at.u, at.rho, at["dw1"]] for at in along],
-            "design": str(design),
+            "design": design,
         }
         for corridor, along in corridors().items()
         for at in along

@@ -47,12 +47,20 @@ def test_a_study_leaves_models_and_a_page_and_is_not_done_twice(freqid, scenario
     assert "u45" in page
     assert "<dt>held out</dt>" in page
 
-    made = {path: path.stat().st_mtime_ns for path in (folder / "units").rglob("*.h5")}
-    assert len(made) == 2 + 6 + 3
-    code, out, _ = freqid("study", scenario, *options)
+    def made(folder):
+        units = folder / "units"
+        return {path.relative_to(units): path.stat().st_mtime_ns for path in units.rglob("*.h5")}
+
+    before = made(folder)
+    assert len(before) == 2 + 6 + 3
+    moved = tmp_path / "moved" / "study"  # the folder and the scenario lie elsewhere now
+    moved.parent.mkdir()
+    folder.rename(moved)
+    (tmp_path / "moved" / "other.toml").write_bytes(scenario.read_bytes())
+    code, out, _ = freqid("study", tmp_path / "moved" / "other.toml", *options[:-1], moved)
     assert code == 0
-    assert json.loads(out) == said
-    assert {path: path.stat().st_mtime_ns for path in (folder / "units").rglob("*.h5")} == made
+    assert json.loads(out) == said | {"folder": str(moved)}
+    assert made(moved) == before
 
 
 @pytest.mark.parametrize(
@@ -87,7 +95,7 @@ def test_each_condition_is_designed_for_and_flown_by_what_is_stated_for_it(monke
         paths = [tmp_path / f"{unit.__name__}-{i}.h5" for i in range(len(inputs))]
         for path, one in zip(paths, inputs, strict=True):
             if unit is units.design:
-                units.design(path, **one)
+                units.design(path, scenario=str(tmp_path / "two.toml"), **one)
         return paths
 
     monkeypatch.setattr(studies, "_run", run)

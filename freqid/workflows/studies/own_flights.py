@@ -195,9 +195,9 @@ class _Kept:
 
 
 def _identity(source: Flight, flown: Maneuver) -> list[str]:
-    """Return what tells a flight from another: of a file its path and contents, else samples and sensors."""
+    """Return what tells a flight from another: of a file its contents, else samples and sensors."""
     if isinstance(source, str | Path):
-        return [str(source), _sha256(Path(source))]
+        return [_sha256(Path(source))]
     record = flown.record
     places = {name: c.position_m for name, c in record.channels.items() if c.position_m is not None}
     beside = msgspec.json.encode([record.mass_properties, flown.vehicle, places], order="sorted")

@@ -43,11 +43,6 @@ class _Campaign:
     seed: int
     jobs: int
 
-    @property
-    def shared(self) -> dict[str, Any]:
-        """Inputs of every unit of work."""
-        return {"scenario": self.scenario.file}
-
 
 @dataclass(frozen=True, eq=False)
 class _Flights:
@@ -237,16 +232,14 @@ def _fly(
     Conditions share one design, but for those that state an excitation of their `own`.
     """
     of = {identifier: {"at": identifier} if identifier in own else {} for identifier in ids}
-    shared = campaign.shared
     seeds = [campaign.seed, campaign.seed + 1]
     each = [(seed, place, identifier) for seed in seeds for place, identifier in enumerate(ids)]
-    wanted = [shared | {"seed": seed} | of[identifier] for seed, _, identifier in each]
+    wanted = [{"seed": seed} | of[identifier] for seed, _, identifier in each]
     designs = _run(campaign, units.design, wanted, ".h5")
     inputs = [
-        shared
-        | {
+        {
             "reference": identifier,
-            "design": str(design),
+            "design": design,
             "sensors": campaign.sensors,
             "noise": campaign.noise,
             "seed": _FLIGHT_SEEDS * seed + place,
@@ -268,10 +261,9 @@ def _identify(campaign: _Campaign, flights: _Flights) -> dict[str, PointModel]:
     """Return the point models by condition; copies under readable names are kept beside."""
     inputs = [
         {
-            **campaign.shared,
             "reference": identifier,
-            "record": str(record),
-            "validation": str(flights.validating[identifier]),
+            "record": record,
+            "validation": flights.validating[identifier],
             "estimator": campaign.estimator,
         }
         for identifier, record in flights.modelled.items()
@@ -288,7 +280,7 @@ def _identify(campaign: _Campaign, flights: _Flights) -> dict[str, PointModel]:
 
 def _linearise(campaign: _Campaign, ids: Sequence[str]) -> dict[str, dict[str, dict[str, float]]]:
     """Return the derivatives of the linearised simulation by condition, response and regressor."""
-    inputs = [{**campaign.shared, "reference": identifier} for identifier in ids]
+    inputs = [{"reference": identifier} for identifier in ids]
     found = _run(campaign, units.linearise, inputs, ".json")
     return {identifier: json.loads(path.read_text()) for identifier, path in zip(ids, found, strict=True)}
 
@@ -296,7 +288,13 @@ def _linearise(campaign: _Campaign, ids: Sequence[str]) -> dict[str, dict[str, d
 def _run(campaign: _Campaign, unit: runner.Work, inputs: Sequence[runner.Inputs], suffix: str) -> list[Path]:
     folder = campaign.folder / "units" / unit.__name__
     return runner.run_units(
-        unit, inputs, folder, scenario_sha256=campaign.scenario.sha256, suffix=suffix, jobs=campaign.jobs
+        unit,
+        inputs,
+        folder,
+        scenario_sha256=campaign.scenario.sha256,
+        suffix=suffix,
+        beside={"scenario": campaign.scenario.file},  # where it lies is no matter, what it says is hashed
+        jobs=campaign.jobs,
     )
 
 

@@ -1,6 +1,7 @@
 """Units of work of a study, each a function that the runner may call in a process of its own.
 
-A unit reads files and writes one; its inputs are text and numbers, so that its result can be found again.
+A unit reads files and writes one; its inputs are text, numbers and paths of files, which count by their
+contents, so that its result can be found again wherever the folder lies.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ def fly(
     *,
     scenario: str,
     reference: str,
-    design: str,
+    design: Path,
     sensors: str,
     noise: float,
     seed: int,
@@ -63,8 +64,8 @@ def identify(
     *,
     scenario: str,
     reference: str,
-    record: str,
-    validation: str,
+    record: Path,
+    validation: Path,
     estimator: EstimatorName | None,
 ) -> None:
     """Write the point model of a manoeuvre, with its prediction of another."""

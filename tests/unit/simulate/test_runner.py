@@ -61,6 +61,70 @@ def test_the_key_covers_function_inputs_scenario_and_release(tmp_path, monkeypat
     assert len({*keys, key()}) == 5
 
 
+def double(path, source, scale=1.0, log=None):
+    """Work on a file that another unit made."""
+    if log:
+        with open(log, "a") as file:
+            file.write(f"{source.name}\n")
+    path.write_text(json.dumps({"square": scale * 2 * json.loads(source.read_text())["square"]}))
+
+
+def test_a_moved_folder_goes_on_and_a_changed_file_is_a_new_unit(tmp_path):
+    log = tmp_path / "log"
+
+    def chain(folder, log):
+        beside = {"log": str(log)}
+        first = runner.run_units(square, units([2, 3]), folder / "square", beside=beside)
+        inputs = [{"source": path} for path in first]
+        return runner.run_units(double, inputs, folder / "double", beside=beside)
+
+    before = chain(tmp_path / "here", log)
+    assert len(log.read_text().split()) == 4
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "here").rename(tmp_path / "elsewhere" / "there")
+    after = chain(tmp_path / "elsewhere" / "there", tmp_path / "log 2")  # where things lie is no matter
+    assert [p.name for p in after] == [p.name for p in before]
+    assert results(after) == [8, 18]
+    assert not (tmp_path / "log 2").exists()
+    listing = (tmp_path / "elsewhere" / "there" / "double" / "units.json").read_text()
+    assert str(tmp_path) not in listing
+
+    source = tmp_path / "source.json"
+    source.write_text('{"square": 1}')
+    (first,) = runner.plan(double, [{"source": source}], tmp_path)
+    source.write_text('{"square": 22}')
+    (other,) = runner.plan(double, [{"source": source}], tmp_path)
+    assert other.key != first.key
+    with pytest.raises(DataError, match=r"absent.json: cannot be read"):
+        runner.plan(double, [{"source": tmp_path / "absent.json"}], tmp_path)
+
+
+def die_once(path, number, folder):
+    """Work that kills its own process the first time that it is given number 2."""
+    trace = Path(folder) / "died"
+    if number == 2 and not trace.exists():
+        trace.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    path.write_text(json.dumps({"square": number**2}))
+
+
+def die(path, number):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_killed_process_loses_no_result(tmp_path):
+    paths = runner.run_units(
+        die_once, [{"number": n} for n in range(5)], tmp_path / "r", beside={"folder": str(tmp_path)}, jobs=2
+    )
+    assert (tmp_path / "died").exists()
+    assert results(paths) == [0, 1, 4, 9, 16]
+
+
+def test_processes_that_are_killed_again_and_again_are_said_to_be(tmp_path):
+    with pytest.raises(DataError, match="worker processes were killed 3 times"):
+        runner.run_units(die, [{"number": n} for n in range(3)], tmp_path, jobs=2)
+
+
 def test_failed_units_are_named_leave_nothing_and_are_tried_again(tmp_path):
     log = tmp_path / "log"
     with pytest.raises(

@@ -145,12 +145,13 @@ def run_units(
     beside: Inputs | None = None,
     jobs: int = 1,
     client: Client | None = None,
+    listed: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Path]:
     """Do all units that are not done yet and return the results of all.
 
-    The folder also gets ``units.json``, which says which inputs each result belongs to. Units that
-    fail do not stop the others and leave no result, so that the next run tries them again.
+    The folder also gets ``units.json``, which says which inputs each result belongs to, unless `listed` is
+    false because the results say it themselves. Units that fail do not stop the others and leave no result, so that the next run tries them again.
 
     Parameters
     ----------
@@ -183,7 +184,8 @@ def run_units(
         processes are killed again and again.
     """
     units = plan(work, inputs, folder, scenario_sha256=scenario_sha256, suffix=suffix)
-    _list_units(Path(folder) / "units.json", units)
+    if listed:
+        _list_units(Path(folder) / "units.json", units)
     missing = list({unit.key: unit for unit in units if not unit.done}.values())
     total = len({unit.key for unit in units})
     done, failures = total - len(missing), []
@@ -238,9 +240,10 @@ def _in_processes(work: Work, units: list[Unit], beside: Inputs, jobs: int) -> I
     while waiting:
         parallel = Parallel(n_jobs=jobs, return_as="generator_unordered", pre_dispatch="2*n_jobs")
         try:
-            for key, failure in parallel(
+            told: Any = parallel(
                 delayed(_named_attempt)(work, unit, beside) for unit in list(waiting.values())
-            ):
+            )
+            for key, failure in told:
                 del waiting[key]
                 lost = 0
                 yield failure

@@ -54,6 +54,7 @@ _VERBS = {
     "next_test": "workflows.diagnose",
     "compare_simulations": "workflows.compare",
     "study": "workflows.studies.study",
+    "monte_carlo": "workflows.monte_carlo.run",
 }
 _NOUNS = {
     "Scenario": "core.scenario",
@@ -73,6 +74,7 @@ _NOUNS = {
     "GapDiagnosis": "core.results.diagnosis",
     "Rivals": "core.results.rivals",
     "StudyResults": "blend.campaign",
+    "MonteCarlo": "core.results.monte_carlo",
     "FreqidError": "core.errors",
 }
 _FOLDERS = ("blend", "simulate")  # that are verbs too

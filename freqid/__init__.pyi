@@ -10,6 +10,7 @@ from freqid.core.results.design import MultisineDesign as MultisineDesign
 from freqid.core.results.diagnosis import GapDiagnosis as GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse as FrequencyResponse
 from freqid.core.results.loop_margins import LoopMargins as LoopMargins
+from freqid.core.results.monte_carlo import MonteCarlo as MonteCarlo
 from freqid.core.results.output_error import OutputErrorModel as OutputErrorModel
 from freqid.core.results.point import PointModel as PointModel
 from freqid.core.results.prediction import Prediction as Prediction
@@ -48,6 +49,7 @@ from freqid.workflows.models.seal import score_prediction as score_prediction
 from freqid.workflows.models.sensors import align_sensors as align_sensors
 from freqid.workflows.models.sensors import check_sensors as check_sensors
 from freqid.workflows.models.sensors import correct_sensors as correct_sensors
+from freqid.workflows.monte_carlo.run import monte_carlo as monte_carlo
 from freqid.workflows.quicklook import quicklook as quicklook
 from freqid.workflows.scenarios.check_scenario import check_scenario as check_scenario
 from freqid.workflows.scenarios.new_scenario import new_scenario as new_scenario

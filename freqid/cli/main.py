@@ -33,6 +33,7 @@ COMMANDS = {
     "diagnose-gap": "diagnose_gap",
     "report": "report",
     "study": "study",
+    "campaign": "campaign",
 }
 
 

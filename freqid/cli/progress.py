@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -36,3 +37,37 @@ def line() -> Callable[[str], None]:
     if not sys.stderr.isatty():
         return lambda text: None
     return lambda text: click.echo(f"\r\033[K{text}", nl=False, err=True)
+
+
+def paced(what: str) -> Callable[[int, int], None]:
+    """Return what tells how many are done, how fast, and how long the rest will take.
+
+    On a terminal a line is written over; elsewhere, as in the log of a cluster's job, there is one every ten
+    seconds.
+    """
+    terminal = sys.stderr.isatty()
+    began, first, said = 0.0, -1, float("-inf")
+
+    def progress(done: int, total: int) -> None:
+        nonlocal began, first, said
+        now = time.monotonic()
+        if first < 0:  # what was done before this run says nothing of its rate
+            began, first = now, done
+        if now - said < (0.2 if terminal else 10.0) and done < total:
+            return
+        said = now
+        text = f"{done} of {total} {what}"
+        if done > first:
+            rate = (done - first) / (now - began)
+            text += f", {rate:.3g} a second"
+            if done < total:
+                text += f", {_duration((total - done) / rate)} left"
+        click.echo(f"\r\033[K{text}" if terminal else text, nl=not terminal or done >= total, err=True)
+
+    return progress
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if hours else f"{minutes} min {rest} s" if minutes else f"{rest} s"

@@ -151,7 +151,8 @@ def run_units(
     """Do all units that are not done yet and return the results of all.
 
     The folder also gets ``units.json``, which says which inputs each result belongs to, unless `listed` is
-    false because the results say it themselves. Units that fail do not stop the others and leave no result, so that the next run tries them again.
+    false because results say it themselves. Units that fail do not stop the others and leave no result, so
+    that the next run tries them again.
 
     Parameters
     ----------

@@ -20,12 +20,14 @@ from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledIn
 from freqid.core.results.diagnosis import GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.results.loop_margins import LoopMargins
+from freqid.core.results.monte_carlo import MonteCarlo
 from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
 from freqid.core.results.prediction import Prediction, Score
 from freqid.core.results.rivals import Rivals
 from freqid.identify.sensors.errors import SensorErrors
 from freqid.report.advance_ratio.figures import derivatives_over_advance_ratio
+from freqid.report.campaign.page import measures_along
 from freqid.report.design.figures import GROUP_COLOURS, signal_rows
 from freqid.report.gap.figures import probability_bars
 from freqid.report.kit.figures import channel_strips
@@ -118,6 +120,12 @@ def _of_output_error(found: OutputErrorModel) -> Figure:
 def _of_margins(found: LoopMargins) -> Figure:
     """Draw the phase margin of every axis along the corridor."""
     return margins_along(found, "phase_deg", list(found.axes[:_MOST_LAWS]))
+
+
+@figure_of.register
+def _of_campaign_cases(found: MonteCarlo) -> Figure:
+    """Draw every measure over all quantities against the axis."""
+    return measures_along(found, [m for m in found.measures if found.of(m)])
 
 
 @figure_of.register

@@ -13,6 +13,7 @@ from freqid.core.results.advance_ratio import AdvanceRatioModel
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.results.gap import GapResult
 from freqid.core.results.loop_margins import LoopMargins
+from freqid.core.results.monte_carlo import MonteCarlo
 from freqid.core.results.point import PointModel
 from freqid.core.results.prediction import Prediction, Score
 from freqid.core.results.quicklook import Quicklook
@@ -133,6 +134,10 @@ def page(
         from freqid.report.margins.page import build_margins_page
 
         return Page(build_margins_page(result))
+    if isinstance(result, MonteCarlo):
+        from freqid.report.campaign.page import build_campaign_page
+
+        return Page(build_campaign_page(result))
     if isinstance(result, AdvanceRatioModel):
         from freqid.report.advance_ratio.page import build_advance_ratio_page
 

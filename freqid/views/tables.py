@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from functools import singledispatch
 from typing import Any
 
@@ -19,6 +20,7 @@ from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledIn
 from freqid.core.results.diagnosis import GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.results.loop_margins import LoopMargins, unit_of
+from freqid.core.results.monte_carlo import MonteCarlo
 from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel, per
 from freqid.core.results.prediction import Prediction, Score
@@ -239,3 +241,8 @@ def _of_score(score: Score) -> pd.DataFrame:
     ]
     head = ["kind", "channel", "unit", "coverage", "rmse", "expected_rmse", "offset", "drift", "theil"]
     return pd.DataFrame(rows, columns=[*head, "bias_share", "variance_share", "covariance_share"])
+
+
+@frame_of.register
+def _of_campaign_cases(found: MonteCarlo) -> pd.DataFrame:
+    return pd.DataFrame([asdict(m) for m in found.measured])

@@ -17,6 +17,7 @@ from freqid.core.results import (
     frequency_response,
     gap,
     loop_margins,
+    monte_carlo,
     output_error,
     point,
     prediction,
@@ -68,8 +69,8 @@ def read(path: File) -> Any:
     -------
     Result
         FlightRecord, MultisineDesign, PointModel, OutputErrorModel, GlobalModel, AdvanceRatioModel,
-        FrequencyResponse, LoopMargins, Quicklook, GapResult, Rivals, Prediction or Score, as the file says of
-        itself. Of a scenario's TOML file, the `Scenario`; of classic inputs, their samples.
+        FrequencyResponse, LoopMargins, Quicklook, GapResult, Rivals, Prediction, Score or MonteCarlo, as the
+        file says of itself. Of a scenario's TOML file, the `Scenario`; of classic inputs, their samples.
 
     Raises
     ------
@@ -184,6 +185,7 @@ _FILES = (
     prediction.SCORE_FILE,
     quicklook.FILE,
     loop_margins.FILE,
+    monte_carlo.FILE,
 )
 _READERS: dict[str, Callable[[Path], Any]] = {
     record_file.FORMAT: record_file.read_record,

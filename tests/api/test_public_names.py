@@ -51,6 +51,7 @@ VERBS = [
     "next_test",
     "compare_simulations",
     "study",
+    "monte_carlo",
 ]
 NOUNS = [
     "Scenario",
@@ -70,6 +71,7 @@ NOUNS = [
     "GapDiagnosis",
     "Rivals",
     "StudyResults",
+    "MonteCarlo",
     "FreqidError",
 ]
 JOBS = ["workflows.design", "workflows.fly", "blend.global_model"]  # whose results have methods of their own

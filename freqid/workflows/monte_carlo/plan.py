@@ -51,8 +51,8 @@ class MonteCarloPlan(Strict, frozen=True):
     axis: str = ""
     by: str = ""
     batch: int = 10
-    fixed: dict[str, Any] = {}
-    vary: dict[str, Any] = {}
+    fixed: dict[str, Any] = msgspec.field(default_factory=dict)
+    vary: dict[str, Any] = msgspec.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         count = self.seeds if isinstance(self.seeds, int) else len(self.seeds)

@@ -236,7 +236,7 @@ def _labels(table: Any, name: str) -> dict[str, np.ndarray]:
 
 
 def _codes(table: Any, names: list[str]) -> np.ndarray:
-    """Return the number of the case of each row: rows of one seed, and trial where there are such, are one."""
+    """Return the number of each row's case: rows of one seed, and trial where that is there, are one."""
     codes = np.zeros(table.num_rows, dtype=np.int64)
     for name in names:
         values = np.asarray(table.column(name))

@@ -1,4 +1,4 @@
-"""A Monte Carlo campaign from its file to what a page shows; units of work that are done are not done again."""
+"""A Monte Carlo campaign from its file to what a page shows; what is done is not done again."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from freqid.simulate import runner
 from freqid.simulate.cluster import cluster
 from freqid.workflows.inputs import File, Tell, silent
 from freqid.workflows.monte_carlo.plan import Planned, nested, read_plan
-from freqid.workflows.monte_carlo.rows import Summary
+from freqid.workflows.monte_carlo.rows import summary_of
 from freqid.workflows.monte_carlo.stages import KEYS, Case, Sources, cases, load_function
 from freqid.workflows.studies import units
 
@@ -118,9 +118,7 @@ def monte_carlo(
             progress=told,
         )
     tell("summary")
-    summary = Summary(planned.axis, planned.by)
-    for path in paths:
-        summary.add(path)
+    summary = summary_of(paths, planned.axis, planned.by)
     found = MonteCarlo(
         stage=planned.plan.stage,
         axis=planned.axis,

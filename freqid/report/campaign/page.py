@@ -24,7 +24,7 @@ from freqid.report.kit.drawing import (
     styled,
 )
 from freqid.report.kit.findings import Finding, finding
-from freqid.report.kit.notation import NONE, percent, short
+from freqid.report.kit.notation import NONE, percent
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.kit.rendering import render
 
@@ -80,7 +80,9 @@ def _findings(found: MonteCarlo) -> list[Finding]:
     if found.of("coverage"):
         findings.append(_off(found, "coverage", "95 % intervals hold the reference in {} of cases", percent))
         findings.append(
-            _off(found, "bias", "The mean error is {} standard errors", lambda x: short(x).replace("-", "−"))
+            _off(
+                found, "bias", "The mean error is {} standard errors", lambda x: f"{x:.2g}".replace("-", "−")
+            )
         )
     alarms = found.of("alarm")
     if alarms:
@@ -129,7 +131,7 @@ def _off(found: MonteCarlo, measure: str, text: str, told: Any) -> Finding:
     places = f"{told(least.mean)} to {told(most.mean)}" if len(every) > 1 else told(most.mean)
     tail = f"; {told(nominal)} is outside the interval at {len(off)} of {len(every)} places" if off else ""
     # one place of twenty is outside by chance
-    return finding("note" if len(off) > max(1, 0.1 * len(every)) else "good", text + "{}.", places, tail)
+    return finding("note" if len(off) > 0.1 * len(every) else "good", text + "{}.", places, tail)
 
 
 def _where(found: MonteCarlo, m: Measured) -> str:
@@ -210,7 +212,10 @@ def _pictures(found: MonteCarlo) -> list[Picture]:
     for group, names in _GROUPS.items():
         own = [name for name in names if name in shown]
         if own:
-            lines = [f"{NOMINAL[n]:g} for {n}" for n in own if n in NOMINAL]
+            nominal = {
+                n: percent(NOMINAL[n]) if n in SHARES else f"{NOMINAL[n]:g}" for n in own if n in NOMINAL
+            }
+            lines = [f"{value} for {n}" for n, value in nominal.items()]
             caption = f"{'; '.join(f'{MEASURES[n]} ({n})' for n in own)}. Bars: 95 % intervals."
             caption += f" Grey line: {', '.join(lines)}." if lines else ""
             drawn.append(

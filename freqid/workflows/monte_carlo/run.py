@@ -127,7 +127,7 @@ def monte_carlo(
         settings={
             **{n: [v] for n, v in planned.fixed.items()},
             **planned.factors,
-            "seeds": [min(planned.plan.each_seed), max(planned.plan.each_seed), len(planned.plan.each_seed)],
+            "seeds": [_seeds(planned)],
         },
         cases=summary.cases,
         rows=summary.rows,
@@ -144,6 +144,14 @@ def monte_carlo(
     with replacing(at / "parts.json") as temporary:  # of these settings; others' rows may lie beside
         temporary.write_text(json.dumps([f"rows/{p.name}" for p in paths]) + "\n")
     return found
+
+
+def _seeds(planned: Planned) -> str:
+    """Return which seeds there are, in words."""
+    seeds = planned.plan.each_seed
+    if isinstance(seeds, range):
+        return f"{len(seeds)}, {seeds[0]} to {seeds[-1]}" if len(seeds) > 1 else str(seeds[0])
+    return ", ".join(map(str, seeds))
 
 
 def _sources(planned: Planned, campaign: Path) -> tuple[Scenario | None, Sources]:

@@ -361,6 +361,6 @@ def _with_period(scenario: Scenario, period_s: float, seed: int) -> MultisineDes
     try:
         # a comparison of periods needs no best design of each
         excitation = overridden(given, period_s=period_s, starts=min(3, given.starts))
-        return design_multisines(excitation, scenario.effector, seed=seed)
+        return design_multisines(excitation, scenario.effector, seed=seed, quick=True)
     except FreqidError:
         return None

@@ -34,7 +34,12 @@ Progress = Callable[[int, int], None]
 
 
 def design_multisines(
-    excitation: Excitation, effectors: Sequence[Effector], *, seed: int = 0, progress: Progress | None = None
+    excitation: Excitation,
+    effectors: Sequence[Effector],
+    *,
+    seed: int = 0,
+    quick: bool = False,
+    progress: Progress | None = None,
 ) -> MultisineDesign:
     """Design the multisines that a scenario asks for.
 
@@ -44,6 +49,8 @@ def design_multisines(
     effectors : sequence of Effector
         Of the vehicle; tilts are left out unless they are named.
     seed : int
+    quick : bool
+        Search the allocation with less effort: for comparisons, not for flight.
     progress : callable, optional
         Called with how many signals are done and how many there are.
 
@@ -60,7 +67,7 @@ def design_multisines(
     chosen = excited(excitation, effectors)
     lines = _lines(excitation, excitation.period_s)
     limits = limits_from_db(excitation.power_db)
-    sets = _allocate(excitation, chosen, lines, limits, seed)
+    sets = _allocate(excitation, chosen, lines, limits, seed, quick)
     powers = _reference_powers(excitation, sets)
     waves = lowest_peaks(sets, powers, limits=limits, starts=excitation.starts, seed=seed, progress=progress)
     signals = tuple(
@@ -140,6 +147,7 @@ def _allocate(
     lines: NDArray[np.int64],
     limits: tuple[float, float] | None,
     seed: int,
+    quick: bool = False,
 ) -> tuple[NDArray[np.int64], ...]:
     """Return the harmonics of each chosen effector."""
     if isinstance(excitation.allocation, dict):
@@ -166,7 +174,7 @@ def _allocate(
         return mirrored(interleave(lines, len(chosen)), _importance(excitation)[:, None] * loads)
     ceiling = int(lines[round(excitation.propulsor_share * lines.size) - 1])
     low = [e.kind in ("rotor", "thrust", "throttle") for e in chosen]
-    return search(lines, low, ceiling, limits=limits, seed=seed)
+    return search(lines, low, ceiling, limits=limits, seed=seed, quick=quick)
 
 
 def _reference_powers(excitation: Excitation, sets: Sequence[NDArray[np.int64]]) -> list[Array] | None:

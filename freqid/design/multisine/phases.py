@@ -10,6 +10,7 @@ descent serves from the random start to the last digit.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -211,6 +212,8 @@ def descend(
 # starts (rank correlation with the final crest 0.3-0.7 at 6, 0.8-0.98 at 40), so few are finished.
 # On the last two rungs the grid must be fine: between coarse samples a descent hides peaks.
 _LADDER = ((8, 6.0, 0.5), (8, 15.0, 0.4), (8, 40.0, 0.4), (32, 400.0, 0.2), (64, 6000.0, 0.0))
+RANKING = 40.0
+"""Sharpness at which waveforms can be ranked."""
 _FEWEST = 2  # starts kept
 _FIRST_SHARPNESS = 4.0  # lower, and all starts of a short comb fall into one basin, not always the best
 _GROWTH = 1.8
@@ -255,6 +258,7 @@ def lowest_peak(
     starts: int = 20,
     kicks: int = 0,
     seed: int | Sequence[int] = 0,
+    sharpest: float = math.inf,
 ) -> Waveform:
     """Find phases, and powers where they are free, that give a multisine the lowest peaks.
 
@@ -274,6 +278,9 @@ def lowest_peak(
     kicks : int
         Rounds in which the survivors are disturbed and lowered again; they pay from 30 tones on.
     seed : int or sequence of int
+    sharpest : float
+        Where the descent ends. At `RANKING` the peak is some per cent above the lowest, but waveforms rank as
+        they do at the end, for a quarter of the time.
 
     Returns
     -------
@@ -292,6 +299,8 @@ def lowest_peak(
     fine = SmoothPeak(base, reference, limits, measure, _LADDER[-1][0])
     reached = _FIRST_SHARPNESS
     for points, sharpness, keep in _LADDER:
+        if sharpness > sharpest:
+            break
         peak = SmoothPeak(base, reference, limits, measure, points)
         phase, ratio = descend(peak, phase, ratio, _rise(reached, sharpness), _ITERATIONS)
         reached = sharpness

@@ -1,17 +1,23 @@
 """How often the 95 % intervals of identify/regression hold the truth: `python benchmarks/coverage.py`.
 
 Noise is made in the time domain, transformed to the lines, fitted; an interval counts as good where it
-holds the true parameter. Writes benchmarks/coverage.csv beside the table it prints.
+holds the true parameter. It is a campaign of `freqid.monte_carlo` with `trials` as its stage, so it goes on
+where it was stopped. Writes benchmarks/coverage.csv beside the table it prints.
 """
 
 from __future__ import annotations
 
 import csv
+import json
+import tempfile
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
 
+import freqid as fq
 from freqid.identify.regress.covariance_corrections import (
     correct_by_autocorrelation,
     correct_coloured_lines,
@@ -20,7 +26,7 @@ from freqid.identify.regress.covariance_corrections import (
 )
 from freqid.identify.regress.regression import LeastSquares, least_squares
 
-TRIALS, BATCH, DT = 20_000, 4_000, 0.1
+TRIALS, BATCH, DT = 20_000, 1_000, 0.1
 COLOURS = ["white", "first order 0.1 s", "first order 0.5 s", "first order 2 s", "resonance 0.8 Hz"]
 
 
@@ -62,59 +68,81 @@ def hits(fit: LeastSquares, truth: np.ndarray) -> np.ndarray:
     return (low <= truth) & (truth <= high)
 
 
-def run_case(
-    rng: np.random.Generator, signals: np.ndarray, lines: np.ndarray | None, duration: float, colour: str
-) -> dict[str, np.ndarray]:
+@lru_cache
+def cases() -> dict[str, tuple[np.ndarray, np.ndarray | None, float]]:
+    """Return signals, lines and duration by name."""
+    few, many = np.arange(0.1, 1.8, 0.02), np.arange(0.1, 1.795, 0.01)
+    return {
+        "harmonics, 106 lines, 60 s, 21 parameters": (multisines(60.0), np.arange(3, 109) / 60.0, 60.0),
+        "T df = 0.4, 86 lines, 20 s, 5 parameters": (transients(20.0), few, 20.0),
+        "T df = 0.2, 170 lines, 20 s, 5 parameters": (transients(20.0), many, 20.0),
+        "200 samples, 20 s, 6 parameters": (np.vstack([transients(20.0), np.ones(200)]), None, 20.0),
+    }
+
+
+def trials(seed: int, *, case: str, noise: str) -> dict[str, Any]:
+    """Fit one batch of noise; a row for each trial, correction and parameter: the stage of the campaign."""
+    signals, lines, duration = cases()[case]
+    rng = np.random.default_rng([2026, seed, [*cases()].index(case), COLOURS.index(noise)])
     truth = rng.standard_normal(len(signals))
     time = DT * np.arange(signals.shape[1])
     kernel = None if lines is None else DT * np.exp(-2j * np.pi * time[:, None] * lines)
     phi = signals if kernel is None else signals @ kernel
-    found: dict[str, list[np.ndarray]] = {}
-    for _ in range(TRIALS // BATCH):
-        noise = make_noise(rng, signals.shape[1], colour)
-        fit = least_squares(phi, truth @ phi + (noise if kernel is None else noise @ kernel))
-        if lines is None:
-            fits = {
-                "none": fit,
-                "autocorrelation (published)": correct_by_autocorrelation(fit),
-                "coloured samples": correct_coloured_samples(fit),
-            }
-        else:
-            fits = {
-                "none": fit,
-                "line spacing": correct_line_spacing(fit, lines, duration),
-                "coloured lines": correct_coloured_lines(fit, lines, duration),
-            }
-        for name, corrected in fits.items():
-            found.setdefault(name, []).append(hits(corrected, truth))
-    return {name: np.concatenate(parts) for name, parts in found.items()}
+    made = make_noise(rng, signals.shape[1], noise)
+    fit = least_squares(phi, truth @ phi + (made if kernel is None else made @ kernel))
+    if lines is None:
+        fits = {
+            "none": fit,
+            "autocorrelation (published)": correct_by_autocorrelation(fit),
+            "coloured samples": correct_coloured_samples(fit),
+        }
+    else:
+        fits = {
+            "none": fit,
+            "line spacing": correct_line_spacing(fit, lines, duration),
+            "coloured lines": correct_coloured_lines(fit, lines, duration),
+        }
+    held = np.stack([hits(corrected, truth) for corrected in fits.values()])
+    names = np.array([f"{case}; {name}" for name in fits])
+    index = np.indices(held.shape).reshape(3, -1)
+    return {
+        "fit": names[index[0]],
+        "trial": index[1],
+        "quantity": np.array([f"parameter {i}" for i in range(len(truth))])[index[2]],
+        "covered": held.ravel(),
+    }
 
 
 def main() -> None:
-    cases = [
-        ("harmonics, 106 lines, 60 s, 21 parameters", multisines(60.0), np.arange(3, 109) / 60.0, 60.0),
-        ("T df = 0.4, 86 lines, 20 s, 5 parameters", transients(20.0), np.arange(0.1, 1.8, 0.02), 20.0),
-        ("T df = 0.2, 170 lines, 20 s, 5 parameters", transients(20.0), np.arange(0.1, 1.795, 0.01), 20.0),
-        ("200 samples, 20 s, 6 parameters", np.vstack([transients(20.0), np.ones(200)]), None, 20.0),
-    ]
-    rng, rows = np.random.default_rng(2026), []
+    with tempfile.TemporaryDirectory() as folder:
+        campaign = Path(folder) / "coverage.toml"
+        campaign.write_text(
+            f'stage = "{Path(__file__).resolve()}:trials"\nseeds = {TRIALS // BATCH}\nbatch = 2\n'
+            f'axis = "noise"\nby = "fit"\n'
+            f"[vary]\ncase = {json.dumps([*cases()])}\nnoise = {json.dumps(COLOURS)}\n"
+        )
+        found = fq.monte_carlo(campaign, Path(folder) / "coverage", jobs=2)
+    rows = []
     print(f"{TRIALS} trials a row; s.e. from the scatter of trials, binomial s.e. as if all were independent")
-    for title, signals, lines, duration in cases:
-        for colour in COLOURS:
-            for correction, held in run_case(rng, signals, lines, duration, colour).items():
-                share = held.mean()
-                row = {
-                    "case": title,
-                    "noise": colour,
-                    "correction": correction,
-                    "coverage_percent": f"{100 * share:.2f}",
-                    "standard_error": f"{100 * held.mean(axis=1).std() / np.sqrt(TRIALS):.2f}",
-                    "binomial_standard_error": f"{100 * np.sqrt(share * (1 - share) / held.size):.2f}",
-                    "worst_parameter": f"{100 * held.mean(axis=0).min():.1f}",
-                    "best_parameter": f"{100 * held.mean(axis=0).max():.1f}",
-                }
-                rows.append(row)
-                print("  ".join(f"{value:<28}" if i < 3 else value for i, value in enumerate(row.values())))
+    parameters = sorted({m.quantity for m in found.measured if m.quantity})
+    for m in sorted(
+        found.of("coverage"),
+        key=lambda m: ([*cases()].index(m.curve.partition("; ")[0]), COLOURS.index(str(m.at))),
+    ):
+        case, _, correction = m.curve.partition("; ")
+        each = [x.mean for q in parameters for x in found.of("coverage", q, m.curve) if x.at == m.at]
+        row = {
+            "case": case,
+            "noise": str(m.at),
+            "correction": correction,
+            "coverage_percent": f"{100 * m.mean:.2f}",
+            "standard_error": f"{100 * (m.hi - m.lo) / (2 * 1.96):.2f}",
+            "binomial_standard_error": f"{100 * np.sqrt(m.mean * (1 - m.mean) / m.count):.2f}",
+            "worst_parameter": f"{100 * min(each):.1f}",
+            "best_parameter": f"{100 * max(each):.1f}",
+        }
+        rows.append(row)
+        print("  ".join(f"{value:<28}" if i < 3 else value for i, value in enumerate(row.values())))
     with Path(__file__).with_suffix(".csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=list(rows[0]))
         writer.writeheader()

@@ -1,9 +1,10 @@
 """How processor time grows with the work: `python benchmarks/growth.py`.
 
-Each task is done at several sizes; the exponent is the slope of a straight line through the logarithms of time
-over its upper half, where what every call costs anyway weighs least, and the largest local slope stands
-beside it. Times are processor times, the least of several, in turns over the sizes, so that other work on the
-machine disturbs little. Writes benchmarks/growth.csv and docs/images/growth.png.
+Each task is done at several sizes. The exponent is the slope of a straight line through the logarithms of
+time over its upper half, where what every call costs anyway weighs least; the steepest slope stands beside
+it. Times are processor times, the least of several, in turns over the sizes, so that other work on the
+machine disturbs little. Flights in a batch are in simulation_speed.py. Writes benchmarks/growth.csv and
+docs/images/growth.png.
 """
 
 from __future__ import annotations
@@ -86,30 +87,22 @@ def campaign(cases: int) -> Callable[[], object]:
     )
     (folder / "c.toml").write_text(f'stage = "work.py:trial"\nseeds = {cases}\nbatch = 50\n')
     count = iter(range(1000))
-    return lambda: fq.monte_carlo(folder / "c.toml", folder / f"{next(count)}", jobs=1, progress=lambda *_: None)
-
-
-def flights(batch: int) -> Callable[[], object]:
-    import sys
-
-    sys.path.insert(0, str(HERE.parent))
-    from simulation_speed import closed_loop
-
-    from freqid.simulate.fly import fly_batch
-
-    plan = flights.plan = getattr(flights, "plan", None) or closed_loop()  # type: ignore[attr-defined]
-    return lambda: fly_batch([plan] * batch)
+    return lambda: fq.monte_carlo(
+        folder / "c.toml", folder / f"{next(count)}", jobs=1, progress=lambda *_: None
+    )
 
 
 TASKS: dict[tuple[str, str], tuple[Task, Sequence[int]]] = {
-    ("point identification", "samples"): (lambda n: point(samples=n), (3001, 6001, 12001, 24001, 48001, 96001)),
+    ("point identification", "samples"): (
+        lambda n: point(samples=n),
+        (3001, 6001, 12001, 24001, 48001, 96001),
+    ),
     ("point identification", "regressors"): (lambda n: point(regressors=n), (6, 12, 24, 48, 96)),
     ("point identification", "lines"): (lambda n: point(lines=n, samples=12001), (50, 100, 200, 400, 800)),
     ("transform", "samples"): (lambda n: transform(samples=n), (6001, 12001, 24001, 48001, 96001)),
     ("transform", "channels"): (lambda n: transform(channels=n), (8, 16, 32, 64, 128)),
     ("blend", "conditions"): (blended, (8, 16, 32, 64, 128)),
-    ("simulation", "flights in a batch"): (flights, (4, 8, 16, 32, 64)),
-    ("campaign", "cases"): (campaign, (500, 1000, 2000, 4000, 8000)),
+    ("campaign", "cases"): (campaign, (500, 1000, 2000, 4000)),
 }
 
 
@@ -131,7 +124,7 @@ def main() -> None:
     """Print and write exponents, and draw time against size."""
     rows, curves = [], {}
     for (what, size), (task, sizes) in TASKS.items():
-        least = timed(task, sizes, 3 if what in ("simulation", "campaign") else REPEATS)
+        least = timed(task, sizes, 2 if what == "campaign" else REPEATS)
         x, y = np.log(np.array(sizes, dtype=float)), np.log(least)
         upper = slice(len(sizes) // 2 - (len(sizes) < 5), None)
         exponent = float(np.polyfit(x[upper], y[upper], 1)[0])

@@ -122,7 +122,17 @@ class MonteCarlo(Viewable):
         return sorted(found) if all(isinstance(v, int | float) for v in found) else found  # type: ignore[type-var]
 
     def of(self, measure: str, quantity: str = "", curve: str | None = None) -> list[Measured]:
-        """Return one measure along the axis; of all curves where none is named."""
+        """Return one measure along the axis.
+
+        Parameters
+        ----------
+        measure : str
+            One of `MEASURES`.
+        quantity : str
+            Over all quantities where empty.
+        curve : str, optional
+            Of all curves where absent.
+        """
         place = {at: i for i, at in enumerate(self.axis_values)}
         found = [
             m
@@ -141,6 +151,11 @@ class MonteCarlo(Viewable):
     @classmethod
     def from_json(cls, table: Mapping[str, Any]) -> MonteCarlo:
         """Return the campaign that `to_json` made a table of.
+
+        Parameters
+        ----------
+        table : mapping
+            JSON-compatible.
 
         Raises
         ------

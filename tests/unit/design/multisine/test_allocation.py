@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from freqid.core.errors import UsageError
+from freqid.design.multisine import allocation
 from freqid.design.multisine.allocation import check_sets, interleave, limits_from_db, lines_in_band, search
 from freqid.design.multisine.phases import lowest_peaks
 
@@ -76,6 +77,28 @@ def test_search_without_a_rule_beats_the_comb():
         for s in (search(lines, [False] * 5, limits=limits, starts=4), interleave(lines, 5))
     )
     assert found < comb - 0.01
+
+
+def test_a_quick_search_compares_less_and_finds_a_set_of_about_the_same_worth(monkeypatch):
+    lines, limits, low = np.arange(3, 60), limits_from_db(3.0), [False] * 4 + [True] * 3
+    spent = []
+    original = allocation.lowest_peak
+
+    def counted(index, *, starts, sharpest=np.inf, **options):
+        spent.append(starts * (1 if sharpest < np.inf else 4))  # the last two rungs are most of a descent
+        return original(index, starts=starts, sharpest=sharpest, **options)
+
+    monkeypatch.setattr(allocation, "lowest_peak", counted)
+    worth, effort = {}, {}
+    for quick in (False, True):
+        spent.clear()
+        sets = search(lines, low, 45, limits=limits, quick=quick)
+        assert disjoint(sets)
+        assert all(s.max() <= 45 for s, is_low in zip(sets, low, strict=True) if is_low)
+        effort[quick] = sum(spent)
+        worth[quick] = np.mean(np.log([w.factor for w in lowest_peaks(sets, limits=limits, starts=4)]))
+    assert worth[True] < worth[False] + 0.02
+    assert effort[True] < effort[False] / 6
 
 
 @settings(max_examples=5, deadline=None)

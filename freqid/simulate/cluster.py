@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from freqid.core.errors import DataError, UsageError
 from freqid.core.extras import extra
@@ -119,7 +119,8 @@ def attempts_on(client: Client, work: Work, units: list[Unit], beside: Inputs) -
 
 def _room(client: Client) -> int:
     """Return how many units to have under way."""
-    return _AHEAD * max(1, sum(client.nthreads().values()))
+    threads: Any = client.nthreads()
+    return _AHEAD * max(1, sum(threads.values()))
 
 
 def _result_of(work: Work, name: str, inputs: Inputs, beside: Inputs) -> tuple[Failure | None, bytes]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import tempfile
 import time
 from collections.abc import Iterator
@@ -65,7 +66,11 @@ def cluster(scheduler: str = "", workers: int = 0) -> Iterator[Client | None]:
         return
     with (
         distributed.LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            silence_logs=logging.ERROR,  # that it ends workers is no news
         ) as local,
         distributed.Client(local, set_as_default=False) as client,
     ):

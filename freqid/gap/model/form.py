@@ -40,11 +40,9 @@ def load_terms(block: Block) -> tuple[list[int], Complex]:
         size = np.sqrt(((trial.gradient * moves) ** 2).mean(axis=2))  # by load and motion
         acts = size.max(axis=0) > 0
         moves, size = moves[acts], size[:, acts]
-        constant = np.ones((1, record.time.size))
-        unit = block.grid.spectrum(np.concatenate([moves / moves.std(axis=1, keepdims=True), constant]))
-        whole = (size**2).sum(axis=1, keepdims=True)
-        size = np.hstack([size**2 + whole / len(moves), whole])
-        for i, own in enumerate(np.sqrt(size)):
+        unit = block.grid.spectrum(moves / moves.std(axis=1, keepdims=True))
+        average = (size**2).mean(axis=1, keepdims=True)
+        for i, own in enumerate(np.sqrt(size**2 + average)):
             rows += [i] * len(unit)
             spectra.extend(own[:, None] * unit)
     return rows, np.array(spectra).reshape(len(rows), block.lines.hz.size)

@@ -110,7 +110,9 @@ def closing_of(
         departures, fitted = likeliest_departures(
             system, used, tolerances, form_error, weights_of(system, explanation)
         )
-        parts += [straightened(c, b, system.tolerances, departures, fitted) for c, b in made]
+        parts += [
+            straightened(c, b, system.tolerances, departures, fitted, library, tolerances) for c, b in made
+        ]
         held_out = [replace(b, trial=own.trial) for (_, b), own in zip(made, held_out, strict=True)]
     blocks = [*used, *held_out]
     source = list(range(len(blocks)))

@@ -71,7 +71,9 @@ def _straight(
     known = [p.block for p in parts]
     common = common_form(system, rows)
     for _ in range(ROUNDS):
-        system, columns = relinearised(system, columns, known, sizes, common)
+        system, columns = relinearised(
+            system, columns, known, library, sizes, common, np.zeros(system.columns)
+        )
     return system, columns, known
 
 

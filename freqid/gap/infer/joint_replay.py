@@ -103,7 +103,7 @@ def about_explanation(
         return system, list(columns)  # tolerances are straight about it already
     anew = [tolerance_columns(b, library, sizes) for b in flown] if flown[0] is not blocks[0] else []
     system, columns = rebuilt(system, new, columns, blocks, anew)
-    return relinearised(system, columns, flown, sizes, form_error, weights_of(system, explanation))
+    return relinearised(system, columns, flown, library, sizes, form_error, weights_of(system, explanation))
 
 
 def weights_of(system: System, explanation: Explanation) -> Array:

@@ -63,7 +63,7 @@ def change(
             return trial.on(effect.distort(values, record), first_order=first_order) - trial.residual
         return trial.residual - trial.on(_taken_back(effect, values, record), first_order=first_order)
     if route == "load" and effect.load is not None:
-        return _loaded(trial, _carried(effect, values, trial))
+        return _loaded(trial, _carried(effect, values, maneuver.vehicle))
     if route == "replay" and effect.replay is not None:
         replay = Replay(trial.simulation, record, maneuver.vehicle)
         return trial.rows(replay.responses(effect.replay(values, replay)))
@@ -94,6 +94,36 @@ def _in_loop(effect: Effect, values: Mapping[str, float], trial: Trial) -> Signa
             made[effect.id, size] = trial.positions_with({effect.id: {effect.size: size}})
         found[name] = made[effect.id, size][name]
     return found
+
+
+def change_together(effects: Sequence[tuple[Effect, Mapping[str, float]]], trial: Trial) -> Histories:
+    """Return the change that effects make together, each as in `change`.
+
+    Those of sensors follow one another on the way into the log, and a body has one mass and one centre of
+    gravity: what two of these make together is not the sum of what each does alone. All others add up.
+
+    Raises
+    ------
+    ImpossibleSettings
+        Where nothing can be so.
+    """
+    record, vehicle, total = trial.maneuver.record, trial.maneuver.vehicle, trial.rows()
+    logged, carried = record, vehicle
+    for effect, settings in effects:
+        values, route = (
+            {**in_force_of(effect, trial.simulation), **settings},
+            route_of(effect, trial.simulation),
+        )
+        if route == "distort" and effect.distort is not None:
+            logged = _taken_back(effect, values, logged) if trial.carries else effect.distort(values, logged)
+        elif route == "load" and effect.load is not None:
+            carried = _carried(effect, values, carried)
+        else:
+            total = total + change(effect, trial, settings)
+    if logged is not record:
+        moved = trial.on(logged) - trial.residual
+        total = total + (moved * -1.0 if trial.carries else moved)
+    return total + _loaded(trial, carried) if carried is not vehicle else total
 
 
 def acts_on(effect: Effect, trial: Trial) -> str:
@@ -144,11 +174,11 @@ def _acting(hook: Callable, values: Mapping[str, float], dt: float, kinds: dict[
     return lambda signals: {**signals, **hook(values, signals, dt, kinds)}
 
 
-def _carried(effect: Effect, values: dict[str, float], trial: Trial) -> Vehicle:
-    """Return the vehicle with what an effect makes of its mass; a vehicle says itself what it cannot be."""
+def _carried(effect: Effect, values: dict[str, float], vehicle: Vehicle) -> Vehicle:
+    """Return a vehicle with what an effect makes of its mass; a vehicle says itself what it cannot be."""
     assert effect.load is not None
     try:
-        return effect.load(values, trial.maneuver.vehicle)
+        return effect.load(values, vehicle)
     except ValueError as error:
         raise ImpossibleSettings(f"effect '{effect.id}': {error}") from None
 

@@ -27,7 +27,9 @@ _VISIBLE = 0.1  # of one unit of whitened energy at the largest size: terms belo
 def load_terms(block: Block) -> tuple[list[int], Complex]:
     """Return the terms of the loads: the row that each is in, and its spectrum, shape (term, line).
 
-    Each derivative times what it acts on.
+    Every motion that moves any load, in every load, as large as its own term there and the load's average
+    term together. Whoever fits a load by a model with few terms leaves a share of the load, not of each
+    term: what was left out altogether is wrong by all of it.
     """
     trial = block.trial
     record = trial.maneuver.record
@@ -35,9 +37,14 @@ def load_terms(block: Block) -> tuple[list[int], Complex]:
     spectra: list[Complex] = []
     if trial.inputs:
         moves = np.array([record[n] - record[n].mean() for n in trial.inputs])
-        for i in range(len(trial.predicted)):
-            rows += [i] * len(moves)
-            spectra.extend(block.grid.spectrum(trial.gradient[i] * moves))
+        size = np.sqrt(((trial.gradient * moves) ** 2).mean(axis=2))  # by load and motion
+        acts = size.max(axis=0) > 0
+        moves, size = moves[acts], size[:, acts]
+        unit = block.grid.spectrum(moves / moves.std(axis=1, keepdims=True))
+        average = (size**2).mean(axis=1, keepdims=True)
+        for i, own in enumerate(np.sqrt(size**2 + average)):
+            rows += [i] * len(unit)
+            spectra.extend(own[:, None] * unit)
     return rows, np.array(spectra).reshape(len(rows), block.lines.hz.size)
 
 

@@ -149,7 +149,9 @@ def test_the_simulations_own_flight_closes_with_the_right_effect(truth, effect):
 def test_a_wrong_effect_leaves_the_own_flight_where_it_was():
     closures = flown_closures(Truth(drag=1.5), ("late",))
     assert pytest.approx(0.0, abs=0.1) == closures[("late",)].response_effect_only.G
-    assert closures[("late",)].response.G < 0.4
+    # a drag is a derivative by speed: what closes here is that tolerance, off by more than can be believed
+    assert closures[("late",)].response.G < 0.6
+    assert closures[("late",)].strained["derivatives.X.u"] > 5
     assert closures[("drag",)].response_effect_only.G > 0.9
 
 

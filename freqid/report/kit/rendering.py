@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 from pathlib import Path
 from typing import Any
 
 import jinja2
+from markupsafe import Markup
 
 from freqid.core.store import replacing
 
+_FOLDER = Path(__file__).parents[1] / "templates"
 _TEMPLATES = jinja2.Environment(
-    loader=jinja2.FileSystemLoader(Path(__file__).parents[1] / "templates"),
+    loader=jinja2.FileSystemLoader(_FOLDER),
     autoescape=lambda name: not (name or "").endswith(".txt"),
     trim_blocks=True,
     lstrip_blocks=True,
     keep_trailing_newline=True,
     undefined=jinja2.StrictUndefined,
 )
+
+_SCRIPT = (_FOLDER / "page.js").read_text(encoding="utf-8")
+# The browser runs no other script in the page, whatever a name in a file may hold.
+_TEMPLATES.globals |= {
+    "script": Markup(_SCRIPT),
+    "script_hash": "sha256-" + base64.b64encode(hashlib.sha256(f"\n{_SCRIPT}\n".encode()).digest()).decode(),
+}
 
 
 def render(template: str, **values: Any) -> str:

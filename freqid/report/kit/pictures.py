@@ -148,6 +148,7 @@ def _correlation_picture(model: PointModel, names: list[str]) -> Picture:
         Markup("{}: correlation of the parameters' errors. {}").format(
             _symbols(model, names), _strongest(response)
         ),
+        [plain_symbol(name, model.form) for name in names],
     )
 
 

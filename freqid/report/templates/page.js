@@ -51,6 +51,8 @@ function writeNumber(value, digits) {
 
 const US = { m: [1 / 0.3048, "ft"], N: [1 / 4.4482216152605, "lbf"], kg: [1 / 14.593902937206, "slug"] };
 
+const UNITS = new Set(["m", "N", "kg", "s", "rad", "deg", "rpm", "V", "A", "W", "Hz"]);
+
 function inUs(unit) {
   const tokens = unit.match(/[A-Za-z°%√]+|⁻?[⁰¹²³⁴⁵⁶⁷⁸⁹]+|-?\d+|[()/]/g) || [];
   if (!tokens.some((t) => US[t])) return null;
@@ -78,20 +80,23 @@ const texts = (element) => {
   while (walker.nextNode()) found.push(walker.currentNode);
   return found;
 };
-const conversions = []; // [text node, text in SI, text in US units]
+const conversions = new Map(); // of text nodes: text in SI, and in US units
+
+function convert(node, change) {
+  const [si, us] = conversions.get(node) || [node.data, node.data];
+  if (change(us) !== us) conversions.set(node, [si, change(us)]);
+}
 
 function convertNumbers(element, factor) {
   for (const node of texts(element)) {
     const exact = node.parentElement.tagName === "DATA" ? Number(node.parentElement.value) : NaN;
-    const changed = node.data.replace(NUMBER, (text) =>
-      writeNumber((Number.isNaN(exact) ? parseNumber(text) : exact) * factor, digitsOf(text)));
-    if (changed !== node.data) conversions.push([node, node.data, changed]);
+    convert(node, (shown) => shown.replace(NUMBER, (text) =>
+      writeNumber((Number.isNaN(exact) ? parseNumber(text) : exact) * factor, digitsOf(text))));
   }
 }
 
 function convertUnit(element, from, to) {
-  for (const node of texts(element))
-    if (node.data.includes(from)) conversions.push([node, node.data, node.data.replace(from, to)]);
+  for (const node of texts(element)) convert(node, (shown) => shown.replace(from, to));
 }
 
 function findConversions() {
@@ -117,12 +122,13 @@ function findConversions() {
         convertNumbers(cell, us.factor));
     }
   }
-  for (const fact of all(".facts dd")) {
-    const parts = fact.textContent.trim().match(/^([−\d.×⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+(?:(?: to | and )[−\d.]+)*) (\D.*)$/);
-    const us = parts && inUs(parts[2]);
-    if (!us || texts(fact).length !== 1) continue;
-    const numbers = parts[1].replace(NUMBER, (t) => writeNumber(parseNumber(t) * us.factor, digitsOf(t)));
-    conversions.push([fact.firstChild, fact.firstChild.data, `${numbers} ${us.unit}`]);
+  // Elsewhere numbers that are followed by their unit and by nothing else, such as 6.1 to 21.3 m/s.
+  for (const place of all("td, .facts dd")) {
+    const parts = place.textContent.trim().match(/^([−\d](?:[^A-Za-z]|to |and )*) ([A-Za-z][A-Za-z\d ()/²³⁻¹√]*)$/);
+    const us = parts && parts[2].match(/[A-Za-z]+/g).every((word) => UNITS.has(word)) && inUs(parts[2]);
+    if (!us) continue;
+    convertNumbers(place, us.factor);
+    convertUnit(place, parts[2], us.unit);
   }
   for (const figure of all("figure"))
     if (all("svg text", figure).some((text) => inUs(bracketed(text.textContent))))
@@ -131,9 +137,9 @@ function findConversions() {
 }
 
 function useUnits(system) {
-  if (!conversions.found) { findConversions(); conversions.found = true; }
+  if (!document.documentElement.dataset.units) findConversions();
   document.documentElement.dataset.units = system;
-  for (const [node, si, us] of conversions) node.data = system === "us" ? us : si;
+  for (const [node, [si, us]] of conversions) node.data = system === "us" ? us : si;
   for (const note of all(".si-note")) note.hidden = system !== "us";
 }
 
@@ -215,13 +221,10 @@ function csvOf(table) {
     return quoted(plain(copy.textContent));
   };
   const heads = headsOf(table);
-  const groups = all("thead tr", table)[0];
-  const above = heads.map((head) => head && head.parentElement !== groups);
-  const group = (c) => (above[c] ? [...groups.cells].find((cell) => cell.colSpan > 1) : null);
-  const first = heads.map((head, c) => [head, c]).filter(([head]) => seen(head)).map(([head, c]) => {
-    const over = group(c), name = plain(head.textContent);
-    return quoted(over ? `${plain(over.textContent)} ${name}` : name);
-  });
+  const first = heads.map((head, c) => {
+    const over = groupsOf(table).find((group) => c >= group.from && c < group.from + group.span);
+    return seen(head) && quoted([over, head].filter(Boolean).map((part) => plain(part.textContent)).join(" "));
+  }).filter((name) => name !== false && name !== undefined);
   const rows = bodyRows(table).filter((row) => !row.classList.contains("filtered")).map((row) => cellsOf(row).filter(seen).map(value));
   return [first, ...rows].map((row) => row.join(",")).join("\n") + "\n";
 }
@@ -351,14 +354,12 @@ function applyFilter() {
     const hidden = Object.keys(KINDS).some((kind) => out(kind, namesOf(element, kind)));
     element.classList.toggle("filtered", hidden);
     if (element.tagName === "FIGURE") figures += hidden;
+    if (element.tagName === "DETAILS" && !hidden && chosen.condition.size) element.open = true;
   }
   for (const table of all("table")) {
     const heads = headsOf(table), dropped = heads.map((head) => head && outByName(labelOf(head)));
     heads.forEach((head, c) => head && head.classList.toggle("filtered", Boolean(dropped[c])));
-    for (const group of all("thead th", table)) {
-      const below = heads.filter((_, c) => group.from !== undefined && c >= group.from && c < group.from + group.span);
-      if (group.colSpan < 2 && !group.span) continue;
-      if (group.span === undefined) { group.span = group.colSpan; group.from = groupStart(group); }
+    for (const group of groupsOf(table)) {
       const left = heads.slice(group.from, group.from + group.span).filter((head) => !head.classList.contains("filtered")).length;
       group.classList.toggle("filtered", !left);
       if (left) group.colSpan = left;
@@ -376,9 +377,15 @@ function applyFilter() {
   say("filter", shown && `Filtered: only ${shown}; ${figures} figures and ${rows} rows are hidden.`, button("Show all", clearFilter));
 }
 
-/** Return the first column below a head that spans several. */
-function groupStart(group) {
-  return [...group.parentElement.cells].slice(0, group.cellIndex).reduce((sum, cell) => sum + cell.colSpan, 0);
+/** Return the heads that span several others, with the columns that they span. */
+function groupsOf(table) {
+  const heads = headsOf(table);
+  table.groups ??= all("thead th", table).filter((head) => head.colSpan > 1 && !heads.includes(head));
+  for (const group of table.groups) {
+    group.span ??= group.colSpan;
+    group.from ??= [...group.parentElement.cells].slice(0, group.cellIndex).reduce((sum, cell) => sum + cell.colSpan, 0);
+  }
+  return table.groups;
 }
 
 function clearFilter() {

@@ -62,14 +62,14 @@ STYLE = {
     "svg.fonttype": "none",  # text stays text: small, selectable, in the page's font
     "path.simplify": False,
 }
-# Inches. A phone of 390 px gives a figure 382 px, in which 8.5 points are 11.1 px high; on a desk and on A4 two
-# figures stand side by side.
+# Inches. A phone of 390 px gives a figure 382 px, in which 8.5 points are 11.1 px high; on a desk and on A4
+# two figures stand side by side.
 WIDTH = 4.05
 TIME_PANEL = "time"
 """Group id of a panel whose horizontal axis is time: readers can zoom it."""
 _LEFT, _RIGHT, _TOP, _BOTTOM, _GAP = 0.62, 0.12, 0.26, 0.44, 0.33
 _LEGEND_MARK, _LEGEND_LETTER = 31.0, 4.9  # points, of a mark with its space, and of a letter
-_COLUMNS = 350  # a drawn history has this many columns, each from its lowest to its highest sample
+_COLUMNS = 700  # a drawn history has this many columns, each from its lowest to its highest sample
 
 
 def styled(draw: Drawing) -> Drawing:

@@ -1,8 +1,8 @@
 """A figure as an ``<svg>`` element of a page: small, with unique ids, and with panels that can be zoomed.
 
 What matplotlib writes is rewritten, not only shortened. Colours become attributes, so that the page's style
-can replace them in the dark while a saved figure keeps them; paths become relative, equal neighbours one path;
-and panels over time say which span they show, so that the page's script can zoom them.
+can replace them in the dark while a saved figure keeps them; paths become relative, equal neighbours become
+one; and panels over time say which span they show, so that the page's script can zoom them.
 """
 
 from __future__ import annotations
@@ -68,15 +68,14 @@ def inline_svg(figure: Figure, key: str, label: str) -> Markup:
     drawn = ElementTree.fromstring(buffer.getvalue())
     width, height = 72 * figure.get_size_inches()
     content = "".join(_write(child) for child in _Rewriter(drawn, key).children())
+    size = f"max-width: {_LARGEST * width:.0f}pt"
+    if width > 72 * 1.02 * WIDTH:
+        size = f"max-width: {width:.0f}pt; min-width: {_LEGIBLE * width:.0f}px"
     opening = Markup(
-        '<svg viewBox="0 0 {:.6g} {:.6g}" style="max-width: {:.0f}pt" role="img" aria-label="{}" '
-        'font-size="{}" fill="{}" stroke-linejoin="round">'
+        '<svg viewBox="0 0 {:.6g} {:.6g}" style="{}" role="img" aria-label="{}" '
+        'font-size="{}" fill="{}" stroke-linejoin="round">{}</svg>'
     )
-    return (
-        opening.format(width, height, _LARGEST * width, label, _FONT, INK)
-        + Markup(content)
-        + Markup("</svg>")
-    )
+    return opening.format(width, height, size, label, _FONT, INK, Markup(content))
 
 
 class _Rewriter:

@@ -32,19 +32,18 @@ function parseNumber(text) {
   return Number(mantissa) * 10 ** (power ? lowered(power) : 0);
 }
 
-function digitsOf(text) {
-  return Math.max(1, text.split("×")[0].replace(/[−.-]/g, "").replace(/^0+/, "").length);
-}
-
-function writeNumber(value, digits) {
-  if (!value) return "0";
-  const exponent = Math.floor(Math.log10(Math.abs(Number(value.toPrecision(digits)))));
-  let text;
+/** Return a number in another unit, written so that its last digit says at least as much as it did. */
+function convertNumber(text, exact, factor) {
+  const [mantissa, power] = text.split("×10");
+  const place = (power ? lowered(power) : 0) - (mantissa.split(".")[1] || "").length;
+  const last = Math.floor(place + Math.log10(factor) + 1e-9), value = exact * factor;
+  const exponent = value ? Math.floor(Math.log10(Math.abs(value))) : 0;
+  let written = value.toFixed(Math.max(0, -last));
   if (exponent < -4 || exponent >= 6) {
-    const power = [...String(exponent)].map((c) => (c === "-" ? "⁻" : RAISED[c])).join("");
-    text = `${(value / 10 ** exponent).toFixed(digits - 1)}×10${power}`;
-  } else text = value.toFixed(Math.max(0, digits - 1 - exponent));
-  return text.replace("-", "−");
+    const raised = [...String(exponent)].map((c) => (c === "-" ? "⁻" : RAISED[c])).join("");
+    written = `${(value / 10 ** exponent).toFixed(Math.max(0, exponent - last))}×10${raised}`;
+  }
+  return Number(written.split("×")[0]) ? written.replace("-", "−") : "0";
 }
 
 // ---- Units: numbers in tables and facts change, figures and sentences stay SI and say so ----------------------
@@ -91,7 +90,8 @@ function convertNumbers(element, factor) {
   for (const node of texts(element)) {
     const exact = node.parentElement.tagName === "DATA" ? Number(node.parentElement.value) : NaN;
     convert(node, (shown) => shown.replace(NUMBER, (text) =>
-      writeNumber((Number.isNaN(exact) ? parseNumber(text) : exact) * factor, digitsOf(text))));
+      convertNumber(text, Number.isNaN(exact) ? parseNumber(text) : exact, factor)));
+    if (!Number.isNaN(exact)) node.parentElement.factor = factor;
   }
 }
 
@@ -215,9 +215,9 @@ function csvOf(table) {
   const plain = (text) => text.replace(/\u00ad/g, "").replace(/[↑↓]/g, "").replace(/−/g, "-").replace(/×10(⁻?[⁰¹²³⁴⁵⁶⁷⁸⁹]+)/g, (_, p) => `e${lowered(p)}`).replace(/^–$/, "").replace(/\s+/g, " ").trim();
   const seen = (cell) => cell && !cell.classList.contains("filtered");
   const value = (cell) => {
-    const copy = cell.cloneNode(true);
+    const copy = cell.cloneNode(true), shown = all("data", cell);
     all("br", copy).forEach((br) => br.replaceWith(" "));
-    if (!us) all("data", copy).forEach((data) => data.replaceWith(data.value));
+    all("data", copy).forEach((data, i) => data.replaceWith(String(data.value * ((us && shown[i].factor) || 1))));
     return quoted(plain(copy.textContent));
   };
   const heads = headsOf(table);
@@ -476,7 +476,8 @@ function showStretch(svg, a, b) {
       path.setAttribute("d", whole ? drawn : parts.map(({ closed, points }) => `M${points.map(([x, y]) => `${at(x).toFixed(2)} ${y.toFixed(2)}`).join("L")}${closed ? "z" : ""}`).join(""));
     for (const { mark, x } of panel.marks) mark.setAttribute("x", whole ? x : at(x).toFixed(2));
     panel.group.querySelector(".zoomed-ticks")?.remove();
-    all(".x .tick", panel.group).forEach((tick) => { tick.style.display = whole ? "" : "none"; });
+    for (const tick of all(".x .tick", panel.group))
+      if (whole) tick.removeAttribute("display"); else tick.setAttribute("display", "none");
     if (!whole) panel.group.querySelector(".x").append(drawTicks(panel, at, a, width));
   }
 }
@@ -590,8 +591,8 @@ function prepareSections() {
       const id = n > 1 ? `${base}-${n}` : base;
       if (!document.getElementById(id)) heading.id = id;
     }
-    const place = heading.tagName === "DETAILS" ? heading.firstElementChild : heading;
-    place.append(hereLink(heading.id || section.id));
+    if (heading.tagName === "DETAILS") heading.firstElementChild.after(hereLink(heading.id));
+    else heading.append(hereLink(heading.id || section.id));
   }
   for (const item of all(".findings li[id]")) item.append(hereLink(item.id));
 }

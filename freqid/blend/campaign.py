@@ -18,6 +18,14 @@ from freqid.core.vehicle import Vehicle
 from freqid.core.viewable import Viewable
 from freqid.identify.in_flight.parameter_history import ParameterHistory
 
+GOOD_R2 = 0.95
+MOST_VALIDATION = 1.15
+"""Error of prediction over error of fit that is still called alike."""
+MOST_HELD_OUT = 1.25
+"""Error of the global model over that of a point model, where neither was made from the manoeuvre."""
+MOST_NEW_DENSITY = 1.5
+"""The same at an air density that the global model was not made at."""
+
 
 @dataclass(frozen=True, eq=False)
 class StudiedPoint:
@@ -190,6 +198,13 @@ class StudyResults(Viewable):
         """
         points = [p for p in self.points if p.history] or self.points
         return [points[i] for i in spanning_conditions([p.model.reference for p in points])]
+
+
+def most_allowed(results: StudyResults, held_out: HeldOut) -> float:
+    """Return what a held-out ratio may be: more where no point of the global model has that density."""
+    model, rho = results.model, held_out.reference.rho
+    known = model is None or any(same_density(rho, at) for at in model.corridor.rho.tolist())
+    return MOST_HELD_OUT if known else MOST_NEW_DENSITY
 
 
 def rmse_inside(fit: Fit, highest_hz: float = float("inf")) -> float:

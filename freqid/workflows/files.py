@@ -23,6 +23,7 @@ from freqid.core.results import (
     quicklook,
     review,
     rivals,
+    sealed_trial,
 )
 from freqid.core.results.design import ClassicDesign, MultisineDesign
 from freqid.core.scenario import Scenario
@@ -69,8 +70,8 @@ def read(path: File) -> Any:
     -------
     Result
         FlightRecord, MultisineDesign, PointModel, OutputErrorModel, GlobalModel, AdvanceRatioModel,
-        FrequencyResponse, LoopMargins, Quicklook, GapResult, Rivals, Prediction, Score, StudyResults or Review,
-        as the file says of itself. Of a scenario's TOML file, the `Scenario`; of classic inputs, their samples.
+        FrequencyResponse, LoopMargins, Quicklook, GapResult, Rivals, Prediction, Score, StudyResults,
+        Review, SealedEffect or TrialOutcome, as the file says of itself. Of a scenario's TOML file, the `Scenario`; of classic inputs, their samples.
 
     Raises
     ------
@@ -192,6 +193,8 @@ _FILES = (
     quicklook.FILE,
     loop_margins.FILE,
     review.FILE,
+    sealed_trial.SEAL_FILE,
+    sealed_trial.OUTCOME_FILE,
 )
 _READERS: dict[str, Callable[[Path], Any]] = {
     record_file.FORMAT: record_file.read_record,

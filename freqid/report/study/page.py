@@ -8,7 +8,15 @@ from typing import Any
 import numpy as np
 
 from freqid import __version__
-from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults
+from freqid.blend.campaign import (
+    GOOD_R2,
+    MOST_HELD_OUT,
+    MOST_NEW_DENSITY,
+    MOST_VALIDATION,
+    StudiedPoint,
+    StudyResults,
+    most_allowed,
+)
 from freqid.core.results.design import MultisineDesign
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Vehicle
@@ -20,7 +28,6 @@ from freqid.report.kit.effectors import effector_groups
 from freqid.report.kit.notation import NONE, exact, number, percent, pretty_unit, share, short, symbol
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.kit.rendering import render
-from freqid.report.point.verdict import reaches_ceiling
 from freqid.report.study.corridor import error_pictures, parameter_pictures, remaining_pictures
 from freqid.report.study.pictures import (
     convergence_pictures,
@@ -29,14 +36,7 @@ from freqid.report.study.pictures import (
     several_pictures,
 )
 from freqid.report.study.results import densities
-from freqid.report.study.verdict import (
-    GOOD_R2,
-    MOST_HELD_OUT,
-    MOST_NEW_DENSITY,
-    MOST_VALIDATION,
-    most_allowed,
-    study_verdict,
-)
+from freqid.report.study.verdict import study_verdict
 
 
 def study_facts(results: StudyResults) -> list[tuple[str, str]]:
@@ -105,7 +105,7 @@ def condition_rows(results: StudyResults) -> list[dict[str, Any]]:
                     {
                         "text": exact(model[r].r2, share(model[r].r2)),
                         "ceiling": exact(ceiling, share(ceiling)),
-                        "low": not (model[r].r2 >= GOOD_R2 or reaches_ceiling(model[r])),
+                        "low": not (model[r].r2 >= GOOD_R2 or model[r].reaches_ceiling),
                     }
                     for r, ceiling in ceilings.items()
                 ],
@@ -190,17 +190,17 @@ def _worst(point: StudiedPoint, responses: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
-__all__ = ["HeldOut", "StudiedPoint", "StudyResults", "build_study_page"]
-
 _POINTS = 16  # samples per shortest period: drawn, not judged
 
 
-def build_study_page(results: StudyResults) -> str:
+def build_study_page(results: StudyResults, *, fits: bool = True) -> str:
     """Return the page of a study: one HTML text that fetches nothing, the same for the same results.
 
     Parameters
     ----------
     results : StudyResults
+    fits : bool
+        Whether fits at single conditions are drawn; a report draws them with the conditions.
     """
     followed = results.followed()
     middle = followed[len(followed) // 2]
@@ -228,8 +228,8 @@ def build_study_page(results: StudyResults) -> str:
         most_held_out=MOST_HELD_OUT,
         most_new_density=MOST_NEW_DENSITY,
         shown=middle.id,
-        fits=[*fitted_conditions(results, middle), *several_pictures(results)],
-        other_fits=[{"id": p.id, "pictures": fitted_conditions(results, p)} for p in others],
+        fits=[*(fitted_conditions(results, middle) if fits else ()), *several_pictures(results)],
+        other_fits=[{"id": p.id, "pictures": fitted_conditions(results, p)} for p in others if fits],
         convergence=convergence_pictures(results),
         histories=history_pictures(results, middle),
         other_histories=[{"id": p.id, "pictures": history_pictures(results, p)} for p in others if p.history],

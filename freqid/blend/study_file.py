@@ -130,6 +130,12 @@ def read_study(path: Path) -> StudyResults:
     )
 
 
+def held_files(path: Path) -> tuple[str, ...]:
+    """Return the files that a study names, by their names beside it."""
+    with store.reading(path, FORMAT) as file:
+        return tuple(json.loads(file.attrs["files"]))
+
+
 def _point(group: Any, path: Path) -> StudiedPoint:
     found = get_fields(group, StudiedPoint, _POINT)
     errors = group["validation/rmse"] if "validation/rmse" in group else {}

@@ -102,9 +102,9 @@ def _pieces(
                 for key, design in {"design.h5": result.design, **result.own_designs}.items():
                     yield _design_piece(design, result.vehicle, scenario, key, one.path.parent / key)
             yield Piece("points", name, build_points_sheet(result))
-            yield Piece("convergence", name, _sheet(build_study_page(result, fits=False)))
+            yield Piece("convergence", name, build_study_page(result, ("conditions", "length")))
             if result.model is not None:
-                yield Piece("global", "model.h5", page_of(result.model))
+                yield Piece("global", "model.h5", build_study_page(result, ("corridor", "held-out")))
         elif isinstance(result, MultisineDesign | ClassicDesign):
             yield _design_piece(result, vehicle, scenario, name, one.path)
         elif isinstance(result, FlightRecord):
@@ -198,7 +198,3 @@ def _own_scenario(files: Sequence[ReviewedFile]) -> Scenario | None:
             return found
     return None
 
-
-def _sheet(page: str) -> Sheet:
-    assert isinstance(page, Sheet)
-    return page

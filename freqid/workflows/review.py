@@ -44,6 +44,7 @@ WANTED_PHASE_DEG, WANTED_GAIN_DB = 45.0, 6.0
 WANTED_G = 0.5
 """Share of a gap that must go with its effect, on flights not used, for the corrected simulation to be used."""
 _WORSE = 2.0  # error of prediction over that of the fit from which a model is not used
+_NO_MARGINS = "no margins of the control law are among the files"
 _SUBJECTS: tuple[Subject, ...] = ("model", "simulation", "next flight")
 _MISSING = {
     "excitation": "freqid design-inputs SCENARIO -o design.h5",
@@ -117,7 +118,7 @@ def review(
     points = _points(every)
     found = Review(
         vehicle=next((name for one in every if (name := vehicle_of(one.result))), ""),
-        decisions=tuple(_decide(subject, grounds) for subject in _SUBJECTS),
+        decisions=tuple(_decide(subject, grounds, every) for subject in _SUBJECTS),
         envelope=tuple(_envelope(points)),
         conditions=tuple(dict.fromkeys(p.model.reference.id for p in points)),
         grounds=tuple(grounds),
@@ -262,8 +263,9 @@ def _of_gap(result: GapResult, source: str) -> Iterator[Ground]:
         if not closures:
             text = "how far the gap closes was not tried on any flight"
             yield Ground("simulation", "risk", text, source)
-        for text in [c["consequence_sentence"] for c in _consequences(result)]:
-            yield Ground("next flight", "risk", text.rstrip("."), source)
+        cost = str(closures[0].consequence.get("sentence", "")) if closures else ""
+        if cost:
+            yield Ground("next flight", "risk", f"the gap's effect: {cost.rstrip('.')}", source)
     for name, why in which.withdrawn.items():
         yield Ground("simulation", "risk", f"{name} fits best and is withdrawn: {why}", source)
     for group in which.aliases:
@@ -272,12 +274,6 @@ def _of_gap(result: GapResult, source: str) -> Iterator[Ground]:
     for fault in result.sensors:
         text = f"the sensors show {fault.fault} in {fault.channel}: {fault.estimate:.3g} {fault.unit}"
         yield Ground("model", "risk", text, source)
-
-
-def _consequences(result: GapResult) -> list[dict[str, str]]:
-    first = result.how_far[0].consequence if result.how_far else {}
-    sentence = first.get("sentence", "")
-    return [{"consequence_sentence": sentence}] if sentence else []
 
 
 def _short(record: str) -> str:
@@ -332,14 +328,14 @@ def _of_trial(outcome: TrialOutcome, source: str) -> Ground:
     return Ground("simulation", weight, outcome.sentence.rstrip("."), source)
 
 
-def _decide(subject: Subject, grounds: Sequence[Ground]) -> Decision:
+def _decide(subject: Subject, grounds: Sequence[Ground], files: Sequence[ReviewedFile]) -> Decision:
     """Return the answer that the grounds of a subject leave: the worst of them decides."""
     of = [g for g in grounds if g.subject == subject]
     if not of:
         nothing = {
             "model": "there is no model among the files",
             "simulation": "no simulation was held against a flight",
-            "next flight": "no margins of the control law are among the files",
+            "next flight": _NO_MARGINS,
         }
         return Decision(subject, "not decided", nothing[subject])
     stops = [g for g in of if g.weight == "stop"]
@@ -347,8 +343,8 @@ def _decide(subject: Subject, grounds: Sequence[Ground]) -> Decision:
     if stops:
         more = f", and {len(stops) - 1} more" if len(stops) > 1 else ""
         return Decision(subject, "do not use", f"{stops[0].text}{more}")
-    if subject == "next flight" and not any("margin" in g.text or "loop" in g.text for g in of):
-        return Decision(subject, "not decided", "no margins of the control law are among the files")
+    if subject == "next flight" and not any(isinstance(one.result, LoopMargins) for one in files):
+        return Decision(subject, "not decided", f"{_NO_MARGINS}; {risks[0].text}" if risks else _NO_MARGINS)
     if risks:
         count = f"{len(risks)} open risk{'s' if len(risks) > 1 else ''}"
         return Decision(subject, "use with limits", f"{count}, the first: {risks[0].text}")

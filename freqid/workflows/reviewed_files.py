@@ -10,6 +10,8 @@ from typing import Any
 
 import h5py
 
+from freqid.blend.campaign import StudyResults
+from freqid.blend.study_file import held_files
 from freqid.core import store
 from freqid.core.errors import DataError, UsageError
 from freqid.core.results.review import Source
@@ -17,6 +19,7 @@ from freqid.workflows.files import read
 from freqid.workflows.inputs import File
 
 STUDY = "freqid-study"
+_NOT_SHOWN = ("", "freqid-seal", "freqid-review")  # of the files in a folder
 _OF_STUDY = ("points", "units", "model.h5", "design.h5")  # what a study that was stopped has left
 
 
@@ -73,12 +76,13 @@ def read_together(files: Sequence[File]) -> tuple[ReviewedFile, ...]:
             found.setdefault(path.resolve(), _read(path))
     if not found:
         raise UsageError("no file is given", remedy="name the results to report")
-    studied = {path.parent for path, one in found.items() if one.kind == STUDY and not one.unfinished}
-    every = tuple(
-        one
+    held = {
+        path.parent / name
         for path, one in found.items()
-        if one.kind == STUDY or not ({path.parent, path.parent.parent} & studied and path.name != "study.h5")
-    )
+        if isinstance(one.result, StudyResults)
+        for name in held_files(path)
+    }
+    every = tuple(one for path, one in found.items() if path not in held)
     _refuse_two_vehicles(every)
     return every
 
@@ -102,10 +106,11 @@ def _files_of(given: Path) -> Iterator[Path]:
     if not given.is_dir():
         yield given
         return
-    if (given / "study.h5").is_file():
-        yield given / "study.h5"
-        return
     here = sorted(p for p in given.glob("*.h5") if not p.name.endswith(".truth.h5"))
+    if given / "study.h5" in here:
+        here = [given / "study.h5", *(p for p in here if not p.match("study.h5"))]
+        yield from (p for p in here if store.kind_of(p) not in _NOT_SHOWN)
+        return
     if any((given / name).exists() for name in _OF_STUDY[:2]) and not (given / "campaign.json").is_file():
         yield given  # a study that is half done: said in its place
         here += sorted(given.glob("points/*.h5"))
@@ -113,7 +118,7 @@ def _files_of(given: Path) -> Iterator[Path]:
         raise DataError(
             "the folder holds no file of freqid", where=str(given), remedy="name files, or a study's folder"
         )
-    yield from (p for p in here if store.kind_of(p) not in ("", "freqid-seal", "freqid-review"))
+    yield from (p for p in here if store.kind_of(p) not in _NOT_SHOWN)
 
 
 def _read(path: Path) -> ReviewedFile:

@@ -47,11 +47,11 @@ def _plain(decision: Decision) -> str:
 
 def decision_values(review: Review) -> dict[str, Any]:
     """Return what the template shows below the answers."""
-    risks = [_risk(g, review) for g in review.risks]
+    risks = [_row(g) for g in review.risks]
     return {
         "risks": risks[:_MOST_RISKS],
         "more_risks": risks[_MOST_RISKS:],
-        "grounds": [_risk(g, review) for g in review.grounds if g.weight == "good"],
+        "grounds": [_row(g) for g in review.grounds if g.weight == "good"],
         "reversals": [
             {
                 "text": r.text,
@@ -89,19 +89,23 @@ def decision_values(review: Review) -> dict[str, Any]:
     }
 
 
-def _risk(ground: Ground, review: Review) -> dict[str, Any]:
-    del review
+def _row(ground: Ground) -> dict[str, Any]:
     return {
         "kind": {"stop": "bad", "risk": "note", "good": "good"}[ground.weight],
         "subject": ground.subject,
-        "text": ground.text[:1].upper() + ground.text[1:],
+        "text": _sentence(ground.text),
         "source": ground.source,
     }
 
 
+def _sentence(text: str) -> str:
+    """Return a ground as a sentence begins; an id that leads it stays as it is written."""
+    return text if text.partition(" ")[0].endswith(":") else text[:1].upper() + text[1:]
+
+
 def _limit(name: str, unit: str, low: float, high: float) -> dict[str, Any]:
     shown, factor = shown_unit(f"state/{name}", unit)
-    ends = [short(float(f"{factor * end:.4g}")) for end in (low, high)]
+    ends = [short(float(f"{factor * end:.3g}")) for end in (low, high)]
     return {
         "name": name,
         "text": ends[0] if ends[0] == ends[1] else f"{ends[0]} to {ends[1]}",

@@ -119,6 +119,6 @@ def _facts(vehicle: Vehicle) -> list[tuple[str, str]]:
     )
     facts.append(("Centre of gravity", f"{', '.join(short(x) for x in mass.cg_m)} m"))
     names = [e.name for e in vehicle.effectors]
-    groups = effector_groups(names, vehicle) if names else {}
-    facts += [(group, ", ".join(names[i] for i in places)) for group, places in groups.items()]
+    if names:
+        facts.append(("Effectors", "; ".join(effector_groups(names, vehicle))))
     return facts

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from freqid.report.design.signal_pictures import signal_pictures
 from freqid.report.kit.effectors import effector_groups
 from freqid.report.kit.notation import NONE, exact, number, percent, pretty_unit, share, short, symbol
 from freqid.report.kit.pictures import Picture, picture
-from freqid.report.kit.rendering import render
+from freqid.report.kit.rendering import Sheet, render
 from freqid.report.study.corridor import error_pictures, parameter_pictures, remaining_pictures
 from freqid.report.study.pictures import (
     convergence_pictures,
@@ -190,21 +191,24 @@ def _worst(point: StudiedPoint, responses: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
+PARTS = ("conditions", "corridor", "held-out", "fits", "length", "inputs")
+"""Sections of the page of a study."""
 _POINTS = 16  # samples per shortest period: drawn, not judged
 
 
-def build_study_page(results: StudyResults, *, fits: bool = True) -> str:
+def build_study_page(results: StudyResults, parts: Collection[str] = PARTS) -> Sheet:
     """Return the page of a study: one HTML text that fetches nothing, the same for the same results.
 
     Parameters
     ----------
     results : StudyResults
-    fits : bool
-        Whether fits at single conditions are drawn; a report draws them with the conditions.
+    parts : collection of str
+        Of `PARTS`; a report has some of them elsewhere.
     """
     followed = results.followed()
     middle = followed[len(followed) // 2]
     others = [p for p in followed if p is not middle]
+    length = "length" in parts
     return render(
         "study.html",
         title=results.vehicle.name or "Unnamed vehicle",
@@ -213,31 +217,33 @@ def build_study_page(results: StudyResults, *, fits: bool = True) -> str:
         findings=study_verdict(results),
         facts=study_facts(results),
         heads=heads(results),
-        conditions=condition_rows(results),
+        conditions=condition_rows(results) if "conditions" in parts else [],
         errors=error_rows(results),
         differing=differing_rows(results),
         parameters=sum(len(middle.model[r].regressors) for r in results.responses),
         noise_known=any(r.r2_ceiling is not None for p in results.points for r in p.model.responses.values()),
         linearised=any(p.linear for p in results.points),
         most_validation=MOST_VALIDATION,
-        error_pictures=error_pictures(results),
-        corridor=parameter_pictures(results),
-        remaining=remaining_pictures(results),
+        error_pictures=error_pictures(results) if "conditions" in parts else [],
+        corridor=parameter_pictures(results) if "corridor" in parts else [],
+        remaining=remaining_pictures(results) if "corridor" in parts else [],
         blended=results.model is not None,
-        held_out=held_out_rows(results),
+        held_out=held_out_rows(results) if "held-out" in parts else [],
         most_held_out=MOST_HELD_OUT,
         most_new_density=MOST_NEW_DENSITY,
         shown=middle.id,
-        fits=[*(fitted_conditions(results, middle) if fits else ()), *several_pictures(results)],
-        other_fits=[{"id": p.id, "pictures": fitted_conditions(results, p)} for p in others if fits],
-        convergence=convergence_pictures(results),
-        histories=history_pictures(results, middle),
-        other_histories=[{"id": p.id, "pictures": history_pictures(results, p)} for p in others if p.history],
-        inputs=_inputs(results),
+        fits=[*fitted_conditions(results, middle), *several_pictures(results)] if "fits" in parts else [],
+        other_fits=[{"id": p.id, "pictures": fitted_conditions(results, p)} for p in others if "fits" in parts],
+        convergence=convergence_pictures(results) if length else [],
+        histories=history_pictures(results, middle) if length else [],
+        other_histories=[
+            {"id": p.id, "pictures": history_pictures(results, p)} for p in others if p.history and length
+        ],
+        inputs=_inputs(results) if "inputs" in parts else [],
         own_inputs=[
             {"id": i, "picture": _spectra(design, results.vehicle, f"spectra-{place}")}
             for place, (i, design) in enumerate(results.own_designs.items())
-            if design is not results.design
+            if design is not results.design and "inputs" in parts
         ],
         provenance={**(results.design.provenance if results.design else {}), **results.provenance},
     )

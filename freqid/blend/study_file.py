@@ -70,7 +70,7 @@ def write_study(path: Path, results: StudyResults, scenario_sha256: str = "") ->
     folder = path.parent
     names = {f"points/{p.id}.h5" for p in results.points}
     names |= {"model.h5"} if results.model is not None else set()
-    names |= {name for name in ("design.h5", *(f"design-{i}.h5" for i in results.own_designs))}
+    names |= {"design.h5", *(f"design-{i}.h5" for i in results.own_designs)}
 
     def fill(file: h5py.File) -> None:
         put_fields(file, results, _HEAD)
@@ -138,7 +138,7 @@ def held_files(path: Path) -> tuple[str, ...]:
 
 def _point(group: Any, path: Path) -> StudiedPoint:
     found = get_fields(group, StudiedPoint, _POINT)
-    errors = group["validation/rmse"] if "validation/rmse" in group else {}
+    errors = group.get("validation/rmse", {})
     return StudiedPoint(
         **found, model=read_point(path), validation_rmse={name: store.array(errors, name) for name in errors}
     )

@@ -38,8 +38,8 @@ def command(
     """Write one self-contained HTML page about RESULT..., in any mixture.
 
     Designs, records, quick looks, point and global models, laws against advance ratio, frequency responses,
-    margins, predictions and scores, diagnoses of gaps, comparisons, and folders of studies. One result has its
-    own page. Several, or a study, make one page: the decision first, then a part for each, and a file
+    margins, predictions and scores, diagnoses of gaps, comparisons, and folders of studies. One result has
+    its own page. Several, or a study, make one page: the decision first, then a part for each, and a file
     -review.h5 beside it that a later report may be compared with.
     """
     from freqid.views.page import page

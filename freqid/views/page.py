@@ -117,7 +117,9 @@ def page(
 
         if record is not None:
             raise UsageError("a record goes with one result, but several are given", remedy="leave it out")
-        sheet, decided = report_page(several, _sheet_of, scenario=scenario, against=_listed(against), tell=tell)
+        sheet, decided = report_page(
+            several, _sheet_of, scenario=scenario, against=_listed(against), tell=tell
+        )
         return Page(sheet, decided)
     if isinstance(result, list | tuple):
         result = result[0]

@@ -72,9 +72,7 @@ def report_page(
     alone = [m for one in every if (m := _point_of(one)) is not None]
     models = [*(p.model for p in points), *alone]
     vehicle = next((v for one in every if (v := _vehicle_of(one)) is not None), None)
-    pieces = []
-    for piece in _pieces(every, alone, page_of, drawn_by, vehicle, tell):
-        pieces.append(piece)
+    pieces = list(_pieces(every, alone, page_of, drawn_by, vehicle, tell))
     values = vehicle_values(vehicle or (drawn_by.aircraft() if drawn_by else None), models, drawn_by)
     values["drawn"] = drawn_by is not None and any("Three-view" in p.svg for p in values["pictures"])
     tell("page one")
@@ -130,7 +128,9 @@ def _design_piece(
     sheet = build_design_sheet(design, vehicle, scenario, name, sha256)
     card = test_card_of(design, scenario) if scenario is not None and scenario.excitation is not None else ""
     if card:
-        card_html = Markup('<details><summary>Test card</summary><pre class="card">{}</pre></details>').format(card)
+        card_html = Markup(
+            '<details><summary>Test card</summary><pre class="card">{}</pre></details>'
+        ).format(card)
         sheet.after = card_html
     return Piece("excitation", name, sheet)
 
@@ -141,8 +141,8 @@ def _notes(files: Sequence[ReviewedFile]) -> dict[str, str]:
     for one in files:
         if one.unfinished:
             notes["convergence"] = (
-                f"The study in {one.source.name} is not finished, it has no study.h5: only the models that are "
-                "done stand here. The same freqid study command goes on from there."
+                f"The study in {one.source.name} is not finished, it has no study.h5: only the models that "
+                "are done stand here. The same freqid study command goes on from there."
             )
         if isinstance(one.result, GapResult) and one.result.gap.exists and not one.result.how_far:
             notes["gap"] = (
@@ -197,4 +197,3 @@ def _own_scenario(files: Sequence[ReviewedFile]) -> Scenario | None:
         if found.sha256 == one.source.scenario_sha256:
             return found
     return None
-

@@ -71,7 +71,8 @@ def read(path: File) -> Any:
     Result
         FlightRecord, MultisineDesign, PointModel, OutputErrorModel, GlobalModel, AdvanceRatioModel,
         FrequencyResponse, LoopMargins, Quicklook, GapResult, Rivals, Prediction, Score, StudyResults,
-        Review, SealedEffect or TrialOutcome, as the file says of itself. Of a scenario's TOML file, the `Scenario`; of classic inputs, their samples.
+        Review, SealedEffect or TrialOutcome, as the file says of itself. Of a scenario's TOML file, the
+        `Scenario`; of classic inputs, their samples.
 
     Raises
     ------

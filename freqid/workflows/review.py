@@ -42,19 +42,19 @@ from freqid.workflows.reviewed_files import ReviewedFile, read_together, vehicle
 WANTED_PHASE_DEG, WANTED_GAIN_DB = 45.0, 6.0
 """Margins asked of a loop before it is flown: MIL-DTL-9490E and SAE AS94900, rigid-body modes."""
 WANTED_G = 0.5
-"""Share of a gap that must go with its effect, on flights not used, for the corrected simulation to be used."""
+"""Share of a gap that must go with its effect, on flights not used, for use of the corrected simulation."""
 _WORSE = 2.0  # error of prediction over that of the fit from which a model is not used
 _NO_MARGINS = "no margins of the control law are among the files"
 _SUBJECTS: tuple[Subject, ...] = ("model", "simulation", "next flight")
 _MISSING = {
     "excitation": "freqid design-inputs SCENARIO -o design.h5",
-    "data": "freqid quicklook LOG --design design.h5 --scenario SCENARIO",
+    "data": "freqid quicklook LOG design.h5 --scenario SCENARIO",
     "points": "freqid identify-point RECORD --scenario SCENARIO -o point.h5",
     "convergence": "freqid study SCENARIO -o FOLDER",
     "global": "freqid global-blend points/*.h5 -o aircraft.h5",
     "flights": "freqid predict point.h5 design.h5 --scenario SCENARIO, then freqid score",
     "responses": "freqid frequency-response RECORD --scenario SCENARIO",
-    "margins": "freqid margins aircraft.h5 --scenario SCENARIO",
+    "margins": "freqid margins aircraft.h5 SCENARIO",
     "gap": "freqid diagnose-gap RECORD --holdout OTHER --sim model.py:wrench -o gap.h5",
 }
 """By section of the report: the command that makes what it is about."""
@@ -148,7 +148,9 @@ def _grounds(files: Sequence[ReviewedFile], gates: Gates | None) -> Iterator[Gro
     for one in files:
         name, result = one.source.name, one.result
         if one.unfinished:
-            yield Ground("model", "risk", f"the study in {name} is not finished: what it lacks is not judged", name)
+            yield Ground(
+                "model", "risk", f"the study in {name} is not finished: what it lacks is not judged", name
+            )
         elif isinstance(result, StudyResults):
             for point in result.points:
                 yield from _of_point(point, gates, f"points/{point.id}.h5")
@@ -184,14 +186,13 @@ def _of_point(point: StudiedPoint, gates: Gates | None, source: str) -> Iterator
     if poor:
         each = ", ".join(f"{r.response} (R2 {r.r2:.3f})" for r in poor)
         yield Ground("model", "risk", f"{at}: the model explains less than noise allows of {each}", source)
-    bent = [
-        r for r in model.responses.values() if r.distortion is not None and not r.distortion <= DISTORTED
-    ]
+    bent = [r for r in model.responses.values() if r.distortion is not None and not r.distortion <= DISTORTED]
     if bent:
         worst = max(bent, key=lambda r: r.distortion or 0.0)
         text = (
-            f"{at}: what is left on the harmonics is more than noise in {', '.join(r.response for r in bent)} "
-            f"(most in {worst.response}, {worst.distortion:.3g} times): intervals hold noise alone"
+            f"{at}: what is left on the harmonics is more than noise in "
+            f"{', '.join(r.response for r in bent)} (most in {worst.response}, {worst.distortion:.3g} times): "
+            "intervals hold noise alone"
         )
         yield Ground("model", "risk", text, source)
     ratios = {r: point.validation_ratio(r) for r in model.responses}
@@ -201,7 +202,10 @@ def _of_point(point: StudiedPoint, gates: Gates | None, source: str) -> Iterator
     else:
         worst = max(known, key=lambda r: known[r])
         weight = "good" if known[worst] <= MOST_VALIDATION else "risk" if known[worst] <= _WORSE else "stop"
-        text = f"{at}: a flight that was not used is predicted with at most {known[worst]:.3g} times the error of the fit ({worst})"
+        text = (
+            f"{at}: a flight that was not used is predicted with at most {known[worst]:.3g} times the error "
+            f"of the fit ({worst})"
+        )
         yield Ground("model", weight, text, source)
     for remark in model.remarks:
         yield Ground("model", "risk", f"{at}: {remark.rstrip('.')}", source)
@@ -216,14 +220,17 @@ def _of_study(results: StudyResults, source: str) -> Iterator[Ground]:
     }
     if not ratios:
         yield Ground(
-            "model", "risk", "no condition was held out: between conditions the global model is not judged", source
+            "model",
+            "risk",
+            "no condition was held out: between conditions the global model is not judged",
+            source,
         )
         return
     worst = max(ratios, key=lambda at: ratios[at][0] / ratios[at][1])
     ratio, allowed = ratios[worst]
     text = (
-        f"at conditions that it was not made from the global model errs at most {ratio:.3g} times as much as a "
-        f"point model there ({worst[0]} at {worst[1]}; {allowed:g} is allowed)"
+        f"at conditions that it was not made from the global model errs at most {ratio:.3g} times as much as "
+        f"a point model there ({worst[0]} at {worst[1]}; {allowed:g} is allowed)"
     )
     yield Ground("model", "good" if ratio <= allowed else "stop", text, source)
 
@@ -253,9 +260,9 @@ def _of_gap(result: GapResult, source: str) -> Iterator[Ground]:
             yield Ground(
                 "simulation",
                 "risk",
-                f"the simulation lacks {' and '.join(named)}; with it {100 * closed.wrench.G:.0f} % of the gap "
-                f"({100 * closed.wrench.lo:.0f} to {100 * closed.wrench.hi:.0f} %) goes on {', '.join(map(_short, closed.held_out))}: "
-                "use it with this effect only",
+                f"the simulation lacks {' and '.join(named)}; with it {100 * closed.wrench.G:.0f} % of the "
+                f"gap ({100 * closed.wrench.lo:.0f} to {100 * closed.wrench.hi:.0f} %) goes on "
+                f"{', '.join(map(_short, closed.held_out))}: use it with this effect only",
                 source,
             )
         else:
@@ -284,7 +291,10 @@ def _of_margins(found: LoopMargins, source: str) -> Iterator[Ground]:
     for text in found.warnings:
         weight = "stop" if "is unstable" in text else "risk"
         yield Ground("next flight", weight, text, source)
-    for figure, wanted, unit in (("phase_deg", WANTED_PHASE_DEG, "deg"), ("gain_up_db", WANTED_GAIN_DB, "dB")):
+    for figure, wanted, unit in (
+        ("phase_deg", WANTED_PHASE_DEG, "deg"),
+        ("gain_up_db", WANTED_GAIN_DB, "dB"),
+    ):
         least = _least(found, figure)
         if least is None:
             continue
@@ -309,7 +319,10 @@ def _least(found: LoopMargins, figure: str) -> tuple[float, float, str] | None:
 
 def _of_score(score: Score, source: str) -> Iterator[Ground]:
     shares = ", ".join(f"{kind} {100 * share:.0f} %" for kind, share in score.coverage.items())
-    text = f"of what was predicted before the flight, the 95 % bands hold {shares}; {100 * score.gate:.0f} % is asked for"
+    text = (
+        f"of what was predicted before the flight, the 95 % bands hold {shares}; {100 * score.gate:.0f} % is "
+        "asked for"
+    )
     yield Ground("model", "good" if score.passed else "stop", text, source)
     for name in score.failed:
         yield Ground("model", "risk", f"the assumption '{name}' of the prediction did not hold", source)
@@ -371,7 +384,11 @@ def _envelope(points: Sequence[StudiedPoint]) -> Iterator[Limit]:
                 if name in ("u", "v", "w", "p", "q", "r"):
                     sides.setdefault(f"{name}, rms of its motion", (unit, []))[1].append(float(rms))
     lines = [
-        fit.axis[[0, -1]] for p in points for r in p.model.responses.values() for n, fit in r.fit.items() if n == "frequency"
+        fit.axis[[0, -1]]
+        for p in points
+        for r in p.model.responses.values()
+        for n, fit in r.fit.items()
+        if n == "frequency"
     ]
     if lines:
         sides["frequency"] = ("Hz", np.concatenate(lines).tolist())

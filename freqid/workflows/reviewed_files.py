@@ -125,9 +125,7 @@ def _read(path: Path) -> ReviewedFile:
     if path.is_dir():
         return ReviewedFile(Source(path.name, STUDY, ""), path, None, unfinished=True)
     if path.suffix == ".toml":
-        raise UsageError(
-            "is a scenario, not a result", where=str(path), remedy="give it with --scenario"
-        )
+        raise UsageError("is a scenario, not a result", where=str(path), remedy="give it with --scenario")
     result = read(path)
     with h5py.File(path, "r") as file:
         head = {n: str(file.attrs.get(n, "")) for n in ("created", "freqid_version", "scenario_sha256")}

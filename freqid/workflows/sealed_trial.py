@@ -267,9 +267,7 @@ def _refuse_other_flights(seal: Path, sealed: SealedEffect, found: GapResult) ->
     for name, sha256 in sealed.records.items():
         path = seal.parent / name
         if path.is_file() and _sha256(path) != sha256:
-            raise DataError(
-                f"{name} is not the flight that was sealed", where=str(seal), remedy="fly again"
-            )
+            raise DataError(f"{name} is not the flight that was sealed", where=str(seal), remedy="fly again")
 
 
 def _places(effect: str, vehicle: Vehicle) -> list[str]:

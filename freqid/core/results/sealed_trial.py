@@ -1,4 +1,4 @@
-"""A trial of the diagnosis: an effect that is sealed before the flights are diagnosed, and what came of it."""
+"""A trial of the diagnosis: an effect that is sealed before it, and whether the diagnosis named it."""
 
 from __future__ import annotations
 

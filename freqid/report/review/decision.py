@@ -38,7 +38,9 @@ _MOST_RISKS = 12  # listed before the rest is folded
 
 def decision_findings(review: Review) -> list[Finding]:
     """Return the answers as sentences, the ground that decided each behind it."""
-    return [finding(_KINDS[d.answer], "{}: {}.", _SAID[d.subject][d.answer], _plain(d)) for d in review.decisions]
+    return [
+        finding(_KINDS[d.answer], "{}: {}.", _SAID[d.subject][d.answer], _plain(d)) for d in review.decisions
+    ]
 
 
 def _plain(decision: Decision) -> str:

@@ -69,7 +69,10 @@ def build_review_page(
     notes : mapping of str to str
         By section: a sentence about what is not there, such as a study that is half done.
     """
-    parts = [(piece, piece.sheet.part(f"{piece.section}-{k}"), f"{piece.section}-{k}") for k, piece in enumerate(pieces)]
+    parts = [
+        (piece, piece.sheet.part(f"{piece.section}-{k}"), f"{piece.section}-{k}")
+        for k, piece in enumerate(pieces)
+    ]
     return render(
         "review.html",
         title=review.vehicle or "Unnamed vehicle",

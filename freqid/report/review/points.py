@@ -80,6 +80,7 @@ def _sheet(results: StudyResults, point: StudiedPoint, place: int) -> dict[str, 
         "id": point.id or f"model {place + 1}",
         "anchor": f"point-{place}",
         "how": f"{model.method}, {model.estimator}, {short(model.duration)} s",
+        "condition": number(max(r.condition_number for r in model.responses.values())),
         "summary": [_summary(point, r) for r in model.responses.values()],
         "pictures": fitted_conditions(results, point) if followed else _spectrum(model, place),
         "tables": [_table(point, r, place) for r in model.responses.values()],
@@ -118,7 +119,6 @@ def _summary(point: StudiedPoint, response: ResponseModel) -> dict[str, Any]:
         )
         if pair is not None
         else NONE,
-        "condition": number(response.condition_number),
         "weak": sum(abs(e) <= 2 * s for e, s in zip(response.estimate, response.std_error, strict=True)),
         "differing": len(response.differing) if response.errors_in_variables is not None else NONE,
         "near": f"{sum(x <= BEYOND for x in known)} of {len(known)}" if known else NONE,
@@ -144,8 +144,8 @@ def _spectrum(model: PointModel, place: int) -> list[Picture]:
             f"spectrum{place}",
             f"Residual spectra at {model.reference.id}: measured, model and residual over frequency",
             Markup(
-                "Measured, model and residual on the lines of the fit; dotted is what noise leaves. {} is fitted "
-                "worst here: R² {}. A residual above the dots is more than noise."
+                "Measured, model and residual on the lines of the fit; dotted is what noise leaves. {} is "
+                "fitted worst here: R² {}. A residual above the dots is more than noise."
             ).format(symbol(worst.response, model.form), share(worst.r2)),
         )
     ]

@@ -94,7 +94,11 @@ def build_output_error_sheet(model: OutputErrorModel) -> Sheet:
     )
     if model.coloured:
         findings.append(
-            finding("note", "The residuals of {} are not white; the errors allow for it.", ", ".join(model.coloured))
+            finding(
+                "note",
+                "The residuals of {} are not white; the errors allow for it.",
+                ", ".join(model.coloured),
+            )
         )
     findings += [finding("note", "{}", remark[:1].upper() + remark[1:]) for remark in model.remarks]
     findings += [finding("bad", "These data hardly separate {}.", ", ".join(g)) for g in model.inseparable]
@@ -145,8 +149,8 @@ def build_trial_sheet(outcome: TrialOutcome) -> Sheet:
     return render(
         "trial.html",
         title="Sealed trial of the diagnosis",
-        what="An effect was drawn by a seed, flown, and named only in a sealed file; the diagnosis came before the seal "
-        "was opened.",
+        what="An effect was drawn by a seed, flown, and named in a sealed file alone; the diagnosis came "
+        "before the seal was opened.",
         version=__version__,
         findings=[finding(kind, "{}", outcome.sentence)],
         facts=[
@@ -173,7 +177,11 @@ def build_trial_sheet(outcome: TrialOutcome) -> Sheet:
 
 
 def build_design_sheet(
-    design: MultisineDesign | ClassicDesign, vehicle: Vehicle | None, scenario: Scenario | None, name: str, sha256: str
+    design: MultisineDesign | ClassicDesign,
+    vehicle: Vehicle | None,
+    scenario: Scenario | None,
+    name: str,
+    sha256: str,
 ) -> Sheet:
     """Return the page of a design that is read from its file.
 
@@ -222,4 +230,3 @@ def _bare(design: MultisineDesign | ClassicDesign) -> Vehicle:
             for n, u in zip(design.names, design.units, strict=True)
         ),
     )
-

@@ -15,7 +15,16 @@ from freqid.core.results.point import PointModel
 from freqid.core.scenario import Reference, Scenario
 from freqid.core.vehicle import Vehicle
 from freqid.report.flight.aircraft import outline, three_view
-from freqid.report.kit.drawing import BLUE, GREY, few_ticks, literal, name_panel, plain, stacked_panels, styled
+from freqid.report.kit.drawing import (
+    BLUE,
+    GREY,
+    few_ticks,
+    literal,
+    name_panel,
+    plain,
+    stacked_panels,
+    styled,
+)
 from freqid.report.kit.effectors import effector_groups
 from freqid.report.kit.notation import number, pretty_unit, short, shown_unit
 from freqid.report.kit.pictures import Picture, picture
@@ -24,7 +33,9 @@ _MOST = 3  # scheduled variables that are drawn
 
 
 @styled
-def corridor_figure(flown: Sequence[Reference], planned: Sequence[Reference], units: dict[str, str]) -> Figure:
+def corridor_figure(
+    flown: Sequence[Reference], planned: Sequence[Reference], units: dict[str, str]
+) -> Figure:
     """Draw what is set along the corridor against speed: conditions that were identified, and others planned.
 
     Parameters
@@ -115,7 +126,10 @@ def _facts(vehicle: Vehicle) -> list[tuple[str, str]]:
     facts = [("Mass", f"{number(mass.mass_kg, 4)} kg")]
     inertia = mass.inertia
     facts.append(
-        ("Inertia", f"{number(inertia.xx)}, {number(inertia.yy)}, {number(inertia.zz)} {pretty_unit('kg m2')}")
+        (
+            "Inertia",
+            f"{number(inertia.xx)}, {number(inertia.yy)}, {number(inertia.zz)} {pretty_unit('kg m2')}",
+        )
     )
     facts.append(("Centre of gravity", f"{', '.join(short(x) for x in mass.cg_m)} m"))
     names = [e.name for e in vehicle.effectors]

@@ -233,7 +233,9 @@ def build_study_page(results: StudyResults, parts: Collection[str] = PARTS) -> S
         most_new_density=MOST_NEW_DENSITY,
         shown=middle.id,
         fits=[*fitted_conditions(results, middle), *several_pictures(results)] if "fits" in parts else [],
-        other_fits=[{"id": p.id, "pictures": fitted_conditions(results, p)} for p in others if "fits" in parts],
+        other_fits=[
+            {"id": p.id, "pictures": fitted_conditions(results, p)} for p in others if "fits" in parts
+        ],
         convergence=convergence_pictures(results) if length else [],
         histories=history_pictures(results, middle) if length else [],
         other_histories=[

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 
 import numpy as np
 from markupsafe import Markup
@@ -19,6 +20,7 @@ from freqid.report.kit.findings import Finding, code, finding, listed
 from freqid.report.kit.notation import number, percent, share, short, symbol
 from freqid.report.study.results import settled_share
 
+_LEAST_NEAR = 0.93  # of the parameters within two standard errors of what noise alone would leave
 SETTLED = 0.95
 """Share of parameters that makes a manoeuvre long enough."""
 SETTLED_BY = 40.0
@@ -225,14 +227,32 @@ def _linear(results: StudyResults) -> list[Finding]:
     apart = apart[np.isfinite(apart)]
     if not apart.size:
         return []
+    sentence = Markup(
+        "{} of {} parameters lie within 2σ of the linearised simulation; the distance is {}σ in root mean "
+        "square."
+    ).format(
+        percent(float(np.mean(np.abs(apart) <= 2))), apart.size, number(float(np.sqrt(np.mean(apart**2))), 2)
+    )
+    away = np.concatenate([p.from_noise_free(r) for p in results.points for r in results.responses])
+    away = away[np.isfinite(away)]
+    if not away.size:
+        return [finding("note", "{} 95 % would if nothing but noise came between.", sentence)]
+    causes = Counter(
+        m.cause
+        for p in results.points
+        for r in results.responses
+        for m in p.misses(r)
+        if m.of != "noise-free estimate"
+    )
+    why = listed(Markup("{} for {}").format(cause, n) for cause, n in causes.most_common())
+    near = float(np.mean(np.abs(away) <= 2))
     return [
         finding(
-            "note",
-            "{} of {} parameters lie within 2σ of the linearised simulation, 95 % would if nothing but "
-            "noise came between; the distance is {}σ in root mean square.",
-            percent(float(np.mean(np.abs(apart) <= 2))),
-            apart.size,
-            number(float(np.sqrt(np.mean(apart**2))), 2),
+            "good" if near >= _LEAST_NEAR else "note",
+            "{} Of the noise-free estimates of the same flights {} do, where noise alone would leave 95 %.{}",
+            sentence,
+            percent(near),
+            Markup(" The largest part of the others' difference is {}.").format(why) if causes else "",
         )
     ]
 

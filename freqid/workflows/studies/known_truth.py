@@ -1,4 +1,4 @@
-"""What the simulation knows of a flight: its linearisation, and noise-free estimates that tell why it is off."""
+"""What the simulation knows of a flight: its linearisation, and noise-free estimates that tell why."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ def know(
 ) -> None:
     """Write the linearised simulation, and estimates from three flights without noise, as JSON.
 
-    The flight of `seed` is logged again by sensors without error, flown with `SMALL` of its signals, and flown
-    so by the same aircraft without wakes. Each is identified as the flight with noise is, on the same lines: two
-    estimators make different things of what is not linear, which is not noise.
+    The flight of `seed` is logged again by sensors without error, flown with `SMALL` of its signals, and
+    flown so by the same aircraft without wakes. Each is identified as the flight with noise is, on the same
+    lines: two estimators make different things of what is not linear, which is not noise.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def know(
 
 
 def read_known_truth(path: Path) -> Known:
-    """Return the linearised simulation, and what is known of each response, from the file that `know` wrote."""
+    """Return the linearised simulation, and what is known of each response, from the file of `know`."""
     table: Mapping[str, Derivatives] = json.loads(path.read_text())
     truth = {}
     for response, row in table["noise_free"].items():

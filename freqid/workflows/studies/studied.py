@@ -79,9 +79,7 @@ def studied_point(
     if validating is not None:
         highest = float(model[first].fit["frequency"].axis[-1])
         errors = validation_rmse(histories, validating, settings, highest)
-    return StudiedPoint(
-        model, linear or {}, histories, histories[first].time, errors, repeated, truth or {}
-    )
+    return StudiedPoint(model, linear or {}, histories, histories[first].time, errors, repeated, truth or {})
 
 
 def held_out_errors(scenario: Scenario, model: GlobalModel, point: PointModel, maneuver: Maneuver) -> HeldOut:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -26,8 +25,8 @@ from freqid.workflows.inputs import File, Flight, Tell, name_of, scenario_of, si
 from freqid.workflows.models.blend import blend
 from freqid.workflows.studies import units
 from freqid.workflows.studies.campaign_study import study_campaign
-from freqid.workflows.studies.own_flights import study_flights
 from freqid.workflows.studies.known_truth import Known, know, read_known_truth
+from freqid.workflows.studies.own_flights import study_flights
 from freqid.workflows.studies.studied import held_out_errors, studied_point
 
 _FLIGHT_SEEDS = 1000  # apart for each design, so that no two flights share their sensors' errors

@@ -191,8 +191,8 @@ def _of_point(point: StudiedPoint, gates: Gates | None, source: str) -> Iterator
         worst = max(bent, key=lambda r: r.distortion or 0.0)
         text = (
             f"{at}: what is left on the harmonics is more than noise in "
-            f"{', '.join(r.response for r in bent)} (most in {worst.response}, {worst.distortion:.3g} times): "
-            "intervals hold noise alone"
+            f"{', '.join(r.response for r in bent)} (most in {worst.response}, {worst.distortion:.3g} "
+            "times): intervals hold noise alone"
         )
         yield Ground("model", "risk", text, source)
     ratios = {r: point.validation_ratio(r) for r in model.responses}

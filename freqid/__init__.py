@@ -26,6 +26,7 @@ _VERBS = {
     "read": "workflows.files",
     "save": "workflows.files",
     "page": "views.page",
+    "review": "workflows.review",
     "design_inputs": "workflows.design",
     "simulate": "workflows.fly",
     "simulate_campaign": "workflows.campaign",
@@ -52,6 +53,8 @@ _VERBS = {
     "check_simulation": "workflows.connect",
     "diagnose_gap": "workflows.diagnose",
     "next_test": "workflows.diagnose",
+    "fly_sealed": "workflows.sealed_trial",
+    "open_seal": "workflows.sealed_trial",
     "compare_simulations": "workflows.compare",
     "study": "workflows.studies.study",
 }
@@ -72,6 +75,8 @@ _NOUNS = {
     "LoopMargins": "core.results.loop_margins",
     "GapDiagnosis": "core.results.diagnosis",
     "Rivals": "core.results.rivals",
+    "TrialOutcome": "core.results.sealed_trial",
+    "Review": "core.results.review",
     "StudyResults": "blend.campaign",
     "FreqidError": "core.errors",
 }

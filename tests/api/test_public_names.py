@@ -23,6 +23,7 @@ VERBS = [
     "read",
     "save",
     "page",
+    "review",
     "design_inputs",
     "simulate",
     "simulate_campaign",
@@ -49,6 +50,8 @@ VERBS = [
     "check_simulation",
     "diagnose_gap",
     "next_test",
+    "fly_sealed",
+    "open_seal",
     "compare_simulations",
     "study",
 ]
@@ -69,6 +72,8 @@ NOUNS = [
     "LoopMargins",
     "GapDiagnosis",
     "Rivals",
+    "TrialOutcome",
+    "Review",
     "StudyResults",
     "FreqidError",
 ]

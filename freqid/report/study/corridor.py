@@ -166,8 +166,17 @@ def _agreement(results: StudyResults, response: str) -> Markup:
     near = percent(float(np.mean(np.array(list(apart.values())) <= 2)))
     return Markup(
         "{} of all its parameters lie within 2σ of the linearised simulation; the farthest is "
-        "<code>{}</code> at <code>{}</code>, by {}σ."
-    ).format(near, name, at, number(apart[name, at], 2))
+        "<code>{}</code> at <code>{}</code>, by {}σ{}."
+    ).format(near, name, at, number(apart[name, at], 2), _why(results, response, name, at))
+
+
+def _why(results: StudyResults, response: str, name: str, at: str) -> str:
+    """Return why a parameter is off, where flights without noise tell."""
+    for p in results.points:
+        for miss in p.misses(response) if p.id == at else ():
+            if miss.parameter == name:
+                return f", of which {miss.cause} makes {number(abs(miss.parts[miss.cause]), 2)}"
+    return ""
 
 
 def remaining_pictures(results: StudyResults) -> list[Picture]:

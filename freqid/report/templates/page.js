@@ -328,7 +328,12 @@ async function copy(text, done) {
 
 const KINDS = { response: "Only responses", condition: "Only conditions" };
 const chosen = { response: new Set(), condition: new Set() };
-const namesOf = (element, kind) => JSON.parse(element.dataset[kind] || "[]");
+/** Return the names that an element is marked with: a list, or one name as it is. */
+function namesOf(element, kind) {
+  const marked = element.dataset[kind] || "[]";
+  try { return JSON.parse(marked).map(String); } catch { return [marked]; }
+}
+
 const known = { response: [], condition: [] };
 
 function prepareFilter() {
@@ -582,7 +587,7 @@ function prepareFigures() {
 // ---- Sections: addresses, contents that follow the scroll, details, print ----------------------------------------
 
 function prepareSections() {
-  for (const heading of all("main h2, main h3, main details")) {
+  for (const heading of all("main h2, main h3, main h4, main h5, main details")) {
     const section = heading.closest("section[id]");
     if (!section) continue;
     const text = heading.tagName === "DETAILS" ? heading.firstElementChild.textContent : heading.textContent;

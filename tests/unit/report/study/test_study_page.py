@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from test_page import HOSTILE, Page
 
+from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.line_up import line_up
 from freqid.core.record import Channel, FlightRecord, Maneuver
@@ -24,14 +25,7 @@ from freqid.design.multisine.signals import sample
 from freqid.identify.in_flight.parameter_history import parameter_history
 from freqid.identify.point import identify_point, predict_responses
 from freqid.report.kit.rendering import write_text
-from freqid.report.study.page import (
-    HeldOut,
-    StudiedPoint,
-    StudyResults,
-    build_study_page,
-    condition_rows,
-    held_out_rows,
-)
+from freqid.report.study.page import build_study_page, condition_rows, held_out_rows
 
 EFFECTORS = ("de1", "de2", "dr1", "n1")
 REGRESSORS = {"Z": ("u", "w", "q", "de1", "de2", "n1"), "N": ("v", "r", "dr1")}

@@ -354,11 +354,9 @@ function prepareFilter() {
 function applyFilter() {
   const out = (kind, names) => chosen[kind].size > 0 && names.length > 0 && !names.some((name) => chosen[kind].has(name));
   const outByName = (name) => Object.keys(KINDS).some((kind) => known[kind].includes(name) && out(kind, [name]));
-  let figures = 0, rows = 0;
   for (const element of all("[data-response], [data-condition]")) {
     const hidden = Object.keys(KINDS).some((kind) => out(kind, namesOf(element, kind)));
     element.classList.toggle("filtered", hidden);
-    if (element.tagName === "FIGURE") figures += hidden;
     if (element.tagName === "DETAILS" && !hidden && chosen.condition.size) element.open = true;
   }
   for (const table of all("table")) {
@@ -373,13 +371,13 @@ function applyFilter() {
       const marked = row.matches("[data-response], [data-condition]") && row.classList.contains("filtered");
       const hidden = marked || outByName(labelOf(row.cells[0]));
       row.classList.toggle("filtered", hidden);
-      rows += hidden;
       if (row.cells.length === heads.length)
         heads.forEach((_, c) => row.cells[c].classList.toggle("filtered", Boolean(dropped[c])));
     }
   }
+  const hiddenOf = (selector) => all(selector).filter((element) => element.closest(".filtered")).length;
   const shown = Object.keys(KINDS).map((kind) => [...chosen[kind]].join(", ")).filter(Boolean).join(" at ");
-  say("filter", shown && `Filtered: only ${shown}; ${figures} figures and ${rows} rows are hidden.`, button("Show all", clearFilter));
+  say("filter", shown && `Filtered: only ${shown}; ${hiddenOf("main figure")} figures and ${hiddenOf("tbody tr")} rows are hidden.`, button("Show all", clearFilter));
 }
 
 /** Return the heads that span several others, with the columns that they span. */
@@ -608,7 +606,7 @@ function hereLink(id) {
 
 function followScroll() {
   const links = all("nav a").map((link) => [link, document.getElementById(link.hash.slice(1))]).filter(([, target]) => target);
-  const strip = document.querySelector("nav");
+  const strip = document.querySelector("nav"), side = document.querySelector(".side");
   let waiting = false;
   const mark = () => {
     waiting = false;
@@ -618,6 +616,7 @@ function followScroll() {
     if (scrollY + innerHeight >= document.documentElement.scrollHeight - 2) now = links[links.length - 1];
     for (const [link] of links) if (now && link === now[0]) link.setAttribute("aria-current", "true"); else link.removeAttribute("aria-current");
     if (now && strip.scrollWidth > strip.clientWidth) strip.scrollLeft = now[0].offsetLeft - strip.clientWidth / 3;
+    if (now && side.scrollHeight > side.clientHeight) side.scrollTop = now[0].offsetTop - side.clientHeight / 3;
   };
   addEventListener("scroll", () => { if (!waiting) { waiting = true; requestAnimationFrame(mark); } }, { passive: true });
   mark();

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -44,6 +45,7 @@ WANTED_PHASE_DEG, WANTED_GAIN_DB = 45.0, 6.0
 WANTED_G = 0.5
 """Share of a gap that must go with its effect, on flights not used, for use of the corrected simulation."""
 _WORSE = 2.0  # error of prediction over that of the fit from which a model is not used
+_WEIGHTS: dict[str, Literal["good", "risk", "stop"]] = {"right": "good", "wrong": "stop", "undecided": "risk"}
 _NO_MARGINS = "no margins of the control law are among the files"
 _SUBJECTS: tuple[Subject, ...] = ("model", "simulation", "next flight")
 _MISSING = {
@@ -337,8 +339,7 @@ def _of_quicklook(look: Quicklook, source: str) -> Iterator[Ground]:
 
 
 def _of_trial(outcome: TrialOutcome, source: str) -> Ground:
-    weight = {"right": "good", "wrong": "stop"}.get(outcome.answer, "risk")
-    return Ground("simulation", weight, outcome.sentence.rstrip("."), source)
+    return Ground("simulation", _WEIGHTS[outcome.answer], outcome.sentence.rstrip("."), source)
 
 
 def _decide(subject: Subject, grounds: Sequence[Ground], files: Sequence[ReviewedFile]) -> Decision:

@@ -56,7 +56,9 @@ def test_a_name_is_right_or_wrong(tmp_path):
 def test_no_name_is_undecided_and_no_gap_is_wrong_only_where_it_should_have_been_seen(tmp_path):
     seal = sealed(tmp_path)
     assert open_seal(seal, said()).answer == "undecided"
-    assert open_seal(seal, said(named=("stall",), withdrawn={"stall": "why"})).answer == "undecided"
+    withdrawn = open_seal(seal, said(named=("stall",), withdrawn={"stall": "for a reason"}))
+    assert withdrawn.answer == "undecided"
+    assert "stall fits best and is withdrawn, for a reason" in withdrawn.sentence
     none = made_up(exists=False)
     for least, answer in ((0.2, "wrong"), (0.9, "undecided")):
         gap = replace(none.gap, largest_undetected={"stall": least})

@@ -15,7 +15,7 @@ from freqid.core.record import write_record
 from freqid.core.results.diagnosis import Which
 from freqid.core.results.gap import FILE as GAP_FILE
 from freqid.core.results.gap import GapResult
-from freqid.core.results.sealed_trial import SEAL_FILE, SealedEffect, TrialOutcome
+from freqid.core.results.sealed_trial import SEAL_FILE, OpenedAs, SealedEffect, TrialOutcome
 from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Vehicle
 from freqid.simulate.effects import library, settings
@@ -247,7 +247,7 @@ def _named(which: Which) -> tuple[str, ...]:
     return tuple(n for n in which.pair or which.named if n not in which.withdrawn)
 
 
-def _judge(sealed: SealedEffect, found: GapResult, named: tuple[str, ...]) -> tuple[str, str]:
+def _judge(sealed: SealedEffect, found: GapResult, named: tuple[str, ...]) -> tuple[OpenedAs, str]:
     which, gap = found.which, found.gap
     if not gap.exists:
         least = gap.largest_undetected.get(sealed.effect, math.inf)

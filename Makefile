@@ -5,10 +5,10 @@ READY := .venv/.ready
 # Small matrix products are slower on several BLAS threads than on one.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help install demo test lint docs bench lock clean
+.PHONY: help install demo test browser-test lint docs bench lock clean
 
 help:  ## say what can be made
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
 
 install: $(READY)  ## create .venv from requirements.lock
 
@@ -38,6 +38,15 @@ demo: $(READY)  ## study a tilt-wing, then diagnose flights with an effect that 
 
 test: $(READY) lint  ## everything that must hold, in under eight minutes on two cores
 	$(BIN)/pytest -n 2 --dist worksteal
+
+browser-test: demo  ## the demo's pages in chromium (Debian's, installed if it is missing)
+	@$(BIN)/python -c "import playwright, axe_playwright_python" 2>/dev/null || \
+	  if command -v uv >/dev/null; then uv pip install --quiet --python $(BIN)/python -e '.[browser]'; \
+	  else $(PYTHON) -m pip --python $(BIN)/python install --quiet -e '.[browser]'; fi
+	@command -v chromium >/dev/null || \
+	  if [ "$$(id -u)" = 0 ]; then apt-get update -q && apt-get install -qy chromium; \
+	  else sudo apt-get update -q && sudo apt-get install -qy chromium; fi
+	FREQID_STUDY=reports/demo $(BIN)/pytest -n 0 tests/browser
 
 lint: $(READY)  ## style, types and the direction of imports
 	$(BIN)/ruff check .

@@ -163,7 +163,6 @@ def name_lines(panel: Axes) -> None:
         bbox_to_anchor=(1.0, 1.0),
         ncols=len(names),
         borderaxespad=0.2,
-        fontsize=7.5,
         handlelength=0.9,
         handletextpad=0.4,
         columnspacing=0.8,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -13,14 +15,23 @@ from markupsafe import Markup
 
 from freqid.core.store import replacing
 
+
+_FOLDER = Path(__file__).parents[1] / "templates"
 _TEMPLATES = jinja2.Environment(
-    loader=jinja2.FileSystemLoader(Path(__file__).parents[1] / "templates"),
+    loader=jinja2.FileSystemLoader(_FOLDER),
     autoescape=lambda name: not (name or "").endswith(".txt"),
     trim_blocks=True,
     lstrip_blocks=True,
     keep_trailing_newline=True,
     undefined=jinja2.StrictUndefined,
 )
+
+_SCRIPT = (_FOLDER / "page.js").read_text(encoding="utf-8")
+# The browser runs no other script in the page, whatever a name in a file may hold.
+_TEMPLATES.globals |= {
+    "script": Markup(_SCRIPT),
+    "script_hash": "sha256-" + base64.b64encode(hashlib.sha256(f"\n{_SCRIPT}\n".encode()).digest()).decode(),
+}
 
 
 class Sheet(str):
@@ -100,7 +111,9 @@ def without_folders(value: Any) -> Any:
 
 
 # Not inside a tag or an address; a path that begins in a folder named before it is not absolute.
-_FOLDERS = re.compile(r"""(?<![\w./~:<>)\]])(?:[A-Za-z]:)?(?:/[^/\s:<>"]+)+/(?=[^/\s<>"])""")
+_FOLDERS = re.compile(
+    r"""(?<![\w./~:<>)\]])(?:(?:[A-Za-z]:)?(?:/[^/\s:<>"]+)+/(?=[^/\s<>"])|[A-Za-z]:\\(?:[^\\\s<>"]+\\)+)"""
+)
 
 
 def write_text(path: Path, text: str) -> None:

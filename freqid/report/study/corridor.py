@@ -106,6 +106,7 @@ def error_pictures(results: StudyResults) -> list[Picture]:
                 f"errors{results.responses.index(part[0])}",
                 f"Modelling and validation RMSE against reference speed: {', '.join(part)}",
                 _overfit(results, part),
+                [plain_symbol(r, results.form) for r in part],
             )
         )
     return pictures
@@ -143,6 +144,7 @@ def parameter_pictures(results: StudyResults) -> list[Picture]:
             f"corridor{place}",
             f"Parameters of {plain_symbol(r, results.form)} against reference speed",
             Markup("{}: {}").format(symbol(r, results.form), _agreement(results, r)),
+            [plain_symbol(r, results.form)],
         )
         for place, r in enumerate(results.responses if _by_density(results) else ())
     ]
@@ -191,6 +193,7 @@ def remaining_pictures(results: StudyResults) -> list[Picture]:
                     f"remaining{place}",
                     f"The other parameters of {shown} against reference speed",
                     f"{shown}: the other {len(names)} parameters.",
+                    [shown],
                 )
             )
     return pictures

@@ -15,7 +15,6 @@ from markupsafe import Markup
 
 from freqid.core.store import replacing
 
-
 _FOLDER = Path(__file__).parents[1] / "templates"
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.FileSystemLoader(_FOLDER),

@@ -108,17 +108,17 @@ def read_study(path: Path) -> StudyResults:
     """
     with store.reading(path, FORMAT) as file:
         head = get_fields(file, StudyResults, _HEAD)
-        files: Mapping[str, str] = json.loads(file.attrs["files"])
+        files: Mapping[str, str] = _listed(file, "files")
         _refuse_changed(path, files)
-        ids = json.loads(file.attrs["points"])
+        ids = _listed(file, "points")
         points = tuple(
             _point(file[f"point/{i}"], path.parent / "points" / f"{at}.h5") for i, at in enumerate(ids)
         )
         held_out = tuple(
             HeldOut(Reference.from_json(one["reference"]), one["global_rmse"], one["point_rmse"])
-            for one in json.loads(file.attrs["held_out"])
+            for one in _listed(file, "held_out")
         )
-        own = {i: read_design(path.parent / f"design-{i}.h5") for i in json.loads(file.attrs["own_designs"])}
+        own = {i: read_design(path.parent / f"design-{i}.h5") for i in _listed(file, "own_designs")}
     shared = path.parent / "design.h5"
     return StudyResults(
         **head,
@@ -130,10 +130,15 @@ def read_study(path: Path) -> StudyResults:
     )
 
 
+def _listed(file: h5py.File, name: str) -> Any:
+    """Return what an attribute lists as JSON."""
+    return json.loads(str(file.attrs[name]))
+
+
 def held_files(path: Path) -> tuple[str, ...]:
     """Return the files that a study names, by their names beside it."""
     with store.reading(path, FORMAT) as file:
-        return tuple(json.loads(file.attrs["files"]))
+        return tuple(_listed(file, "files"))
 
 
 def _point(group: Any, path: Path) -> StudiedPoint:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from freqid.blend.campaign import (
     most_allowed,
 )
 from freqid.core.errors import DataError, UsageError
+from freqid.core.results.diagnosis import Closure
 from freqid.core.results.gap import GapResult
 from freqid.core.results.loop_margins import LoopMargins, least_of
 from freqid.core.results.output_error import OutputErrorModel
@@ -41,9 +43,11 @@ from freqid.workflows.reviewed_files import ReviewedFile, read_together, vehicle
 
 WANTED_PHASE_DEG, WANTED_GAIN_DB = 45.0, 6.0
 """Margins asked of a loop before it is flown: MIL-DTL-9490E and SAE AS94900, rigid-body modes."""
+_MARGINS = (("phase_deg", WANTED_PHASE_DEG, "deg"), ("gain_up_db", WANTED_GAIN_DB, "dB"))
 WANTED_G = 0.5
 """Share of a gap that must go with its effect, on flights not used, for use of the corrected simulation."""
 _WORSE = 2.0  # error of prediction over that of the fit from which a model is not used
+_WEIGHTS: dict[str, Literal["good", "risk", "stop"]] = {"right": "good", "wrong": "stop", "undecided": "risk"}
 _NO_MARGINS = "no margins of the control law are among the files"
 _SUBJECTS: tuple[Subject, ...] = ("model", "simulation", "next flight")
 _MISSING = {
@@ -272,7 +276,10 @@ def _of_gap(result: GapResult, source: str) -> Iterator[Ground]:
             yield Ground("simulation", "risk", text, source)
         cost = str(closures[0].consequence.get("sentence", "")) if closures else ""
         if cost:
-            yield Ground("next flight", "risk", f"the gap's effect: {cost.rstrip('.')}", source)
+            short = _short_margins(closures[0])
+            weight = "stop" if short else "risk"
+            asked = f"; {' and '.join(short)} asked for" if short else ""
+            yield Ground("next flight", weight, f"the gap's effect: {cost.rstrip('.')}{asked}", source)
     for name, why in which.withdrawn.items():
         yield Ground("simulation", "risk", f"{name} fits best and is withdrawn: {why}", source)
     for group in which.aliases:
@@ -283,6 +290,21 @@ def _of_gap(result: GapResult, source: str) -> Iterator[Ground]:
         yield Ground("model", "risk", text, source)
 
 
+def _short_margins(closure: Closure) -> list[str]:
+    """Return the bounds that margins fall below once the effect of a gap is added."""
+    figures = closure.consequence.get("figures", {})
+    return [
+        f"{wanted:g} {unit} is"
+        for figure, wanted, unit in _MARGINS
+        if any(
+            path.startswith("margins/")
+            and path.endswith(f"/{figure}")
+            and change.get("after", wanted) < wanted
+            for path, change in figures.items()
+        )
+    ]
+
+
 def _short(record: str) -> str:
     return record.rpartition("/")[2]
 
@@ -291,10 +313,7 @@ def _of_margins(found: LoopMargins, source: str) -> Iterator[Ground]:
     for text in found.warnings:
         weight = "stop" if "is unstable" in text else "risk"
         yield Ground("next flight", weight, text, source)
-    for figure, wanted, unit in (
-        ("phase_deg", WANTED_PHASE_DEG, "deg"),
-        ("gain_up_db", WANTED_GAIN_DB, "dB"),
-    ):
+    for figure, wanted, unit in _MARGINS:
         least = _least(found, figure)
         if least is None:
             continue
@@ -337,8 +356,7 @@ def _of_quicklook(look: Quicklook, source: str) -> Iterator[Ground]:
 
 
 def _of_trial(outcome: TrialOutcome, source: str) -> Ground:
-    weight = {"right": "good", "wrong": "stop"}.get(outcome.answer, "risk")
-    return Ground("simulation", weight, outcome.sentence.rstrip("."), source)
+    return Ground("simulation", _WEIGHTS[outcome.answer], outcome.sentence.rstrip("."), source)
 
 
 def _decide(subject: Subject, grounds: Sequence[Ground], files: Sequence[ReviewedFile]) -> Decision:
@@ -409,7 +427,7 @@ def _reversals(files: Sequence[ReviewedFile], points: Sequence[StudiedPoint]) ->
     if ratios:
         worst = max(ratios, key=lambda at: ratios[at])
         yield Reversal(
-            "A new flight is predicted with more of the error of the fit",
+            "A new flight is predicted with more times the error of the fit",
             ratios[worst],
             MOST_VALIDATION if ratios[worst] <= MOST_VALIDATION else _WORSE,
             f"{worst[0]} at {worst[1]}",
@@ -428,10 +446,7 @@ def _reversals(files: Sequence[ReviewedFile], points: Sequence[StudiedPoint]) ->
                 text = "A flight between conditions errs by more than a point model there"
                 yield Reversal(text, ratio, allowed, where)
         if isinstance(result, LoopMargins):
-            for figure, wanted, unit in (
-                ("phase_deg", WANTED_PHASE_DEG, "deg"),
-                ("gain_up_db", WANTED_GAIN_DB, "dB"),
-            ):
+            for figure, wanted, unit in _MARGINS:
                 least = _least(result, figure)
                 if least is not None:
                     text = f"The {figure.split('_')[0]} margin is less"

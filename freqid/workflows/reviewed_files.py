@@ -93,8 +93,9 @@ def vehicle_of(result: Any) -> str:
         held = getattr(result, name, None)
         if isinstance(held, str) and held:
             return held
-        if isinstance(getattr(held, "name", None), str) and held.name:
-            return held.name
+        named = getattr(held, "name", "")
+        if isinstance(named, str) and named:
+            return named
     corridor, point = getattr(result, "corridor", None), getattr(result, "point", None)
     for inner in (corridor, point):
         if inner is not None:

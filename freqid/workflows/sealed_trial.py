@@ -15,7 +15,7 @@ from freqid.core.record import write_record
 from freqid.core.results.diagnosis import Which
 from freqid.core.results.gap import FILE as GAP_FILE
 from freqid.core.results.gap import GapResult
-from freqid.core.results.sealed_trial import SEAL_FILE, SealedEffect, TrialOutcome
+from freqid.core.results.sealed_trial import SEAL_FILE, OpenedAs, SealedEffect, TrialOutcome
 from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Vehicle
 from freqid.simulate.effects import library, settings
@@ -103,6 +103,11 @@ def fly_sealed(
         Where no condition is named, or the vehicle has nothing that an effect could act on.
     DataError
         Where a flight diverges.
+
+    Examples
+    --------
+    >>> sealed = fly_sealed("la8", "sealed", at=("u30", "u45"), seed=1)  # doctest: +SKIP
+    >>> gap = fq.diagnose_gap(None, sealed.records, scenario="la8")  # doctest: +SKIP
     """
     described = scenario_of(scenario)
     if not at:
@@ -191,6 +196,11 @@ def open_seal(seal: File, gap: GapResult | File) -> TrialOutcome:
     ------
     DataError
         Where the seal was edited, a flight is another than it was, or the diagnosis is of other flights.
+
+    Examples
+    --------
+    >>> open_seal(sealed.seal, gap).answer  # doctest: +SKIP
+    'right'
     """
     sealed = SEAL_FILE.read(Path(seal))
     found = GAP_FILE.read(Path(gap)) if isinstance(gap, str | Path) else gap
@@ -237,13 +247,16 @@ def _named(which: Which) -> tuple[str, ...]:
     return tuple(n for n in which.pair or which.named if n not in which.withdrawn)
 
 
-def _judge(sealed: SealedEffect, found: GapResult, named: tuple[str, ...]) -> tuple[str, str]:
+def _judge(sealed: SealedEffect, found: GapResult, named: tuple[str, ...]) -> tuple[OpenedAs, str]:
     which, gap = found.which, found.gap
     if not gap.exists:
         least = gap.largest_undetected.get(sealed.effect, math.inf)
         if abs(sealed.after - sealed.before) > least:
             return "wrong", f"it sees no gap, though it would have seen this effect from {least:.2g} on"
         return "undecided", "it sees no gap, and says that an effect of this size could hide"
+    if not named and which.withdrawn:
+        name, reason = next(iter(which.withdrawn.items()))
+        return "undecided", f"{name} fits best and is withdrawn, {reason}"
     if not named:
         chance = which.probabilities.get(sealed.effect, 0.0)
         return "undecided", f"it gives no single name; the probability of the effect is {chance:.2f}"

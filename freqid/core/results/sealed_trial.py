@@ -9,6 +9,8 @@ from freqid.core.errors import DataError
 from freqid.core.layout import Attribute, ResultFile
 from freqid.core.results.prediction import digest_of
 
+OpenedAs = Literal["right", "wrong", "undecided"]
+
 
 @dataclass(frozen=True)
 class SealedEffect:
@@ -90,7 +92,7 @@ class TrialOutcome:
     seed : int
     """
 
-    answer: Literal["right", "wrong", "undecided"]
+    answer: OpenedAs
     sentence: str
     effect: str
     parameter: str

@@ -110,7 +110,9 @@ def without_folders(value: Any) -> Any:
 
 
 # Not inside a tag or an address; a path that begins in a folder named before it is not absolute.
-_FOLDERS = re.compile(r"""(?<![\w./~:<>)\]])(?:[A-Za-z]:)?(?:/[^/\s:<>"]+)+/(?=[^/\s<>"])""")
+_FOLDERS = re.compile(
+    r"""(?<![\w./~:<>)\]])(?:(?:[A-Za-z]:)?(?:/[^/\s:<>"]+)+/(?=[^/\s<>"])|[A-Za-z]:\\(?:[^\\\s<>"]+\\)+)"""
+)
 
 
 def write_text(path: Path, text: str) -> None:

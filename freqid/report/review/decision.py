@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Literal
 
 from markupsafe import Markup
 
-from freqid.core.results.review import Decision, Ground, Review
+from freqid.core.results.review import Answer, Decision, Ground, Review
 from freqid.report.kit.findings import Finding, finding
 from freqid.report.kit.notation import NONE, number, pretty_unit, short, shown_unit
 
@@ -31,7 +31,12 @@ _SAID = {
         "not decided": "No answer on the next flight",
     },
 }
-_KINDS = {"use": "good", "use with limits": "note", "do not use": "bad", "not decided": "note"}
+_KINDS: dict[Answer, Literal["good", "note", "bad"]] = {
+    "use": "good",
+    "use with limits": "note",
+    "do not use": "bad",
+    "not decided": "note",
+}
 _ROLES = ("System identification", "Flight test", "Control laws", "Approval")
 _MOST_RISKS = 12  # listed before the rest is folded
 

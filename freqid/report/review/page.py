@@ -76,7 +76,7 @@ def build_review_page(
     return render(
         "review.html",
         title=review.vehicle or "Unnamed vehicle",
-        what=f"Report on {len(review.sources)} file{'s' if len(review.sources) > 1 else ''}.",
+        what="Decision first, then what it rests on.",
         version=__version__,
         findings=decision_findings(review),
         facts=_facts(review),
@@ -111,6 +111,8 @@ def _facts(review: Review) -> list[tuple[str, str]]:
     facts.append(("Files", ", ".join(f"{n} {kind}" for kind, n in counts.items())))
     stops = sum(g.weight == "stop" for g in review.grounds)
     facts.append(("Grounds", f"{stops} forbid use, {len(review.risks) - stops} open risks"))
+    trials = {s.name for s in review.sources if s.kind == "freqid-trial"}
+    facts += [("Sealed trial", g.text.partition(":")[0]) for g in review.grounds if g.source in trials]
     if review.against:
         facts.append(("Compared with", review.against))
     return facts

@@ -147,6 +147,8 @@ def _spectrum(model: PointModel, place: int) -> list[Picture]:
                 "Measured, model and residual on the lines of the fit; dotted is what noise leaves. {} is "
                 "fitted worst here: R² {}. A residual above the dots is more than noise."
             ).format(symbol(worst.response, model.form), share(worst.r2)),
+            responses=model.responses,
+            conditions=[model.reference.id],
         )
     ]
 
@@ -230,6 +232,7 @@ def truth_summary(points: Sequence[StudiedPoint]) -> dict[str, Any] | None:
         "farthest": [
             {
                 "at": p.id,
+                "response": r,
                 "name": Markup("{}<sub>{}</sub>").format(symbol(r, p.model.form), m.parameter),
                 "sigmas": tenths(m.sigmas),
                 "parts": [tenths(m.parts[c]) for c in _CAUSES],

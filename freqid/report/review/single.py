@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 
@@ -27,6 +28,7 @@ from freqid.report.point.tables import channel_table
 
 _STRIPS = 8  # channels in one figure
 _MOST_FITS = 12
+_KINDS: dict[str, Literal["good", "note", "bad"]] = {"right": "good", "wrong": "bad", "undecided": "note"}
 
 
 def build_record_sheet(record: FlightRecord) -> Sheet:
@@ -144,7 +146,7 @@ def build_trial_sheet(outcome: TrialOutcome) -> Sheet:
     """Return the page of a sealed trial: what was sealed, what was found, and whether it was right."""
     unit = pretty_unit(outcome.unit)
     with_unit = "" if outcome.unit == "1" else f" {unit}"
-    kind = {"right": "good", "wrong": "bad"}.get(outcome.answer, "note")
+    kind = _KINDS[outcome.answer]
     change = outcome.after - outcome.before
     return render(
         "trial.html",
@@ -204,8 +206,8 @@ def build_design_sheet(
         from freqid.design.classic import extent
         from freqid.report.design.classic_page import build_classic_page
 
-        return build_classic_page(design, extent(design), plan)
-    return build_design_page(design, merit(design), truncated(design), plan=plan)
+        return _sheet(build_classic_page(design, extent(design), plan))
+    return _sheet(build_design_page(design, merit(design), truncated(design), plan=plan))
 
 
 def test_card_of(design: MultisineDesign | ClassicDesign, scenario: Scenario) -> str:
@@ -218,9 +220,14 @@ def test_card_of(design: MultisineDesign | ClassicDesign, scenario: Scenario) ->
 test_card_of.__test__ = False  # type: ignore[attr-defined]
 
 
+def _sheet(page: str) -> Sheet:
+    assert isinstance(page, Sheet)
+    return page
+
+
 def _bare(design: MultisineDesign | ClassicDesign) -> Vehicle:
     """Return a vehicle of which nothing is known but the effectors that a design moves."""
-    kinds = {"rad": "surface", "rad/s": "rotor"}
+    kinds: dict[str, Literal["surface", "rotor"]] = {"rad": "surface", "rad/s": "rotor"}
     wide = (-1e9, 1e9)
     return Vehicle(
         name="",

@@ -2,16 +2,20 @@
 
 from collections import Counter
 from dataclasses import replace
+from types import SimpleNamespace
 
 import h5py
+import numpy as np
 import pytest
 from made_up_gap import made_up
 
 import freqid as fq
 from freqid.core.errors import DataError
+from freqid.core.record import Channel, FlightRecord
 from freqid.core.results.diagnosis import Interval
 from freqid.core.results.sealed_trial import SEAL_FILE, SealedEffect
 from freqid.simulate.effects import settings
+from freqid.workflows import sealed_trial
 from freqid.workflows.sealed_trial import draw_effect, open_seal
 
 LA8 = fq.read_scenario("la8")
@@ -56,7 +60,9 @@ def test_a_name_is_right_or_wrong(tmp_path):
 def test_no_name_is_undecided_and_no_gap_is_wrong_only_where_it_should_have_been_seen(tmp_path):
     seal = sealed(tmp_path)
     assert open_seal(seal, said()).answer == "undecided"
-    assert open_seal(seal, said(named=("stall",), withdrawn={"stall": "why"})).answer == "undecided"
+    withdrawn = open_seal(seal, said(named=("stall",), withdrawn={"stall": "for a reason"}))
+    assert withdrawn.answer == "undecided"
+    assert "stall fits best and is withdrawn, for a reason" in withdrawn.sentence
     none = made_up(exists=False)
     for least, answer in ((0.2, "wrong"), (0.9, "undecided")):
         gap = replace(none.gap, largest_undetected={"stall": least})
@@ -84,3 +90,31 @@ def test_an_outcome_goes_through_its_file_and_has_a_page(tmp_path):
     text = fq.page(tmp_path / "trial.h5").html
     assert "The diagnosis is right" in text
     assert "A gap beyond noise." in text  # what it said before
+
+
+def test_flights_are_flown_with_what_the_seal_alone_names(tmp_path, monkeypatch):
+    flown = []
+
+    def simulate(scenario, design, *, at, effects, **how):
+        flown.append((at, effects, how["noise"]))
+        time = np.arange(50) / 50
+        channels = {"state/u": Channel("state/u", "m/s", 14 + 0 * time, 50.0, at)}
+        record = FlightRecord(time, channels, scenario.aircraft(), reference=at)
+        return SimpleNamespace(divergence="", record=record)
+
+    monkeypatch.setattr(sealed_trial, "simulate", simulate)
+    done = sealed_trial.fly_sealed(LA8, tmp_path, at=("u30", "u45"), design=object(), seed=4)
+    effect, parameter, _, before, after = draw_effect(LA8, 4)
+    assert flown == [(at, {effect: {parameter: after}}, 1.0) for at in ("u30", "u45")]
+    found = SEAL_FILE.read(done.seal)
+    assert (found.effect, found.parameter, found.before, found.after) == (effect, parameter, before, after)
+    assert found.checksum == done.checksum
+    assert set(found.records) == {"u30.h5", "u45.h5"} == {p.name for p in done.records}
+    assert not any(effect.encode() in p.read_bytes() for p in done.records)
+    assert not list(tmp_path.glob("*truth*"))
+    monkeypatch.setattr(
+        sealed_trial, "simulate", lambda *_, **__: SimpleNamespace(divergence="by its mass", record=None)
+    )
+    with pytest.raises(DataError, match="the sealed flight at u30 diverges") as said_so:
+        sealed_trial.fly_sealed(LA8, tmp_path, at=("u30",), design=object(), seed=4)
+    assert "mass" not in str(said_so.value)  # a sentence of the divergence could tell the effect

@@ -199,9 +199,8 @@ def draw_legend(figure: Figure, lines: Sequence[Artist], columns: int | None = N
 
 
 def _legend_width(needed: Sequence[float], columns: int) -> float:
-    """Return the width of a legend in points, which fills its columns from the left, each from the top."""
-    rows = -(-len(needed) // columns)
-    return sum(max(needed[i : i + rows]) for i in range(0, len(needed), rows))
+    """Return the width of a legend in points; matplotlib fills its columns as evenly as it can, in order."""
+    return sum(float(part.max()) for part in np.array_split(np.array(needed), columns))
 
 
 def grow(figure: Figure, inches: float) -> None:

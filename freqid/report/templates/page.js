@@ -597,6 +597,7 @@ function prepareSections() {
     if (heading.tagName === "DETAILS") heading.firstElementChild.after(hereLink(heading.id));
     else heading.append(hereLink(heading.id || section.id));
   }
+  for (const wide of all("main .equation, main pre")) wide.tabIndex = 0; // keys scroll it
   for (const item of all(".findings li[id]")) item.append(hereLink(item.id));
 }
 

@@ -1,1 +1,1 @@
-"""What results are held against, and what follows: a simulation's truth, a sealed effect, the review of a set."""
+"""What results are held against, and what follows: truth of a simulation, sealed effects, reviews."""

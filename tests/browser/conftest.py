@@ -17,12 +17,12 @@ DESK, PHONE = 1280, 390
 
 @pytest.fixture(scope="session")
 def pages(tmp_path_factory) -> dict[str, Path]:
-    """The study's own page, and those of one of its points and of its global model."""
+    """The report about the study, and the pages of one of its points and of its global model."""
     if not STUDY:
         pytest.skip("no study is named: `make browser-test` flies one and sets FREQID_STUDY")
     study = Path(STUDY)
     folder = tmp_path_factory.mktemp("pages")
-    made = {"study": study / "index.html"}
+    made = {"report": study / "index.html"}
     for name, result in (
         ("point", sorted((study / "points").glob("*.h5"))[-1]),
         ("global", study / "model.h5"),
@@ -66,6 +66,11 @@ class Visit:
     def open_all(self) -> None:
         self.page.evaluate("document.querySelectorAll('details').forEach(part => { part.open = true; })")
 
+    @property
+    def conditions(self) -> str:
+        """The id of the table of the study's conditions."""
+        return self.page.locator("table[id$='conditions.1']").first.get_attribute("id") or ""
+
     def csv(self, table: str) -> list[list[str]]:
         """Return what the button of a table copies."""
         self.page.evaluate("navigator.clipboard.writeText = async text => { window.copied = text; }")
@@ -75,7 +80,7 @@ class Visit:
 
 @pytest.fixture
 def visit(browser, pages):
-    """Open a page by name: `visit("study", DESK)`."""
+    """Open a page by name: `visit("report", DESK)`."""
     opened: list[Visit] = []
 
     def go(name: str, width: int = DESK, colours: str = "light", at: str = "") -> Visit:

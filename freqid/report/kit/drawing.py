@@ -92,20 +92,21 @@ def stacked_panels(
     left: float = _LEFT,
     right: float = _RIGHT,
     bottom: float = _BOTTOM,
+    gap: float = _GAP,
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure of stacked axes of given heights in inches, and the axes from the top down.
 
     `legend` rows of a legend find room above; the other lengths are margins, in inches.
     """
     above = top + 0.2 * legend
-    total = above + sum(heights) + _GAP * (len(heights) - 1) + bottom
+    total = above + sum(heights) + gap * (len(heights) - 1) + bottom
     figure, panels = Figure(figsize=(width, total)), []
     y = total - above
     for height in heights:
         y -= height
         place = (left / width, y / total, (width - left - right) / width, height / total)
         panels.append(figure.add_axes(place, sharex=panels[0] if panels else None))
-        y -= _GAP
+        y -= gap
     return figure, panels
 
 
@@ -190,18 +191,22 @@ def draw_legend(figure: Figure, lines: Sequence[Artist], columns: int | None = N
     Where they need more rows than that, the figure grows.
     """
     wide = 72 * figure.get_figwidth() - 6
-    needed = [_LEGEND_MARK + _LEGEND_LETTER * len(str(line.get_label())) for line in lines]
     asked = columns or len(lines)
-    ncols = next((n for n in range(asked, 1, -1) if _legend_width(needed, n) <= wide), 1)
+    ncols = legend_columns([str(line.get_label()) for line in lines], wide, asked)
     grow(figure, 0.2 * (-(-len(lines) // ncols) - -(-len(lines) // asked)))
     place = (1 - 0.04 / figure.get_figwidth(), 1 - 0.02 / figure.get_figheight())
     figure.legend(handles=lines, loc="upper right", ncols=ncols, bbox_to_anchor=place, borderaxespad=0.0)
 
 
+def legend_columns(labels: Sequence[str], wide: float, asked: int) -> int:
+    """Return how many entries of a legend fit beside each other in a width in points, as asked at most."""
+    needed = [_LEGEND_MARK + _LEGEND_LETTER * len(label) for label in labels]
+    return next((n for n in range(asked, 1, -1) if _legend_width(needed, n) <= wide), 1)
+
+
 def _legend_width(needed: Sequence[float], columns: int) -> float:
-    """Return the width of a legend in points, which fills its columns from the left, each from the top."""
-    rows = -(-len(needed) // columns)
-    return sum(max(needed[i : i + rows]) for i in range(0, len(needed), rows))
+    """Return the width of a legend in points; matplotlib fills its columns as evenly as it can, in order."""
+    return sum(float(part.max()) for part in np.array_split(np.array(needed), columns))
 
 
 def grow(figure: Figure, inches: float) -> None:

@@ -328,7 +328,12 @@ async function copy(text, done) {
 
 const KINDS = { response: "Only responses", condition: "Only conditions" };
 const chosen = { response: new Set(), condition: new Set() };
-const namesOf = (element, kind) => JSON.parse(element.dataset[kind] || "[]");
+/** Return the names that an element is marked with: a list, or one name as it is. */
+function namesOf(element, kind) {
+  const marked = element.dataset[kind] || "[]";
+  try { return JSON.parse(marked).map(String); } catch { return [marked]; }
+}
+
 const known = { response: [], condition: [] };
 
 function prepareFilter() {
@@ -349,11 +354,9 @@ function prepareFilter() {
 function applyFilter() {
   const out = (kind, names) => chosen[kind].size > 0 && names.length > 0 && !names.some((name) => chosen[kind].has(name));
   const outByName = (name) => Object.keys(KINDS).some((kind) => known[kind].includes(name) && out(kind, [name]));
-  let figures = 0, rows = 0;
   for (const element of all("[data-response], [data-condition]")) {
     const hidden = Object.keys(KINDS).some((kind) => out(kind, namesOf(element, kind)));
     element.classList.toggle("filtered", hidden);
-    if (element.tagName === "FIGURE") figures += hidden;
     if (element.tagName === "DETAILS" && !hidden && chosen.condition.size) element.open = true;
   }
   for (const table of all("table")) {
@@ -368,13 +371,13 @@ function applyFilter() {
       const marked = row.matches("[data-response], [data-condition]") && row.classList.contains("filtered");
       const hidden = marked || outByName(labelOf(row.cells[0]));
       row.classList.toggle("filtered", hidden);
-      rows += hidden;
       if (row.cells.length === heads.length)
         heads.forEach((_, c) => row.cells[c].classList.toggle("filtered", Boolean(dropped[c])));
     }
   }
+  const hiddenOf = (selector) => all(selector).filter((element) => element.closest(".filtered")).length;
   const shown = Object.keys(KINDS).map((kind) => [...chosen[kind]].join(", ")).filter(Boolean).join(" at ");
-  say("filter", shown && `Filtered: only ${shown}; ${figures} figures and ${rows} rows are hidden.`, button("Show all", clearFilter));
+  say("filter", shown && `Filtered: only ${shown}; ${hiddenOf("main figure")} figures and ${hiddenOf("tbody tr")} rows are hidden.`, button("Show all", clearFilter));
 }
 
 /** Return the heads that span several others, with the columns that they span. */
@@ -582,7 +585,7 @@ function prepareFigures() {
 // ---- Sections: addresses, contents that follow the scroll, details, print ----------------------------------------
 
 function prepareSections() {
-  for (const heading of all("main h2, main h3, main details")) {
+  for (const heading of all("main h2, main h3, main h4, main h5, main details")) {
     const section = heading.closest("section[id]");
     if (!section) continue;
     const text = heading.tagName === "DETAILS" ? heading.firstElementChild.textContent : heading.textContent;
@@ -594,6 +597,7 @@ function prepareSections() {
     if (heading.tagName === "DETAILS") heading.firstElementChild.after(hereLink(heading.id));
     else heading.append(hereLink(heading.id || section.id));
   }
+  for (const wide of all("main .equation, main pre")) wide.tabIndex = 0; // keys scroll it
   for (const item of all(".findings li[id]")) item.append(hereLink(item.id));
 }
 
@@ -603,7 +607,7 @@ function hereLink(id) {
 
 function followScroll() {
   const links = all("nav a").map((link) => [link, document.getElementById(link.hash.slice(1))]).filter(([, target]) => target);
-  const strip = document.querySelector("nav");
+  const strip = document.querySelector("nav"), side = document.querySelector(".side");
   let waiting = false;
   const mark = () => {
     waiting = false;
@@ -613,6 +617,7 @@ function followScroll() {
     if (scrollY + innerHeight >= document.documentElement.scrollHeight - 2) now = links[links.length - 1];
     for (const [link] of links) if (now && link === now[0]) link.setAttribute("aria-current", "true"); else link.removeAttribute("aria-current");
     if (now && strip.scrollWidth > strip.clientWidth) strip.scrollLeft = now[0].offsetLeft - strip.clientWidth / 3;
+    if (now && side.scrollHeight > side.clientHeight) side.scrollTop = now[0].offsetTop - side.clientHeight / 3;
   };
   addEventListener("scroll", () => { if (!waiting) { waiting = true; requestAnimationFrame(mark); } }, { passive: true });
   mark();

@@ -12,7 +12,7 @@ import foreign_simulation as airplane
 import numpy as np
 
 import freqid as fq
-from freqid.core.results.sealed_trial import SealedEffect
+from freqid.core.results.judged.sealed_trial import SealedEffect
 
 SIMULATION = f"{Path(airplane.__file__)}:wrench"
 DRAWN = {  # effect: its parameter and unit, and the least and the largest change that is flown

@@ -9,14 +9,14 @@ from freqid.core.results.advance_ratio import AdvanceRatioModel as AdvanceRatioM
 from freqid.core.results.design import MultisineDesign as MultisineDesign
 from freqid.core.results.diagnosis import GapDiagnosis as GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse as FrequencyResponse
+from freqid.core.results.judged.review import Review as Review
+from freqid.core.results.judged.sealed_trial import TrialOutcome as TrialOutcome
 from freqid.core.results.loop_margins import LoopMargins as LoopMargins
 from freqid.core.results.output_error import OutputErrorModel as OutputErrorModel
 from freqid.core.results.point import PointModel as PointModel
 from freqid.core.results.prediction import Prediction as Prediction
 from freqid.core.results.prediction import Score as Score
-from freqid.core.results.review import Review as Review
 from freqid.core.results.rivals import Rivals as Rivals
-from freqid.core.results.sealed_trial import TrialOutcome as TrialOutcome
 from freqid.core.scenario import Scenario as Scenario
 from freqid.core.vehicle import Vehicle as Vehicle
 from freqid.identify.output_error.model import DynamicModel as DynamicModel
@@ -51,11 +51,11 @@ from freqid.workflows.models.sensors import align_sensors as align_sensors
 from freqid.workflows.models.sensors import check_sensors as check_sensors
 from freqid.workflows.models.sensors import correct_sensors as correct_sensors
 from freqid.workflows.quicklook import quicklook as quicklook
-from freqid.workflows.review import review as review
+from freqid.workflows.reviews.review import review as review
+from freqid.workflows.reviews.sealed_trial import fly_sealed as fly_sealed
+from freqid.workflows.reviews.sealed_trial import open_seal as open_seal
 from freqid.workflows.scenarios.check_scenario import check_scenario as check_scenario
 from freqid.workflows.scenarios.new_scenario import new_scenario as new_scenario
-from freqid.workflows.sealed_trial import fly_sealed as fly_sealed
-from freqid.workflows.sealed_trial import open_seal as open_seal
 from freqid.workflows.studies.study import study as study
 
 __version__: str

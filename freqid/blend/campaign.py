@@ -11,8 +11,8 @@ import numpy as np
 from freqid.blend.global_model import GlobalModel
 from freqid.core.arrays import Array
 from freqid.core.results.design import MultisineDesign
+from freqid.core.results.judged.truth import KnownTruth, Miss
 from freqid.core.results.point import Fit, PointModel
-from freqid.core.results.truth import KnownTruth, Miss
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Vehicle
 from freqid.core.viewable import Viewable

@@ -17,9 +17,9 @@ from freqid.core.errors import DataError
 from freqid.core.layout import Attribute, Dataset, NestedSeries, Table, get_fields, put_fields
 from freqid.core.results import corridor
 from freqid.core.results.design import read_design
+from freqid.core.results.judged.truth import LAYOUT as TRUTH
+from freqid.core.results.judged.truth import KnownTruth
 from freqid.core.results.point import read_point
-from freqid.core.results.truth import LAYOUT as TRUTH
-from freqid.core.results.truth import KnownTruth
 from freqid.core.scenario import Reference
 from freqid.identify.in_flight.parameter_history import ParameterHistory
 

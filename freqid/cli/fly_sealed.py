@@ -32,7 +32,7 @@ def command(scenario: Path, folder: Path | None, json_: bool, **asked: Any) -> N
 
     Only seal.h5 names the effect. Diagnose the flights with diagnose-gap, then open the seal with open-seal.
     """
-    from freqid.workflows.sealed_trial import fly_sealed
+    from freqid.workflows.reviews.sealed_trial import fly_sealed
 
     flown = fly_sealed(scenario, folder or Path("reports/sealed"), tell=progress.line(), **asked)
     result = {

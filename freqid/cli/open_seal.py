@@ -19,7 +19,7 @@ from freqid.cli.options import FILE
 def command(seal: Path, gap: Path, destination: Path | None, json_: bool) -> None:
     """Open SEAL, which fly-sealed wrote, and say whether the diagnosis GAP was right, wrong or undecided."""
     from freqid.workflows.files import save
-    from freqid.workflows.sealed_trial import open_seal
+    from freqid.workflows.reviews.sealed_trial import open_seal
 
     destination = destination or gap.with_name(f"{gap.stem}-trial.h5")
     options.keep_inputs(destination, seal, gap)

@@ -14,14 +14,14 @@ from freqid.core.results.advance_ratio import AdvanceRatioModel
 from freqid.core.results.design import MultisineDesign
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.results.gap import GapResult
+from freqid.core.results.judged.review import Review
+from freqid.core.results.judged.sealed_trial import TrialOutcome
 from freqid.core.results.loop_margins import LoopMargins
 from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
 from freqid.core.results.prediction import Prediction, Score
 from freqid.core.results.quicklook import Quicklook
-from freqid.core.results.review import Review
 from freqid.core.results.rivals import Rivals
-from freqid.core.results.sealed_trial import TrialOutcome
 from freqid.core.scenario import Scenario
 from freqid.core.store import kind_of
 from freqid.report.kit.rendering import Sheet

@@ -12,10 +12,10 @@ from freqid.core.errors import FreqidError
 from freqid.core.record import FlightRecord
 from freqid.core.results.design import ClassicDesign, MultisineDesign
 from freqid.core.results.gap import GapResult
+from freqid.core.results.judged.review import Review
+from freqid.core.results.judged.sealed_trial import TrialOutcome
 from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
-from freqid.core.results.review import Review
-from freqid.core.results.sealed_trial import TrialOutcome
 from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
 from freqid.report.kit.rendering import Sheet
@@ -32,8 +32,8 @@ from freqid.report.review.vehicle import vehicle_values
 from freqid.report.study.page import build_study_page
 from freqid.workflows.files import read_scenario
 from freqid.workflows.inputs import File, Tell, scenario_of, silent
-from freqid.workflows.review import SECTION_OF, review
-from freqid.workflows.reviewed_files import ReviewedFile, read_together
+from freqid.workflows.reviews.read_together import ReviewedFile, read_together
+from freqid.workflows.reviews.review import SECTION_OF, review
 
 
 def report_page(
@@ -61,7 +61,7 @@ def report_page(
     Raises
     ------
     UsageError, DataError
-        As `freqid.workflows.review.review`.
+        As `freqid.workflows.reviews.review.review`.
     """
     tell("reading")
     every = read_together(files)
@@ -99,9 +99,12 @@ def _pieces(
             if result.design is not None:
                 for key, design in {"design.h5": result.design, **result.own_designs}.items():
                     yield _design_piece(design, result.vehicle, scenario, key, one.path.parent / key)
+            tell(f"{len(result.points)} conditions of {name}")
             yield Piece("points", name, build_points_sheet(result))
+            tell(f"convergence of {name}")
             yield Piece("convergence", name, build_study_page(result, ("conditions", "length")))
             if result.model is not None:
+                tell(f"global model of {name}")
                 yield Piece("global", "model.h5", build_study_page(result, ("corridor", "held-out")))
         elif isinstance(result, MultisineDesign | ClassicDesign):
             yield _design_piece(result, vehicle, scenario, name, one.path)

@@ -21,11 +21,10 @@ from freqid.core.results import (
     point,
     prediction,
     quicklook,
-    review,
     rivals,
-    sealed_trial,
 )
 from freqid.core.results.design import ClassicDesign, MultisineDesign
+from freqid.core.results.judged import review, sealed_trial
 from freqid.core.scenario import Scenario
 from freqid.workflows.inputs import File, scenario_of
 

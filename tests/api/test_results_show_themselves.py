@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import freqid as fq
-from freqid.core.results.sealed_trial import SealedEffect
+from freqid.core.results.judged.sealed_trial import SealedEffect
 
 SHORTEST, LONGEST = 20, 400  # characters of a text; one line of a response has its parameters
 UNITS = {

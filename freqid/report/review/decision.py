@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from markupsafe import Markup
 
-from freqid.core.results.review import Answer, Decision, Ground, Review
+from freqid.core.results.judged.review import Answer, Decision, Ground, Review
 from freqid.report.kit.findings import Finding, finding
 from freqid.report.kit.notation import NONE, number, pretty_unit, short, shown_unit
 

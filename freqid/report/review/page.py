@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from freqid import __version__
-from freqid.core.results.review import Review
+from freqid.core.results.judged.review import Review
 from freqid.report.kit.rendering import Part, Sheet, render
 from freqid.report.review.decision import decision_findings, decision_values
 

@@ -10,8 +10,8 @@ from markupsafe import Markup
 
 from freqid import __version__
 from freqid.blend.campaign import GOOD_R2, MOST_VALIDATION, StudiedPoint, StudyResults
+from freqid.core.results.judged.truth import BEYOND, Miss
 from freqid.core.results.point import Fit, PointModel, ResponseModel
-from freqid.core.results.truth import BEYOND, Miss
 from freqid.report.kit.findings import code, finding
 from freqid.report.kit.notation import (
     NONE,

@@ -11,8 +11,8 @@ from freqid import __version__
 from freqid.core.channels import GROUPS
 from freqid.core.record import FlightRecord
 from freqid.core.results.design import ClassicDesign, MultisineDesign
+from freqid.core.results.judged.sealed_trial import TrialOutcome
 from freqid.core.results.output_error import OutputErrorModel
-from freqid.core.results.sealed_trial import TrialOutcome
 from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 from freqid.design.multisine.merit import merit, truncated

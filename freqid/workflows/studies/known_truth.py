@@ -11,7 +11,7 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.results.design import SampledInputs, read_inputs
-from freqid.core.results.truth import KnownTruth
+from freqid.core.results.judged.truth import KnownTruth
 from freqid.core.scenario import Scenario, read_scenario
 from freqid.core.sections.estimators import EstimatorName
 from freqid.simulate.control.lq import ClosedLoop, close_loop

@@ -13,10 +13,10 @@ import freqid as fq
 from freqid.core.errors import DataError
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.results.diagnosis import Interval
-from freqid.core.results.sealed_trial import SEAL_FILE, SealedEffect
+from freqid.core.results.judged.sealed_trial import SEAL_FILE, SealedEffect
 from freqid.simulate.effects import settings
-from freqid.workflows import sealed_trial
-from freqid.workflows.sealed_trial import draw_effect, open_seal
+from freqid.workflows.reviews import sealed_trial
+from freqid.workflows.reviews.sealed_trial import draw_effect, open_seal
 
 LA8 = fq.read_scenario("la8")
 

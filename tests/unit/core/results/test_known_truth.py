@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from freqid.core.results.truth import KnownTruth
+from freqid.core.results.judged.truth import KnownTruth
 
 
 @pytest.mark.parametrize(

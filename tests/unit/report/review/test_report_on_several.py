@@ -19,7 +19,7 @@ from test_study_page import results
 import freqid as fq
 from freqid.blend.study_file import read_study, write_study
 from freqid.core.errors import DataError, UsageError
-from freqid.core.results.truth import KnownTruth
+from freqid.core.results.judged.truth import KnownTruth
 from freqid.workflows.files import save
 
 

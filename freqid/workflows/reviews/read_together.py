@@ -14,7 +14,7 @@ from freqid.blend.campaign import StudyResults
 from freqid.blend.study_file import held_files
 from freqid.core import store
 from freqid.core.errors import DataError, UsageError
-from freqid.core.results.review import Source
+from freqid.core.results.judged.review import Source
 from freqid.workflows.files import read
 from freqid.workflows.inputs import File
 

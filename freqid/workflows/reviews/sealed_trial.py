@@ -15,7 +15,7 @@ from freqid.core.record import write_record
 from freqid.core.results.diagnosis import Which
 from freqid.core.results.gap import FILE as GAP_FILE
 from freqid.core.results.gap import GapResult
-from freqid.core.results.sealed_trial import SEAL_FILE, OpenedAs, SealedEffect, TrialOutcome
+from freqid.core.results.judged.sealed_trial import SEAL_FILE, OpenedAs, SealedEffect, TrialOutcome
 from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Vehicle
 from freqid.simulate.effects import library, settings

@@ -285,8 +285,8 @@ def correlation_map(names: Sequence[str], correlation: Array) -> Figure:
         value = correlation[row, column]
         if abs(value) >= (0.0 if few else 0.45):
             text = f"{value:.2f}".replace("-", "−") if few else f"{abs(value):.1f}".lstrip("0")
-            ink = {"color": "white" if abs(value) > 0.75 else ON_COLOUR}
-            axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", **ink)
+            ink = "white" if abs(value) > 0.75 else ON_COLOUR
+            axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", color=ink)
     axes.set_yticks(np.arange(count) + 0.5, short)
     axes.set_xticks(np.arange(count) + 0.5, short, rotation=90)
 

@@ -5,10 +5,10 @@ READY := .venv/.ready
 # Small matrix products are slower on several BLAS threads than on one.
 export OPENBLAS_NUM_THREADS ?= 1
 
-.PHONY: help install demo test lint docs bench lock clean
+.PHONY: help install demo test browser-test lint docs bench lock clean
 
 help:  ## say what can be made
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
 
 install: $(READY)  ## create .venv from requirements.lock
 
@@ -24,11 +24,29 @@ $(READY): requirements.lock pyproject.toml
 	fi
 	@touch $@
 
-demo: $(READY)  ## fly, identify and blend three conditions of a tilt-wing; prints where the report is
-	@$(BIN)/freqid study la8 --at u20,u45,u70 -o reports/demo
+DEMO := reports/demo
+SEED ?= 0
+
+demo: $(READY)  ## study a tilt-wing, then diagnose flights with an effect that a sealed file names; prints the report
+	@$(BIN)/freqid study la8 --at u20,u45,u70 --no-page -o $(DEMO)
+	@$(BIN)/freqid margins $(DEMO)/model.h5 la8 --no-page -o $(DEMO)/margins.h5
+	@$(BIN)/freqid fly-sealed la8 $(DEMO)/design.h5 --at u30,u45 --duration 60 --seed $(SEED) -o $(DEMO)/sealed
+	@$(BIN)/freqid diagnose-gap $(DEMO)/sealed/u30.h5 $(DEMO)/sealed/u45.h5 --scenario la8 --no-page \
+	  -o $(DEMO)/sealed/gap.h5
+	@$(BIN)/freqid open-seal $(DEMO)/sealed/seal.h5 $(DEMO)/sealed/gap.h5
+	@$(BIN)/freqid report $(DEMO) $(DEMO)/sealed/gap.h5 $(DEMO)/sealed/gap-trial.h5 --scenario la8 -o $(DEMO)/index.html
 
 test: $(READY) lint  ## everything that must hold, in under eight minutes on two cores
 	$(BIN)/pytest -n 2 --dist worksteal
+
+browser-test: demo  ## the demo's pages in chromium (Debian's, installed if it is missing)
+	@$(BIN)/python -c "import playwright, axe_playwright_python" 2>/dev/null || \
+	  if command -v uv >/dev/null; then uv pip install --quiet --python $(BIN)/python -e '.[browser]'; \
+	  else $(PYTHON) -m pip --python $(BIN)/python install --quiet -e '.[browser]'; fi
+	@command -v chromium >/dev/null || \
+	  if [ "$$(id -u)" = 0 ]; then apt-get update -q && apt-get install -qy chromium; \
+	  else sudo apt-get update -q && sudo apt-get install -qy chromium; fi
+	FREQID_STUDY=reports/demo $(BIN)/pytest -n 0 tests/browser
 
 lint: $(READY)  ## style, types and the direction of imports
 	$(BIN)/ruff check .

@@ -9,6 +9,8 @@ from freqid.core.results.advance_ratio import AdvanceRatioModel as AdvanceRatioM
 from freqid.core.results.design import MultisineDesign as MultisineDesign
 from freqid.core.results.diagnosis import GapDiagnosis as GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse as FrequencyResponse
+from freqid.core.results.judged.review import Review as Review
+from freqid.core.results.judged.sealed_trial import TrialOutcome as TrialOutcome
 from freqid.core.results.loop_margins import LoopMargins as LoopMargins
 from freqid.core.results.monte_carlo import MonteCarlo as MonteCarlo
 from freqid.core.results.output_error import OutputErrorModel as OutputErrorModel
@@ -51,6 +53,9 @@ from freqid.workflows.models.sensors import check_sensors as check_sensors
 from freqid.workflows.models.sensors import correct_sensors as correct_sensors
 from freqid.workflows.monte_carlo.run import monte_carlo as monte_carlo
 from freqid.workflows.quicklook import quicklook as quicklook
+from freqid.workflows.reviews.review import review as review
+from freqid.workflows.reviews.sealed_trial import fly_sealed as fly_sealed
+from freqid.workflows.reviews.sealed_trial import open_seal as open_seal
 from freqid.workflows.scenarios.check_scenario import check_scenario as check_scenario
 from freqid.workflows.scenarios.new_scenario import new_scenario as new_scenario
 from freqid.workflows.studies.study import study as study

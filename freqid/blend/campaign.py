@@ -11,11 +11,20 @@ import numpy as np
 from freqid.blend.global_model import GlobalModel
 from freqid.core.arrays import Array
 from freqid.core.results.design import MultisineDesign
+from freqid.core.results.judged.truth import KnownTruth, Miss
 from freqid.core.results.point import Fit, PointModel
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Vehicle
 from freqid.core.viewable import Viewable
 from freqid.identify.in_flight.parameter_history import ParameterHistory
+
+GOOD_R2 = 0.95
+MOST_VALIDATION = 1.15
+"""Error of prediction over error of fit that is still called alike."""
+MOST_HELD_OUT = 1.25
+"""Error of the global model over that of a point model, where neither was made from the manoeuvre."""
+MOST_NEW_DENSITY = 1.5
+"""The same at an air density that the global model was not made at."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +48,8 @@ class StudiedPoint:
     repeated : mapping of str to float
         By response: probability of a larger chi-square between the parameters of this model and those of the
         manoeuvre that was not used, were the two alike; empty where they were not compared.
+    truth : mapping of str to KnownTruth
+        By response: what flights without noise tell of the linearisation; empty for real flights.
     """
 
     model: PointModel
@@ -47,6 +58,7 @@ class StudiedPoint:
     validation_time: Array
     validation_rmse: Mapping[str, Array]
     repeated: Mapping[str, float] = field(default_factory=dict)
+    truth: Mapping[str, KnownTruth] = field(default_factory=dict)
 
     @property
     def id(self) -> str:
@@ -84,6 +96,24 @@ class StudiedPoint:
         truth = np.array([known.get(name, np.nan) for name in found.regressors])
         with np.errstate(divide="ignore", invalid="ignore"):
             return (found.estimate - truth) / found.std_error
+
+    def misses(self, response: str) -> tuple[Miss, ...]:
+        """Return the parameters that are off the truth, with what each misses and why; farthest first."""
+        known = self.truth.get(response)
+        found = self.model[response]
+        if known is None or known.regressors != found.regressors:
+            return ()
+        return known.misses(found.estimate, found.std_error)
+
+    def from_noise_free(self, response: str) -> Array:
+        """Return estimates less those of the same flight without noise, in standard errors, shape (p,).
+
+        nan where the flight was not flown without noise.
+        """
+        known, found = self.truth.get(response), self.model[response]
+        if known is None or known.regressors != found.regressors:
+            return np.full(len(found.regressors), np.nan)
+        return known.from_noise_free(found.estimate, found.std_error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,6 +198,13 @@ class StudyResults(Viewable):
         """
         points = [p for p in self.points if p.history] or self.points
         return [points[i] for i in spanning_conditions([p.model.reference for p in points])]
+
+
+def most_allowed(results: StudyResults, held_out: HeldOut) -> float:
+    """Return what a held-out ratio may be: more where no point of the global model has that density."""
+    model, rho = results.model, held_out.reference.rho
+    known = model is None or any(same_density(rho, at) for at in model.corridor.rho.tolist())
+    return MOST_HELD_OUT if known else MOST_NEW_DENSITY
 
 
 def rmse_inside(fit: Fit, highest_hz: float = float("inf")) -> float:

@@ -31,6 +31,8 @@ COMMANDS = {
     "margins": "margins",
     "check-simulation": "check_simulation",
     "diagnose-gap": "diagnose_gap",
+    "fly-sealed": "fly_sealed",
+    "open-seal": "open_seal",
     "report": "report",
     "study": "study",
     "campaign": "campaign",

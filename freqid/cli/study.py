@@ -54,10 +54,12 @@ from freqid.cli import options
 @options.estimator
 @click.option("--seed", type=int, default=0, show_default=True)
 @click.option("--jobs", type=int, default=2, show_default=True, help="Processes at once; -1 for one a core.")
+@options.page_option("the study")
 @options.as_json
 def command(
     scenario: Path,
     folder: Path | None,
+    page: bool,
     json_: bool,
     **asked: Any,
 ) -> None:
@@ -72,18 +74,32 @@ def command(
     from freqid.blend.semi_local.campaign import CampaignStudy
     from freqid.cli.advance_ratio_texts import advance_ratio_result, advance_ratio_table
     from freqid.cli.study_texts import study_result, study_table
-    from freqid.views.page import page
+    from freqid.views.page import page as page_of
+    from freqid.workflows.files import save
     from freqid.workflows.inputs import scenario_of
     from freqid.workflows.studies.studied import refuse_missed_study_gates
     from freqid.workflows.studies.study import study
 
     folder = folder or Path("reports") / f"{scenario.stem}-study"
-    results = study(scenario, folder, tell=lambda text: click.echo(f"{text} ...", err=True), **asked)
-    drawn = page(results).save(folder / "index.html")
+
+    def tell(text: str) -> None:
+        click.echo(f"{text} ...", err=True)
+
+    results = study(scenario, folder, tell=tell, **asked)
+    path = folder / "index.html"
+    if page:
+        drawn = (
+            page_of(results)
+            if isinstance(results, CampaignStudy)
+            else page_of([folder], scenario=scenario, tell=tell)
+        )
+        drawn.save(path)
+        if drawn.review is not None:
+            save(drawn.review, folder / "index-review.h5")
     if isinstance(results, CampaignStudy):
         found = results.model("global"), results.scores
         result, text = {"folder": str(folder)} | advance_ratio_result(*found), advance_ratio_table(*found)
     else:
         result, text = study_result(results, folder), study_table(results)
-    options.emit(json_, result, f"{text}\nThe report is {drawn}")
+    options.emit(json_, result, f"{text}\nThe report is {path}" if page else text)
     refuse_missed_study_gates(results, scenario_of(scenario), str(folder))

@@ -206,6 +206,26 @@ class ResultFile(Generic[T]):
             return result
 
 
+def finite_table(value: Any) -> Any:
+    """Return JSON-compatible values of nested tables and lists; a float that is not finite becomes None."""
+    if isinstance(value, Mapping):
+        return {str(k): finite_table(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite_table(v) for v in value]
+    if isinstance(value, float):
+        return value if abs(value) < float("inf") else None  # nan is not below either
+    return finite_table(value.item()) if hasattr(value, "item") else value
+
+
+def table_with_nan(value: Any) -> Any:
+    """Return a table that `finite_table` made with NaN for None."""
+    if isinstance(value, Mapping):
+        return {k: table_with_nan(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [table_with_nan(v) for v in value]
+    return float("nan") if value is None else value
+
+
 def put_fields(file: h5py.Group, value: Any, layout: Layout, scopes: tuple[Any, ...] = ()) -> None:
     """Write the fields of an object, or entries of a dict, at their places; a field that is None is left out.
 
@@ -442,10 +462,6 @@ def _row(one: Any, names: Sequence[str]) -> Any:
     values = [getattr(one, name) for name in names]
     values = [dataclasses.astuple(v) if is_dataclass(v) and not isinstance(v, type) else v for v in values]
     return values[0] if len(values) == 1 else values
-
-
-def _json(value: Any) -> str:
-    return json.dumps(value, sort_keys=True, default=msgspec.to_builtins)
 
 
 def _plain(value: Any) -> Any:

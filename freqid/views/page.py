@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from freqid.core.errors import DataError, UsageError
-from freqid.core.record import read_record
+from freqid.core.record import FlightRecord, read_record
 from freqid.core.results.advance_ratio import AdvanceRatioModel
+from freqid.core.results.design import MultisineDesign
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.results.gap import GapResult
+from freqid.core.results.judged.review import Review
+from freqid.core.results.judged.sealed_trial import TrialOutcome
 from freqid.core.results.loop_margins import LoopMargins
 from freqid.core.results.monte_carlo import MonteCarlo
+from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
 from freqid.core.results.prediction import Prediction, Score
 from freqid.core.results.quicklook import Quicklook
 from freqid.core.results.rivals import Rivals
 from freqid.core.scenario import Scenario
-from freqid.workflows.inputs import File, Flight, names_of, record_of, scenario_of
+from freqid.core.store import kind_of
+from freqid.report.kit.rendering import Sheet
+from freqid.workflows.inputs import File, Flight, Tell, names_of, record_of, scenario_of, silent
 
 if TYPE_CHECKING:
     from freqid.blend.global_model import GlobalModel
@@ -32,9 +39,12 @@ class Page:
     Attributes
     ----------
     html : str
+    review : Review, optional
+        What page one says, of a page about several results.
     """
 
     html: str
+    review: Review | None = None
 
     def __repr__(self) -> str:
         return f"<Page of {len(self.html) // 1000} kB; save it with .save(path)>"
@@ -62,13 +72,16 @@ def page(
     record: Flight | None = None,
     scenario: Scenario | File | None = None,
     outside: Literal["refuse", "hold"] = "refuse",
+    against: File | Sequence[File] = (),
+    tell: Tell = silent,
 ) -> Page:
-    """Return the page of a result, for a team to review.
+    """Return the page of a result, or of several, for a team to review.
 
     Parameters
     ----------
     result : PointModel, GlobalModel, AdvanceRatioModel, FrequencyResponse, LoopMargins, Prediction, ...
-        What the verbs return, or `read`; or the path of such a file.
+        What the verbs return, or `read`; or the path of such a file. Of several files, or the folder of a
+        study, one page that says on page one what follows from them for their use.
     record : FlightRecord, Maneuver or path, optional
         Of a point model: the flight that it was made from, whose channels are drawn; the file that the
         model names where it is still there. Of a global model: a flight that no point is made from, to be
@@ -77,6 +90,10 @@ def page(
         Of a point model: its gates enter the verdict. Of a global model: the vehicle of the flight.
     outside : {"refuse", "hold"}
         Of a global model: what is done where the flight leaves the corridor.
+    against : path, or several, optional
+        Of several results: an older set of files, or its review, to say what has changed.
+    tell : callable
+        Of several results: told what is being drawn.
 
     Returns
     -------
@@ -95,6 +112,18 @@ def page(
     >>> page(model, record=flight).html[:15]
     '<!DOCTYPE html>'
     """
+    several = _several(result, against)
+    if several:
+        from .report import report_page
+
+        if record is not None:
+            raise UsageError("a record goes with one result, but several are given", remedy="leave it out")
+        sheet, decided = report_page(
+            several, _sheet_of, scenario=scenario, against=_listed(against), tell=tell
+        )
+        return Page(sheet, decided)
+    if isinstance(result, list | tuple):
+        result = result[0]
     if isinstance(result, str | Path):
         from freqid.workflows.files import read
 
@@ -138,6 +167,8 @@ def page(
         from freqid.report.campaign.page import build_campaign_page
 
         return Page(build_campaign_page(result))
+    if isinstance(result, TrialOutcome | OutputErrorModel | FlightRecord | MultisineDesign):
+        return Page(_of_single(result, scenario_of(scenario) if scenario is not None else None))
     if isinstance(result, AdvanceRatioModel):
         from freqid.report.advance_ratio.page import build_advance_ratio_page
 
@@ -147,6 +178,51 @@ def page(
     if isinstance(result, GlobalModel):
         return Page(_of_global(result, record, scenario, outside))
     return Page(_of_job(result, record))
+
+
+def _of_single(
+    result: TrialOutcome | OutputErrorModel | FlightRecord | MultisineDesign, scenario: Scenario | None
+) -> str:
+    """Return the page of what has no theme of its own."""
+    from freqid.report.review import single
+
+    if isinstance(result, TrialOutcome):
+        return single.build_trial_sheet(result)
+    if isinstance(result, OutputErrorModel):
+        return single.build_output_error_sheet(result)
+    if isinstance(result, FlightRecord):
+        return single.build_record_sheet(result)
+    return single.build_design_sheet(result, scenario.aircraft() if scenario else None, scenario, "", "")
+
+
+def _listed(files: File | Sequence[File]) -> list[File]:
+    return [files] if isinstance(files, str | Path) else list(files)
+
+
+def _several(result: Any, against: File | Sequence[File]) -> list[File]:
+    """Return the files of a page about several; empty for one result."""
+    if isinstance(result, list | tuple):
+        files = list(result)
+        if not all(isinstance(one, str | Path) for one in files):
+            raise UsageError("several results are given as objects", remedy="save them and name their files")
+        if len(files) == 1 and not against and not _of_several(Path(files[0])):
+            return []
+        return files
+    if isinstance(result, str | Path) and (_listed(against) or _of_several(Path(result))):
+        return [result]
+    return []
+
+
+def _of_several(path: Path) -> bool:
+    """Say whether a path stands for several results: a folder, or a study."""
+    return path.is_dir() or kind_of(path) == "freqid-study"
+
+
+def _sheet_of(result: object) -> Sheet:
+    """Return the page of one result of a file, as a part of a report takes it in."""
+    drawn = page(result).html
+    assert isinstance(drawn, Sheet)
+    return drawn
 
 
 def _of_global(

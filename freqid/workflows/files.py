@@ -25,6 +25,7 @@ from freqid.core.results import (
     rivals,
 )
 from freqid.core.results.design import ClassicDesign, MultisineDesign
+from freqid.core.results.judged import review, sealed_trial
 from freqid.core.scenario import Scenario
 from freqid.workflows.inputs import File, scenario_of
 
@@ -69,8 +70,9 @@ def read(path: File) -> Any:
     -------
     Result
         FlightRecord, MultisineDesign, PointModel, OutputErrorModel, GlobalModel, AdvanceRatioModel,
-        FrequencyResponse, LoopMargins, Quicklook, GapResult, Rivals, Prediction, Score or MonteCarlo, as the
-        file says of itself. Of a scenario's TOML file, the `Scenario`; of classic inputs, their samples.
+        FrequencyResponse, LoopMargins, Quicklook, GapResult, Rivals, Prediction, Score, MonteCarlo,
+        StudyResults, Review, SealedEffect or TrialOutcome, as the file says of itself. Of a scenario's TOML
+        file, the `Scenario`; of classic inputs, their samples.
 
     Raises
     ------
@@ -167,6 +169,12 @@ def _read_global(path: Path) -> Any:
     return GlobalModel(corridor.FILE.read(path))
 
 
+def _read_study(path: Path) -> Any:
+    from freqid.blend.study_file import read_study
+
+    return read_study(path)
+
+
 def _write_design(path: Path, planned: MultisineDesign | ClassicDesign, sha256: str) -> None:
     from freqid.design.multisine.orthogonal_set import sampled
 
@@ -186,11 +194,15 @@ _FILES = (
     quicklook.FILE,
     loop_margins.FILE,
     monte_carlo.FILE,
+    review.FILE,
+    sealed_trial.SEAL_FILE,
+    sealed_trial.OUTCOME_FILE,
 )
 _READERS: dict[str, Callable[[Path], Any]] = {
     record_file.FORMAT: record_file.read_record,
     design.FORMAT: _read_design,
     corridor.FILE.format: _read_global,
+    "freqid-study": _read_study,
     **{file.format: file.read for file in _FILES},
 }
 _WRITERS: dict[type, Callable[[Path, Any, str], None]] = {

@@ -7,6 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import freqid as fq
+from freqid.core.results.judged.sealed_trial import SealedEffect
 
 SHORTEST, LONGEST = 20, 400  # characters of a text; one line of a response has its parameters
 UNITS = {
@@ -148,10 +149,9 @@ def test_predictions_agree_with_the_model_that_scores_a_held_out_flight(linear):
     assert model.provenance["cut"] == "0:30"
 
 
-def test_a_file_without_a_page_is_named(results, tmp_path):
-    path = fq.save(results["flight"], tmp_path / "flight.h5")
-    with pytest.raises(
-        fq.FreqidError, match=r"flight\.h5: a FlightRecord has no page; name a result"
-    ) as told:
+def test_a_file_without_a_page_is_named(tmp_path):
+    sealed = SealedEffect("", 0, "mass", "fraction", "1", 0.0, 0.1, {"flight.h5": ""}).seal()
+    path = fq.save(sealed, tmp_path / "seal.h5")
+    with pytest.raises(fq.FreqidError, match=r"seal\.h5: a SealedEffect has no page; name a result") as told:
         fq.page(path)
     assert told.value.exit_code == 3

@@ -9,6 +9,7 @@ from typing import Any
 
 import msgspec
 
+from freqid.core.layout import finite_table, table_with_nan
 from freqid.core.results.gap_self_test import SelfTest
 from freqid.core.viewable import Viewable
 
@@ -344,7 +345,7 @@ class GapDiagnosis(Viewable):
         }
         if self.self_test:
             found["self_test"] = asdict(self.self_test)
-        return _plain(found)
+        return finite_table(found)
 
     @classmethod
     def from_json(cls, table: Mapping[str, Any]) -> GapDiagnosis:
@@ -365,7 +366,7 @@ class GapDiagnosis(Viewable):
             for one in (table["how_far"].get("per_effect") or {}).values()
         ]
         try:
-            return msgspec.convert(_known({**table, "how_far": closures}), cls)
+            return msgspec.convert(table_with_nan({**table, "how_far": closures}), cls)
         except msgspec.ValidationError as error:
             raise ValueError(str(error)) from None
 
@@ -376,25 +377,3 @@ def _mean(values: Iterable[float], relative: bool = False) -> float:
     if not known:
         return math.nan
     return math.sqrt(sum(v * v for v in known) / len(known)) if relative else sum(known) / len(known)
-
-
-def _known(value: Any) -> Any:
-    """Return a table with NaN for None."""
-    if isinstance(value, Mapping):
-        return {k: _known(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_known(v) for v in value]
-    return math.nan if value is None else value
-
-
-def _plain(value: Any) -> Any:
-    """Return JSON-compatible values; a float that is not finite becomes None."""
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, float):
-        return value if value == value and abs(value) != float("inf") else None
-    if hasattr(value, "item"):
-        return _plain(value.item())
-    return value

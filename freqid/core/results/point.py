@@ -126,6 +126,8 @@ class Fit:
         return min(values)
 
 
+NEAR_CEILING = 0.02
+"""Below what noise allows, where R2 is still said to reach it."""
 LEAST_LINES = 8
 """Lines that a coherence is taken over at least."""
 
@@ -304,6 +306,21 @@ class ResponseModel:
     def condition_number(self) -> float:
         """Ratio of largest to smallest singular value of the scaled columns."""
         return float(self.condition_index[-1])
+
+    @property
+    def reaches_ceiling(self) -> bool:
+        """Whether `r2` is what noise allows, but for `NEAR_CEILING` or chance; False where that is not known.
+
+        By chance: two standard deviations of `r2` less its ceiling, were the residual noise alone. Powers on
+        lines are exponential, their scatter is as large; noise lines are about as many as harmonics.
+        """
+        if self.r2_ceiling is None:
+            return False
+        of = [fit for fit in self.fit.values() if fit.noise is not None]
+        power = np.concatenate([np.zeros(0), *(fit.noise**2 for fit in of if fit.noise is not None)])
+        total = sum(float(np.sum(np.abs(fit.measured) ** 2)) for fit in of)
+        chance = float(np.sqrt(2 * np.sum(power**2)) / total) if total else 0.0
+        return self.r2 >= self.r2_ceiling - max(NEAR_CEILING, 2 * chance)
 
     def __getitem__(self, regressor: str) -> tuple[float, float]:
         """Return estimate and standard error of one parameter, or of ``"bias"``."""

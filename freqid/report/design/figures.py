@@ -84,7 +84,7 @@ def harmonic_map(
     step = max(1, round(_ROW * count / _TALLEST + 0.49))
     owner.set_yticks(range(0, count, step), [literal(s.name, 10) for s in design.signals[::step]])
     owner.set_ylim(count - 0.4, -0.6)
-    owner.tick_params(axis="y", length=0, labelsize=7.5)
+    owner.tick_params(axis="y", length=0)
     owner.grid(axis="y", visible=False)
     return figure
 

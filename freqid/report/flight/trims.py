@@ -13,11 +13,22 @@ from matplotlib.ticker import MaxNLocator
 from freqid.core.arrays import Array
 from freqid.core.vehicle import Vehicle
 from freqid.report.design.figures import GROUP_COLOURS
-from freqid.report.kit.drawing import ORANGE, few_ticks, literal, name_panel, plain, stacked_panels, styled
+from freqid.report.kit.drawing import (
+    ORANGE,
+    few_ticks,
+    legend_columns,
+    literal,
+    name_panel,
+    plain,
+    stacked_panels,
+    styled,
+)
 from freqid.report.kit.effectors import engineering
 
 _KINDS = (("tilt", "Wing tilt"), ("rotor", "Rotor speed"), ("surface", "Surfaces"))
 _ALIKE = 0.005  # of the range between limits: effectors that differ less are one line
+_BESIDE = 2  # names of lines that find room beside a panel's title
+_ROW_ABOVE = 0.16  # inches, of a row of names above it
 _DASHES = ("-", (0, (4, 2)), (0, (1.5, 1.5)))  # by density
 
 
@@ -57,7 +68,10 @@ def trim_curves(vehicle: Vehicle, curves: Sequence[TrimCurve]) -> Figure:
         One a density, at most three.
     """
     kinds = [pair for pair in _KINDS if pair[0] in vehicle.effector_kinds.values()]
-    figure, panels = stacked_panels([1.0] * len(kinds) + [0.7, 0.9, 0.9])
+    heights = [1.0] * len(kinds) + [0.7, 0.9, 0.9]
+    most = max(len(effectors_with_equal_trims(vehicle, kind, curves)) for kind, _ in kinds) if kinds else 0
+    room = _ROW_ABOVE * -(-most // _BESIDE) if most > _BESIDE else 0.0  # for names above their panel's title
+    figure, panels = stacked_panels(heights, top=0.26 + room, gap=0.33 + room)
     *by_kind, pitch, power, margin = panels
     for panel, (kind, words) in zip(by_kind, kinds, strict=True):
         _draw_kind(panel, vehicle, kind, words, curves)
@@ -153,18 +167,25 @@ def _open(panel: Axes, least: float) -> None:
 
 
 def name_lines(panel: Axes) -> None:
-    """Name the colours beside the panel's title; every density repeats them."""
+    """Name the colours beside the panel's title, or above it; every density repeats them."""
     known = {str(line.get_label()): line for line in reversed(panel.lines) if str(line.get_label())[0] != "_"}
     names = list(reversed(known))
+    figure = panel.get_figure(root=True)
+    assert figure is not None
+    width, height = 72 * figure.get_size_inches() * panel.get_position().size
+    beside = width - 5.2 * len(panel.get_title(loc="left"))
+    columns, lifted = legend_columns(names, beside, len(names)), 0.0
+    if columns < len(names):
+        columns, lifted = legend_columns(names, width + 20, len(names)), 13.0
     panel.legend(
         [known[name] for name in names],
         names,
         loc="lower right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncols=len(names),
+        bbox_to_anchor=(1.0, 1.0 + lifted / height),
+        ncols=columns,
         borderaxespad=0.2,
-        fontsize=7.5,
         handlelength=0.9,
         handletextpad=0.4,
         columnspacing=0.8,
+        labelspacing=0.2,
     )

@@ -18,6 +18,7 @@ from freqid.report.kit.drawing import (
     BLUE,
     GREY,
     INK,
+    ON_COLOUR,
     ORANGE,
     PALE,
     WIDTH,
@@ -68,7 +69,6 @@ def heat_panels(
     figure, panels = stacked_panels(
         [_CELL * len(rows)] * len(titles), left=left, bottom=bottom, right=0.15, width=width
     )
-    small = 7.0 if len(columns) <= 10 * width / WIDTH else 5.8
     for axes, title, table in zip(panels, titles, values, strict=True):
         axes.pcolormesh(
             np.arange(len(columns) + 1) - 0.5,
@@ -83,7 +83,7 @@ def heat_panels(
         for i, j in zip(*np.nonzero(table >= 0.005), strict=True):
             dark = table[i, j] > 0.55 * highest
             text = f"{100 * table[i, j]:.0f}"
-            axes.text(j, i, text, ha="center", va="center", size=small, color="white" if dark else INK)
+            axes.text(j, i, text, ha="center", va="center", color="white" if dark else ON_COLOUR)
         axes.set_title(literal(title, 60))
         axes.set_yticks(range(len(rows)), [literal(r, 18) for r in rows])
         axes.set_xticks(range(len(columns)), [literal(c, 14) for c in columns], rotation=90 if steep else 0)

@@ -332,6 +332,8 @@ def _detectable(result: GapResult) -> list[Picture]:
 
 def _before_after(result: GapResult) -> list[Picture]:
     pictures = []
+    if not result.diagnosis.how_far:  # nothing was added, so there is no after
+        return []
     for k, one in enumerate(result.before_after):
         rows = _changed(one)
         scored = "held out" if one.held_out else "among those fitted"

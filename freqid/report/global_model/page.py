@@ -359,6 +359,7 @@ def _drawn(model: GlobalModel, *, first: bool) -> list[Picture]:
                 f"{'main' if first else 'other'}{number_}",
                 f"{kind} of {shown} along the corridor",
                 Markup(text).format(symbol(r, model.corridor.form)),
+                [plain_symbol(r, model.corridor.form)],
             )
         )
     return pictures

@@ -207,7 +207,7 @@ def draw_key(figure: Figure, handles: list[Line2D], names: Sequence[str]) -> Non
         handles=lines,
         loc="upper right",
         ncols=len(lines),
-        bbox_to_anchor=(1 - _RIGHT / WIDTH, 1 - 0.22 / figure.get_figheight()),
+        bbox_to_anchor=(1 - 0.04 / WIDTH, 1 - 0.22 / figure.get_figheight()),
         borderaxespad=0.0,
     )
 

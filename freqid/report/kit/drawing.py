@@ -23,6 +23,8 @@ Drawing = TypeVar("Drawing", bound=Any)
 
 # Okabe & Ito, told apart by readers of any colour vision and in grey print.
 INK, GREY, PALE, BLUE, ORANGE = "#222222", "#8c8c8c", "#c9c9c9", "#0072B2", "#D55E00"
+ON_COLOUR = "#111111"
+"""Of letters on a light colour that means a value: they stay dark where the page is dark."""
 STYLE = {
     "font.size": 8.5,
     "font.sans-serif": ["DejaVu Sans"],  # comes with matplotlib, wider than the page's fonts: labels fit
@@ -60,9 +62,14 @@ STYLE = {
     "svg.fonttype": "none",  # text stays text: small, selectable, in the page's font
     "path.simplify": False,
 }
-WIDTH = 5.2  # inches
+# Inches. A phone of 390 px gives a figure 382 px, in which 8.5 points are 11.1 px high; on a desk and on A4
+# two figures stand side by side.
+WIDTH = 4.05
+TIME_PANEL = "time"
+"""Group id of a panel whose horizontal axis is time: readers can zoom it."""
 _LEFT, _RIGHT, _TOP, _BOTTOM, _GAP = 0.62, 0.12, 0.26, 0.44, 0.33
-_COLUMNS = 350  # a drawn history has this many columns, each from its lowest to its highest sample
+_LEGEND_MARK, _LEGEND_LETTER = 31.0, 4.9  # points, of a mark with its space, and of a letter
+_COLUMNS = 700  # a drawn history has this many columns, each from its lowest to its highest sample
 
 
 def styled(draw: Drawing) -> Drawing:
@@ -85,20 +92,21 @@ def stacked_panels(
     left: float = _LEFT,
     right: float = _RIGHT,
     bottom: float = _BOTTOM,
+    gap: float = _GAP,
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure of stacked axes of given heights in inches, and the axes from the top down.
 
     `legend` rows of a legend find room above; the other lengths are margins, in inches.
     """
     above = top + 0.2 * legend
-    total = above + sum(heights) + _GAP * (len(heights) - 1) + bottom
+    total = above + sum(heights) + gap * (len(heights) - 1) + bottom
     figure, panels = Figure(figsize=(width, total)), []
     y = total - above
     for height in heights:
         y -= height
         place = (left / width, y / total, (width - left - right) / width, height / total)
         panels.append(figure.add_axes(place, sharex=panels[0] if panels else None))
-        y -= _GAP
+        y -= gap
     return figure, panels
 
 
@@ -178,10 +186,39 @@ def frame_rows(axes: Axes, names: Sequence[str], notes: Sequence[str], heading: 
 
 
 def draw_legend(figure: Figure, lines: Sequence[Artist], columns: int | None = None) -> None:
-    """Name the lines above the panels, in one row unless `columns` says how many stand side by side."""
-    place = (1 - _RIGHT / WIDTH, 1 - 0.02 / figure.get_figheight())
-    ncols = columns or len(lines)
+    """Name the lines above the panels, in one row unless `columns` says how many stand side by side.
+
+    Where they need more rows than that, the figure grows.
+    """
+    wide = 72 * figure.get_figwidth() - 6
+    asked = columns or len(lines)
+    ncols = legend_columns([str(line.get_label()) for line in lines], wide, asked)
+    grow(figure, 0.2 * (-(-len(lines) // ncols) - -(-len(lines) // asked)))
+    place = (1 - 0.04 / figure.get_figwidth(), 1 - 0.02 / figure.get_figheight())
     figure.legend(handles=lines, loc="upper right", ncols=ncols, bbox_to_anchor=place, borderaxespad=0.0)
+
+
+def legend_columns(labels: Sequence[str], wide: float, asked: int) -> int:
+    """Return how many entries of a legend fit beside each other in a width in points, as asked at most."""
+    needed = [_LEGEND_MARK + _LEGEND_LETTER * len(label) for label in labels]
+    return next((n for n in range(asked, 1, -1) if _legend_width(needed, n) <= wide), 1)
+
+
+def _legend_width(needed: Sequence[float], columns: int) -> float:
+    """Return the width of a legend in points; matplotlib fills its columns as evenly as it can, in order."""
+    return sum(float(part.max()) for part in np.array_split(np.array(needed), columns))
+
+
+def grow(figure: Figure, inches: float) -> None:
+    """Make room above all panels, whose sizes stay."""
+    if inches <= 0:
+        return
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, height + inches)
+    for axes in figure.axes:
+        box = axes.get_position()
+        share = height / (height + inches)
+        axes.set_position((box.x0, box.y0 * share, box.width, box.height * share))
 
 
 def few_ticks(axes: Axes) -> None:
@@ -193,6 +230,8 @@ def few_ticks(axes: Axes) -> None:
 def share_time(panels: Sequence[Axes], time: Array) -> None:
     """Give panels one time axis, labelled below the last."""
     panels[-1].xaxis.set_major_formatter(plain)
+    for axes in panels:
+        axes.set_gid(TIME_PANEL)
     _label_last(panels, "Time (s)", float(time[0]), float(time[-1]))
 
 

@@ -26,6 +26,7 @@ from freqid.report.kit.drawing import (
     BLUE,
     GREY,
     INK,
+    ON_COLOUR,
     ORANGE,
     PALE,
     WIDTH,
@@ -225,7 +226,7 @@ def parameter_bars(
         By least squares, where the bars are by instruments.
     """
     above = 0.1 if beside is None else 0.36
-    figure, (axes,) = stacked_panels([0.23 * len(names) + 0.1], width=3.9, top=above, left=0.76)
+    figure, (axes,) = stacked_panels([0.23 * len(names) + 0.1], top=above, left=0.76)
     row = np.arange(len(names))
     known = np.isfinite(value) & np.isfinite(half)
     value, half = np.where(known, value, 0.0), np.where(known, half, 0.0)
@@ -261,8 +262,8 @@ def correlation_map(names: Sequence[str], correlation: Array) -> Figure:
     correlation : ndarray, shape (p, p)
     """
     count, short = len(names), [literal(name, 14) for name in names]
-    side = min(0.46 * count, WIDTH - 1.3)
     margin = 0.2 + 0.075 * max(map(len, short))
+    side = min(0.46 * count, WIDTH - margin - 0.12)
     # The empty half of the square holds the scale, where the first rows are short enough for it.
     width = margin + max(side + 0.12, 0.55 + 2 * side / count + 1.65)
     height = 0.08 + side + margin
@@ -278,14 +279,14 @@ def correlation_map(names: Sequence[str], correlation: Array) -> Figure:
     axes.add_collection(PolyCollection(below, array=correlation[i, j], linewidths=0.8, **look))
     axes.add_collection(PolyCollection(itself, facecolors=PALE, edgecolors="white", linewidths=0.8))
     axes.set(xlim=(0, count), ylim=(count, 0))
-    # More than a dozen rows leave room for one digit, and only the large values matter.
-    few = count <= 12
+    # Many rows leave room for one digit, and only the large values matter.
+    few = count <= 8
     for row, column in zip(i, j, strict=True):
         value = correlation[row, column]
         if abs(value) >= (0.0 if few else 0.45):
             text = f"{value:.2f}".replace("-", "−") if few else f"{abs(value):.1f}".lstrip("0")
-            ink = {"color": "white" if abs(value) > 0.75 else INK, "size": 7.5 if few else 6.0}
-            axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", **ink)
+            ink = "white" if abs(value) > 0.75 else ON_COLOUR
+            axes.text(column + 0.5, row + 0.5, text, ha="center", va="center", color=ink)
     axes.set_yticks(np.arange(count) + 0.5, short)
     axes.set_xticks(np.arange(count) + 0.5, short, rotation=90)
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import io
-import re
-import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-import matplotlib.style
 import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
@@ -21,64 +18,10 @@ from freqid.core.results.point import PointModel, ResponseModel
 from freqid.identify.spectra.fourier import FourierPlan
 from freqid.identify.spectra.trend import remove_trend
 from freqid.report.kit import figures
-from freqid.report.kit.drawing import STYLE
+from freqid.report.kit.drawing import WIDTH
 from freqid.report.kit.figures import Spectrum
 from freqid.report.kit.notation import number, plain_symbol, symbol
-
-_LARGEST = 1.1  # times the size that it was drawn in; its text would outgrow the page's
-# All that matplotlib would say about itself and the time of day.
-_SILENT = {"Date": None, "Creator": None, "Format": None, "Type": None}
-
-
-def inline_svg(figure: Figure, key: str, label: str) -> Markup:
-    """Return a figure as an ``<svg>`` element.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-    key : str
-        Unique in the page; every id of the figure begins with it.
-    label : str
-        What a reader who cannot see the figure is told.
-
-    Returns
-    -------
-    Markup
-        Scales with its container; the same bytes for the same figure.
-    """
-    buffer = io.StringIO()
-    with matplotlib.style.context(["default", STYLE | {"svg.hashsalt": key}]), warnings.catch_warnings():
-        # Text stays text: a glyph that matplotlib's font lacks is drawn by the reader's.
-        warnings.filterwarnings("ignore", message="Glyph .* missing from")
-        figure.savefig(buffer, format="svg", metadata=_SILENT)
-    width, height = 72 * figure.get_size_inches()
-    content = buffer.getvalue()
-    content = content[content.index(">", content.index("<svg")) + 1 :]
-    # Its one rule would hold for the whole page, which states it once itself.
-    content = re.sub(r"<defs>\s*<style.*?</style>\s*</defs>", "", content, count=1, flags=re.DOTALL)
-    content = re.sub(r"<!--.*?-->\s*", "", content, flags=re.DOTALL)
-    content = re.sub(r"font-family: [^;\"]*;?|font: (?=[\d.]+px [^;\"]*)", "", content)
-    content = _with_unique_ids(content, key)
-    content = re.sub(r'(?<= d=")[^"]*', _rounded, content)
-    opening = Markup(
-        '<svg viewBox="0 0 {:.6g} {:.6g}" style="max-width: {:.0f}pt" role="img" aria-label="{}">'
-    )
-    return opening.format(width, height, _LARGEST * width, label) + Markup(content)
-
-
-def _with_unique_ids(content: str, key: str) -> str:
-    """Keep only the ids that are referred to, and begin them with the key."""
-    used = set(re.findall(r'(?:url\(#|href="#)([^)"]+)', content))
-    content = re.sub(
-        r' id="([^"]*)"', lambda match: f' id="{key}-{match[1]}"' if match[1] in used else "", content
-    )
-    return re.sub(r'(url\(#|href="#)', rf"\g<1>{key}-", content)
-
-
-def _rounded(path: re.Match[str]) -> str:
-    """Return path data to a hundredth of a point, finer than any screen."""
-    return re.sub(r"-?\d+\.\d+", lambda match: f"{float(match[0]):.2f}".rstrip("0").rstrip("."), path[0])
-
+from freqid.report.kit.svg import inline_svg
 
 _STRIPS = 8  # in one figure at most: about the height of a screen
 _GROUP = {
@@ -104,10 +47,25 @@ _INDICES = 5  # condition indices shown: the largest tell what the data cannot s
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure of the page and what to see in it."""
+    """A figure of the page and what to see in it.
 
+    Attributes
+    ----------
+    key : str
+        Unique in the page: its address there is ``#figure-KEY``.
+    svg, caption : Markup
+    responses, conditions : tuple of str
+        What it shows, as the page writes them; readers filter by these. Empty: it belongs to all.
+    wide : bool
+        Whether it is wider than a phone's screen at a legible size, and has to be scrolled there.
+    """
+
+    key: str
     svg: Markup
     caption: Markup
+    responses: tuple[str, ...] = ()
+    conditions: tuple[str, ...] = ()
+    wide: bool = False
 
 
 def data_pictures(model: PointModel, record: FlightRecord) -> list[Picture]:
@@ -190,6 +148,7 @@ def _correlation_picture(model: PointModel, names: list[str]) -> Picture:
         Markup("{}: correlation of the parameters' errors. {}").format(
             _symbols(model, names), _strongest(response)
         ),
+        [plain_symbol(name, model.form) for name in names],
     )
 
 
@@ -197,9 +156,36 @@ def _symbols(model: PointModel, names: list[str]) -> Markup:
     return Markup(", ").join(symbol(name, model.form) for name in names)
 
 
-def picture(figure: Figure, key: str, label: str, caption: Markup | str) -> Picture:
-    """Return a figure ready for a page: its key unique there, its label for those who cannot see it."""
-    return Picture(inline_svg(figure, key, label), Markup("{}").format(caption))
+def picture(
+    figure: Figure,
+    key: str,
+    label: str,
+    caption: Markup | str,
+    responses: Iterable[str] = (),
+    conditions: Iterable[str] = (),
+) -> Picture:
+    """Return a figure ready for a page.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    key : str
+        Unique in the page.
+    label : str
+        For those who cannot see it.
+    caption : Markup or str
+        What to see in it.
+    responses, conditions : iterable of str, optional
+        What it shows: symbols as `plain_symbol` writes them, and ids of conditions.
+    """
+    return Picture(
+        key,
+        inline_svg(figure, key, label),
+        Markup("{}").format(caption),
+        tuple(responses),
+        tuple(conditions),
+        figure.get_figwidth() > 1.02 * WIDTH,
+    )
 
 
 def key_of(model: PointModel, name: str) -> str:

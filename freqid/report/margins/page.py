@@ -291,7 +291,7 @@ def modes_along(found: LoopMargins) -> Figure:
     frame, panels = stacked_panels([1.5, 1.2], legend=2)
     order = np.argsort(found.u)
     lines = []
-    for colour, name in zip(colours, shown, strict=False):
+    for colour, marker, name in zip(colours, "osD^vPX", shown, strict=False):
         for panel, what in zip(panels, ("frequency", "damping"), strict=True):
             estimate, low, high = found.row(f"closed_modes/{name}/{what}")[:, order]
             bars = np.abs(np.nan_to_num(np.array([estimate - low, high - estimate])))
@@ -300,8 +300,8 @@ def modes_along(found: LoopMargins) -> Figure:
                 estimate,
                 bars,
                 color=colour,
-                marker="o",
-                markersize=2.4,
+                marker=marker,
+                markersize=3.2,
                 linewidth=0,
                 elinewidth=0.9,
                 label=literal(name, 18),

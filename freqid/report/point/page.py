@@ -135,6 +135,7 @@ def fit_pictures(model: PointModel, name: str, maneuver: int = 0) -> list[Pictur
                     number(_median_frequency(fit)),
                     _hint(fit),
                 ),
+                [plain_symbol(name, model.form)],
             )
         )
     if fit := response.fit.get(numbered("time", maneuver)):
@@ -147,6 +148,7 @@ def fit_pictures(model: PointModel, name: str, maneuver: int = 0) -> list[Pictur
                     _time_score(fit, response),
                     " Both are shown up to the highest line of the fit." if pictures else "",
                 ),
+                [plain_symbol(name, model.form)],
             )
         )
     return pictures
@@ -164,6 +166,7 @@ def prediction_pictures(model: PointModel) -> list[Picture]:
             Markup("{}: {}").format(
                 symbol(name, model.form), _time_score(model.prediction[name], model[name])
             ),
+            [plain_symbol(name, model.form)],
         )
         for name in model.responses
         if name in model.prediction
@@ -191,6 +194,7 @@ def parameter_picture(model: PointModel, name: str) -> Picture:
             symbol(name, model.form),
             "" if beside is None else " A ring off the end of its bar: noise has biased least squares.",
         ),
+        [plain_symbol(name, model.form)],
     )
 
 

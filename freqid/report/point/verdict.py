@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
-from freqid.core.results.point import PointModel, ResponseModel, missed_gates, unjudged_gates
+from freqid.core.results.point import (
+    NEAR_CEILING,
+    PointModel,
+    ResponseModel,
+    missed_gates,
+    unjudged_gates,
+)
 from freqid.core.scenario import Gates
 from freqid.identify.model.selection import DISTORTED
 from freqid.identify.regress.two_stage import LEAST_STRENGTH
@@ -13,8 +19,6 @@ from freqid.report.kit.findings import Finding, code, finding, listed
 from freqid.report.kit.notation import number, share, symbol
 from freqid.report.point.sensor_tables import sensor_findings
 
-NEAR_CEILING = 0.02
-"""Below what noise allows, where R2 is still said to reach it."""
 _NAMED = 12  # parameters in one sentence at most: more are counted
 
 
@@ -123,7 +127,7 @@ def _ceiling(model: PointModel) -> list[Finding]:
     known = {name: (r.r2, r.r2_ceiling) for name, r in model.responses.items() if r.r2_ceiling is not None}
     if not known:
         return []
-    short = {name: at for name, at in known.items() if not reaches_ceiling(model[name])}
+    short = {name: at for name, at in known.items() if not model[name].reaches_ceiling}
     if short:
         listing = listed(
             Markup("{} ({} of {})").format(symbol(name, model.form), share(r2), share(ceiling))
@@ -135,23 +139,6 @@ def _ceiling(model: PointModel) -> list[Finding]:
     text = "R² reaches what noise allows in every response, but for {:g} or chance; the least is {} in {}."
     allowed = share(float(np.clip(known[least][1], -np.inf, 1.0)))
     return [finding("good", text, NEAR_CEILING, allowed, symbol(least, model.form))]
-
-
-def reaches_ceiling(response: ResponseModel) -> bool:
-    """Say whether R2 is what noise allows, but for a little or chance; false where that is not known."""
-    if response.r2_ceiling is None:
-        return False
-    return response.r2 >= response.r2_ceiling - max(NEAR_CEILING, 2 * _by_chance(response))
-
-
-def _by_chance(response: ResponseModel) -> float:
-    """Return the standard deviation of R2 less its ceiling, were the residual noise alone.
-
-    Powers on lines are exponential, their scatter is as large; noise lines are about as many as harmonics.
-    """
-    power = [fit.noise**2 for fit in response.fit.values() if fit.noise is not None]
-    total = sum(np.sum(np.abs(fit.measured) ** 2) for fit in response.fit.values() if fit.noise is not None)
-    return float(np.sqrt(2 * np.sum(np.concatenate(power) ** 2)) / total) if power and total else 0.0
 
 
 HIGH_INFLATION = 10.0

@@ -259,6 +259,7 @@ def _pictures(response: FrequencyResponse, rows: list[dict[str, Any]]) -> list[P
                 f"Bode plot with coherence: {output} to {input_}",
                 f"{output} to {input_}. Band: {percent(LEVEL)} of the random error, smoothing not counted. "
                 f"Grey line: a coherence of {BELIEVED}, below which a response is doubtful.",
+                [output],
             )
         )
         one = response.of((input_,), (output,))
@@ -271,6 +272,7 @@ def _pictures(response: FrequencyResponse, rows: list[dict[str, Any]]) -> list[P
                     f"{output} to {input_}: flight over model, where the partial coherence is at least "
                     f"{BELIEVED}. Shaded: dynamics that pilots do not notice (MIL-STD-1797A), from 0.1 to "
                     "30 rad/s.",
+                    [output],
                 )
             )
     return drawn

@@ -106,6 +106,7 @@ def error_pictures(results: StudyResults) -> list[Picture]:
                 f"errors{results.responses.index(part[0])}",
                 f"Modelling and validation RMSE against reference speed: {', '.join(part)}",
                 _overfit(results, part),
+                [plain_symbol(r, results.form) for r in part],
             )
         )
     return pictures
@@ -143,6 +144,7 @@ def parameter_pictures(results: StudyResults) -> list[Picture]:
             f"corridor{place}",
             f"Parameters of {plain_symbol(r, results.form)} against reference speed",
             Markup("{}: {}").format(symbol(r, results.form), _agreement(results, r)),
+            [plain_symbol(r, results.form)],
         )
         for place, r in enumerate(results.responses if _by_density(results) else ())
     ]
@@ -164,8 +166,17 @@ def _agreement(results: StudyResults, response: str) -> Markup:
     near = percent(float(np.mean(np.array(list(apart.values())) <= 2)))
     return Markup(
         "{} of all its parameters lie within 2σ of the linearised simulation; the farthest is "
-        "<code>{}</code> at <code>{}</code>, by {}σ."
-    ).format(near, name, at, number(apart[name, at], 2))
+        "<code>{}</code> at <code>{}</code>, by {}σ{}."
+    ).format(near, name, at, number(apart[name, at], 2), _why(results, response, name, at))
+
+
+def _why(results: StudyResults, response: str, name: str, at: str) -> str:
+    """Return why a parameter is off, where flights without noise tell."""
+    for p in results.points:
+        for miss in p.misses(response) if p.id == at else ():
+            if miss.parameter == name:
+                return f", of which {miss.cause} makes {number(abs(miss.parts[miss.cause]), 2)}"
+    return ""
 
 
 def remaining_pictures(results: StudyResults) -> list[Picture]:
@@ -182,6 +193,7 @@ def remaining_pictures(results: StudyResults) -> list[Picture]:
                     f"remaining{place}",
                     f"The other parameters of {shown} against reference speed",
                     f"{shown}: the other {len(names)} parameters.",
+                    [shown],
                 )
             )
     return pictures

@@ -19,6 +19,7 @@ from freqid.report.kit.drawing import (
     GREY,
     INK,
     ORANGE,
+    TIME_PANEL,
     WIDTH,
     draw_history,
     draw_legend,
@@ -196,6 +197,7 @@ def fits_by_condition(
                     literal(condition, 16), (0.5, 1), (0, 14), "axes fraction", "offset points", ha="center"
                 )
         for axes in panels:
+            axes.set_gid(TIME_PANEL)
             axes.set(xlim=span, ylim=(-1.1 * reach or -1, 1.1 * reach or 1))
             few_ticks(axes)
             axes.xaxis.set_major_locator(MaxNLocator(4, prune="upper"))

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
 
 from freqid import __version__
-from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults
+from freqid.blend.campaign import (
+    GOOD_R2,
+    MOST_HELD_OUT,
+    MOST_NEW_DENSITY,
+    MOST_VALIDATION,
+    StudiedPoint,
+    StudyResults,
+    most_allowed,
+)
 from freqid.core.results.design import MultisineDesign
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Vehicle
@@ -19,8 +28,7 @@ from freqid.report.design.signal_pictures import signal_pictures
 from freqid.report.kit.effectors import effector_groups
 from freqid.report.kit.notation import NONE, exact, number, percent, pretty_unit, share, short, symbol
 from freqid.report.kit.pictures import Picture, picture
-from freqid.report.kit.rendering import render
-from freqid.report.point.verdict import reaches_ceiling
+from freqid.report.kit.rendering import Sheet, render
 from freqid.report.study.corridor import error_pictures, parameter_pictures, remaining_pictures
 from freqid.report.study.pictures import (
     convergence_pictures,
@@ -29,14 +37,7 @@ from freqid.report.study.pictures import (
     several_pictures,
 )
 from freqid.report.study.results import densities
-from freqid.report.study.verdict import (
-    GOOD_R2,
-    MOST_HELD_OUT,
-    MOST_NEW_DENSITY,
-    MOST_VALIDATION,
-    most_allowed,
-    study_verdict,
-)
+from freqid.report.study.verdict import study_verdict
 
 
 def study_facts(results: StudyResults) -> list[tuple[str, str]]:
@@ -105,7 +106,7 @@ def condition_rows(results: StudyResults) -> list[dict[str, Any]]:
                     {
                         "text": exact(model[r].r2, share(model[r].r2)),
                         "ceiling": exact(ceiling, share(ceiling)),
-                        "low": not (model[r].r2 >= GOOD_R2 or reaches_ceiling(model[r])),
+                        "low": not (model[r].r2 >= GOOD_R2 or model[r].reaches_ceiling),
                     }
                     for r, ceiling in ceilings.items()
                 ],
@@ -190,21 +191,24 @@ def _worst(point: StudiedPoint, responses: tuple[str, ...]) -> dict[str, Any]:
     }
 
 
-__all__ = ["HeldOut", "StudiedPoint", "StudyResults", "build_study_page"]
-
+PARTS = ("conditions", "corridor", "held-out", "fits", "length", "inputs")
+"""Sections of the page of a study."""
 _POINTS = 16  # samples per shortest period: drawn, not judged
 
 
-def build_study_page(results: StudyResults) -> str:
+def build_study_page(results: StudyResults, parts: Collection[str] = PARTS) -> Sheet:
     """Return the page of a study: one HTML text that fetches nothing, the same for the same results.
 
     Parameters
     ----------
     results : StudyResults
+    parts : collection of str
+        Of `PARTS`; a report has some of them elsewhere.
     """
     followed = results.followed()
     middle = followed[len(followed) // 2]
     others = [p for p in followed if p is not middle]
+    length = "length" in parts
     return render(
         "study.html",
         title=results.vehicle.name or "Unnamed vehicle",
@@ -213,31 +217,35 @@ def build_study_page(results: StudyResults) -> str:
         findings=study_verdict(results),
         facts=study_facts(results),
         heads=heads(results),
-        conditions=condition_rows(results),
+        conditions=condition_rows(results) if "conditions" in parts else [],
         errors=error_rows(results),
         differing=differing_rows(results),
         parameters=sum(len(middle.model[r].regressors) for r in results.responses),
         noise_known=any(r.r2_ceiling is not None for p in results.points for r in p.model.responses.values()),
         linearised=any(p.linear for p in results.points),
         most_validation=MOST_VALIDATION,
-        error_pictures=error_pictures(results),
-        corridor=parameter_pictures(results),
-        remaining=remaining_pictures(results),
+        error_pictures=error_pictures(results) if "conditions" in parts else [],
+        corridor=parameter_pictures(results) if "corridor" in parts else [],
+        remaining=remaining_pictures(results) if "corridor" in parts else [],
         blended=results.model is not None,
-        held_out=held_out_rows(results),
+        held_out=held_out_rows(results) if "held-out" in parts else [],
         most_held_out=MOST_HELD_OUT,
         most_new_density=MOST_NEW_DENSITY,
         shown=middle.id,
-        fits=[*fitted_conditions(results, middle), *several_pictures(results)],
-        other_fits=[{"id": p.id, "pictures": fitted_conditions(results, p)} for p in others],
-        convergence=convergence_pictures(results),
-        histories=history_pictures(results, middle),
-        other_histories=[{"id": p.id, "pictures": history_pictures(results, p)} for p in others if p.history],
-        inputs=_inputs(results),
+        fits=[*fitted_conditions(results, middle), *several_pictures(results)] if "fits" in parts else [],
+        other_fits=[
+            {"id": p.id, "pictures": fitted_conditions(results, p)} for p in others if "fits" in parts
+        ],
+        convergence=convergence_pictures(results) if length else [],
+        histories=history_pictures(results, middle) if length else [],
+        other_histories=[
+            {"id": p.id, "pictures": history_pictures(results, p)} for p in others if p.history and length
+        ],
+        inputs=_inputs(results) if "inputs" in parts else [],
         own_inputs=[
             {"id": i, "picture": _spectra(design, results.vehicle, f"spectra-{place}")}
             for place, (i, design) in enumerate(results.own_designs.items())
-            if design is not results.design
+            if design is not results.design and "inputs" in parts
         ],
         provenance={**(results.design.provenance if results.design else {}), **results.provenance},
     )

@@ -51,6 +51,7 @@ def convergence_pictures(results: StudyResults) -> list[Picture]:
                 f"Error of prediction against the length of the manoeuvre: {', '.join(part)}",
                 f"{_named(results, part)}: validation RMSE of the model made from the first seconds alone. "
                 f"Where a line is level, flying longer would not predict better.{_dotted(results)}",
+                responses=[plain_symbol(r, results.form) for r in part],
             )
         )
     pictures.append(
@@ -95,6 +96,8 @@ def history_pictures(results: StudyResults, point: StudiedPoint) -> list[Picture
                     "{} at <code>{}</code>: the last of all its parameters to settle is <code>{}</code>, "
                     "after {} s.{}"
                 ).format(symbol(r, results.form), point.id, *_last(history), _dotted(results)),
+                responses=[plain_symbol(r, results.form)],
+                conditions=[point.id],
             )
         )
     return pictures
@@ -124,6 +127,7 @@ def fitted_conditions(results: StudyResults, point: StudiedPoint) -> list[Pictur
                     percent(left[worst]),
                     "is level" if spectra[worst][1].noise is None else "keeps to the dotted line",
                 ),
+                conditions=[point.id],
             )
         )
     for fits, key, what in ((histories, "time", "fit"), (predictions, "predicted", "prediction")):
@@ -143,6 +147,7 @@ def fitted_conditions(results: StudyResults, point: StudiedPoint) -> list[Pictur
                     "<code>{}</code>, {} over {}: {:g} s of it, each about its mean, up to the highest line. "
                     "Lowest R² of the whole: {} ({})."
                 ).format(point.id, what, of, span[1] - span[0], f"{scores[worst]:.3f}", _plain(worst)),
+                conditions=[point.id],
             )
         )
     return pictures
@@ -167,6 +172,7 @@ def several_pictures(results: StudyResults) -> list[Picture]:
             f"Predictions at {', '.join(fits)}: measured and predicted",
             f"Prediction of manoeuvres that were not used, {span[1] - span[0]:g} s of them, on one scale for "
             "each response: what is small at one condition may lead at another.",
+            conditions=list(fits),
         )
     ]
 

@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 
 import numpy as np
 from markupsafe import Markup
 
-from freqid.blend.campaign import HeldOut, StudyResults, same_density
+from freqid.blend.campaign import (
+    GOOD_R2,
+    MOST_HELD_OUT,
+    MOST_NEW_DENSITY,
+    MOST_VALIDATION,
+    StudyResults,
+    most_allowed,
+)
 from freqid.report.kit.findings import Finding, code, finding, listed
 from freqid.report.kit.notation import number, percent, share, short, symbol
-from freqid.report.point.verdict import reaches_ceiling
 from freqid.report.study.results import settled_share
 
-GOOD_R2 = 0.95
-MOST_VALIDATION = 1.15
-"""Error of prediction over error of fit that is still called alike."""
-MOST_HELD_OUT = 1.25
-"""Error of the global model over that of a point model, where neither was made from the manoeuvre."""
-MOST_NEW_DENSITY = 1.5
-"""The same at an air density that the global model was not made at."""
+_LEAST_NEAR = 0.93  # of the parameters within two standard errors of what noise alone would leave
 SETTLED = 0.95
 """Share of parameters that makes a manoeuvre long enough."""
 SETTLED_BY = 40.0
@@ -50,13 +51,6 @@ def settled_by(results: StudyResults) -> float | None:
         return None
     by = results.design.period_s + SETTLED_BY
     return by if by < results.design.duration_s else None
-
-
-def most_allowed(results: StudyResults, held_out: HeldOut) -> float:
-    """Return what a held-out ratio may be: more where no point of the global model has that density."""
-    model, rho = results.model, held_out.reference.rho
-    known = model is None or any(same_density(rho, at) for at in model.corridor.rho.tolist())
-    return MOST_HELD_OUT if known else MOST_NEW_DENSITY
 
 
 def settled_time(time: np.ndarray, settled: np.ndarray) -> float:
@@ -174,7 +168,7 @@ def _low(results: StudyResults) -> list[Finding]:
     listing = listed(Markup("{} ({})").format(symbol(r, results.form), n) for r, n in low.items())
     at = [(p, r) for p in results.points for r in low if not p.model[r].r2 >= GOOD_R2]
     if all(p.model[r].r2_ceiling is not None for p, r in at):
-        short = [_at(results, r, p.id) for p, r in at if not reaches_ceiling(p.model[r])]
+        short = [_at(results, r, p.id) for p, r in at if not p.model[r].reaches_ceiling]
         return [
             finding(
                 "note",
@@ -233,14 +227,32 @@ def _linear(results: StudyResults) -> list[Finding]:
     apart = apart[np.isfinite(apart)]
     if not apart.size:
         return []
+    sentence = Markup(
+        "{} of {} parameters lie within 2σ of the linearised simulation; the distance is {}σ in root mean "
+        "square."
+    ).format(
+        percent(float(np.mean(np.abs(apart) <= 2))), apart.size, number(float(np.sqrt(np.mean(apart**2))), 2)
+    )
+    away = np.concatenate([p.from_noise_free(r) for p in results.points for r in results.responses])
+    away = away[np.isfinite(away)]
+    if not away.size:
+        return [finding("note", "{} 95 % would if nothing but noise came between.", sentence)]
+    causes = Counter(
+        m.cause
+        for p in results.points
+        for r in results.responses
+        for m in p.misses(r)
+        if m.of != "noise-free estimate"
+    )
+    why = listed(Markup("{} for {}").format(cause, n) for cause, n in causes.most_common())
+    near = float(np.mean(np.abs(away) <= 2))
     return [
         finding(
-            "note",
-            "{} of {} parameters lie within 2σ of the linearised simulation, 95 % would if nothing but "
-            "noise came between; the distance is {}σ in root mean square.",
-            percent(float(np.mean(np.abs(apart) <= 2))),
-            apart.size,
-            number(float(np.sqrt(np.mean(apart**2))), 2),
+            "good" if near >= _LEAST_NEAR else "note",
+            "{} Of the noise-free estimates of the same flights {} do, where noise alone would leave 95 %.{}",
+            sentence,
+            percent(near),
+            Markup(" The largest part of the others' difference is {}.").format(why) if causes else "",
         )
     ]
 

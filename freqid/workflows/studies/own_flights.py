@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 
 from freqid.blend.campaign import StudyResults, spanning_conditions
+from freqid.blend.study_file import STUDY, write_study
 from freqid.core import record as record_file
 from freqid.core import store
 from freqid.core.errors import DataError, UsageError, nearest
@@ -102,7 +103,7 @@ def study_flights(
     save(model, Path(folder) / "model.h5")
     tell("page")
     shown = {used[k] for k in spanning_conditions([scenario.reference_of(i) for i in used])}
-    return StudyResults(
+    results = StudyResults(
         vehicle=scenario.aircraft(),
         sensors="",
         noise=float("nan"),
@@ -129,6 +130,8 @@ def study_flights(
             "flights": {i: {"modelled": [*roles[i][0]], "validating": [*roles[i][1]]} for i in ids},
         },
     )
+    write_study(Path(folder) / STUDY, results, scenario.sha256)
+    return results
 
 
 class _Kept:

@@ -14,6 +14,7 @@ from freqid.blend.predict import replay
 from freqid.blend.semi_local.campaign import CampaignStudy
 from freqid.core.errors import GateFailed
 from freqid.core.record import Maneuver
+from freqid.core.results.judged.truth import KnownTruth
 from freqid.core.results.point import MissedGate, PointModel, gate_sentences, missed_gates
 from freqid.core.scenario import Gates, Scenario
 from freqid.core.sections.estimators import ESTIMATOR_NAMES
@@ -32,6 +33,7 @@ def studied_point(
     model: PointModel,
     *,
     linear: Mapping[str, Mapping[str, float]] | None = None,
+    truth: Mapping[str, KnownTruth] | None = None,
     flown: Maneuver | None = None,
     validating: Maneuver | None = None,
     repeat: Callable[[], PointModel] | None = None,
@@ -44,6 +46,8 @@ def studied_point(
     model : PointModel
     linear : mapping of str to mapping of str to float, optional
         Derivatives of the linearised simulation.
+    truth : mapping of str to KnownTruth, optional
+        By response: what flights without noise tell.
     flown, validating : Maneuver, optional
         One that the model is made from, whose parameters are followed over its length where it is given,
         and one that it is not made from. Where the scenario has a gate of consistency, a model of the latter
@@ -66,7 +70,7 @@ def studied_point(
         repeated = repeat_agreement(model, other)
     recorded = settings.response_source == "record"  # which estimates in flight do not follow
     if flown is None or recorded or any("frequency" not in r.fit for r in model.responses.values()):
-        return StudiedPoint(model, linear or {}, {}, np.zeros(0), {}, repeated)
+        return StudiedPoint(model, linear or {}, {}, np.zeros(0), {}, repeated, truth or {})
     histories = parameter_history(
         flown, settings, every_s=2.0, excitation=scenario.at(model.reference.id).excitation
     )
@@ -75,7 +79,7 @@ def studied_point(
     if validating is not None:
         highest = float(model[first].fit["frequency"].axis[-1])
         errors = validation_rmse(histories, validating, settings, highest)
-    return StudiedPoint(model, linear or {}, histories, histories[first].time, errors, repeated)
+    return StudiedPoint(model, linear or {}, histories, histories[first].time, errors, repeated, truth or {})
 
 
 def held_out_errors(scenario: Scenario, model: GlobalModel, point: PointModel, maneuver: Maneuver) -> HeldOut:

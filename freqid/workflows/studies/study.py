@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any
 
 from freqid.blend.campaign import StudyResults, spanning_conditions
 from freqid.blend.semi_local.campaign import CampaignStudy
+from freqid.blend.study_file import STUDY, write_study
 from freqid.core.errors import UsageError
 from freqid.core.record import Maneuver, read_record
 from freqid.core.results.design import MultisineDesign, read_design
@@ -25,6 +25,7 @@ from freqid.workflows.inputs import File, Flight, Tell, name_of, scenario_of, si
 from freqid.workflows.models.blend import blend
 from freqid.workflows.studies import units
 from freqid.workflows.studies.campaign_study import study_campaign
+from freqid.workflows.studies.known_truth import Known, know, read_known_truth
 from freqid.workflows.studies.own_flights import study_flights
 from freqid.workflows.studies.studied import held_out_errors, studied_point
 
@@ -193,13 +194,14 @@ def study(
     designs, flown = _fly(campaign, ids, own)
     tell("point models")
     points = _identify(campaign, flown)
-    linear = _linearise(campaign, ids)
+    tell("flights without noise")
+    known = _know(campaign, ids, own)
     tell("global model")
     model = blend(campaign.folder / "points" / f"{i}.h5" for i in used)
     save(model, campaign.folder / "model.h5")
     tell("page")
     shown = {used[k] for k in spanning_conditions([described.reference_of(i) for i in used])}
-    return StudyResults(
+    results = StudyResults(
         vehicle=described.aircraft(),
         sensors=sensors,
         noise=noise,
@@ -210,7 +212,8 @@ def study(
             studied_point(
                 described,
                 points[i],
-                linear=linear[i],
+                linear=known[i][0],
+                truth=known[i][1],
                 flown=_maneuver(flown.modelled[i]) if i in shown else None,
                 validating=_maneuver(flown.validating[i]),
             )
@@ -222,6 +225,8 @@ def study(
         ),
         provenance=_provenance(campaign, ids, held_out),
     )
+    write_study(campaign.folder / STUDY, results, described.sha256)
+    return results
 
 
 def _fly(
@@ -249,8 +254,7 @@ def _fly(
     records = _run(campaign, units.fly, inputs, ".h5")
     modelled = dict(zip(ids, designs, strict=False))
     for identifier, design in modelled.items():
-        name = f"design-{identifier}.h5" if identifier in own else "design.h5"
-        shutil.copyfile(design, campaign.folder / name)
+        shutil.copyfile(design, campaign.folder / _design_name(identifier, own))
     count = len(ids)
     return {i: read_design(path) for i, path in modelled.items()}, _Flights(
         dict(zip(ids, records[:count], strict=True)), dict(zip(ids, records[count:], strict=True))
@@ -278,11 +282,25 @@ def _identify(campaign: _Campaign, flights: _Flights) -> dict[str, PointModel]:
     return {identifier: read_point(path) for identifier, path in points.items()}
 
 
-def _linearise(campaign: _Campaign, ids: Sequence[str]) -> dict[str, dict[str, dict[str, float]]]:
-    """Return the derivatives of the linearised simulation by condition, response and regressor."""
-    inputs = [{"reference": identifier} for identifier in ids]
-    found = _run(campaign, units.linearise, inputs, ".json")
-    return {identifier: json.loads(path.read_text()) for identifier, path in zip(ids, found, strict=True)}
+def _design_name(identifier: str, own: Sequence[str]) -> str:
+    """Return the file in the folder that holds the inputs of a condition."""
+    return f"design-{identifier}.h5" if identifier in own else "design.h5"
+
+
+def _know(campaign: _Campaign, ids: Sequence[str], own: Sequence[str]) -> dict[str, Known]:
+    """Return the linearised simulation by condition, and what three flights without noise tell of it."""
+    inputs = [
+        {
+            "reference": identifier,
+            "design": campaign.folder / _design_name(identifier, own),
+            "sensors": campaign.sensors,
+            "seed": _FLIGHT_SEEDS * campaign.seed + place,
+            "estimator": campaign.estimator,
+        }
+        for place, identifier in enumerate(ids)
+    ]
+    found = _run(campaign, know, inputs, ".json")
+    return {identifier: read_known_truth(path) for identifier, path in zip(ids, found, strict=True)}
 
 
 def _run(campaign: _Campaign, unit: runner.Work, inputs: Sequence[runner.Inputs], suffix: str) -> list[Path]:

@@ -6,7 +6,6 @@ contents, so that its result can be found again wherever the folder lies.
 
 from __future__ import annotations
 
-import json
 from functools import lru_cache
 from pathlib import Path
 
@@ -43,7 +42,7 @@ def fly(
     from freqid.workflows.fly import simulate
 
     described, sha256 = read_scenario(scenario)
-    loop = _closed_loop(scenario, sha256, described.reference_of(reference).rho)
+    loop = closed_loop(scenario, sha256, described.reference_of(reference).rho)
     flown = simulate(described, design, at=reference, sensors=sensors, noise=noise, seed=seed, loop=loop)
     if flown.divergence:
         raise DataError(flown.divergence, where=reference, remedy="lower the inputs")
@@ -51,7 +50,7 @@ def fly(
 
 
 @lru_cache(maxsize=2)
-def _closed_loop(scenario: str, sha256: str, rho: float):
+def closed_loop(scenario: str, sha256: str, rho: float):
     """Return trims and control law of one corridor; the hash keeps a changed file from being mistaken."""
     from freqid.simulate.control.lq import close_loop
 
@@ -73,19 +72,3 @@ def identify(
     from freqid.workflows.models.identify import identify_point
 
     save(identify_point(record, scenario, at=reference, held_out=validation, estimator=estimator), path)
-
-
-def linearise(path: Path, *, scenario: str, reference: str) -> None:
-    """Write the derivatives of the simulation at a trim, by response and regressor, as JSON."""
-    from freqid.core.channels import WRENCH
-    from freqid.simulate.control.linearize import STATES, linearize
-
-    described, sha256 = read_scenario(scenario)
-    at = described.reference_of(reference)
-    loop = _closed_loop(scenario, sha256, at.rho)
-    found = linearize(described, loop.parameters, loop.trims[reference])
-    names = [*STATES[:6], *found.effectors]
-    rows = {
-        r: dict(zip(names, row.tolist(), strict=True)) for r, row in zip(WRENCH, found.wrench, strict=True)
-    }
-    path.write_text(json.dumps(rows, indent=1) + "\n")

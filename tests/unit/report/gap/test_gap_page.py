@@ -82,7 +82,7 @@ def test_where_there_is_no_gap_no_map_is_drawn():
     assert "<h2>Where" not in page
     assert "<h2>How far" not in page
     assert page.count("<svg") == 5
-    assert '<li class="good">' in page
+    assert '<li id="finding-1" class="good">' in page
 
 
 def test_the_map_shows_shares_in_per_cent_and_leaves_nothing_blank_that_matters():

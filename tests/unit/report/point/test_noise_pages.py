@@ -14,7 +14,7 @@ from freqid.report.kit import figures
 from freqid.report.point.page import build_page, difference_table
 from freqid.report.point.sensor_tables import longest_cut, sensor_accounts, sensor_findings
 from freqid.report.point.tables import fit_summary
-from freqid.report.point.verdict import noise_findings, reaches_ceiling
+from freqid.report.point.verdict import noise_findings
 
 
 def by_instruments(model: PointModel, off: dict[str, float]) -> PointModel:
@@ -121,9 +121,9 @@ def test_r2_is_held_against_what_noise_allows(model):
     ) in sentences
     assert any("in Cn (3.25 times)" in text for _, text in sentences)
     # 48 lines of level noise: 1 - R2 scatters by sqrt(2 / 48) of itself
-    assert reaches_ceiling(with_noise(model, "N", r2=0.36, ceiling=0.5, distortion=1.3)["N"])
-    assert not reaches_ceiling(with_noise(model, "N", r2=0.25, ceiling=0.5, distortion=1.5)["N"])
-    assert not reaches_ceiling(model["N"])
+    assert with_noise(model, "N", r2=0.36, ceiling=0.5, distortion=1.3)["N"].reaches_ceiling
+    assert not with_noise(model, "N", r2=0.25, ceiling=0.5, distortion=1.5)["N"].reaches_ceiling
+    assert not model["N"].reaches_ceiling
 
 
 def test_the_summary_has_the_columns_that_the_model_can_fill(model):

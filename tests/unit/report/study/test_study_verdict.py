@@ -10,8 +10,9 @@ import pytest
 from test_study_page import HELD, both_ways, results
 from test_study_results import history
 
+from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults
 from freqid.core.results.design import MultisineDesign
-from freqid.report.study.page import HeldOut, StudiedPoint, StudyResults, build_study_page, condition_rows
+from freqid.report.study.page import build_study_page, condition_rows
 from freqid.report.study.verdict import settled_by, study_verdict
 
 

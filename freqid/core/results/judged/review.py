@@ -1,0 +1,225 @@
+"""What a team decides from a set of results: answers, envelope, risks, what would overturn them; its file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import msgspec
+
+from freqid.core.layout import ResultFile, finite_table, table_with_nan
+
+Answer = Literal["use", "use with limits", "do not use", "not decided"]
+Subject = Literal["model", "simulation", "next flight"]
+
+
+@dataclass(frozen=True)
+class Source:
+    """One file that was reviewed.
+
+    Attributes
+    ----------
+    name : str
+        Without its folder.
+    kind : str
+        Format, as ``freqid-point``.
+    sha256 : str
+        Of its bytes.
+    created, freqid_version : str
+        When and by which release it was written.
+    scenario_sha256 : str
+        Of the scenario that it was made with; empty where it has none.
+    """
+
+    name: str
+    kind: str
+    sha256: str
+    created: str = ""
+    freqid_version: str = ""
+    scenario_sha256: str = ""
+
+
+@dataclass(frozen=True)
+class Ground:
+    """One reason for an answer.
+
+    Attributes
+    ----------
+    subject : {"model", "simulation", "next flight"}
+    weight : {"good", "risk", "stop"}
+        Speaks for use; is an open risk; forbids use until it is answered.
+    text : str
+        One sentence.
+    source : str
+        Name of the file that says so.
+    """
+
+    subject: Subject
+    weight: Literal["good", "risk", "stop"]
+    text: str
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class Decision:
+    """The answer on one subject: what its grounds leave.
+
+    Attributes
+    ----------
+    subject : {"model", "simulation", "next flight"}
+    answer : {"use", "use with limits", "do not use", "not decided"}
+    because : str
+        The ground that decided it.
+    """
+
+    subject: Subject
+    answer: Answer
+    because: str
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One side of the envelope that was covered.
+
+    Attributes
+    ----------
+    name, unit : str
+    low, high : float
+        SI.
+    """
+
+    name: str
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Reversal:
+    """What would overturn an answer: a figure, where it stands, and the bound that it may not pass.
+
+    Attributes
+    ----------
+    text, unit : str
+    now, bound : float
+    where : str
+        Condition or response that is nearest to the bound.
+    """
+
+    text: str
+    now: float
+    bound: float
+    where: str = ""
+    unit: str = "1"
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number that two releases are compared by.
+
+    Attributes
+    ----------
+    value, std_error : float
+        The error is zero where none is known.
+    unit : str
+    """
+
+    value: float
+    std_error: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Change:
+    """A number, or an answer, that is not what it was.
+
+    Attributes
+    ----------
+    what : str
+    before, after : str
+    sigmas : float
+        Difference over the standard error of both; nan where none is known.
+    """
+
+    what: str
+    before: str
+    after: str
+    sigmas: float = float("nan")
+
+
+@dataclass(frozen=True)
+class Review:
+    """A set of results, and what follows for their use.
+
+    Attributes
+    ----------
+    vehicle : str
+    decisions : tuple of Decision
+    envelope : tuple of Limit
+    conditions : tuple of str
+        Ids of the reference conditions that were identified.
+    grounds : tuple of Ground
+        All reasons, those that forbid first.
+    reversals : tuple of Reversal
+    missing : dict of str
+        What there is no file of, by section; the command that makes it.
+    sources : tuple of Source
+    quantities : dict of Quantity
+        By what they are, as ``u45 M q``.
+    against : str
+        Name of the older review; empty without one.
+    changes : tuple of Change
+        Since then, the largest first.
+    compared : int
+        Numbers that both have.
+    """
+
+    vehicle: str
+    decisions: tuple[Decision, ...]
+    envelope: tuple[Limit, ...]
+    conditions: tuple[str, ...]
+    grounds: tuple[Ground, ...]
+    reversals: tuple[Reversal, ...]
+    missing: dict[str, str]
+    sources: tuple[Source, ...]
+    quantities: dict[str, Quantity]
+    against: str = ""
+    changes: tuple[Change, ...] = ()
+    compared: int = 0
+
+    def __repr__(self) -> str:
+        said = ", ".join(f"{d.subject}: {d.answer}" for d in self.decisions)
+        return f"<Review of {self.vehicle!r}, {len(self.sources)} files: {said}>"
+
+    @property
+    def risks(self) -> tuple[Ground, ...]:
+        """What forbids use or is open, those that forbid first."""
+        return tuple(g for g in self.grounds if g.weight != "good")
+
+    def to_json(self) -> dict[str, Any]:
+        """Return numbers, strings, lists and tables; a number that is not defined is None."""
+        return finite_table(asdict(self))
+
+    @classmethod
+    def from_json(cls, table: Mapping[str, Any]) -> Review:
+        """Return the review that `to_json` made a table of.
+
+        Parameters
+        ----------
+        table : mapping
+            JSON-compatible.
+
+        Raises
+        ------
+        ValueError
+            Where the table is none of a review.
+        """
+        try:
+            return msgspec.convert(table_with_nan(table), cls)
+        except msgspec.ValidationError as error:
+            raise ValueError(str(error)) from None
+
+
+FILE = ResultFile("freqid-review", Review, {}, table="review")
+write_review, read_review = FILE.write, FILE.read

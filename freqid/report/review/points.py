@@ -1,0 +1,249 @@
+"""Each condition of a report: residual spectrum, table of parameters, and why they differ from the truth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from markupsafe import Markup
+
+from freqid import __version__
+from freqid.blend.campaign import GOOD_R2, MOST_VALIDATION, StudiedPoint, StudyResults
+from freqid.core.results.judged.truth import BEYOND, Miss
+from freqid.core.results.point import Fit, PointModel, ResponseModel
+from freqid.report.kit.findings import code, finding
+from freqid.report.kit.notation import (
+    NONE,
+    exact,
+    formula,
+    measured_values,
+    number,
+    pretty_unit,
+    share,
+    short,
+    symbol,
+    tenths,
+)
+from freqid.report.kit.pictures import Picture, picture
+from freqid.report.kit.rendering import Sheet, render
+from freqid.report.study.figures import fits_over_frequency
+from freqid.report.study.pictures import fitted_conditions
+
+_MISSED = {
+    "linearisation": "linearisation",
+    "noise-free estimate": "noise-free",
+    "both": "both",
+}
+
+
+def build_points_sheet(results: StudyResults) -> Sheet:
+    """Return the page of all conditions of a study, or of point models that were put together as one.
+
+    Parameters
+    ----------
+    results : StudyResults
+    """
+    points = results.points
+    worst = min(
+        ((p, r) for p in points for r in p.model.responses.values()),
+        key=lambda one: (one[1].r2 == one[1].r2, one[1].r2),
+    )
+    count = len(points)
+    return render(
+        "points.html",
+        title=f"{count} condition{'s' if count > 1 else ''}",
+        what="Fit, prediction, residual spectrum and parameters of each condition.",
+        version=__version__,
+        findings=[
+            finding(
+                "note",
+                "The response that fits worst is {} at {}: R² {}{}.",
+                symbol(worst[1].response, worst[0].model.form),
+                code(worst[0].id),
+                share(worst[1].r2),
+                "" if worst[1].r2_ceiling is None else f", where noise allows {share(worst[1].r2_ceiling)}",
+            )
+        ],
+        facts=[],
+        points=[_sheet(results, point, place) for place, point in enumerate(points)],
+        truth=truth_summary(points),
+        most=f"{MOST_VALIDATION:g}",
+        provenance={p.id or f"model {k + 1}": p.model.provenance for k, p in enumerate(points)},
+    )
+
+
+def _sheet(results: StudyResults, point: StudiedPoint, place: int) -> dict[str, Any]:
+    model = point.model
+    followed = any(p is point for p in results.followed())
+    return {
+        "id": point.id or f"model {place + 1}",
+        "anchor": f"point-{place}",
+        "how": f"{model.method}, {model.estimator}, {short(model.duration)} s",
+        "condition": number(max(r.condition_number for r in model.responses.values())),
+        "summary": [_summary(point, r) for r in model.responses.values()],
+        "pictures": fitted_conditions(results, point) if followed else _spectrum(model, place),
+        "tables": [_table(point, r, place) for r in model.responses.values()],
+        "both": any(r.errors_in_variables is not None for r in model.responses.values()),
+        "truth": bool(point.truth),
+        "level": f"{100 * model.confidence:g}",
+    }
+
+
+def _summary(point: StudiedPoint, response: ResponseModel) -> dict[str, Any]:
+    name, pair = response.response, response.most_collinear
+    fitted, predicted, ratio = (
+        point.modelling_rmse(name),
+        point.prediction_rmse(name),
+        point.validation_ratio(name),
+    )
+    away = point.from_noise_free(name)
+    known = [abs(x) for x in away.tolist() if math.isfinite(x)]
+    misses = point.misses(name)
+    return {
+        "symbol": symbol(name, point.model.form),
+        "response": name,
+        "unit": pretty_unit(response.unit),
+        "r2": exact(response.r2, share(response.r2)),
+        "ceiling": exact(response.r2_ceiling, share(response.r2_ceiling))
+        if response.r2_ceiling is not None
+        else NONE,
+        "low": not (response.r2 >= GOOD_R2 or response.reaches_ceiling),
+        "rmse": exact(fitted, number(fitted)),
+        "predicted": exact(predicted, number(predicted)),
+        "ratio": exact(ratio, number(ratio)),
+        "far": ratio > MOST_VALIDATION,
+        "distortion": number(response.distortion) if response.distortion is not None else NONE,
+        "collinear": Markup("{} ({} with {})").format(
+            number(pair.inflation), pair.regressors[0], pair.regressors[1]
+        )
+        if pair is not None
+        else NONE,
+        "weak": sum(abs(e) <= 2 * s for e, s in zip(response.estimate, response.std_error, strict=True)),
+        "differing": len(response.differing) if response.errors_in_variables is not None else NONE,
+        "near": f"{sum(x <= BEYOND for x in known)} of {len(known)}" if known else NONE,
+        "off": f"{sum(m.of != 'noise-free estimate' for m in misses)} of {len(response.regressors)}"
+        if point.truth
+        else NONE,
+    }
+
+
+def _spectrum(model: PointModel, place: int) -> list[Picture]:
+    """Draw the spectra of a condition that is not followed in detail."""
+    fits: dict[str, tuple[str, Fit]] = {
+        formula(name, model.form): (r.unit, r.fit["frequency"])
+        for name, r in model.responses.items()
+        if "frequency" in r.fit
+    }
+    if not fits:
+        return []
+    worst = min(model.responses.values(), key=lambda r: r.r2)
+    return [
+        picture(
+            fits_over_frequency(fits),
+            f"spectrum{place}",
+            f"Residual spectra at {model.reference.id}: measured, model and residual over frequency",
+            Markup(
+                "Measured, model and residual on the lines of the fit; dotted is what noise leaves. {} is "
+                "fitted worst here: R² {}. A residual above the dots is more than noise."
+            ).format(symbol(worst.response, model.form), share(worst.r2)),
+            responses=model.responses,
+            conditions=[model.reference.id],
+        )
+    ]
+
+
+def _table(point: StudiedPoint, response: ResponseModel, place: int) -> dict[str, Any]:
+    name = response.response
+    beside, truth = response.errors_in_variables, point.truth.get(name)
+    if truth is not None and truth.regressors != response.regressors:
+        truth = None
+    misses = {m.parameter: m for m in point.misses(name)}
+    rows = []
+    for j, regressor in enumerate(response.regressors):
+        error = float(response.std_error[j])
+        values = [float(response.estimate[j]), float(response.lower[j]), float(response.upper[j])]
+        extra = [float(beside.estimate[j])] if beside is not None else []
+        if truth is not None:
+            extra += [float(truth.linear[j]), float(truth.noise_free[j])]
+        texts = measured_values(error, *values, *extra)
+        cells = [exact(v, t) for v, t in zip((error, *values, *extra), texts, strict=True)]
+        miss = misses.get(regressor)
+        rows.append(
+            {
+                "name": regressor,
+                "error": cells[0],
+                "estimate": cells[1],
+                "low": cells[2],
+                "high": cells[3],
+                "weak": abs(values[0]) <= 2 * error,
+                "inflation": number(float(response.variance_inflation[j])),
+                "collinear": response.variance_inflation[j] > 10,
+                "least_squares": cells[4] if beside is not None else NONE,
+                "differs": regressor in response.differing,
+                "linear": cells[-2] if truth is not None else NONE,
+                "noise_free": cells[-1] if truth is not None else NONE,
+                "off": tenths(miss.sigmas) if miss is not None else "",
+                "missed": _MISSED[miss.of] if miss is not None else "",
+                "cause": _cause(miss) if miss is not None else "",
+                "unit": pretty_unit(response.parameter_units[j]),
+            }
+        )
+    return {
+        "symbol": symbol(name, point.model.form),
+        "response": name,
+        "anchor": f"point-{place}-{list(point.model.responses).index(name)}",
+        "rows": rows,
+        "both": beside is not None,
+        "truth": truth is not None,
+    }
+
+
+def _cause(miss: Miss) -> Markup:
+    """Return the cause with its part, and what else is in the difference, all in standard errors."""
+    if miss.of == "noise-free estimate":
+        return Markup("noise {}σ").format(tenths(miss.parts["noise"]))
+    rest = [f"{c} {tenths(x)}" for c, x in miss.parts.items() if c != miss.cause and abs(x) >= 1]
+    more = Markup(' <span class="quiet">({})</span>').format(", ".join(rest)) if rest else ""
+    return Markup("{} {}σ{}").format(miss.cause, tenths(miss.parts[miss.cause]), more)
+
+
+def truth_summary(points: Sequence[StudiedPoint]) -> dict[str, Any] | None:
+    """Return how far estimates are from both truths over all conditions, and by which cause."""
+    known = [p for p in points if p.truth]
+    if not known:
+        return None
+    misses = [(p, r, m) for p in known for r in p.model.responses for m in p.misses(r)]
+    total = sum(len(r.regressors) for p in known for r in p.model.responses.values())
+    away = [abs(x) for p in known for r in p.model.responses for x in p.from_noise_free(r).tolist()]
+    away = [x for x in away if math.isfinite(x)]
+    off = [m for m in misses if m[2].of != "noise-free estimate"]
+    causes: dict[str, int] = {}
+    for _, _, m in off:
+        causes[m.cause] = causes.get(m.cause, 0) + 1
+    farthest = sorted(off, key=lambda x: -abs(x[2].sigmas))[:_FARTHEST]
+    return {
+        "total": total,
+        "near_linear": total - len(off),
+        "near_noise_free": sum(x <= BEYOND for x in away),
+        "of_noise_free": len(away),
+        "rms_noise_free": number(math.sqrt(sum(x * x for x in away) / len(away)), 3) if away else NONE,
+        "causes": sorted(causes.items(), key=lambda item: -item[1]),
+        "farthest": [
+            {
+                "at": p.id,
+                "response": r,
+                "name": Markup("{}<sub>{}</sub>").format(symbol(r, p.model.form), m.parameter),
+                "sigmas": tenths(m.sigmas),
+                "parts": [tenths(m.parts[c]) for c in _CAUSES],
+                "missed": _MISSED[m.of],
+                "cause": m.cause,
+            }
+            for p, r, m in farthest
+        ],
+        "heads": _CAUSES,
+    }
+
+
+_CAUSES = ("noise", "amplitude", "wake delay", "not explained")
+_FARTHEST = 15  # listed

@@ -1,0 +1,4 @@
+"""Whether results can be used: a set of them reviewed together, and trials of the diagnosis.
+
+Read read_together (which files), grounds (what each says for and against), review (the door), sealed_trial.
+"""

@@ -1,0 +1,331 @@
+"""What follows from a set of results for their use: answers, open risks, what would overturn them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from freqid.blend.campaign import (
+    MOST_VALIDATION,
+    StudiedPoint,
+    StudyResults,
+    most_allowed,
+)
+from freqid.core.errors import DataError, UsageError
+from freqid.core.results.gap import GapResult
+from freqid.core.results.judged.review import (
+    Change,
+    Decision,
+    Ground,
+    Limit,
+    Quantity,
+    Reversal,
+    Review,
+    Subject,
+)
+from freqid.core.results.loop_margins import LoopMargins, least_of
+from freqid.core.results.output_error import OutputErrorModel
+from freqid.core.results.point import PointModel
+from freqid.core.scenario import Scenario
+from freqid.workflows.inputs import File, scenario_of
+from freqid.workflows.reviews.grounds import MARGINS, WANTED_G, WORSE, base_name, grounds_of, least_margin
+from freqid.workflows.reviews.read_together import ReviewedFile, read_together, vehicle_of
+
+_NO_MARGINS = "no margins of the control law are among the files"
+_SUBJECTS: tuple[Subject, ...] = ("model", "simulation", "next flight")
+_MISSING = {
+    "excitation": "freqid design-inputs SCENARIO -o design.h5",
+    "data": "freqid quicklook LOG design.h5 --scenario SCENARIO",
+    "points": "freqid identify-point RECORD --scenario SCENARIO -o point.h5",
+    "convergence": "freqid study SCENARIO -o FOLDER",
+    "global": "freqid global-blend points/*.h5 -o aircraft.h5",
+    "flights": "freqid predict point.h5 design.h5 --scenario SCENARIO, then freqid score",
+    "responses": "freqid frequency-response RECORD --scenario SCENARIO",
+    "margins": "freqid margins aircraft.h5 SCENARIO",
+    "gap": "freqid diagnose-gap RECORD --holdout OTHER --sim model.py:wrench -o gap.h5",
+}
+"""By section of the report: the command that makes what it is about."""
+SECTION_OF = {
+    "freqid-study": "convergence",
+    "freqid-design": "excitation",
+    "freqid-record": "data",
+    "freqid-quicklook": "data",
+    "freqid-point": "points",
+    "freqid-output-error": "points",
+    "freqid-global": "global",
+    "freqid-advance-ratio": "global",
+    "freqid-prediction": "flights",
+    "freqid-score": "flights",
+    "freqid-frequency-response": "responses",
+    "freqid-loop-margins": "margins",
+    "freqid-gap": "gap",
+    "freqid-rivals": "gap",
+    "freqid-trial": "gap",
+}
+"""Section of the report that a file belongs to, by its format."""
+
+
+def review(
+    files: File | Sequence[File] | Sequence[ReviewedFile],
+    *,
+    scenario: Scenario | File | None = None,
+    against: File | Sequence[File] = (),
+) -> Review:
+    """Return what follows from a set of results: use or do not use, and why.
+
+    Parameters
+    ----------
+    files : path, or several
+        Results in any mixture, and folders of studies; all of one vehicle.
+    scenario : Scenario, path or name, optional
+        Its gates count.
+    against : path, or several
+        An older set of files, or the review of one, to say what has changed.
+
+    Returns
+    -------
+    Review
+
+    Raises
+    ------
+    UsageError
+        Where nothing is given.
+    DataError
+        Where a file cannot be read, or two are of different vehicles.
+
+    Examples
+    --------
+    >>> review(["point.h5", "gap.h5"]).decisions  # doctest: +SKIP
+    """
+    given = [files] if isinstance(files, str) or not isinstance(files, Sequence) else list(files)
+    read = tuple(one for one in given if isinstance(one, ReviewedFile))
+    every = read or read_together([one for one in given if not isinstance(one, ReviewedFile)])
+    gates = scenario_of(scenario).gates if scenario is not None else None
+    grounds = sorted(grounds_of(every, gates), key=lambda g: ("stop", "risk", "good").index(g.weight))
+    points = _points(every)
+    found = Review(
+        vehicle=next((name for one in every if (name := vehicle_of(one.result))), ""),
+        decisions=tuple(_decide(subject, grounds, every) for subject in _SUBJECTS),
+        envelope=tuple(_envelope(points)),
+        conditions=tuple(dict.fromkeys(p.model.reference.id for p in points)),
+        grounds=tuple(grounds),
+        reversals=tuple(_reversals(every, points)),
+        missing=_missing(every),
+        sources=tuple(one.source for one in every),
+        quantities=dict(_quantities(every, points)),
+    )
+    old = [against] if isinstance(against, str) or not isinstance(against, Sequence) else list(against)
+    return _compared(found, old) if old else found
+
+
+def _points(files: Sequence[ReviewedFile]) -> list[StudiedPoint]:
+    """Return the point models among files, those of studies with what these know beside."""
+    found: dict[str, StudiedPoint] = {}
+    for one in files:
+        if isinstance(one.result, StudyResults):
+            found |= {f"{one.source.name} {p.id}": p for p in one.result.points}
+    for one in files:
+        model = one.result.point if isinstance(one.result, OutputErrorModel) else one.result
+        if isinstance(model, PointModel):
+            found[one.source.name] = StudiedPoint(model, {}, {}, np.zeros(0), {})
+    return list(found.values())
+
+
+def _decide(subject: Subject, grounds: Sequence[Ground], files: Sequence[ReviewedFile]) -> Decision:
+    """Return the answer that the grounds of a subject leave: the worst of them decides."""
+    of = [g for g in grounds if g.subject == subject]
+    if not of:
+        nothing = {
+            "model": "there is no model among the files",
+            "simulation": "no simulation was held against a flight",
+            "next flight": _NO_MARGINS,
+        }
+        return Decision(subject, "not decided", nothing[subject])
+    stops = [g for g in of if g.weight == "stop"]
+    risks = [g for g in of if g.weight == "risk"]
+    if stops:
+        more = f", and {len(stops) - 1} more" if len(stops) > 1 else ""
+        return Decision(subject, "do not use", f"{stops[0].text}{more}")
+    if subject == "next flight" and not any(isinstance(one.result, LoopMargins) for one in files):
+        return Decision(subject, "not decided", f"{_NO_MARGINS}; {risks[0].text}" if risks else _NO_MARGINS)
+    if risks:
+        count = f"{len(risks)} open risk{'s' if len(risks) > 1 else ''}"
+        return Decision(subject, "use with limits", f"{count}, the first: {risks[0].text}")
+    return Decision(subject, "use", of[0].text)
+
+
+def _envelope(points: Sequence[StudiedPoint]) -> Iterator[Limit]:
+    """Yield what the identified conditions span, and what moved there."""
+    if not points:
+        return
+    at = [p.model.reference for p in points]
+    sides: dict[str, tuple[str, list[float]]] = {
+        "u": ("m/s", [r.u for r in at]),
+        "air density": ("kg/m3", [r.rho for r in at]),
+    }
+    for p in points:
+        for name, value in p.model.reference.scheduled.items():
+            sides.setdefault(name, (p.model.scheduled_units.get(name, "rad"), []))[1].append(value)
+    for p in points:
+        for response in p.model.responses.values():
+            for name, unit, rms in zip(
+                response.regressors, response.regressor_units, response.regressor_rms, strict=True
+            ):
+                if name in ("u", "v", "w", "p", "q", "r"):
+                    sides.setdefault(f"{name}, rms of its motion", (unit, []))[1].append(float(rms))
+    lines = [
+        fit.axis[[0, -1]]
+        for p in points
+        for r in p.model.responses.values()
+        for n, fit in r.fit.items()
+        if n == "frequency"
+    ]
+    if lines:
+        sides["frequency"] = ("Hz", np.concatenate(lines).tolist())
+    for name, (unit, values) in sides.items():
+        known = [v for v in values if math.isfinite(v)]
+        if known:
+            yield Limit(name, min(known), max(known), unit)
+
+
+def _reversals(files: Sequence[ReviewedFile], points: Sequence[StudiedPoint]) -> Iterator[Reversal]:
+    """Yield the figures that would overturn an answer, where each stands and what it may not pass."""
+    ratios = {
+        (r, p.id): p.validation_ratio(r)
+        for p in points
+        for r in p.model.responses
+        if math.isfinite(p.validation_ratio(r))
+    }
+    if ratios:
+        worst = max(ratios, key=lambda at: ratios[at])
+        yield Reversal(
+            "A new flight is predicted with more times the error of the fit",
+            ratios[worst],
+            MOST_VALIDATION if ratios[worst] <= MOST_VALIDATION else WORSE,
+            f"{worst[0]} at {worst[1]}",
+        )
+    for one in files:
+        result = one.result
+        if isinstance(result, StudyResults) and result.held_out:
+            each = [
+                (h.ratio(r), most_allowed(result, h), f"{r} at {h.reference.id}")
+                for h in result.held_out
+                for r in result.responses
+                if math.isfinite(h.ratio(r))
+            ]
+            if each:
+                ratio, allowed, where = max(each, key=lambda e: e[0] / e[1])
+                text = "A flight between conditions errs by more than a point model there"
+                yield Reversal(text, ratio, allowed, where)
+        if isinstance(result, LoopMargins):
+            for figure, wanted, unit in MARGINS:
+                least = least_margin(result, figure)
+                if least is not None:
+                    text = f"The {figure.split('_')[0]} margin is less"
+                    yield Reversal(text, least[0], wanted, least[2], unit)
+        if isinstance(result, GapResult):
+            text = "The probability of no gap passes the level of the test"
+            yield Reversal(text, result.gap.p, result.gap.level, one.source.name)
+            if result.gap.exists and result.how_far and math.isfinite(result.how_far[0].wrench.G):
+                yield Reversal(
+                    "Another flight closes less of the gap with the same effect",
+                    result.how_far[0].wrench.G,
+                    WANTED_G,
+                    ", ".join(map(base_name, result.how_far[0].held_out)),
+                )
+
+
+def _missing(files: Sequence[ReviewedFile]) -> dict[str, str]:
+    have = {SECTION_OF.get(one.kind) for one in files if not one.unfinished}
+    if any(isinstance(one.result, StudyResults) for one in files):
+        have |= {"points", "global", "excitation"}
+    return {section: command for section, command in _MISSING.items() if section not in have}
+
+
+def _quantities(
+    files: Sequence[ReviewedFile], points: Sequence[StudiedPoint]
+) -> Iterator[tuple[str, Quantity]]:
+    """Yield the numbers that releases are compared by: parameters, margins, probabilities, closures."""
+    for p in points:
+        for name, r in p.model.responses.items():
+            for j, regressor in enumerate(r.regressors):
+                value, error = float(r.estimate[j]), float(r.std_error[j])
+                if math.isfinite(value):
+                    known = error if math.isfinite(error) else 0.0
+                    yield f"{p.id} {name} {regressor}", Quantity(value, known, r.parameter_units[j])
+            yield f"{p.id} R2 of {name}", Quantity(r.r2, 0.0, "1")
+    for one in files:
+        result = one.result
+        if isinstance(result, OutputErrorModel):
+            for name, unit, value, error in zip(
+                result.names, result.units, result.estimate, result.std_error, strict=True
+            ):
+                known = float(error) if math.isfinite(error) else 0.0
+                yield f"{result.model} {name}", Quantity(float(value), known, unit)
+        if isinstance(result, LoopMargins):
+            for figure, unit in (("phase_deg", "deg"), ("gain_up_db", "dB")):
+                for k, at in enumerate(result.ids):
+                    path = least_of(result, k, figure, result.axes)
+                    if path:
+                        value, low, high = result.row(path)[:, k].tolist()
+                        spread = (high - low) / 3.92 if math.isfinite(high - low) else 0.0
+                        label = f"{at} least {figure.split('_')[0]} margin"
+                        yield label, Quantity(value, spread, unit)
+        if isinstance(result, GapResult):
+            for name, chance in result.which.probabilities.items():
+                yield f"probability of {name}", Quantity(chance, 0.0, "1")
+            if result.how_far and math.isfinite(result.how_far[0].wrench.G):
+                g = result.how_far[0].wrench
+                yield "share of the gap that goes", Quantity(g.G, (g.hi - g.lo) / 3.92, "1")
+
+
+_TELL_FROM = 0.005  # of a number without a standard error: less is called the same
+_BEYOND = 2.0  # standard errors from which two numbers differ
+
+
+def _compared(new: Review, old_files: Sequence[File]) -> Review:
+    """Return a review with what has changed since an older one."""
+    read = read_together(old_files)
+    if len(read) == 1 and isinstance(read[0].result, Review):
+        old = read[0].result
+    elif any(isinstance(one.result, Review) for one in read):
+        raise UsageError(
+            "an older review is given together with other files", remedy="give the review, or the files"
+        )
+    else:
+        old = review(read)
+    if old.vehicle and new.vehicle and old.vehicle != new.vehicle:
+        raise DataError(
+            f"is of '{old.vehicle}', but what is reported is of '{new.vehicle}'",
+            where=str(old_files[0]),
+            remedy="compare with an older set of the same vehicle",
+        )
+    changes = [
+        Change(f"answer on the {a.subject}", b.answer, a.answer)
+        for a in new.decisions
+        for b in old.decisions
+        if a.subject == b.subject and a.answer != b.answer
+    ]
+    numbers, both = [], 0
+    for label, now in new.quantities.items():
+        before = old.quantities.get(label)
+        if before is None:
+            continue
+        both += 1
+        spread = math.hypot(now.std_error, before.std_error)
+        apart = now.value - before.value
+        sigmas = apart / spread if spread else math.nan
+        told = abs(sigmas) > _BEYOND if spread else abs(apart) > _TELL_FROM * max(abs(before.value), 1e-12)
+        if told:
+            unit = "" if now.unit == "1" else f" {now.unit}"
+            numbers.append(Change(label, f"{before.value:.4g}{unit}", f"{now.value:.4g}{unit}", sigmas))
+    numbers.sort(key=lambda c: -abs(c.sigmas) if math.isfinite(c.sigmas) else 0.0)
+    gone = sorted({k.split(" ")[0] for k in old.quantities} - {k.split(" ")[0] for k in new.quantities})
+    came = sorted({k.split(" ")[0] for k in new.quantities} - {k.split(" ")[0] for k in old.quantities})
+    changes += [Change(f"condition or model {name}", "there", "not there") for name in gone]
+    changes += [Change(f"condition or model {name}", "not there", "there") for name in came]
+    name = ", ".join(one.source.name for one in read)
+    return replace(new, against=name, changes=(*changes, *numbers), compared=both)

@@ -16,7 +16,8 @@ from freqid.core.results.prediction import PredictedResponse
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Vehicle
 from freqid.design.forecast.modelled import derivatives_of, positions_at
-from freqid.dynamics.controlled import ControlLaw, ControlledAircraft
+from freqid.dynamics.control_law import ControlLaw
+from freqid.dynamics.controlled import ControlledAircraft, UnevenLags
 from freqid.dynamics.mass import at_tilts
 from freqid.dynamics.small_motion import STATES, rotor_spin
 
@@ -73,7 +74,9 @@ class ModelAtCondition:
         drawn = [rng.multivariate_normal(r.estimate, r.covariance, count) for r in self.responses]
         return [list(one) for one in zip(*drawn, strict=True)]
 
-    def controlled(self, vehicle: Vehicle, law: ControlLaw) -> ControlledAircraft:
+    def controlled(
+        self, vehicle: Vehicle, law: ControlLaw, lags: UnevenLags | None = None
+    ) -> ControlledAircraft:
         """Return the aircraft under a control law.
 
         Parameters
@@ -82,13 +85,16 @@ class ModelAtCondition:
             Its mass properties are taken to the trimmed tilts.
         law : ControlLaw
             Of all effectors of the vehicle, in order.
+        lags : UnevenLags, optional
+            Of its actuators.
         """
         tilts = {w.tilt for w in vehicle.wings} & set(self.trim)
         tilted = at_tilts(vehicle, {n: self.trim[n] for n in tilts})
         spin = rotor_spin(tilted, law.effectors, self.trim)
         positions = np.array([self.trim.get(n, 0.0) for n in law.effectors])
+        wrench = self.wrench(law.effectors)
         return ControlledAircraft(
-            tilted, self.wrench(law.effectors), self.velocity, self.theta, spin, spin @ positions, law
+            tilted, wrench, self.velocity, self.theta, spin, spin @ positions, law, lags
         )
 
 

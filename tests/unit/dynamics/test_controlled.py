@@ -5,7 +5,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
-from freqid.dynamics.controlled import FED_BACK, ControlLaw, ControlledAircraft
+from freqid.dynamics.control_law import ControlLaw
+from freqid.dynamics.controlled import ControlledAircraft, UnevenLags
 from freqid.dynamics.linear_loop import Actuation
 from freqid.dynamics.small_motion import equations_of_motion
 
@@ -42,9 +43,23 @@ def aircraft(up=None, down=None, delay=DELAY, law=None, spin=None):
     lag = LAG if up is None or down is None else 2 / (1 / up + 1 / down)
     one, zero = np.ones(3), np.zeros(3)
     actuation = Actuation(one, delay, np.full(3, np.inf), one, one, lag, zero)
-    control = ControlLaw(NAMES, gains() if law is None else law, actuation, "test", up, down)
+    control = law_of(gains() if law is None else law, actuation)
     spin = np.zeros((3, 3)) if spin is None else spin
-    return ControlledAircraft(vehicle, WRENCH, np.array([20.0, 0.0, 1.0]), 0.05, spin, np.zeros(3), control)
+    lags = None if up is None or down is None else UnevenLags(up, down)
+    velocity = np.array([20.0, 0.0, 1.0])
+    return ControlledAircraft(vehicle, WRENCH, velocity, 0.05, spin, np.zeros(3), control, lags)
+
+
+def law_of(table, actuation):
+    """Gains from u v w p q r phi theta psi, integrals of u and v, altitude, integral of psi, as a law."""
+    signals = ("u", "v", "w", "p", "q", "r", "phi", "theta", "psi", "alt")
+    B = np.zeros((3, 10))
+    B[0, 0] = B[1, 1] = B[2, 8] = 1.0
+    D = np.hstack([table[:, :9], table[:, [11]]])
+    C = table[:, [9, 10, 12]]
+    used = C.any(axis=0)
+    A = np.zeros((used.sum(), used.sum()))
+    return ControlLaw(signals, NAMES, NAMES, A, B[used], C[:, used], D, np.eye(3), actuation, "test")
 
 
 def multisine(seconds=16.0):
@@ -166,7 +181,3 @@ def test_a_motion_that_grows_is_had_too():
     for i, name in enumerate(["u", "v", "w", "p", "q", "r", "phi", "theta"]):
         if name in ("u", "w", "q", "theta"):
             assert np.abs(states[i] - right[i]).max() < 0.01 * np.abs(right[i]).max()
-
-
-def test_columns_of_the_gains_have_names():
-    assert FED_BACK[8:] == ("psi", "integral of u", "integral of v", "altitude", "integral of psi")

@@ -43,11 +43,15 @@ class FreeRun:
     channels : tuple of PredictedChannel
     unstable_draws : float
         Share of the drawn models whose loop is unstable.
+    wrench_hz : float
+        Up to which the bands of the wrench hold noise: the model's highest line, or the top of the design's
+        band where the model was identified in time.
     """
 
     time: Array
     channels: tuple[PredictedChannel, ...]
     unstable_draws: float
+    wrench_hz: float
 
 
 def free_run(
@@ -130,7 +134,7 @@ def free_run(
                 band_std=float(np.sqrt(steady.in_band[i] + own[i, 1])),
             )
         )
-    return FreeRun(time, tuple(channels), unstable / draws)
+    return FreeRun(time, tuple(channels), unstable / draws, float(top))
 
 
 def refuse_unstable(aircraft: ControlledAircraft, duration: float) -> None:

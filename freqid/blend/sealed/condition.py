@@ -112,9 +112,14 @@ def of_point(model: PointModel, vehicle: Vehicle) -> ModelAtCondition:
     responses = tuple(_of_response(r) for r in model.responses.values())
     trim = {n: float(x) for r in responses for n, x in zip(r.regressors, r.trim, strict=True)}
     trim = positions_at(model.reference, vehicle) | trim
-    lines = [r.fit["frequency"].axis[-1] for r in model.responses.values() if "frequency" in r.fit]
     found = {r.response: r.bias for r in responses}
-    return _at(model.reference, responses, trim, found, float(max(lines, default=np.inf)), "point", vehicle)
+    return _at(model.reference, responses, trim, found, _highest_line(model), "point", vehicle)
+
+
+def _highest_line(model: PointModel) -> float:
+    """Return the highest line of a fit, Hz; infinite where the model was identified in time."""
+    lines = [r.fit["frequency"].axis[-1] for r in model.responses.values() if "frequency" in r.fit]
+    return float(max(lines, default=np.inf))
 
 
 def of_global(
@@ -143,16 +148,18 @@ def of_global(
             f"the model has the form '{model.corridor.form}', expected 'force'",
             remedy="blend points that were identified with form 'force' and axes 'body'",
         )
-    along = model.corridor.along
-    inputs = model.reference(reference.u if along == "u" else reference[along], reference.rho)
+    c = model.corridor
+    knots_at = c.u if c.along == "u" else c.schedule[c.scheduled.index(c.along)]
+    at = reference.u if c.along == "u" else reference[c.along]
+    nearest_knot = int(np.argmin(np.abs(knots_at - at)))
+    inputs = model.reference(at, reference.rho)
     gradient = model.gradient(inputs)[:, :, 0]
     bias = model.wrench(inputs).values[:, 0]
     place = {name: i for i, name in enumerate(model.inputs)}
     left = residual.responses if residual is not None else {}
     responses = []
-    for row, knots in enumerate(model.corridor.responses.values()):
+    for row, knots in enumerate(c.responses.values()):
         found = _left_by(left[knots.response]) if knots.response in left else {}
-        nearest_knot = int(np.argmin(np.abs(model.corridor.u - reference.u)))
         responses.append(
             PredictedResponse(
                 response=knots.response,
@@ -168,7 +175,8 @@ def of_global(
             )
         )
     trim = {n: float(x[0]) for n, x in inputs.items()}
-    highest = model.corridor.highest_hz if np.isfinite(model.corridor.highest_hz) else np.inf
+    lines = [c.highest_hz, _highest_line(residual)] if residual is not None else [c.highest_hz]
+    highest = min((hz for hz in lines if np.isfinite(hz)), default=np.inf)
     by_name = dict(zip(model.names, map(float, bias), strict=True))
     return _at(reference, tuple(responses), trim, by_name, float(highest), "global", vehicle)
 

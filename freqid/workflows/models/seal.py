@@ -23,7 +23,7 @@ from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.record import FlightRecord
 from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledInputs
 from freqid.core.results.point import PointModel
-from freqid.core.results.prediction import FILE, Prediction, Score, digest_of
+from freqid.core.results.prediction import FILE, WRENCH_HZ, Prediction, Score, digest_of
 from freqid.core.scenario import Reference, Scenario
 from freqid.core.vehicle import Vehicle
 from freqid.design.forecast.closed_loop import SPECIFIC_FORCES
@@ -190,6 +190,7 @@ def predict_flight(
             "level": 0.95,
             "noise": {n: float(x) for n, x in sorted(noise.items())},
             "turbulence_m_s": float(turbulence),
+            WRENCH_HZ: run.wrench_hz,
             "law": source,
             **_loop_file(loop),
             "theta_rad": float(local.theta),

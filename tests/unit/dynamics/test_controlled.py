@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from freqid.core.errors import UsageError
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 from freqid.dynamics.control_law import ControlLaw
 from freqid.dynamics.controlled import ControlledAircraft, UnevenLags
@@ -181,3 +182,42 @@ def test_a_motion_that_grows_is_had_too():
     for i, name in enumerate(["u", "v", "w", "p", "q", "r", "phi", "theta"]):
         if name in ("u", "w", "q", "theta"):
             assert np.abs(states[i] - right[i]).max() < 0.01 * np.abs(right[i]).max()
+
+
+def test_a_law_with_states_of_its_own_is_what_its_transfer_function_says():
+    """Pitch rate behind a washout, altitude and flow angle, at a trim that moves along and down."""
+    velocity, theta = np.array([20.0, 0.0, 1.0]), 0.05
+    law = ControlLaw(
+        signals=("q", "alt", "alpha"),
+        axes=("pitch",),
+        effectors=("de",),
+        A=np.array([[-2.0]]),
+        B=np.array([[1.0, 0.0, 0.0]]),
+        C=np.array([[-2.0]]),
+        D=np.array([[1.0, 0.03, 0.4]]),
+        allocation=np.array([[0.5]]),
+        actuation=Actuation.ideal(1),
+    )
+    s = np.array([0.3j, 0.1 + 2.0j])
+    found = law.over(("da", "de")).transfer(s, velocity, theta)
+    assert not found[:, 0].any()
+    climb = np.array([np.sin(theta), -np.cos(theta), 20.0 * np.cos(theta) + np.sin(theta)])
+    speed = np.hypot(20.0, 1.0)
+    right = np.zeros((2, 8), dtype=complex)
+    right[:, 4] = s / (s + 2.0)
+    right[:, [0, 2, 7]] += 0.03 * climb / s[:, None]
+    right[:, [0, 2]] += 0.4 * np.array([-1.0, 20.0]) / speed**2
+    np.testing.assert_allclose(found[:, 1], 0.5 * right, rtol=1e-12, atol=1e-15)
+    # a gust moves what is measured against the air by itself: only the rest is of the ground
+    right[:, [0, 2]] -= 0.4 * np.array([-1.0, 20.0]) / speed**2
+    ground = law.transfer(s, velocity, theta, air_data=False)
+    np.testing.assert_allclose(ground[:, 0], 0.5 * right, rtol=1e-12, atol=1e-15)
+
+
+def test_a_law_over_all_effectors_keeps_their_order_and_refuses_others():
+    law = ControlLaw.of_gains(("q", "p"), ("de", "da"), np.array([[0.4, 0.0], [0.0, -0.2]]))
+    wide = law.over(("da", "n1", "de"))
+    np.testing.assert_array_equal(wide.allocation @ wide.D, [[0.0, -0.2], [0.0, 0.0], [0.4, 0.0]])
+    assert wide.actuation.gain.tolist() == [1.0, 1.0, 1.0]
+    with pytest.raises(UsageError, match="moves 'de', which the aircraft does not have"):
+        law.over(("da", "n1"))

@@ -57,13 +57,13 @@ def command(
     from freqid.workflows.models.seal import predict_flight
 
     destination = destination or design.with_name(f"{design.stem}-prediction.h5")
-    drawn = destination.with_suffix(".html") if page else None
     sources = (model, design, asked["scenario"], asked["residual"], asked["loop"] and Path(asked["loop"]))
-    options.keep_inputs((destination, drawn), *sources)
+    drawn = options.page_beside(destination, page, *sources)
     prediction = predict_flight(model, design, **asked)
     save(prediction, destination)
     if drawn:
         page_of(prediction).save(drawn)
     for remark in prediction.remarks:
         click.echo(f"warning: {remark}.", err=True)
-    options.emit(json_, prediction_result(prediction), f"{prediction_text(prediction)}\n{destination}")
+    text = f"{prediction_text(prediction)}\n{options.written(destination, drawn)}"
+    options.emit(json_, prediction_result(prediction), text)

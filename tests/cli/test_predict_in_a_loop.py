@@ -137,7 +137,7 @@ def test_a_flight_in_the_users_loop_is_as_the_global_model_predicts(freqid, fold
     assert code == 0, err
     said = json.loads(out)
     assert said["model"]["kind"] == "global"
-    assert said["settings"]["law"] == "attitude hold, its own actuators"
+    assert said["settings"]["law"] == "attitude hold with its own actuators"
     assert said["settings"]["loop"]["file"].endswith("loop.toml")
     assert len(said["settings"]["loop"]["sha256"]) == 64
     code, out, err = freqid("score", sealed, folder / "second-flight.h5", "--json", "--no-page")

@@ -322,7 +322,7 @@ def flown_law(
         law_at, name = law_of(loop, vehicle)
         tilts = {w.tilt: trim[w.tilt] for w in vehicle.wings if w.tilt in trim}
         law = law_at(reference.u, reference.rho, tilts | dict(reference.scheduled))
-        source = f"{name}, its own actuators"
+        source = f"{name.removeprefix('law of ')} with its own actuators"
     elif scenario.simulation.loads:
         law, lags = _simulated_law(scenario, reference)
         source = "[control.gains]" if "gains" in scenario.control else "the simulation ([control.lq])"

@@ -276,7 +276,18 @@ def _labels(variables: dict[str, Any], name: str | None) -> list[str]:
 
 
 def texts(found: Any) -> list[str]:
-    """Return the stripped texts of a cell array; anything else in a cell reads as empty."""
+    """Return the stripped texts of a cell array; anything else in a cell reads as empty.
+
+    Raises
+    ------
+    DataError
+        For an object, as a string array of MATLAB is one.
+    """
+    if isinstance(found, MatlabObject):
+        raise DataError(
+            f"names are a MATLAB object of class {found.class_name}, expected a cell array of text",
+            remedy="save them as {'q', 'theta'} in place of [\"q\", \"theta\"]",
+        )
     cells = found.ravel() if isinstance(found, np.ndarray) else found if isinstance(found, list) else [found]
     return [cell.strip() if isinstance(cell, str) else "" for cell in cells]
 

@@ -13,7 +13,7 @@ from scipy.sparse import csc_array
 from freqid.core.errors import DataError
 from freqid.flightlog.column_map import ChannelPlace, ColumnMap, MassPlace, TimePlace, read_column_map
 from freqid.flightlog.listing import list_log
-from freqid.flightlog.readers.matlab import load_variables, lookup, read_matlab
+from freqid.flightlog.readers.matlab import load_variables, lookup, read_matlab, texts
 
 T = 0.05 * np.arange(40)
 DATA = np.column_stack([T, np.sin(T), 10 * np.cos(T)])
@@ -219,6 +219,9 @@ def test_an_object_is_refused_by_its_class_with_what_to_type(tmp_path):
         file["q"] = np.sin(T)[None]
     listed = {c.name: c for c in list_log(path).channels}
     assert (listed["ts"].label, listed["ts"].samples, listed["q"].samples) == ("timeseries", 0, T.size)
+    named = object_v73(tmp_path / "z.mat", labels="string")
+    with pytest.raises(DataError, match=r"of class string, expected a cell array .* in place of \["):
+        texts(load_variables(named)["labels"])
     with pytest.raises(DataError, match="logsout is a MATLAB object of class Simulink"):
         list_log(object_v73(tmp_path / "y.mat", logsout="Simulink.SimulationData.Dataset"))
 

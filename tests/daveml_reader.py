@@ -35,14 +35,28 @@ ORDER = {
     "checkInputs": r"(signal )+",
     "internalValues": r"(signal )+",
     "checkOutputs": r"(signal )+",
-    "signal": r"(signalName |varID )(signalUnits )?signalValue (tol )?",
+    "signal": r"(signalName signalUnits |varID |signalID )signalValue (tol )?",
+    "author": r"((address )*|(contactInfo )*)",
+    "bounds": r"((dataTable|variableDef|variableRef) )*",
 }
+# Those without text; what is in neither table holds text alone.
+EMPTY = {
+    "creationDate",
+    "isInput",
+    "isOutput",
+    "variableRef",
+    "bpRef",
+    "independentVarRef",
+    "dependentVarRef",
+}
+EMPTY |= {"griddedTableRef", "correlation", "correlatesWith"}
 NEEDED = {
-    "fileHeader": {"name"},
     "author": {"name", "org"},
     "creationDate": {"date"},
     "variableDef": {"name", "varID", "units"},
+    "variableRef": {"varID"},
     "breakpointDef": {"bpID"},
+    "griddedTableDef": {"gtID"},
     "bpRef": {"bpID"},
     "function": {"name"},
     "independentVarRef": {"varID"},
@@ -52,6 +66,22 @@ NEEDED = {
     "normalPDF": {"numSigmas"},
     "correlation": {"varID", "corrCoef"},
     "staticShot": {"name"},
+}
+# Attributes that may be there beside those that have to, and the words that some of them are of.
+ALLOWED = {
+    "fileHeader": {"name"},
+    "author": {"xns", "email"},
+    "variableDef": {"axisSystem", "sign", "alias", "symbol", "initialValue", "minValue", "maxValue"},
+    "breakpointDef": {"name", "units"},
+    "griddedTableDef": {"name", "units"},
+    "functionDefn": {"name"},
+    "independentVarRef": {"min", "max", "extrapolate", "interpolate"},
+    "staticShot": {"refID"},
+}
+WORDS = {
+    "extrapolate": {"neither", "min", "max", "both"},
+    "interpolate": {"discrete", "floor", "ceiling", "linear", "quadraticSpline", "cubicSpline"},
+    "effect": {"additive", "multiplicative", "percentage", "absolute"},
 }
 
 
@@ -63,6 +93,7 @@ class Model:
     """One DAVEfunc file."""
 
     def __init__(self, path):
+        self.path = path
         self.root = ET.parse(path).getroot()
         assert self.root.tag == NS + "DAVEfunc"
         self.variables = {v.get("varID"): v for v in self.root.findall(NS + "variableDef")}
@@ -80,8 +111,9 @@ class Model:
         }
 
     def problems(self):
-        """Return where elements are out of order, lack an attribute, or refer to nothing."""
+        """Return where elements or attributes are not as the standard has them, or references dangle."""
         found, ids = [], []
+        tables = {"varID": self.variables, "bpID": self.breakpoints, "gtID": self.tables}
         for element in self.root.iter():
             if not element.tag.startswith(NS):
                 continue
@@ -89,15 +121,24 @@ class Model:
             children = "".join(c.tag.rpartition("}")[2] + " " for c in element)
             if name in ORDER and not re.fullmatch(ORDER[name], children):
                 found.append(f"{name}: {children}")
-            found += [f"{name} lacks {a}" for a in NEEDED.get(name, set()) - set(element.keys())]
+            if name not in ORDER and children:
+                found.append(f"{name} holds {children}")
+            if name in EMPTY and (element.text or "").strip():
+                found.append(f"{name} holds text")
+            needed = NEEDED.get(name, set())
+            found += [f"{name} lacks {a}" for a in needed - set(element.keys())]
+            found += [f"{name} has {a}" for a in set(element.keys()) - needed - ALLOWED.get(name, set())]
+            found += [f"{name} {k} {v}" for k, v in element.items() if v not in WORDS.get(k, {v})]
+            if name == "checkOutputs":
+                found += ["a check without tolerance" for s in element if s.find(NS + "tol") is None]
             ids += [
                 v
                 for k, v in element.items()
                 if (name, k)
                 in {("variableDef", "varID"), ("breakpointDef", "bpID"), ("griddedTableDef", "gtID")}
             ]
-            if name in ("independentVarRef", "dependentVarRef", "variableRef", "correlation"):
-                found += [] if element.get("varID") in self.variables else [f"no {element.get('varID')}"]
+            if name.endswith("Ref") or name == "correlation":
+                found += [f"no {v}" for k, v in element.items() if k in tables and v not in tables[k]]
         found += [f"{v} is no XML name" for v in ids if not re.fullmatch(r"[A-Za-z_][\w.-]*", v, re.ASCII)]
         return found + [f"{v} comes twice" for v in set(ids) if ids.count(v) > 1]
 

@@ -81,7 +81,7 @@ def command(
     from freqid.workflows.design import design_inputs, refuse_unfit
 
     destination = destination or Path("reports") / "design.h5"
-    options.keep_inputs(destination, scenario, asked["model"])
+    options.page_beside(destination, page, scenario, asked["model"])
     refuse_unfit(asked["waveform"], {"--c-header": c_header, "--lua": lua})
     formats = {".csv": csv, ".mat": mat, ".h": c_header, ".lua": lua}
     found = design_inputs(

@@ -33,7 +33,7 @@ from freqid.cli.options import FILE
     "tolerances",
     multiple=True,
     metavar="NAME=SIGMA",
-    callback=options.parsed(options.sigma),
+    callback=options.parsed(options.sigma("--tolerance", "mass=0.01")),
     help="One sigma of what is no gap, over the scenario's [tolerance]; may be repeated.",
 )
 @click.option(
@@ -93,10 +93,10 @@ def command(
     pair = pair_of(sim, predictions, held_out, asked["effects"])
     default = f"{records[0].stem}-{'rivals' if pair else 'gap'}.h5"
     destination = destination or records[0].with_name(default)
-    drawn = destination.with_suffix(".html") if page else None
     design = destination.with_name(f"{destination.stem}-next.h5")
     sources = (*records, *held_out, *predictions, asked["scenario"], asked["own_effects"])
-    options.keep_inputs((destination, drawn, design), *sources)
+    drawn = options.page_beside(destination, page, *sources)
+    options.keep_inputs(design, *sources)
     tell = progress.line()
     asked |= {"tolerances": dict(asked["tolerances"]), "tell": tell}
     if pair:
@@ -119,4 +119,4 @@ def command(
         page_of(found).save(drawn)
     tell("")
     table |= {"file": str(destination), "page": str(drawn or "")}
-    options.emit(json_, table, f"{text}\n\n{destination}" + (f"\n{drawn}" if drawn else ""))
+    options.emit(json_, table, f"{text}\n\n{options.written(destination, drawn)}")

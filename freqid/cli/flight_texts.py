@@ -12,11 +12,6 @@ from freqid.workflows.campaign import trims_flown
 from freqid.workflows.fly import SimulatedManeuver
 
 
-def files_of(record: Path, *, page: bool) -> list[Path]:
-    """Return the files of a flight: record, truth, and the page where it is drawn."""
-    return [record, truth_path(record), *([record.with_suffix(".html")] if page else [])]
-
-
 def flight_result(found: SimulatedManeuver, destination: Path) -> dict[str, Any]:
     """Return what is worth knowing of a flight."""
     return {

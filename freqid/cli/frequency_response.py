@@ -77,15 +77,14 @@ def command(
     from freqid.workflows.files import save
     from freqid.workflows.models.frequency_response import frequency_response
 
-    response = frequency_response(records, **asked)
     destination = destination or records[0].with_name(f"{records[0].stem}-response.h5")
-    drawn = destination.with_suffix(".html") if page else None
-    options.keep_inputs(
-        (destination, drawn), *records, asked["scenario"], asked["model"], asked["simulation"]
-    )
+    sources = (*records, asked["scenario"], asked["model"], asked["simulation"])
+    drawn = options.page_beside(destination, page, *sources)
+    response = frequency_response(records, **asked)
     save(response, destination)
     if drawn:
         page_of(response).save(drawn)
     for remark in response.remarks:
         click.echo(f"warning: {remark}", err=True)
-    options.emit(json_, response_result(response), f"{response_table(response)}\n{destination}")
+    text = f"{response_table(response)}\n{options.written(destination, drawn)}"
+    options.emit(json_, response_result(response), text)

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from freqid.cli.options import FILE, as_json, emit, keep_inputs, names, page_option
+from freqid.cli.options import FILE, as_json, emit, names, page_beside, page_option, parsed, sigma, written
 from freqid.core.errors import UsageError
 
 
@@ -47,10 +47,13 @@ from freqid.core.errors import UsageError
     "at them; or from all manoeuvres at once.",
 )
 @click.option("--clusters", type=click.IntRange(min=1), help="Of advance ratio: clusters of trim alpha.")
-@click.option("--hold", help="Of a semi-local model: derivatives that it holds, as Cm.0,CZ.0.")
+@click.option(
+    "--hold", callback=parsed(names), help="Of a semi-local model: derivatives that it holds, as Cm.0,CZ.0."
+)
 @click.option(
     "--sensor-error",
     multiple=True,
+    callback=parsed(sigma("--sensor-error", "V=0.05")),
     help="Of advance ratio: one sigma of a constant error that all manoeuvres share, as V=0.05 (m/s) or "
     "alpha=0.002 (rad).",
 )
@@ -74,14 +77,7 @@ def command(
     carried one to the other. By advance ratio, each derivative is a mean, one or two exponentials of J in
     each cluster of trim angles of attack.
     """
-    drawn = destination.with_suffix(".html") if page else None
-    if drawn == destination:
-        raise UsageError(
-            "the result is no page; the page is written beside it",
-            where=str(destination),
-            remedy=f"write -o {destination.with_suffix('.h5')}",
-        )
-    keep_inputs([destination, drawn], *points, held_out, *asked["judged"])
+    drawn = page_beside(destination, page, *points, held_out, *asked["judged"])
     of = {
         "corridor": ("densities", "along", "outside"),
         "advance-ratio": ("kind", "clusters", "hold", "sensor_error"),
@@ -122,12 +118,7 @@ def _corridor(
     save(model, destination)
     if drawn:
         page_of(model, record=held_out, outside=outside).save(drawn)
-    text = "\n".join([blend_table(*found), *_written(destination, drawn)])
-    emit(json_, blend_result(*found), text)
-
-
-def _written(destination: Path, drawn: Path | None) -> list[str]:
-    return [str(destination), *([str(drawn)] if drawn else [])]
+    emit(json_, blend_result(*found), f"{blend_table(*found)}\n{written(destination, drawn)}")
 
 
 def _advance_ratio(
@@ -138,27 +129,18 @@ def _advance_ratio(
     from freqid.workflows.files import save
     from freqid.workflows.models.advance_ratio import blend_by_advance_ratio, compare_held_out
 
-    hold = names(asked["hold"]) if asked["hold"] is not None else None
     model = blend_by_advance_ratio(
         points,
         kind=asked["kind"] or "global",
         clusters=asked["clusters"],
-        hold=hold,
-        sensor_errors=dict(map(_sensor_error, asked["sensor_error"])),
+        hold=asked["hold"],
+        sensor_errors=dict(asked["sensor_error"]),
     )
     save(model, destination)
     if drawn:
         page_of(model).save(drawn)
     scores = None
     if asked["judged"]:
-        scores = compare_held_out(points, asked["judged"], clusters=asked["clusters"], hold=hold)
-    text = "\n".join([advance_ratio_table(model, scores), *_written(destination, drawn)])
+        scores = compare_held_out(points, asked["judged"], clusters=asked["clusters"], hold=asked["hold"])
+    text = f"{advance_ratio_table(model, scores)}\n{written(destination, drawn)}"
     emit(json_, advance_ratio_result(model, scores), text)
-
-
-def _sensor_error(text: str) -> tuple[str, float]:
-    name, _, value = text.partition("=")
-    try:
-        return name.strip(), float(value)
-    except ValueError:
-        raise UsageError(f"--sensor-error is NAME=SIGMA such as V=0.05, not '{text}'") from None

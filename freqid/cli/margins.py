@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -11,16 +12,25 @@ from freqid.cli.options import FILE
 from freqid.cli.progress import line
 
 
+def _places(text: str) -> tuple[str | float, ...]:
+    """Return ids of points, and speeds, m/s, that stand with commas between them."""
+    found: list[str | float] = []
+    for name in options.names(text):
+        try:
+            found.append(float(name))
+        except ValueError:
+            found.append(name)
+    return tuple(found)
+
+
 @click.command("margins")
 @click.argument("model", metavar="MODEL", type=FILE)
 @click.argument("loop", metavar="LOOP")
-@click.option(
-    "-o", "--output", "destination", type=FILE, help="Result; default: the model's name with -margins.h5."
-)
+@options.output("the model's name with -margins.h5")
 @click.option(
     "--at",
     default="",
-    callback=options.parsed(options.names),
+    callback=options.parsed(_places),
     help="Points of the model or speeds in m/s, as u20,u45 or 12.5,30; all its points without it.",
 )
 @click.option("--scenario", type=FILE, help="Vehicle in place of the one that the model states.")
@@ -48,19 +58,7 @@ from freqid.cli.progress import line
 )
 @options.page_option("the margins along the corridor")
 @options.as_json
-def command(
-    model: Path,
-    loop: str,
-    destination: Path | None,
-    at: tuple[str, ...],
-    scenario: Path | None,
-    draws: int,
-    seed: int,
-    level: float,
-    beside: tuple[Path, ...],
-    page: bool,
-    json_: bool,
-) -> None:
+def command(model: Path, loop: str, destination: Path | None, page: bool, json_: bool, **asked: Any) -> None:
     """Say what the uncertainty of MODEL means for the control law LOOP.
 
     MODEL is a global model or a point model. LOOP is a loop file (TOML or MAT), FILE.py:NAME of a
@@ -72,30 +70,13 @@ def command(
     from freqid.workflows.models.margins import margins
 
     destination = destination or model.with_name(f"{model.stem}-margins.h5")
-    drawn = destination.with_suffix(".html") if page else None
-    options.keep_inputs((destination, drawn), model, Path(loop), scenario, *beside)
+    sources = (model, Path(loop), asked["scenario"], *asked["beside"])
+    drawn = options.page_beside(destination, page, *sources)
     tell = line()
-    found = margins(
-        model,
-        loop,
-        [_place(name) for name in at],
-        scenario=scenario,
-        draws=draws,
-        seed=seed,
-        level=level,
-        beside=beside,
-        tell=tell,
-    )
+    found = margins(model, loop, **asked, tell=tell)
     tell("")
     save(found, destination)
     if drawn:
         page_of(found).save(drawn)
-    options.emit(json_, margins_result(found), f"{margins_table(found)}\n{destination}")
-
-
-def _place(text: str) -> str | float:
-    """Return a speed, or the id of a point."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
+    text = f"{margins_table(found)}\n{options.written(destination, drawn)}"
+    options.emit(json_, margins_result(found), text)

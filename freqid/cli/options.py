@@ -125,6 +125,31 @@ def keep_inputs(result: Path | Iterable[Path | None], *inputs: Path | None) -> N
                 raise UsageError(f"the result would replace its own input {source}", remedy="change -o")
 
 
+def page_beside(result: Path, page: bool, *inputs: Path | None) -> Path | None:
+    """Return where the page of a result goes, None without one; neither replaces an input, or the other.
+
+    Raises
+    ------
+    UsageError
+    """
+    from freqid.core.errors import UsageError
+
+    drawn = result.with_suffix(".html") if page else None
+    if drawn == result:
+        raise UsageError(
+            "the result is no page; the page is written beside it",
+            where=str(result),
+            remedy=f"write -o {result.with_suffix('.h5')}",
+        )
+    keep_inputs((result, drawn), *inputs)
+    return drawn
+
+
+def written(*files: Path | None) -> str:
+    """Return the files that were written, a line each."""
+    return "\n".join(str(file) for file in files if file)
+
+
 def as_json(command: Command) -> Command:
     """Add ``--json``."""
     return click.option("--json", "json_", is_flag=True, help="Print the result as JSON.")(command)
@@ -135,12 +160,16 @@ def emit(json_: bool, result: dict[str, Any], text: str) -> None:
     click.echo(json.dumps(result, indent=2, allow_nan=False) if json_ else text)
 
 
-def sigma(word: str) -> tuple[str, float]:
-    """Return name and size of a tolerance, ``NAME=SIGMA``."""
-    from freqid.core.errors import UsageError
+def sigma(option: str, example: str) -> Callable[[str], tuple[str, float]]:
+    """Return a reader of ``NAME=SIGMA`` for an option; `example` is one that it takes."""
 
-    name, _, value = word.partition("=")
-    try:
-        return name.strip(), float(value)
-    except ValueError:
-        raise UsageError(f"--tolerance is NAME=SIGMA such as mass=0.01, not '{word}'") from None
+    def read(word: str) -> tuple[str, float]:
+        from freqid.core.errors import UsageError
+
+        name, _, value = word.partition("=")
+        try:
+            return name.strip(), float(value)
+        except ValueError:
+            raise UsageError(f"{option} is NAME=SIGMA such as {example}, not '{word}'") from None
+
+    return read

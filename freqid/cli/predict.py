@@ -29,6 +29,9 @@ from freqid.cli.options import FILE
     help="Let the bands hold gusts; m/s of wind at 20 ft, 7.7 (light) where only the flag is given.",
 )
 @click.option("--residual", type=FILE, help="Point model whose residual a global model's bands hold.")
+@click.option(
+    "--loop", help="Law and actuators in place of the scenario's: a loop file, FILE.py:NAME or a scenario."
+)
 @click.option("--feedback/--no-feedback", default=True, help="Without it the trim's commands are held.")
 @click.option(
     "--draws",
@@ -54,12 +57,13 @@ def command(
     from freqid.workflows.models.seal import predict_flight
 
     destination = destination or design.with_name(f"{design.stem}-prediction.h5")
-    drawn = destination.with_suffix(".html") if page else None
-    options.keep_inputs((destination, drawn), model, design, asked["scenario"], asked["residual"])
+    sources = (model, design, asked["scenario"], asked["residual"], asked["loop"] and Path(asked["loop"]))
+    drawn = options.page_beside(destination, page, *sources)
     prediction = predict_flight(model, design, **asked)
     save(prediction, destination)
     if drawn:
         page_of(prediction).save(drawn)
     for remark in prediction.remarks:
         click.echo(f"warning: {remark}.", err=True)
-    options.emit(json_, prediction_result(prediction), f"{prediction_text(prediction)}\n{destination}")
+    text = f"{prediction_text(prediction)}\n{options.written(destination, drawn)}"
+    options.emit(json_, prediction_result(prediction), text)

@@ -45,13 +45,12 @@ def command(
     from freqid.workflows.models.seal import score_prediction
 
     destination = destination or record.with_name(f"{record.stem}-score.h5")
-    drawn = destination.with_suffix(".html") if page else None
-    options.keep_inputs((destination, drawn), prediction, record, scenario)
+    drawn = options.page_beside(destination, page, prediction, record, scenario)
     score = score_prediction(prediction, record, scenario, gate=gate)
     save(score, destination)
     if drawn:
         page_of(score).save(drawn)
-    options.emit(json_, score_result(score), f"{score_text(score)}\n{destination}")
+    options.emit(json_, score_result(score), f"{score_text(score)}\n{options.written(destination, drawn)}")
     if not score.passed:
         kind, share = min(score.coverage.items(), key=lambda item: item[1])
         raise GateFailed(

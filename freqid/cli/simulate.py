@@ -73,7 +73,8 @@ def command(
     the flight, true excursions and effectors beside their limits, the aircraft and its trims. A campaign
     has no page; ``freqid import-log RECORD --split`` cuts its manoeuvres.
     """
-    from freqid.cli.flight_texts import files_of, flight_result, flight_text
+    from freqid.cli.flight_texts import flight_result, flight_text
+    from freqid.simulate.truth import truth_path
     from freqid.views.page import page as page_of
     from freqid.workflows.fly import simulate, start_of
     from freqid.workflows.inputs import scenario_of
@@ -83,14 +84,16 @@ def command(
         _fly_campaign(described, scenario, design, destination, json_, asked)
         return
     start = start_of(described, asked["at"])
-    files = files_of(destination or Path("reports") / f"{start.id}.h5", page=page)
-    options.keep_inputs(files, scenario, design, asked["own_effects"])
+    destination = destination or Path("reports") / f"{start.id}.h5"
+    sources = (scenario, design, asked["own_effects"])
+    drawn = options.page_beside(destination, page, *sources)
+    options.keep_inputs(truth_path(destination), *sources)
     flown = simulate(described, design, **asked)
-    flown.save(files[0])
-    result = flight_result(flown, files[0])
-    if page:
-        result["page"] = str(page_of(flown, record=files[0]).save(files[-1]))
-    flown.refuse_divergence(str(files[0]))
+    flown.save(destination)
+    result = flight_result(flown, destination)
+    if drawn:
+        result["page"] = str(page_of(flown, record=destination).save(drawn))
+    flown.refuse_divergence(str(destination))
     options.emit(json_, result, flight_text(result))
 
 
@@ -102,7 +105,8 @@ def _fly_campaign(
     json_: bool,
     asked: dict[str, Any],
 ) -> None:
-    from freqid.cli.flight_texts import campaign_result, campaign_text, files_of
+    from freqid.cli.flight_texts import campaign_result, campaign_text
+    from freqid.simulate.truth import truth_path
     from freqid.workflows.campaign import simulate_campaign
 
     single = {"at": "--at", "to": "--to", "duration": "--duration"}
@@ -111,10 +115,10 @@ def _fly_campaign(
             raise UsageError(f"{option} is of a single manoeuvre", remedy="leave it out of a --campaign")
     if not asked.pop("feedback"):
         raise UsageError("--no-feedback is of a single manoeuvre", remedy="leave it out of a --campaign")
-    files = files_of(destination or Path("reports") / f"{file.stem}-campaign.h5", page=False)
-    options.keep_inputs(files, file, design, asked["own_effects"])
+    destination = destination or Path("reports") / f"{file.stem}-campaign.h5"
+    options.keep_inputs((destination, truth_path(destination)), file, design, asked["own_effects"])
     flown = simulate_campaign(scenario, design, **asked)
-    flown.save(files[0])
-    flown.refuse_divergence(str(files[0]))
-    result = campaign_result(flown, files[0])
+    flown.save(destination)
+    flown.refuse_divergence(str(destination))
+    result = campaign_result(flown, destination)
     options.emit(json_, result, campaign_text(result))

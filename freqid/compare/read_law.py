@@ -327,7 +327,13 @@ def _read_mat(path: Path, vehicle: Vehicle) -> LawSchedule:
     size = {"A": (k, k), "B": (k, -1), "C": (-1, k), "D": (len(names["commands"]), -1)}
     matrices = {}
     for m in ("A", "B", "C", "D"):
-        values = np.asarray(held.get(m, ()), dtype=float)
+        try:
+            values = np.asarray(held.get(m, ()), dtype=float)
+        except (TypeError, ValueError):
+            raise DataError(
+                f"variable '{m}' is no matrix of numbers",
+                remedy="save A, B, C and D as [A, B, C, D] = ssdata(law)",
+            ) from None
         if values.size:  # the reader drops axes of length one
             matrices[m] = (values if values.ndim == 2 else values.reshape(size[m])).tolist()
     sign = int(np.ravel(np.asarray(held.get("sign", 1.0), dtype=float))[0])

@@ -11,7 +11,6 @@ import numpy as np
 from freqid.blend.state_space import StateSpace
 from freqid.compare.loop_margins import MotionAt, Place
 from freqid.compare.scenario_consequence import condition_at, design_law_at
-from freqid.core.errors import UsageError
 from freqid.core.scenario import Reference, Scenario
 from freqid.dynamics.control_law import ControlLaw, LawAt
 from freqid.dynamics.small_motion import STATES
@@ -31,19 +30,8 @@ def scenario_law(scenario: Scenario) -> LawAt:
     ----------
     scenario : Scenario
         Its ``[control]`` is designed anew at every condition that is asked for, as the simulation does at its
-        reference conditions.
-
-    Raises
-    ------
-    UsageError
-        For a law by total energy, whose modes are not one linear law.
+        reference conditions. A law by total energy, which a campaign flies, is not this one.
     """
-    if "tecs" in scenario.control:
-        raise UsageError(
-            "the law of [control.tecs] is not linear about one trim",
-            where=scenario.file or scenario.vehicle.name,
-            remedy="describe it about one trim in a loop file (docs/margins.md)",
-        )
 
     @cache
     def designed(u: float, rho: float, scheduled: tuple[tuple[str, float], ...]) -> ControlLaw:
@@ -52,15 +40,15 @@ def scenario_law(scenario: Scenario) -> LawAt:
         k, measured = len(linearize.STATES), (*linearize.STATES, "alt")
         integrals = loop.gain[:, k:]
         D = -np.hstack([loop.gain[:, :k], integrals[:, [_ALTITUDE]]])
-        B = np.array([[float(name == n) for n in measured] for name in _INTEGRATED.values()])
-        size = len(_INTEGRATED)
+        kept = [i for i in _INTEGRATED if integrals[:, i].any()]
+        B = np.array([[float(_INTEGRATED[i] == n) for n in measured] for i in kept])
         return ControlLaw(
             signals=measured,
             axes=loop.axes,
             effectors=loop.effectors,
-            A=np.zeros((size, size)),
-            B=B,
-            C=-integrals[:, list(_INTEGRATED)],
+            A=np.zeros((len(kept), len(kept))),
+            B=B.reshape(len(kept), len(measured)),
+            C=-integrals[:, kept],
             D=D,
             allocation=loop.allocation,
             actuation=loop.actuation,

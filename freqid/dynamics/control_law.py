@@ -11,10 +11,10 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from freqid.core.arrays import Array
+from freqid.core.arrays import Array, Complex
 from freqid.core.errors import UsageError, nearest
 from freqid.dynamics.linear_loop import Actuation, LinearLoop
-from freqid.dynamics.small_motion import NAVIGATION, SIGNALS, STATES, navigation_rows, signal_row
+from freqid.dynamics.small_motion import AIR_DATA, NAVIGATION, SIGNALS, STATES, navigation_rows, signal_row
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +67,94 @@ class ControlLaw:
             if not np.isfinite(getattr(self, name)).all():
                 raise UsageError(f"{name} holds a number that is not finite", remedy="correct it")
 
+    @classmethod
+    def none(cls, effectors: Sequence[str]) -> ControlLaw:
+        """Return no feedback, and actuators that follow at once."""
+        n = len(effectors)
+        return cls.of_gains((), effectors, np.zeros((n, 0)), name="none")
+
+    @classmethod
+    def of_gains(
+        cls, signals: Sequence[str], effectors: Sequence[str], gain: Array, *, name: str = ""
+    ) -> ControlLaw:
+        """Return constant gains, shape (n, s), with actuators that follow at once."""
+        n, s = gain.shape
+        return cls(
+            signals=tuple(signals),
+            axes=tuple(effectors),
+            effectors=tuple(effectors),
+            A=np.zeros((0, 0)),
+            B=np.zeros((0, s)),
+            C=np.zeros((n, 0)),
+            D=gain,
+            allocation=np.eye(n),
+            actuation=Actuation.ideal(n),
+            name=name,
+        )
+
+    def over(self, effectors: Sequence[str]) -> ControlLaw:
+        """Return the same law over all effectors of an aircraft, in their order.
+
+        The others keep the trim's command, and follow at once what is added to it.
+
+        Raises
+        ------
+        UsageError
+            Where the law moves an effector that is not among them.
+        """
+        for name in self.effectors:
+            if name not in effectors:
+                raise UsageError(
+                    f"the law moves '{name}', which the aircraft does not have",
+                    remedy=nearest(name, effectors),
+                )
+        order = [list(effectors).index(n) for n in self.effectors]
+        allocation = np.zeros((len(effectors), len(self.axes)))
+        allocation[order] = self.allocation
+        rows = {}
+        for field in fields(Actuation):
+            rows[field.name] = getattr(Actuation.ideal(len(effectors)), field.name)
+            rows[field.name][order] = getattr(self.actuation, field.name)
+        return replace(self, effectors=tuple(effectors), allocation=allocation, actuation=Actuation(**rows))
+
+    def transfer(self, s: Complex, velocity: Array, theta: float, *, air_data: bool = True) -> Complex:
+        """Return commands per unit of u v w p q r phi theta, shape (line, n, 8).
+
+        Parameters
+        ----------
+        s : ndarray of complex, shape (line,)
+            1/s, neither zero nor a pole of the law.
+        velocity : ndarray, shape (3,)
+            u v w of the trim, m/s.
+        theta : float
+            Pitch angle of the trim, rad.
+        air_data : bool
+            False leaves out what is measured against the air: airspeed and flow angles.
+
+        Raises
+        ------
+        UsageError
+            For a signal without meaning there.
+        """
+        seen = self._seen(velocity)
+        if not air_data:
+            seen[[name in AIR_DATA for name in self.signals]] = 0.0
+        states = len(STATES)
+        over = 1 / s[:, None, None]
+        measured = seen[:, :states] + over * (seen[:, states:] @ navigation_rows(velocity, theta))
+        inverse = np.linalg.solve(s[:, None, None] * np.eye(len(self.A)) - self.A, self.B.astype(complex))
+        return np.asarray(self.allocation @ (self.D + self.C @ inverse) @ measured, dtype=np.complex128)
+
+    def _seen(self, velocity: Array) -> Array:
+        """Return the signals by the eight states, heading and altitude; zero for those that do nothing."""
+        try:
+            seen = np.array([signal_row(n, velocity) for n in self.signals])
+        except ValueError as error:
+            raise UsageError(str(error), remedy="give a law that does without, or other conditions") from None
+        seen = seen.reshape(len(self.signals), len(STATES) + len(NAVIGATION))
+        seen[~(self.B.any(axis=0) | self.D.any(axis=0))] = 0.0
+        return seen
+
     def close(
         self, motion: Array, drive: Array, effectors: Sequence[str], velocity: Array, theta: float
     ) -> LinearLoop:
@@ -94,11 +182,7 @@ class ControlLaw:
                     f"the law moves '{name}', of which the model has no derivatives",
                     remedy=nearest(name, effectors),
                 )
-        try:
-            seen = np.array([signal_row(n, velocity) for n in self.signals])
-        except ValueError as error:
-            raise UsageError(str(error), remedy="give a law that does without, or other conditions") from None
-        seen = seen.reshape(len(self.signals), len(STATES) + len(NAVIGATION))
+        seen = self._seen(velocity)
         used = [i for i in range(len(NAVIGATION)) if seen[:, len(STATES) + i].any()]
         seen = seen[:, [*range(len(STATES)), *(len(STATES) + i for i in used)]]
         plant, k = len(STATES) + len(used), len(self.A)

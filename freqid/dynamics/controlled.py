@@ -1,4 +1,4 @@
-"""Small motions of an aircraft under a control law with integral action and real actuators.
+"""Small motions of an aircraft under a control law and real actuators.
 
 Actuators and delays act by their exact transfer functions, so that nothing is approximated but the inverse
 transform, whose error is a matter of the number of lines.
@@ -8,53 +8,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.vehicle import Vehicle
-from freqid.dynamics.linear_loop import Actuation, LinearLoop
+from freqid.dynamics.control_law import ControlLaw
+from freqid.dynamics.linear_loop import LinearLoop
 from freqid.dynamics.loop import steady_motion_at
-from freqid.dynamics.small_motion import STATES, equations_of_motion
-
-FED_BACK = (*STATES, "psi", "integral of u", "integral of v", "altitude", "integral of psi")
-"""What a control law may feed back: columns of its gains."""
+from freqid.dynamics.small_motion import equations_of_motion
 
 _WRAPPED = 6.0  # exponent of the weight over a transform: what wraps around is exp(-6) of a decayed motion
 _PADDED = 2.0  # length of the transform over that of the signals
 _LEFT_OUT = 3e-5  # lines whose inputs are below this share of the largest are left out
 
 
-@dataclass(frozen=True, eq=False)
-class ControlLaw:
-    """A linear control law: commanded positions per unit of what it feeds back.
+class UnevenLags(NamedTuple):
+    """First-order lags that follow faster one way than the other; time constants, s, shape (n,) each."""
 
-    Attributes
-    ----------
-    effectors : tuple of str, length n
-    gain : ndarray, shape (n, 13)
-        By `FED_BACK`; positions commanded, SI, injected signals are added to them.
-    actuation : Actuation
-        From commands to positions.
-    source : str
-        Where it comes from, in words.
-    up, down : ndarray, shape (n,), optional
-        Time constants of first-order lags that follow faster one way than the other, s; ``actuation.lag``
-        is then their mean for small motions. Where they are equal, nothing is done about it.
-    """
-
-    effectors: tuple[str, ...]
-    gain: Array
-    actuation: Actuation
-    source: str = ""
-    up: Array | None = None
-    down: Array | None = None
-
-    @classmethod
-    def none(cls, effectors: tuple[str, ...]) -> ControlLaw:
-        """Return no feedback, and actuators that follow at once."""
-        n = len(effectors)
-        return cls(effectors, np.zeros((n, len(FED_BACK))), Actuation.ideal(n), "none")
+    up: Array
+    down: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +50,10 @@ class ControlledAircraft:
     momentum : ndarray, shape (3,)
         Of all rotors at the trim, N m s.
     law : ControlLaw
-        Of the n effectors.
+        Of all n effectors, its actuators behind it.
+    lags : UnevenLags, optional
+        Of actuators whose ``law.actuation.lag`` is their mean for small motions. Where both ways are equal,
+        nothing is done about it.
     """
 
     vehicle: Vehicle
@@ -86,6 +63,7 @@ class ControlledAircraft:
     spin: Array
     momentum: Array
     law: ControlLaw
+    lags: UnevenLags | None = None
 
     def with_wrench(self, wrench: Array) -> ControlledAircraft:
         """Return the aircraft with other derivatives."""
@@ -97,20 +75,13 @@ class ControlledAircraft:
             self.wrench, self.vehicle, self.velocity, self.theta, self.spin, self.momentum
         )
 
-    def feedback(self, s: Complex) -> Complex:
-        """Return positions per unit of x, law and actuators in line, shape (line, n, 8)."""
-        gain = self.law.gain
-        law = np.repeat(gain[None, :, :8].astype(complex), s.size, axis=0)
-        over = 1 / s[:, None]
-        u, v, w, r, theta = (STATES.index(n) for n in ("u", "v", "w", "r", "theta"))
-        cosine, sine = np.cos(self.theta), np.sin(self.theta)
-        law[:, :, r] += gain[:, 8] * over / cosine + gain[:, 12] * over**2 / cosine
-        law[:, :, u] += gain[:, 9] * over
-        law[:, :, v] += gain[:, 10] * over
-        climb = (sine, -cosine, self.velocity[0] * cosine + self.velocity[2] * sine)
-        for column, share in zip((u, w, theta), climb, strict=True):
-            law[:, :, column] += gain[:, 11] * over * share
-        return np.asarray(self.law.actuation.transfer(s).T[:, :, None] * law, dtype=np.complex128)
+    def feedback(self, s: Complex, *, air_data: bool = True) -> Complex:
+        """Return positions per unit of x, law and actuators in line, shape (line, n, 8).
+
+        `air_data` as in `ControlLaw.transfer`.
+        """
+        commands = self.law.transfer(s, self.velocity, self.theta, air_data=air_data)
+        return np.asarray(self.law.actuation.transfer(s).T[:, :, None] * commands, dtype=np.complex128)
 
     def motion(
         self, s: Complex, injected: Complex, added: Complex | None = None, gust: Complex | None = None
@@ -127,14 +98,16 @@ class ControlledAircraft:
             Added loads, N and N m.
         gust : ndarray of complex, shape (6, line), optional
             Velocity and rotation of the air in body axes, m/s and rad/s. u v w are then relative to the air,
-            the law feeds back those over the ground, and p q r are the vehicle's own.
+            the law feeds back those over the ground, but for airspeed and flow angles, and p q r are the
+            vehicle's own.
         """
         E, A = self._matrices
         feedback = self.feedback(s)
         displaced = self.law.actuation.transfer(s) * injected
         loads = np.zeros((6, s.size), dtype=complex) if added is None else added.copy()
         if gust is not None:
-            displaced = displaced + np.einsum("fnx,xf->nf", feedback[:, :, :3], gust[:3])
+            ground = self.feedback(s, air_data=False)[:, :, :3]
+            displaced = displaced + np.einsum("fnx,xf->nf", ground, gust[:3])
             loads[:3] -= self.vehicle.mass_properties.mass_kg * s * gust[:3]
             loads -= self.wrench[:, 3:6] @ gust[3:]
         x = steady_motion_at(E, A, feedback, displaced, s, added=loads)
@@ -177,9 +150,8 @@ class ControlledAircraft:
 
         x, d = self.motion(s, lines[:, :last])
         states, positions = in_time(x), in_time(d)
-        up, down = self.law.up, self.law.down
-        if uneven and up is not None and down is not None and not np.array_equal(up, down):
-            lag = self.law.actuation.lag
+        if uneven and self.lags is not None and not np.array_equal(*self.lags):
+            (up, down), lag = self.lags, self.law.actuation.lag
             those = np.flatnonzero(up != down)
             asked = in_time((lag[those, None] * s + 1) * d[those])
             off = np.zeros_like(injected)
@@ -205,30 +177,8 @@ class ControlledAircraft:
     def loop(self) -> LinearLoop:
         """The same as a state space, delays by Pade's approximation, without the rotors' reaction."""
         E, A = self._matrices
-        both = np.linalg.solve(E[:, :8], A)
-        used = np.flatnonzero(self.law.gain[:, 8:].any(axis=0)) + 8
-        if 12 in used and 8 not in used:
-            used = np.sort(np.append(used, 8))
-        cosine, sine = np.cos(self.theta), np.sin(self.theta)
-        rates = np.zeros((len(FED_BACK), len(FED_BACK)))
-        rates[8, STATES.index("r")] = 1 / cosine
-        rates[9, 0] = rates[10, 1] = rates[12, 8] = 1.0
-        climb = (sine, -cosine, self.velocity[0] * cosine + self.velocity[2] * sine)
-        rates[11, [0, 2, STATES.index("theta")]] = climb
-        rates[:8, :8] = both[:, :8]
-        kept = np.concatenate([np.arange(8), used])
-        drive = np.zeros((kept.size, len(self.law.effectors)))
-        drive[:8] = both[:, 8:]
-        return LinearLoop(
-            states=tuple(FED_BACK[i] for i in kept),
-            effectors=self.law.effectors,
-            axes=self.law.effectors,
-            A=rates[np.ix_(kept, kept)],
-            B=drive,
-            gain=-self.law.gain[:, kept],
-            allocation=np.eye(len(self.law.effectors)),
-            actuation=self.law.actuation,
-        )
+        both: Array = np.asarray(np.linalg.solve(E[:, :8], A), dtype=float)
+        return self.law.close(both[:, :8], both[:, 8:], self.law.effectors, self.velocity, self.theta)
 
 
 def _followed(asked: Array, dt: float, up: Array, down: Array) -> Array:

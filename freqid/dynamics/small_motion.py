@@ -16,14 +16,15 @@ STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta")
 NAVIGATION = {"psi": "rad", "alt": "m"}
 """Heading and altitude, which no load depends on, with their units."""
 
+AIR_DATA = {"V": "m/s", "alpha": "rad", "beta": "rad"}
+"""What is measured against the air, with its unit."""
+
 SIGNALS = {
     **dict.fromkeys(("u", "v", "w"), "m/s"),
     **dict.fromkeys(("p", "q", "r"), "rad/s"),
     **dict.fromkeys(("phi", "theta"), "rad"),
     **NAVIGATION,
-    "V": "m/s",
-    "alpha": "rad",
-    "beta": "rad",
+    **AIR_DATA,
 }
 """What a sensor may measure of the small motion, with its unit."""
 

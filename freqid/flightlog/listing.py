@@ -40,7 +40,9 @@ class Listed:
     clock : bool
         Whether it is the clock of a table.
     source : str
-        Where a struct of a MATLAB file keeps its clock.
+        Where a MATLAB file keeps its clock.
+    label : str
+        What the log says that it is, where its name is a place.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Listed:
     high: float
     clock: bool = False
     source: str = ""
+    label: str = ""
 
 
 @dataclass(frozen=True)
@@ -121,7 +124,7 @@ def _listed(signal: Signal) -> Listed:
     if own.size < 2:
         nan = float("nan")
         low = float(values[0]) if values.size else nan
-        return Listed(signal.name, signal.unit, own.size, nan, nan, (), low, low)
+        return Listed(signal.name, signal.unit, own.size, nan, nan, (), low, low, label=signal.label)
     steps = np.diff(own)
     step = float(np.median(steps))
     single = steps[steps < 1.5 * step]
@@ -136,7 +139,8 @@ def _listed(signal: Signal) -> Listed:
         low=float(values.min()),
         high=float(values.max()),
         clock=signal.note == "clock",
-        source=signal.note if signal.note.startswith("clock ") else "",
+        source=signal.note.removeprefix("clock ") if signal.note.startswith("clock ") else "",
+        label=signal.label,
     )
 
 
@@ -168,19 +172,20 @@ def _proposed(channels: Sequence[Listed], effectors: Collection[str]) -> str:
     parts, unknown, taken = [], [], set()
     if clock is not None:
         if clock.source:
-            parts.append(f'[time]\nvariable = {_quoted(clock.source.removeprefix("clock "))}\nunit = "s"\n')
+            parts.append(f'[time]\nvariable = {_quoted(clock.source)}\nunit = "s"\n')
         else:
             parts.append(f"[time]\ncolumn = {_spot(clock.name)}\nunit = {_quoted(clock.unit)}\n")
     for c in channels:
         if c.clock or not c.samples:
             continue
-        channel, unit = recognise(c.name, c.unit, effectors)
+        channel, unit = recognise(c.label or c.name, c.unit, effectors)
         if not channel or channel in taken or not _fits(channel, unit):
-            unknown.append(f"{c.name}{f' ({unit})' if unit else ''}")
+            said = ", ".join(text for text in (c.label, unit) if text)
+            unknown.append(f"{c.name}{f' ({said})' if said else ''}")
             continue
         taken.add(channel)
         where = f"variable = {_quoted(c.name)}" if c.source else f"column = {_spot(c.name)}"
-        own = f"time = {_quoted(c.source.removeprefix('clock '))}\n" if c.source else ""
+        own = f"time = {_quoted(c.source)}\n" if c.source and clock and c.source != clock.source else ""
         stated = f"unit = {_quoted(unit)}\n" if unit else 'unit = ""  # the log does not say: state it\n'
         parts.append(f'[[channel]]\nname = "{channel}"\n{where}\n{own}{stated}')
     text = "# Proposed by the names of the columns: check every line, signs above all.\n\n" + "\n".join(parts)

@@ -28,7 +28,10 @@ class Signal:
     unit : str
         As the log states it; empty where it does not.
     note : str
-        How the values came to be, where they are not a column of the log.
+        How the values came to be, where they are not a column of the log; ``clock NAME`` where a variable is
+        the clock of these alone.
+    label : str
+        What the log says that it is, where its name is a place.
     """
 
     name: str
@@ -36,6 +39,7 @@ class Signal:
     values: NDArray[np.float64]
     unit: str = ""
     note: str = ""
+    label: str = ""
 
 
 class NotLogged(DataError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from freqid.core.errors import UsageError
 from freqid.core.record import FlightRecord, Maneuver, read_record
@@ -12,6 +12,9 @@ from freqid.core.results.point import PointModel
 from freqid.core.scenario import Scenario, read_scenario
 from freqid.core.sections.excitation import Excitation
 from freqid.core.sections.identification import Identification
+
+if TYPE_CHECKING:
+    from freqid.blend.global_model import GlobalModel
 
 File = Path | str
 Flight = FlightRecord | Maneuver | File
@@ -127,6 +130,30 @@ def maneuver_of(given: Any, scenario: Scenario | None = None) -> Maneuver:
 def names_of(flights: Sequence[Any], first: int = 1) -> list[str]:
     """Return the files of flights; ``flight 1`` and so on for objects."""
     return [str(f) if isinstance(f, str | Path) else f"flight {i}" for i, f in enumerate(flights, first)]
+
+
+def model_of(given: Any) -> tuple[PointModel | GlobalModel, str]:
+    """Return a point model or a global model, read where a path is given, and its file, else ``model``.
+
+    Raises
+    ------
+    DataError
+        Where the file is damaged or none of freqid's.
+    UsageError
+        For something else.
+    """
+    from freqid.blend.global_model import GlobalModel
+    from freqid.workflows.files import read
+
+    named = isinstance(given, str | Path)
+    model = read(given) if named else given
+    if not isinstance(model, PointModel | GlobalModel):
+        raise UsageError(
+            f"found a {type(model).__name__}, expected a point or a global model",
+            where=str(given) if named else None,
+            remedy="identify one with identify-point, or blend several with global-blend",
+        )
+    return model, str(given) if named else "model"
 
 
 def point_of(given: PointModel | File) -> PointModel:

@@ -58,3 +58,22 @@ def test_bad_input_ends_in_a_sentence(freqid, files, arguments, code, words):
     assert (found, out) == (code, "")
     assert words in err
     assert not (files / "bad.h5").exists()
+
+
+def test_a_result_is_never_its_own_page(freqid, files):
+    """Each command that draws beside its result refuses before it works."""
+    page, files = files / "own.html", [files / "aircraft.h5", files / "loop.toml"]
+    design = ("--scenario", files[1])
+    for words in (
+        ("margins", *files),
+        ("predict", *files, *design),
+        ("score", *files),
+        ("quicklook", *files),
+        ("frequency-response", files[0], "--output", "q"),
+        ("global-blend", files[0]),
+        ("diagnose-gap", files[0]),
+    ):
+        code, out, err = freqid(*words, "-o", page)
+        assert (code, out) == (2, ""), words
+        assert f"{page}: the result is no page; the page is written beside it" in err, words
+    assert not page.exists()

@@ -21,7 +21,7 @@ NAMESPACE = "http://daveml.org/2010/DAVEML"
 MATHML = "http://www.w3.org/1998/Math/MathML"
 DOCTYPE = (
     '<!DOCTYPE DAVEfunc PUBLIC "-//AIAA//DTD for Flight Dynamic Models - Functions 2.0//EN" '
-    '"http://www.daveml.org/DTDs/2p0/DAVEfunc.dtd">'
+    '"http://daveml.org/DTDs/2p0/DAVEfunc.dtd">'
 )
 _MATHML = {"+": "plus", "-": "minus", "*": "times", "/": "divide", "sqrt": "root"}
 _MATHML |= {name: name for name in ("abs", "floor", "min", "max")}

@@ -43,8 +43,10 @@ def range_notes(model: GlobalModel) -> tuple[str, ...]:
     span = f"u from {c.u.min():.6g} to {c.u.max():.6g} m/s, "
     span += f"rho from {c.rho.min():.6g} to {c.rho.max():.6g} kg/m3"
     near = f"{t.speed:g} m/s of equivalent speed"
-    if moving:
-        near += f" and {np.rad2deg(t.tilt):.3g} deg of {', '.join(moving)}"
+    for n in moving:
+        row = c.scheduled.index(n)
+        reach, unit = t.tilt / float(model.lines[0].turn[row]), c.scheduled_units[row]
+        near += f", {np.rad2deg(reach):.3g} deg of {n}" if unit == "rad" else f", {reach:.3g} {unit} of {n}"
     return (
         f"Model of {c.vehicle} over the conditions {' '.join(c.ids)}: {span}; form '{c.form}', body axes, "
         "moments about the centre of gravity.",

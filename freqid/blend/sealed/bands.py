@@ -43,11 +43,15 @@ class FreeRun:
     channels : tuple of PredictedChannel
     unstable_draws : float
         Share of the drawn models whose loop is unstable.
+    wrench_hz : float
+        Up to which the bands of the wrench hold noise: the model's highest line, or the top of the design's
+        band where the model was identified in time.
     """
 
     time: Array
     channels: tuple[PredictedChannel, ...]
     unstable_draws: float
+    wrench_hz: float
 
 
 def free_run(
@@ -130,7 +134,7 @@ def free_run(
                 band_std=float(np.sqrt(steady.in_band[i] + own[i, 1])),
             )
         )
-    return FreeRun(time, tuple(channels), unstable / draws)
+    return FreeRun(time, tuple(channels), unstable / draws, float(top))
 
 
 def refuse_unstable(aircraft: ControlledAircraft, duration: float) -> None:
@@ -146,19 +150,19 @@ def refuse_unstable(aircraft: ControlledAircraft, duration: float) -> None:
     mode = values[worst]
     if mode.real * duration < np.log(2):
         return
-    part = np.abs(vectors[: len(loop.states), worst]) * _ALIKE[: len(loop.states)]
-    first, second = (loop.states[i] for i in np.argsort(-part)[:2])
+    part = np.abs(vectors[: len(STATES), worst]) * _ALIKE
+    first, second = (STATES[i] for i in np.argsort(-part)[:2])
     kind = f"an oscillation of {abs(mode.imag) / (2 * np.pi):.3g} Hz" if abs(mode.imag) > 1e-9 else "a motion"
     raise UsageError(
         f"the free-running response is unstable: {kind} in {first} and {second} doubles in "
         f"{np.log(2) / mode.real:.3g} s",
-        remedy="predict with the control law that is flown, in [control] of the scenario, or score "
-        "the wrench alone from the flown states with identify-point --predict",
+        remedy="predict with the control law that is flown, in [control] of the scenario or as --loop, or "
+        "score the wrench alone from the flown states with identify-point --predict",
     )
 
 
-# What counts alike in a mode: m/s, rad/s and rad, the law's own states left out.
-_ALIKE = np.array([0.1] * 3 + [1.0] * 5 + [0.0] * 5)
+_ALIKE = np.array([0.1] * 3 + [1.0] * 5)
+"""What counts alike in a mode: m/s, rad/s and rad."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,8 @@ from freqid.core.results.prediction import PredictedResponse
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Vehicle
 from freqid.design.forecast.modelled import derivatives_of, positions_at
-from freqid.dynamics.controlled import ControlLaw, ControlledAircraft
+from freqid.dynamics.control_law import ControlLaw
+from freqid.dynamics.controlled import ControlledAircraft, UnevenLags
 from freqid.dynamics.mass import at_tilts
 from freqid.dynamics.small_motion import STATES, rotor_spin
 
@@ -73,7 +74,9 @@ class ModelAtCondition:
         drawn = [rng.multivariate_normal(r.estimate, r.covariance, count) for r in self.responses]
         return [list(one) for one in zip(*drawn, strict=True)]
 
-    def controlled(self, vehicle: Vehicle, law: ControlLaw) -> ControlledAircraft:
+    def controlled(
+        self, vehicle: Vehicle, law: ControlLaw, lags: UnevenLags | None = None
+    ) -> ControlledAircraft:
         """Return the aircraft under a control law.
 
         Parameters
@@ -82,13 +85,16 @@ class ModelAtCondition:
             Its mass properties are taken to the trimmed tilts.
         law : ControlLaw
             Of all effectors of the vehicle, in order.
+        lags : UnevenLags, optional
+            Of its actuators.
         """
         tilts = {w.tilt for w in vehicle.wings} & set(self.trim)
         tilted = at_tilts(vehicle, {n: self.trim[n] for n in tilts})
         spin = rotor_spin(tilted, law.effectors, self.trim)
         positions = np.array([self.trim.get(n, 0.0) for n in law.effectors])
+        wrench = self.wrench(law.effectors)
         return ControlledAircraft(
-            tilted, self.wrench(law.effectors), self.velocity, self.theta, spin, spin @ positions, law
+            tilted, wrench, self.velocity, self.theta, spin, spin @ positions, law, lags
         )
 
 
@@ -106,9 +112,14 @@ def of_point(model: PointModel, vehicle: Vehicle) -> ModelAtCondition:
     responses = tuple(_of_response(r) for r in model.responses.values())
     trim = {n: float(x) for r in responses for n, x in zip(r.regressors, r.trim, strict=True)}
     trim = positions_at(model.reference, vehicle) | trim
-    lines = [r.fit["frequency"].axis[-1] for r in model.responses.values() if "frequency" in r.fit]
     found = {r.response: r.bias for r in responses}
-    return _at(model.reference, responses, trim, found, float(max(lines, default=np.inf)), "point", vehicle)
+    return _at(model.reference, responses, trim, found, _highest_line(model), "point", vehicle)
+
+
+def _highest_line(model: PointModel) -> float:
+    """Return the highest line of a fit, Hz; infinite where the model was identified in time."""
+    lines = [r.fit["frequency"].axis[-1] for r in model.responses.values() if "frequency" in r.fit]
+    return float(max(lines, default=np.inf))
 
 
 def of_global(
@@ -137,16 +148,18 @@ def of_global(
             f"the model has the form '{model.corridor.form}', expected 'force'",
             remedy="blend points that were identified with form 'force' and axes 'body'",
         )
-    along = model.corridor.along
-    inputs = model.reference(reference.u if along == "u" else reference[along], reference.rho)
+    c = model.corridor
+    knots_at = c.u if c.along == "u" else c.schedule[c.scheduled.index(c.along)]
+    at = reference.u if c.along == "u" else reference[c.along]
+    nearest_knot = int(np.argmin(np.abs(knots_at - at)))
+    inputs = model.reference(at, reference.rho)
     gradient = model.gradient(inputs)[:, :, 0]
     bias = model.wrench(inputs).values[:, 0]
     place = {name: i for i, name in enumerate(model.inputs)}
     left = residual.responses if residual is not None else {}
     responses = []
-    for row, knots in enumerate(model.corridor.responses.values()):
+    for row, knots in enumerate(c.responses.values()):
         found = _left_by(left[knots.response]) if knots.response in left else {}
-        nearest_knot = int(np.argmin(np.abs(model.corridor.u - reference.u)))
         responses.append(
             PredictedResponse(
                 response=knots.response,
@@ -162,7 +175,8 @@ def of_global(
             )
         )
     trim = {n: float(x[0]) for n, x in inputs.items()}
-    highest = model.corridor.highest_hz if np.isfinite(model.corridor.highest_hz) else np.inf
+    lines = [c.highest_hz, _highest_line(residual)] if residual is not None else [c.highest_hz]
+    highest = min((hz for hz in lines if np.isfinite(hz)), default=np.inf)
     by_name = dict(zip(model.names, map(float, bias), strict=True))
     return _at(reference, tuple(responses), trim, by_name, float(highest), "global", vehicle)
 

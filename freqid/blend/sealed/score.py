@@ -14,7 +14,13 @@ from freqid.core.arrays import Array
 from freqid.core.channels import STATE
 from freqid.core.errors import DataError
 from freqid.core.record import Maneuver
-from freqid.core.results.prediction import ChannelScore, Check, PredictedResponse, Prediction
+from freqid.core.results.prediction import (
+    WRENCH_HZ,
+    ChannelScore,
+    Check,
+    PredictedResponse,
+    Prediction,
+)
 from freqid.core.results.quicklook import InputLook
 from freqid.dynamics.small_motion import STATES
 from freqid.identify.loads.explanatory import history
@@ -102,6 +108,8 @@ def scored_channels(prediction: Prediction, flown: Flown) -> tuple[ChannelScore,
 
     # a history up to a highest frequency says more about its ends there than about the model
     ends = int(np.ceil(2 / top / dt)) if np.isfinite(top) else 0
+    run_top = float(prediction.settings.get(WRENCH_HZ, top))
+    run_ends = int(np.ceil(2 / run_top / dt)) if np.isfinite(run_top) else 0
     for channel in prediction.channels:
         wrench = channel.kind == "wrench"
         measured = flown.wrench.get(channel.name) if wrench else flown.channels.get(channel.name)
@@ -111,9 +119,9 @@ def scored_channels(prediction: Prediction, flown: Flown) -> tuple[ChannelScore,
         rows = np.array([measured, np.interp(at, prediction.time, channel.change)])
         spread = np.interp(at, prediction.time, channel.std)
         offset = float(rows[0].mean() - channel.trim - rows[1].mean())
-        if wrench and np.isfinite(top):
-            rows = up_to(rows, dt, top)  # both: the highest line is on the edge, and half of it is cut
-        scored("free-run", channel.name, channel.unit, rows, spread, offset, ends if wrench else 0)
+        if wrench and np.isfinite(run_top):
+            rows = up_to(rows, dt, run_top)  # both: the highest line is on the edge, and half of it is cut
+        scored("free-run", channel.name, channel.unit, rows, spread, offset, run_ends if wrench else 0)
     for response in prediction.responses:
         x = np.array([flown.regressors[n] for n in response.regressors])
         rows = np.array([flown.wrench[response.response], response.estimate @ x])

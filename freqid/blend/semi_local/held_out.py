@@ -53,10 +53,6 @@ class HeldOutScores:
         error = off.std(ddof=1) / np.sqrt(off.size) if off.size > 1 else np.nan
         return float(off.mean()), float(error)
 
-    def share_better(self, model: str, other: str) -> float:
-        """Return the share of manoeuvres on which one model is nearer than another."""
-        return float(np.mean(self.misfit[self.models.index(model)] < self.misfit[self.models.index(other)]))
-
 
 def score_held_out(
     models: Sequence[AdvanceRatioModel],

@@ -26,6 +26,9 @@ LEVEL = 0.95
 QUANTILE = 1.959964
 """Standard deviations of a normal variable on either side of its mean that hold this share."""
 
+WRENCH_HZ = "wrench_up_to_hz"
+"""In the settings: up to which free-running wrenches are compared; ``highest_hz`` where it is absent."""
+
 
 @dataclass(frozen=True)
 class PredictedChannel:
@@ -169,7 +172,7 @@ class Prediction(Viewable):
     time : ndarray, shape (sample,)
         s, from the design's start.
     highest_hz : float
-        Up to which reconstructed wrenches are compared; infinite where the model was identified in time.
+        Up to which wrenches of one step are compared; infinite where the model was identified in time.
     channels : tuple of PredictedChannel
         Free-running response: model, control law and actuators driven by the design alone.
     responses : tuple of PredictedResponse
@@ -257,7 +260,8 @@ def _feed(digest: Any, value: Any) -> None:
     if dataclasses.is_dataclass(value):
         value = {f.name: getattr(value, f.name) for f in dataclasses.fields(value)}
     if isinstance(value, np.ndarray):
-        digest.update(f"array {value.dtype.str} {value.shape}".encode())
+        kind = value.dtype.str if value.size else "of nothing"  # a file keeps no type of no numbers
+        digest.update(f"array {kind} {value.shape}".encode())
         digest.update(np.ascontiguousarray(value).tobytes())
     elif isinstance(value, Mapping):
         digest.update(f"table {len(value)}".encode())

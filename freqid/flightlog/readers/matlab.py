@@ -1,19 +1,9 @@
-"""MATLAB files, v5 to v7 and v7.3, read by a column map.
-
-scipy's reader indexes tables by type codes of the file unchecked: one damaged byte can end the process
-without a word, where a log reader owes an error. The format is small enough to read here.
-
-References
-----------
-.. [1] The MathWorks, "MAT-File Format", chapter 1: level 5 MAT-file format.
-"""
+"""MATLAB files, v5 to v7 and v7.3, read by a column map."""
 
 from __future__ import annotations
 
-import zlib
+import re
 from collections.abc import Iterator
-from dataclasses import dataclass
-from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -26,172 +16,8 @@ from freqid.core.record import FlightRecord
 from freqid.flightlog.column_map import ColumnMap, Place
 from freqid.flightlog.mapped import assemble_map
 from freqid.flightlog.read import Reader
-from freqid.flightlog.signal import NotLogged
-
-_HEADER = 128
-_MATRIX, _COMPRESSED = 14, 15
-# numpy's type by the file's data type; the last three are text in UTF-8, UTF-16 and UTF-32.
-_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
-_TEXT = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18: "utf-32"}
-_CELL, _STRUCT, _CHAR = 1, 2, 4
-_NUMERIC = range(6, 16)
-_COMPLEX = 0x0800
-
-
-@dataclass(frozen=True)
-class _Element:
-    """One tagged piece of a file: its data type, its bytes and their order (``<`` or ``>``)."""
-
-    kind: int
-    data: memoryview
-    order: str
-
-    def parts(self) -> Iterator[_Element]:
-        return _elements(self.data, self.order)
-
-    def numbers(self) -> np.ndarray:
-        if self.kind not in _TYPES:
-            raise DataError(f"holds data of type {self.kind} where numbers are expected")
-        dtype = np.dtype(self.order + _TYPES[self.kind])
-        if len(self.data) % dtype.itemsize:
-            raise DataError(f"holds {len(self.data)} bytes of numbers that take {dtype.itemsize} each")
-        return np.frombuffer(self.data, dtype=dtype)
-
-    def text(self) -> str:
-        if self.kind not in _TEXT:
-            raise DataError(f"holds data of type {self.kind} where text is expected")
-        wide = self.kind in (4, 17, 18)
-        codec = _TEXT[self.kind] + (("-le" if self.order == "<" else "-be") if wide else "")
-        return bytes(self.data).decode(codec, errors="replace")
-
-
-def read_mat5(raw: bytes) -> dict[str, Any]:
-    """Read the variables of a level-5 file as plain Python.
-
-    Parameters
-    ----------
-    raw : bytes
-        The whole file.
-
-    Returns
-    -------
-    dict
-        By variable: arrays without their unit axes, text as str, scalar structs as dict, cells and struct
-        arrays as list in MATLAB's order. What has no such counterpart (sparse matrices, objects,
-        functions) is an empty dict.
-
-    Raises
-    ------
-    DataError
-        Where the file is of another kind, truncated or damaged.
-    """
-    order = {b"IM": "<", b"MI": ">"}.get(raw[126:_HEADER])
-    if order is None:
-        raise DataError("has no header of a MATLAB file of level 5")
-    variables = {}
-    try:
-        for element in _elements(memoryview(raw)[_HEADER:], order):
-            if element.kind == _COMPRESSED:
-                # decompress() checks the checksum and that the stream is whole
-                element = next(_elements(memoryview(zlib.decompress(element.data)), order))
-            name, value = _matrix(element)
-            if name:
-                variables[name] = value
-    except (zlib.error, StopIteration, RecursionError, RuntimeError) as error:
-        raise DataError(f"is damaged ({error or 'incomplete'})") from None
-    return variables
-
-
-def _elements(data: memoryview, order: str) -> Iterator[_Element]:
-    """Split bytes into tagged elements; each starts on a multiple of eight, but for compressed ones."""
-    at = 0
-    while at < len(data):
-        if len(data) - at < 8:
-            raise DataError("is truncated inside a tag")
-        first, size = (int(x) for x in np.frombuffer(data[at : at + 8], dtype=f"{order}u4"))
-        if first >> 16:  # a small element: type and size share four bytes, the data take the other four
-            kind, size, start, end = first & 0xFFFF, first >> 16, at + 4, at + 8
-            if size > 4:
-                raise DataError(f"has a small element of {size} bytes, expected at most 4")
-        else:
-            kind, start = first, at + 8
-            end = start + size + (0 if kind == _COMPRESSED else -size % 8)
-        if start + size > len(data):
-            raise DataError(f"is truncated: an element of {size} bytes has {len(data) - start}")
-        yield _Element(kind, data[start : start + size], order)
-        at = end
-
-
-def _matrix(element: _Element) -> tuple[str, Any]:
-    """Return the name and the value of one array element."""
-    if element.kind != _MATRIX:
-        raise DataError(f"holds an element of type {element.kind} where an array is expected")
-    if not len(element.data):
-        return "", np.empty(0)
-    parts = element.parts()
-    flags = _next(parts).numbers()
-    if flags.size != 2:
-        raise DataError("has an array without flags")
-    kind = int(flags[0]) & 0xFF
-    if kind >= 16:  # functions and opaque objects have another layout
-        return "", {}
-    shape = tuple(int(n) for n in _next(parts).numbers())
-    name = _next(parts).text()
-    if len(shape) < 2 or min(shape) < 0:
-        raise DataError(f"has a variable '{name}' of shape {shape}")
-    if kind in _NUMERIC:
-        return name, _numeric(parts, name, shape, bool(int(flags[0]) & _COMPLEX))
-    if kind == _CHAR:
-        return name, _next(parts).text() if prod(shape) else ""
-    if kind == _CELL:
-        return name, [_matrix(part)[1] for part in _exactly(parts, prod(shape), name)]
-    if kind == _STRUCT:
-        return name, _struct(parts, name, prod(shape))
-    return name, {}
-
-
-def _numeric(parts: Iterator[_Element], name: str, shape: tuple[int, ...], is_complex: bool) -> np.ndarray:
-    # Integers may be stored in a narrower type than the variable's: only values matter here.
-    halves = [_next(parts).numbers() for _ in range(2 if is_complex else 1)]
-    for half in halves:
-        if half.size != prod(shape):
-            raise DataError(f"has {half.size} values in variable '{name}' of shape {shape}")
-    values = halves[0]
-    if is_complex:
-        values = np.empty(values.size, dtype=np.complex128)
-        values.real, values.imag = halves
-    return np.squeeze(values.reshape(shape, order="F"))
-
-
-def _struct(parts: Iterator[_Element], name: str, count: int) -> Any:
-    width = _next(parts).numbers()
-    text = bytes(_next(parts).data)
-    step = int(width[0]) if width.size == 1 and np.isfinite(width[0]) else 0
-    if step < 1:
-        raise DataError(f"has a struct '{name}' without a length of its field names")
-    fields = [text[i : i + step].partition(b"\0")[0].decode("latin-1") for i in range(0, len(text), step)]
-    if not fields:
-        return {}
-    values = [_matrix(part)[1] for part in _exactly(parts, count * len(fields), name)]
-    rows = [
-        dict(zip(fields, values[i : i + len(fields)], strict=True))
-        for i in range(0, len(values), len(fields))
-    ]
-    return rows[0] if count == 1 else rows
-
-
-def _next(parts: Iterator[_Element]) -> _Element:
-    part = next(parts, None)
-    if part is None:
-        raise DataError("has an incomplete array")
-    return part
-
-
-def _exactly(parts: Iterator[_Element], count: int, name: str) -> list[_Element]:
-    found = list(parts)
-    if len(found) != count:
-        raise DataError(f"has {len(found)} elements in variable '{name}', expected {count}")
-    return found
+from freqid.flightlog.readers.mat5 import MatlabObject, read_mat5
+from freqid.flightlog.signal import NotLogged, Signal, clock_of_table, looks_like_time
 
 
 def read_matlab(path: Path, column_map: ColumnMap | None, **options: Any) -> FlightRecord:
@@ -282,11 +108,39 @@ def load_variables(path: Path) -> dict[str, Any]:
 
 
 def lookup(variables: dict[str, Any], name: str) -> Any:
-    """Return a variable, or a field of a struct by dots, or None where there is none."""
+    """Return a variable, or a field of a struct by dots, or None where there is none.
+
+    As in MATLAB ``signals(2)`` is the second of a struct array, ``x(:,2)`` the second column of a matrix.
+    Of an object, the object itself.
+    """
     found: Any = variables
     for part in name.split("."):
-        found = found.get(part) if isinstance(found, dict) else None
+        if isinstance(found, MatlabObject):
+            return found
+        field = _PART.fullmatch(part)
+        found = found.get(field[1]) if field and isinstance(found, dict) else None
+        if field and field[3] and found is not None:
+            found = _column(found, int(field[3])) if field[2] else _element(found, int(field[3]))
     return found
+
+
+_PART = re.compile(r"([^()]+)(?:\((:, *)?([1-9][0-9]*)\))?")
+
+
+def _column(found: Any, number: int) -> Any:
+    if not isinstance(found, np.ndarray) or found.ndim != 2 or number > found.shape[1]:
+        return None
+    return found[:, number - 1]
+
+
+def _element(found: Any, number: int) -> Any:
+    """Return one of a struct array: a list of structs, or in v7.3 a struct of lists."""
+    if isinstance(found, list):
+        return found[number - 1] if number <= len(found) else None
+    if isinstance(found, dict):
+        fields = {n: v[number - 1] for n, v in found.items() if isinstance(v, list) and number <= len(v)}
+        return fields or (found if number == 1 else None)
+    return None
 
 
 def numeric(variables: dict[str, Any], name: str) -> NDArray[np.float64]:
@@ -300,14 +154,106 @@ def numeric(variables: dict[str, Any], name: str) -> NDArray[np.float64]:
     found = lookup(variables, name)
     if found is None:
         raise NotLogged(f"variable '{name}' is missing", remedy=nearest(name, variables))
+    if isinstance(found, MatlabObject):
+        part = name.partition(".")[0]
+        raise DataError(
+            f"variable '{part}' is a MATLAB object of class {found.class_name}, which only MATLAB can read",
+            remedy=_remedy_of(part, found.class_name),
+        )
     if not isinstance(found, np.ndarray) or not _is_real(found):
         raise DataError(f"variable '{name}' is no real vector or matrix", remedy="map another one")
     return np.atleast_1d(np.asarray(found, dtype=np.float64))
 
 
+def _remedy_of(name: str, class_name: str) -> str:
+    """Return what to type in MATLAB, so that an object's numbers are in the file."""
+    if class_name.endswith("Dataset"):
+        get = f"x = {name}.get('q').Values; q = x.Data; t = x.Time"
+    else:
+        get = f"q = {name}.Data; t = {name}.Time"
+    return f"save its numbers as variables in MATLAB, such as {get}"
+
+
+def matlab_signals(path: Path) -> Iterator[Signal]:
+    """Yield what has a clock: vectors beside one called after time, and logs of Simulink that are structs.
+
+    Names are those of a column map's `variable`. An object has no samples, and is told by its class.
+
+    Raises
+    ------
+    DataError
+        Where the file is damaged, or nothing in it has a clock.
+    """
+    variables = load_variables(path)
+    found = [*_beside_a_clock(variables, "")]
+    if not any(signal.values.size for signal in found):
+        matrix = _matrices(variables)
+        objects = [f"{s.name} is a MATLAB object of class {s.label}" for s in found]
+        if len(matrix) != 1:
+            raise DataError(
+                "; ".join(objects) or "no vector of it increases and is called after time, as t or time",
+                remedy=_remedy_of(found[0].name, found[0].label)
+                if found
+                else "save the times beside the data, as t",
+            )
+        columns = enumerate(np.asarray(variables[matrix[0]], dtype=float).T, 1)
+        found = [*clock_of_table([(str(k), "", row) for k, row in columns]), *found]
+    yield from found
+
+
+def _beside_a_clock(held: dict[str, Any], prefix: str) -> Iterator[Signal]:
+    """Yield vectors and columns of a struct, or of the file, as long as its clock, and its structs'."""
+    clocks = [n for n, v in held.items() if looks_like_time(n) and _is_clock(v)]
+    clock = clocks[0] if clocks else ""
+    time = held[clock].astype(float) if clock else np.empty(0)
+    for name, value in held.items():
+        at = prefix + name
+        if isinstance(value, MatlabObject):
+            yield Signal(at, np.empty(0), np.empty(0), label=value.class_name)
+        elif isinstance(value, np.ndarray) and clock and name != clock:
+            yield from _columns_of(at, value, time, prefix + clock, "")
+        elif name == "signals" and clock and isinstance(value, dict | list):  # structure with time
+            several = isinstance(value, list) or isinstance(value.get("values"), list)
+            count = len(value if isinstance(value, list) else value["values"]) if several else 1
+            for k in range(1, count + 1):
+                one: Any = _element(value, k) if several else value
+                label = one.get("label") or one.get("blockName") or ""
+                place = f"{at}({k}).values" if several else f"{at}.values"
+                label = label if isinstance(label, str) else ""
+                yield from _columns_of(place, one.get("values"), time, prefix + clock, label)
+        elif isinstance(value, dict) and value:
+            yield from _beside_a_clock(value, f"{at}.")
+
+
+def _columns_of(name: str, value: Any, time: NDArray[np.float64], clock: str, label: str) -> Iterator[Signal]:
+    """Yield a vector, or the columns of a matrix, that is as long as a clock."""
+    if not isinstance(value, np.ndarray) or not _is_real(value) or value.shape[:1] != time.shape:
+        return
+    leaf = name.rpartition(".")[2]
+    if not label and leaf in ("Data", "data"):  # of a timeseries that was made a struct
+        label = name.split(".")[-2] if "." in name else ""
+    note = f"clock {clock}"
+    if value.ndim == 1:
+        yield Signal(name, time, value.astype(float), note=note, label=label)
+        return
+    for k, row in enumerate(value.T.astype(float), 1):
+        yield Signal(f"{name}(:,{k})", time, row, note=note, label=f"{label}({k})" if label else "")
+
+
+def _is_clock(value: Any) -> bool:
+    if not isinstance(value, np.ndarray) or value.ndim != 1 or value.size < 2 or not _is_real(value):
+        return False
+    return bool((np.diff(value.astype(float)) > 0).all())
+
+
+def _matrices(variables: dict[str, Any]) -> list[str]:
+    """Return the names of the file's numeric matrices."""
+    return [n for n, v in variables.items() if isinstance(v, np.ndarray) and v.ndim == 2 and _is_real(v)]
+
+
 def _only_matrix(variables: dict[str, Any]) -> str:
     """Return the name of the file's only numeric matrix."""
-    names = [n for n, v in variables.items() if isinstance(v, np.ndarray) and v.ndim == 2 and _is_real(v)]
+    names = _matrices(variables)
     if len(names) != 1:
         raise DataError(
             f"the file holds {len(names)} matrices ({', '.join(sorted(names)[:8]) or 'none'}), expected one",
@@ -330,7 +276,18 @@ def _labels(variables: dict[str, Any], name: str | None) -> list[str]:
 
 
 def texts(found: Any) -> list[str]:
-    """Return the stripped texts of a cell array; anything else in a cell reads as empty."""
+    """Return the stripped texts of a cell array; anything else in a cell reads as empty.
+
+    Raises
+    ------
+    DataError
+        For an object, as a string array of MATLAB is one.
+    """
+    if isinstance(found, MatlabObject):
+        raise DataError(
+            f"names are a MATLAB object of class {found.class_name}, expected a cell array of text",
+            remedy="save them as {'q', 'theta'} in place of [\"q\", \"theta\"]",
+        )
     cells = found.ravel() if isinstance(found, np.ndarray) else found if isinstance(found, list) else [found]
     return [cell.strip() if isinstance(cell, str) else "" for cell in cells]
 
@@ -342,6 +299,8 @@ def _is_real(array: NDArray[Any]) -> bool:
 def _plain(file: h5py.File, item: Any) -> Any:
     """Return one item of a v7.3 file as `read_mat5` would: HDF5 stores MATLAB's arrays transposed."""
     kind = item.attrs.get("MATLAB_class", b"")
+    if "MATLAB_object_decode" in item.attrs:
+        return MatlabObject(bytes(kind).decode("latin-1"))
     if isinstance(item, h5py.Group):
         return {n: _plain(file, field) for n, field in item.items()}
     empty = bool(item.attrs.get("MATLAB_empty", 0))
@@ -355,4 +314,4 @@ def _plain(file: h5py.File, item: Any) -> Any:
     return np.squeeze(values.T)
 
 
-READER = Reader((".mat",), read_matlab)
+READER = Reader((".mat",), read_matlab, signals=matlab_signals)

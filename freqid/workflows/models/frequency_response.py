@@ -18,6 +18,7 @@ from freqid.workflows.inputs import (
     Flight,
     flight_of,
     maneuver_of,
+    model_of,
     name_of,
     names_of,
     record_of,
@@ -158,7 +159,7 @@ def _beside(
         )
     at = maneuvers[0].record.reference
     if model is not None:
-        read, source = beside.model_of(model)
+        read, source = model_of(model)
         where = described or (scenario_of(simulation) if simulation is not None else None)
         reference = where.reference_of(at) if where is not None and at else None
         found = beside.compared_with_model(found, read, source, maneuvers, reference)

@@ -10,14 +10,15 @@ from typing import Any
 from freqid import __version__
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.state_space import vehicle_of
+from freqid.compare import read_law
 from freqid.compare.loop_margins import MotionAt, loop_margins, places_of
-from freqid.compare.read_law import law_of
 from freqid.core.errors import UsageError
 from freqid.core.results.loop_margins import LoopMargins
 from freqid.core.results.point import PointModel
 from freqid.core.scenario import Reference, Scenario, is_scenario
-from freqid.workflows.files import read
-from freqid.workflows.inputs import File, Tell, name_of, scenario_of, silent
+from freqid.core.vehicle import Vehicle
+from freqid.dynamics.control_law import LawAt
+from freqid.workflows.inputs import File, Tell, model_of, name_of, scenario_of, silent
 
 MEMORY_REMARK = (
     "The model has no memory: what arrives late, as one wing's wake at the other, is in its rate "
@@ -91,11 +92,12 @@ def margins(
         raise UsageError(f"the level is {level:g}, expected a share such as 0.95")
     if draws < 0 or 0 < draws < _FEWEST:
         raise UsageError(f"{draws} draws give no interval", remedy=f"ask for {_FEWEST} or more, or for none")
-    found, name = _model_of(model)
+    found, name = model_of(model)
+    name = Path(name).name
     described = scenario_of(scenario).aircraft() if scenario is not None else None
     known = found.aircraft if isinstance(found, PointModel) else found.corridor.aircraft
     vehicle = vehicle_of(described, known)
-    law, law_name = _law_of(loop, vehicle)
+    law, law_name = law_of(loop, vehicle)
     wanted = [at] if isinstance(at, str | int | float | Reference) else list(at)
     others: dict[str, GlobalModel | MotionAt] = {}
     for one in beside:
@@ -130,24 +132,31 @@ def margins(
 _FEWEST = 20  # draws, of which a quantile can be taken at all
 
 
-def _model_of(given: Any) -> tuple[GlobalModel | PointModel, str]:
-    found = read(given) if isinstance(given, str | Path) else given
-    if not isinstance(found, GlobalModel | PointModel):
-        raise UsageError(
-            f"found {type(found).__name__}, expected a global model or a point model",
-            where=str(given) if isinstance(given, str | Path) else None,
-            remedy="name the result of global-blend or identify-point",
-        )
-    name = Path(given).name if isinstance(given, str | Path) else "model"
-    return found, name
+def law_of(given: Any, vehicle: Vehicle) -> tuple[LawAt, str]:
+    """Return a control law as a function of the condition, and its name.
 
+    Parameters
+    ----------
+    given : path, python-control object, Scenario or callable
+        As `margins` takes it.
+    vehicle : Vehicle
+        For the kinds, and so the SI units, of effectors.
 
-def _law_of(given: Any, vehicle: Any) -> Any:
-    """Return a law as a function of the condition, and its name."""
+    Raises
+    ------
+    UsageError, DataError
+        Where it does not fit the vehicle, cannot be read, or is a law by total energy.
+    """
     if isinstance(given, str | Path) and is_scenario(given):
         given = scenario_of(given)
     if not isinstance(given, Scenario):
-        return law_of(given, vehicle)
+        return read_law.law_of(given, vehicle)
+    if "tecs" in given.control:
+        raise UsageError(
+            "the law of [control.tecs] is not linear about one trim",
+            where=name_of(given),
+            remedy="describe it about one trim in a loop file (docs/margins.md)",
+        )
     from freqid.compare.scenario_law import scenario_law  # jax
 
     return scenario_law(given), f"law of {Path(name_of(given)).name}"
@@ -160,7 +169,7 @@ def _beside_of(given: Any) -> tuple[str, GlobalModel | MotionAt]:
         from freqid.compare.scenario_law import simulated_motion  # jax
 
         return f"simulation {Path(name_of(given)).name}", simulated_motion(given)
-    found, name = _model_of(given)
+    found, name = model_of(given)
     if isinstance(found, PointModel):
         raise UsageError("a point model cannot stand beside", remedy="give a global model or a scenario")
-    return name, found
+    return Path(name).name, found

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -258,24 +256,3 @@ def _with_cost(response: FrequencyResponse, one: FittedResponse) -> FittedRespon
         trust, flown = _coherent(part, o, i)
         costs.append(frequency_cost(f[band], flown[band], one.value[o, i, band], trust[band]))
     return replace(one, cost=float(np.nanmean(costs)) if np.isfinite(costs).any() else float("nan"))
-
-
-def model_of(given: Any) -> tuple[PointModel | GlobalModel, str]:
-    """Return a point model or a global model, read where a path is given, and its name.
-
-    Raises
-    ------
-    UsageError
-        For something else.
-    """
-    from freqid.workflows.files import read
-
-    named = isinstance(given, str | Path)
-    model = read(given) if named else given
-    if not isinstance(model, PointModel | GlobalModel):
-        what = f"{given} holds" if named else "what is compared is"
-        raise UsageError(
-            f"{what} a {type(model).__name__}, expected a model",
-            remedy="give a point model or a global model",
-        )
-    return model, str(given) if named else "model"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.sealed.assumptions import assumptions, warnings
 from freqid.blend.sealed.bands import free_run
-from freqid.blend.sealed.condition import of_global, of_point
+from freqid.blend.sealed.condition import ModelAtCondition, of_global, of_point
 from freqid.blend.sealed.score import Flown, checks, scored_channels
 from freqid.core import store
 from freqid.core.channels import split
@@ -23,12 +23,12 @@ from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.record import FlightRecord
 from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledInputs
 from freqid.core.results.point import PointModel
-from freqid.core.results.prediction import FILE, Prediction, Score, digest_of
+from freqid.core.results.prediction import FILE, WRENCH_HZ, Prediction, Score, digest_of
 from freqid.core.scenario import Reference, Scenario
 from freqid.core.vehicle import Vehicle
 from freqid.design.forecast.closed_loop import SPECIFIC_FORCES
-from freqid.dynamics.controlled import FED_BACK, ControlLaw
-from freqid.dynamics.linear_loop import Actuation
+from freqid.dynamics.control_law import ControlLaw
+from freqid.dynamics.controlled import UnevenLags
 from freqid.dynamics.small_motion import STATES
 from freqid.identify.response.injection import find_start
 from freqid.workflows.design import DesignedInputs
@@ -36,11 +36,13 @@ from freqid.workflows.inputs import (
     File,
     Flight,
     maneuver_of,
+    model_of,
     name_of,
     names_of,
     point_of,
     scenario_of,
 )
+from freqid.workflows.models.margins import law_of
 from freqid.workflows.quicklook import Design, Planned, look_at_inputs, planned_of
 
 HEIGHT_M = 100.0
@@ -63,6 +65,7 @@ def predict_flight(
     sensors: str = "",
     turbulence: float = 0.0,
     residual: PointModel | File | None = None,
+    loop: Any = None,
     feedback: bool = True,
     draws: int = 100,
     seed: int = 0,
@@ -86,6 +89,9 @@ def predict_flight(
         Wind at 20 ft that gusts go with, m/s, as in `simulate`; zero for none.
     residual : PointModel or path, optional
         Whose residual stands for what a global model leaves.
+    loop : path, python-control object, Scenario or callable, optional
+        The control law with its actuators in place of the scenario's, as `margins` takes it
+        (docs/margins.md).
     feedback : bool
         Without it, the trim's commands are held.
     draws : int
@@ -120,11 +126,15 @@ def predict_flight(
     described = scenario_of(scenario)
     vehicle = described.aircraft()
     planned = planned_of(design)
-    found = _model_of(model)
+    found, model_name = model_of(model)
     if draws < 2 or turbulence < 0:
         raise UsageError(
             f"found {draws} draws and turbulence of {turbulence:g} m/s, expected two draws or more and no "
             "negative wind"
+        )
+    if loop is not None and not feedback:
+        raise UsageError(
+            "a loop is given that is not to be closed", remedy="leave out --loop or --no-feedback"
         )
     try:
         if isinstance(found, PointModel):
@@ -144,11 +154,11 @@ def predict_flight(
             left = point_of(residual) if residual is not None else None
             local = of_global(found, described.reference_of(at), vehicle, left)
     except (UsageError, DataError) as error:
-        raise error.at(_name(model, "model")) from None
-    law = control_law(described, local.reference, local.trim, feedback=feedback)
+        raise error.at(model_name) from None
+    law, lags, source = flown_law(described, local.reference, local.trim, loop=loop, feedback=feedback)
     _refuse_unfit(planned, law.effectors, vehicle)
     noise = stated_noise(described, sensors)
-    aircraft = local.controlled(vehicle, law)
+    aircraft = local.controlled(vehicle, law, lags)
     gusts = None
     if turbulence:
         from freqid.simulate.air.dryden import low_altitude
@@ -163,7 +173,7 @@ def predict_flight(
     return Prediction(
         vehicle=vehicle.name,
         reference=local.reference,
-        model=_name(model, "model"),
+        model=model_name,
         model_sha256=_sha256(model),
         model_kind=local.kind,
         design_name=_name(design, "design"),
@@ -173,19 +183,21 @@ def predict_flight(
         highest_hz=float(local.highest_hz),
         channels=run.channels,
         responses=local.responses,
-        assumptions=assumptions(local, aircraft.vehicle, any(noise.values()), in_words, law.source),
+        assumptions=assumptions(local, aircraft.vehicle, any(noise.values()), in_words, source),
         settings={
             "seed": int(seed),
             "draws": int(draws),
             "level": 0.95,
             "noise": {n: float(x) for n, x in sorted(noise.items())},
             "turbulence_m_s": float(turbulence),
-            "law": law.source,
+            WRENCH_HZ: run.wrench_hz,
+            "law": source,
+            **_loop_file(loop),
             "theta_rad": float(local.theta),
             "scenario": {"file": name_of(described), "sha256": described.sha256},
             "unstable_draws": float(run.unstable_draws),
         },
-        remarks=(*_biased(found, noise), *warnings(local, run, vehicle)),
+        remarks=(*_biased(found, noise), *_without_effect(local, law), *warnings(local, run, vehicle)),
         date=(date or datetime.now(UTC)).astimezone(UTC).isoformat(timespec="seconds"),
         design=planned.design if isinstance(planned.design, MultisineDesign) else None,
     ).seal()
@@ -273,10 +285,15 @@ def score_prediction(
         raise error.at(where) from None
 
 
-def control_law(
-    scenario: Scenario, reference: Reference, trim: Mapping[str, float], *, feedback: bool = True
-) -> ControlLaw:
-    """Return the law and actuators that a scenario states, for all its effectors.
+def flown_law(
+    scenario: Scenario,
+    reference: Reference,
+    trim: Mapping[str, float],
+    *,
+    loop: Any = None,
+    feedback: bool = True,
+) -> FlownLaw:
+    """Return the law and actuators that an aircraft will fly, over all its effectors.
 
     Parameters
     ----------
@@ -286,59 +303,82 @@ def control_law(
         ``[simulation.actuators]``, or follow at once.
     reference : Reference
     trim : mapping of str to float
-        Positions of effectors.
+        Of effectors, tilts among them.
+    loop : optional
+        A law with its actuators in place of the scenario's, as `margins` takes it.
     feedback : bool
-        False for the trim's commands held.
+        False for the trim's commands held; actuators stay.
 
     Raises
     ------
     UsageError
-        Where the law's section is wrong, or its condition cannot be trimmed.
+        Where the law's section is wrong, its condition cannot be trimmed, or `loop` does not fit the vehicle.
+    DataError
+        Where a loop file cannot be read.
     """
-    names = tuple(e.name for e in scenario.effector)
-    gain = np.zeros((len(names), len(FED_BACK)))
-    ideal = Actuation.ideal(len(names))
-    up = down = None
-    if scenario.simulation.loads:
-        from freqid.compare.scenario_consequence import condition_at, design_law_at
-
-        loop = condition_at(scenario, reference, {}, design_law_at(scenario, reference, {})).loop
-        order = [names.index(e) for e in loop.effectors]
-        gain[order] = -loop.allocation @ loop.gain
-        rows = {}
-        for field in fields(Actuation):
-            values = getattr(ideal, field.name).copy()
-            values[order] = getattr(loop.actuation, field.name)
-            rows[field.name] = values
-        from freqid.simulate.fly import DT
-
-        # commands are held for a frame, which delays them by half of one on average
-        rows["delay"][order] += 0.5 * DT
-        actuation = Actuation(**rows)
-        up, down = rows["lag"].copy(), rows["lag"].copy()
-        motor = scenario.simulation.actuators.get("motor", {})
-        rotors = [i for i, e in enumerate(scenario.effector) if e.kind == "rotor"]
-        if motor:
-            up[rotors], down[rotors] = float(motor["rise_s"]), float(motor["fall_s"])
+    vehicle = scenario.aircraft()
+    lags = None
+    if loop is not None:
+        law_at, name = law_of(loop, vehicle)
+        tilts = {w.tilt: trim[w.tilt] for w in vehicle.wings if w.tilt in trim}
+        law = law_at(reference.u, reference.rho, tilts | dict(reference.scheduled))
+        source = f"{name.removeprefix('law of ')} with its own actuators"
+    elif scenario.simulation.loads:
+        law, lags = _simulated_law(scenario, reference)
         source = "[control.gains]" if "gains" in scenario.control else "the simulation ([control.lq])"
         source += f" of {name_of(scenario)}, actuators of [simulation.actuators]"
     else:
-        actuation, source = ideal, f"[control.gains] of {name_of(scenario)}, actuators that follow at once"
-        for effector, row in scenario.control.get("gains", {}).items():
-            for state, value in row.items():
-                for known, asked in ((names, effector), (FED_BACK[:9], state)):
-                    if asked not in known:
-                        raise UsageError(
-                            f"[control.gains] names '{asked}'",
-                            where=name_of(scenario),
-                            remedy=nearest(asked, known),
-                        )
-                gain[names.index(effector), FED_BACK.index(state)] = float(value)
-        if not gain.any():
+        law = _stated_gains(scenario)
+        source = f"[control.gains] of {name_of(scenario)}, actuators that follow at once"
+        if not law.D.any():
             source = "no feedback, actuators that follow at once"
     if not feedback:
-        gain, source = np.zeros_like(gain), "no feedback"
-    return ControlLaw(names, gain, actuation, source, up, down)
+        still = ControlLaw.none(law.effectors)
+        law, source = replace(still, actuation=law.actuation), "no feedback"
+    return FlownLaw(law.over(tuple(e.name for e in scenario.effector)), lags, source)
+
+
+class FlownLaw(NamedTuple):
+    """A law over all effectors with its actuators, those lags that are uneven, and where it is from."""
+
+    law: ControlLaw
+    lags: UnevenLags | None
+    source: str
+
+
+def _simulated_law(scenario: Scenario, reference: Reference) -> tuple[ControlLaw, UnevenLags | None]:
+    """Return the law and the actuators that `simulate` flies; lags are over all effectors."""
+    from freqid.compare.scenario_law import scenario_law
+    from freqid.simulate.fly import DT
+
+    law = scenario_law(scenario)(reference.u, reference.rho, dict(reference.scheduled))
+    # commands are held for a frame, which delays them by half of one on average
+    actuation = replace(law.actuation, delay=law.actuation.delay + 0.5 * DT)
+    law = replace(law, actuation=actuation)
+    motor = scenario.simulation.actuators.get("motor", {})
+    if not motor:
+        return law, None
+    rotors = [i for i, e in enumerate(scenario.effector) if e.kind == "rotor"]
+    lags = UnevenLags(*np.tile(law.over([e.name for e in scenario.effector]).actuation.lag, (2, 1)))
+    lags.up[rotors], lags.down[rotors] = float(motor["rise_s"]), float(motor["fall_s"])
+    return law, lags
+
+
+def _stated_gains(scenario: Scenario) -> ControlLaw:
+    """Return ``[control.gains]`` as they stand, without actuators."""
+    names, signals = tuple(e.name for e in scenario.effector), (*STATES, "psi")
+    gain = np.zeros((len(names), len(signals)))
+    for effector, row in scenario.control.get("gains", {}).items():
+        for state, value in row.items():
+            for known, asked in ((names, effector), (signals, state)):
+                if asked not in known:
+                    raise UsageError(
+                        f"[control.gains] names '{asked}'",
+                        where=name_of(scenario),
+                        remedy=nearest(asked, known),
+                    )
+            gain[names.index(effector), signals.index(state)] = float(value)
+    return ControlLaw.of_gains(signals, names, gain)
 
 
 def stated_noise(scenario: Scenario, sensors: str = "") -> dict[str, float]:
@@ -389,6 +429,15 @@ def _biased(model: PointModel | GlobalModel, noise: Mapping[str, float]) -> tupl
     )
 
 
+def _without_effect(model: ModelAtCondition, law: ControlLaw) -> tuple[str, ...]:
+    """Return a remark where the law moves what the model does not know the effect of."""
+    known = {n for response in model.responses for n in response.regressors}
+    moved = [n for n, row in zip(law.effectors, law.allocation, strict=True) if row.any() and n not in known]
+    if not moved:
+        return ()
+    return (f"the law moves {' '.join(moved)}, of which the model has no derivatives: they do nothing here",)
+
+
 def _refuse_unfit(planned: Planned, effectors: tuple[str, ...], vehicle: Vehicle) -> None:
     """Refuse a design that excites what the vehicle does not have, or in another unit."""
     for name, unit in zip(planned.inputs.names, planned.inputs.units, strict=True):
@@ -404,21 +453,6 @@ def _refuse_unfit(planned: Planned, effectors: tuple[str, ...], vehicle: Vehicle
                 where=planned.name,
                 remedy="design the inputs with the scenario of this vehicle",
             )
-
-
-def _model_of(given: PointModel | GlobalModel | File) -> PointModel | GlobalModel:
-    if isinstance(given, PointModel | GlobalModel):
-        return given
-    from freqid.workflows.files import read
-
-    found = read(given)
-    if isinstance(found, PointModel | GlobalModel):
-        return found
-    raise UsageError(
-        f"found a {type(found).__name__}, expected a point or a global model",
-        where=str(given),
-        remedy="identify one with identify-point, or blend several",
-    )
 
 
 def _name(given: object, otherwise: str) -> str:
@@ -438,6 +472,15 @@ def _sha256(given: Any) -> str:
     ):
         return digest_of(given)
     raise UsageError(f"found {type(given).__name__}, expected a model or a design")
+
+
+def _loop_file(loop: Any) -> dict[str, Any]:
+    """Return file and hash of a law that is in a file, ``FILE.py:NAME`` among them."""
+    file, python, _ = str(loop).partition(".py:")
+    path = Path(f"{file}.py" if python else file)
+    if not isinstance(loop, str | Path) or not path.is_file():
+        return {}
+    return {"loop": {"file": str(loop), "sha256": _sha256(path)}}
 
 
 def _flown_at(record: FlightRecord, given: object) -> str:

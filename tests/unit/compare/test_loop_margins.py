@@ -160,7 +160,7 @@ def test_what_cannot_be_done_is_said(model, loop):
     unknown = fq.GlobalModel(replace(model.corridor, aircraft=None))
     with pytest.raises(UsageError, match="does not say what its aircraft weighs"):
         fq.margins(unknown, loop)
-    with pytest.raises(UsageError, match="found dict, expected a global model"):
+    with pytest.raises(UsageError, match="found a dict, expected a point or a global model"):
         fq.margins({}, loop)
 
 

@@ -128,6 +128,9 @@ def test_other_things_are_refused(tmp_path):
     with pytest.raises(UsageError, match="is no loop file"):
         at(tmp_path / "loop.csv")
     mat = tmp_path / "loop.mat"
+    savemat(mat, {"D": {"a": 1.0}, "signals": ["q"], "commands": ["dr"]})
+    with pytest.raises(DataError, match=r"variable 'D' is no matrix of numbers; save A, B, C and D as"):
+        at(mat)
     savemat(mat, {"D": D})
     with pytest.raises(DataError, match="has no variable 'signals'"):
         at(mat)

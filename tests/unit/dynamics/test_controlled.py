@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from freqid.core.errors import UsageError
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
-from freqid.dynamics.controlled import FED_BACK, ControlLaw, ControlledAircraft
+from freqid.dynamics.control_law import ControlLaw
+from freqid.dynamics.controlled import ControlledAircraft, UnevenLags
 from freqid.dynamics.linear_loop import Actuation
 from freqid.dynamics.small_motion import equations_of_motion
 
@@ -42,9 +44,23 @@ def aircraft(up=None, down=None, delay=DELAY, law=None, spin=None):
     lag = LAG if up is None or down is None else 2 / (1 / up + 1 / down)
     one, zero = np.ones(3), np.zeros(3)
     actuation = Actuation(one, delay, np.full(3, np.inf), one, one, lag, zero)
-    control = ControlLaw(NAMES, gains() if law is None else law, actuation, "test", up, down)
+    control = law_of(gains() if law is None else law, actuation)
     spin = np.zeros((3, 3)) if spin is None else spin
-    return ControlledAircraft(vehicle, WRENCH, np.array([20.0, 0.0, 1.0]), 0.05, spin, np.zeros(3), control)
+    lags = None if up is None or down is None else UnevenLags(up, down)
+    velocity = np.array([20.0, 0.0, 1.0])
+    return ControlledAircraft(vehicle, WRENCH, velocity, 0.05, spin, np.zeros(3), control, lags)
+
+
+def law_of(table, actuation):
+    """Gains from u v w p q r phi theta psi, integrals of u and v, altitude, integral of psi, as a law."""
+    signals = ("u", "v", "w", "p", "q", "r", "phi", "theta", "psi", "alt")
+    B = np.zeros((3, 10))
+    B[0, 0] = B[1, 1] = B[2, 8] = 1.0
+    D = np.hstack([table[:, :9], table[:, [11]]])
+    C = table[:, [9, 10, 12]]
+    used = C.any(axis=0)
+    A = np.zeros((used.sum(), used.sum()))
+    return ControlLaw(signals, NAMES, NAMES, A, B[used], C[:, used], D, np.eye(3), actuation, "test")
 
 
 def multisine(seconds=16.0):
@@ -168,5 +184,40 @@ def test_a_motion_that_grows_is_had_too():
             assert np.abs(states[i] - right[i]).max() < 0.01 * np.abs(right[i]).max()
 
 
-def test_columns_of_the_gains_have_names():
-    assert FED_BACK[8:] == ("psi", "integral of u", "integral of v", "altitude", "integral of psi")
+def test_a_law_with_states_of_its_own_is_what_its_transfer_function_says():
+    """Pitch rate behind a washout, altitude and flow angle, at a trim that moves along and down."""
+    velocity, theta = np.array([20.0, 0.0, 1.0]), 0.05
+    law = ControlLaw(
+        signals=("q", "alt", "alpha"),
+        axes=("pitch",),
+        effectors=("de",),
+        A=np.array([[-2.0]]),
+        B=np.array([[1.0, 0.0, 0.0]]),
+        C=np.array([[-2.0]]),
+        D=np.array([[1.0, 0.03, 0.4]]),
+        allocation=np.array([[0.5]]),
+        actuation=Actuation.ideal(1),
+    )
+    s = np.array([0.3j, 0.1 + 2.0j])
+    found = law.over(("da", "de")).transfer(s, velocity, theta)
+    assert not found[:, 0].any()
+    climb = np.array([np.sin(theta), -np.cos(theta), 20.0 * np.cos(theta) + np.sin(theta)])
+    speed = np.hypot(20.0, 1.0)
+    right = np.zeros((2, 8), dtype=complex)
+    right[:, 4] = s / (s + 2.0)
+    right[:, [0, 2, 7]] += 0.03 * climb / s[:, None]
+    right[:, [0, 2]] += 0.4 * np.array([-1.0, 20.0]) / speed**2
+    np.testing.assert_allclose(found[:, 1], 0.5 * right, rtol=1e-12, atol=1e-15)
+    # a gust moves what is measured against the air by itself: only the rest is of the ground
+    right[:, [0, 2]] -= 0.4 * np.array([-1.0, 20.0]) / speed**2
+    ground = law.transfer(s, velocity, theta, air_data=False)
+    np.testing.assert_allclose(ground[:, 0], 0.5 * right, rtol=1e-12, atol=1e-15)
+
+
+def test_a_law_over_all_effectors_keeps_their_order_and_refuses_others():
+    law = ControlLaw.of_gains(("q", "p"), ("de", "da"), np.array([[0.4, 0.0], [0.0, -0.2]]))
+    wide = law.over(("da", "n1", "de"))
+    np.testing.assert_array_equal(wide.allocation @ wide.D, [[0.0, -0.2], [0.0, 0.0], [0.4, 0.0]])
+    assert wide.actuation.gain.tolist() == [1.0, 1.0, 1.0]
+    with pytest.raises(UsageError, match="moves 'de', which the aircraft does not have"):
+        law.over(("da", "n1"))

@@ -11,7 +11,7 @@ import pytest
 from scipy.io import savemat
 
 from freqid.core.errors import DataError
-from freqid.flightlog.readers.matlab import read_mat5
+from freqid.flightlog.readers.mat5 import MatlabObject, read_mat5
 
 MATRIX = np.arange(6.0).reshape(3, 2)
 VARIABLES = {
@@ -80,7 +80,26 @@ def test_either_byte_order(order, compress):
 
 def test_what_has_no_plain_counterpart_is_empty():
     assert read_mat5(by_hand("<", flags=5)) == {"ab": {}}
-    assert read_mat5(by_hand("<", flags=17)) == {}
+    assert read_mat5(by_hand("<", flags=16)) == {}
+
+
+def opaque(name, class_name):
+    """A file with one object, its header as MATLAB writes it: name, class system, class, and numbers."""
+
+    def element(code, data):
+        return struct.pack("<II", code, len(data)) + data + b"\0" * (-len(data) % 8)
+
+    body = element(6, struct.pack("<II", 17, 0))
+    body += element(1, name) + element(1, b"MCOS") + element(1, class_name)
+    numbers = element(6, struct.pack("<II", 13, 0)) + element(5, struct.pack("<ii", 6, 1))
+    numbers += element(1, b"") + element(6, struct.pack("<6I", 0xDD000000, 2, 1, 1, 1, 1))
+    whole = element(14, body + element(14, numbers))
+    return b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + whole
+
+
+def test_an_object_is_known_by_its_class():
+    found = read_mat5(opaque(b"ts", b"timeseries"))
+    assert found == {"ts": MatlabObject("timeseries")}
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import h5py
 import numpy as np
 import pytest
@@ -9,8 +11,9 @@ from scipy.io import savemat
 from scipy.sparse import csc_array
 
 from freqid.core.errors import DataError
-from freqid.flightlog.column_map import ChannelPlace, ColumnMap, MassPlace, TimePlace
-from freqid.flightlog.readers.matlab import load_variables, read_matlab
+from freqid.flightlog.column_map import ChannelPlace, ColumnMap, MassPlace, TimePlace, read_column_map
+from freqid.flightlog.listing import list_log
+from freqid.flightlog.readers.matlab import load_variables, lookup, read_matlab, texts
 
 T = 0.05 * np.arange(40)
 DATA = np.column_stack([T, np.sin(T), 10 * np.cos(T)])
@@ -189,3 +192,90 @@ def test_a_foreign_file_is_a_data_error(tmp_path, content):
 def test_a_missing_file_is_a_data_error(tmp_path):
     with pytest.raises(DataError, match="no such file"):
         load_variables(tmp_path / "none.mat")
+
+
+def object_v73(path, **classes):
+    """A v7.3 file with a clock and objects, each a row of numbers with its class as an attribute."""
+    write_v73(path, t=T)
+    with h5py.File(path, "r+") as file:
+        for name, class_name in classes.items():
+            dataset = file.create_dataset(name, data=np.full((1, 6), 1, dtype=np.uint32))
+            dataset.attrs["MATLAB_class"] = np.bytes_(class_name)
+            dataset.attrs["MATLAB_object_decode"] = np.int32(3)
+    return path
+
+
+def test_an_object_is_refused_by_its_class_with_what_to_type(tmp_path):
+    path = object_v73(tmp_path / "x.mat", ts="timeseries", logsout="Simulink.SimulationData.Dataset")
+    for variable, said in (
+        ("ts", r"'ts' is a MATLAB object of class timeseries, .*q = ts.Data; t = ts.Time"),
+        ("ts.Data", r"'ts' is a MATLAB object of class timeseries"),
+        ("logsout", r"SimulationData.Dataset, .*x = logsout.get\('q'\).Values; q = x.Data"),
+    ):
+        place = ChannelPlace(name="state/q", variable=variable, unit="rad/s")
+        with pytest.raises(DataError, match=said):
+            read_matlab(path, ColumnMap(time=TimePlace(variable="t", unit="s"), channel=(place,)))
+    with h5py.File(path, "r+") as file:
+        file["q"] = np.sin(T)[None]
+    listed = {c.name: c for c in list_log(path).channels}
+    assert (listed["ts"].label, listed["ts"].samples, listed["q"].samples) == ("timeseries", 0, T.size)
+    named = object_v73(tmp_path / "z.mat", labels="string")
+    with pytest.raises(DataError, match=r"of class string, expected a cell array .* in place of \["):
+        texts(load_variables(named)["labels"])
+    with pytest.raises(DataError, match="logsout is a MATLAB object of class Simulink"):
+        list_log(object_v73(tmp_path / "y.mat", logsout="Simulink.SimulationData.Dataset"))
+
+
+@WRITERS
+def test_logs_of_simulink_are_listed_with_a_map_that_reads_them(tmp_path, write):
+    """A structure with time, a timeseries that was made a struct, and vectors beside their clock."""
+    logs = {
+        "pitch": {"time": T, "signals": {"values": np.sin(T), "label": "theta"}},
+        "out": {"tout": T, "q": {"Data": np.cos(T), "Time": T}, "note": "ab"},
+        "rates": {"time": T, "both": np.column_stack([np.sin(2 * T), np.cos(2 * T)])},
+    }
+    path = write(tmp_path / "x.mat", **logs)
+    listing = list_log(path)
+    assert {c.name: c.source for c in listing.channels} == {
+        "pitch.signals.values": "pitch.time",
+        "out.q.Data": "out.q.Time",
+        "rates.both(:,1)": "rates.time",
+        "rates.both(:,2)": "rates.time",
+    }
+    assert all(c.rate_hz == pytest.approx(20.0) for c in listing.channels)
+    text = listing.map
+    for name, unit in (("theta", "deg"), ("q", "deg/s")):  # the log does not say: the user states them
+        text = re.sub(rf'(name = "state/{name}"\n[^\[]*unit = )""', rf'\1"{unit}"', text)
+    (tmp_path / "map.toml").write_text(text)
+    record = read_matlab(path, read_column_map(tmp_path / "map.toml"))
+    np.testing.assert_allclose(record["state/theta"], np.radians(np.sin(T)), rtol=1e-12)
+    np.testing.assert_allclose(record["state/q"], np.radians(np.cos(T)), rtol=1e-12)
+
+
+def test_one_of_a_struct_array_and_a_column_are_named_as_in_matlab(tmp_path):
+    signals = np.array(
+        [(np.sin(T)[:, None], "theta"), (np.cos(T)[:, None], "q")], dtype=[("values", "O"), ("label", "O")]
+    )
+    savemat(tmp_path / "x.mat", {"out": {"time": T, "signals": signals, "m": DATA}})
+    listed = {c.name: c.label for c in list_log(tmp_path / "x.mat").channels}
+    assert listed["out.signals(1).values"] == "theta"
+    assert listed["out.signals(2).values"] == "q"
+    variables = load_variables(tmp_path / "x.mat")
+    np.testing.assert_array_equal(lookup(variables, "out.signals(2).values"), np.cos(T))
+    np.testing.assert_array_equal(lookup(variables, "out.m(:,3)"), DATA[:, 2])
+    for name in ("out.signals(3).values", "out.m(:,4)", "out.time(:,1)", "out.m(2", "out(2).m"):
+        assert lookup(variables, name) is None
+    # v7.3 keeps a struct array as a struct of cells
+    cells = {"signals": {"values": [np.sin(T), np.cos(T)], "label": ["theta", "q"]}}
+    np.testing.assert_array_equal(lookup(cells, "signals(2).values"), np.cos(T))
+    assert lookup(cells, "signals(3).values") is None
+
+
+def test_the_only_matrix_of_a_file_is_listed_by_number(tmp_path):
+    savemat(tmp_path / "x.mat", {"data": DATA})
+    listing = list_log(tmp_path / "x.mat")
+    assert [c.name for c in listing.channels] == ["1", "2", "3"]
+    assert "[time]\ncolumn = 1\n" in listing.map
+    savemat(tmp_path / "y.mat", {"a": np.sin(T), "b": np.cos(T)})
+    with pytest.raises(DataError, match="no vector of it increases and is called after time"):
+        list_log(tmp_path / "y.mat")

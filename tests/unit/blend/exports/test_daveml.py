@@ -49,6 +49,25 @@ def test_it_is_in_the_order_of_the_standard_and_passes_its_check_cases(read, nam
             assert known[variable] == pytest.approx(value, rel=1e-12, abs=1e-12), (shot, variable)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("<signalUnits>m_s</signalUnits>", "", "signal: signalName signalValue"),
+        ('griddedTableRef gtID="table_', 'griddedTableRef gtID="none_', "no none_"),
+        ('interpolate="linear"', 'interpolate="straight"', "independentVarRef interpolate straight"),
+        ('effect="additive"', 'effect="additive" kind="normal"', "uncertainty has kind"),
+        ("<isOutput />", "<isOutput>yes</isOutput>", "isOutput holds text"),
+        ("<dataTable>", "<remark /><dataTable>", "griddedTableDef: description breakpointRefs remark"),
+    ],
+)
+def test_what_the_standard_does_not_allow_is_seen(read, tmp_path, old, new, said):
+    text = read("two_lines")[2].path.read_text()
+    assert old in text
+    (tmp_path / "x.dml").write_text(text.replace(old, new, 1))
+    problems = daveml_reader.Model(tmp_path / "x.dml").problems()
+    assert any(said in problem for problem in problems), problems
+
+
 @pytest.mark.parametrize("name", ["one_line", "two_lines"])
 def test_a_global_model_is_met_to_the_stated_error(read, name):
     model, calculation, file = read(name)

@@ -314,3 +314,39 @@ def test_least_squares_in_noise_are_warned_of(fly, designs, scenario):
     biased = fq.identify_point(fly(designs[0], 7), scenario, estimator="least-squares")
     found = predict_flight(biased, designs[1], scenario, date=DATE, draws=2)
     assert "least squares" in found.remarks[0]
+
+
+def test_a_model_that_was_identified_in_time_is_sealed_read_and_scored(fly, designs, scenario, tmp_path):
+    """It keeps no lines; the wrench in free run is compared as far as its bands hold noise."""
+    made = fq.identify_point(fly(designs[0], 7, noise=0.0), scenario, method="time")
+    # sensors whose noise is far above what is not linear, which bands without a residual do not hold
+    loud = msgspec.structs.replace(scenario, noise={n: 10 * x for n, x in scenario.noise.items()})
+    sealed = predict_flight(made, designs[1], loud, date=DATE, draws=5)
+    assert not sealed.responses[0].residual.size
+    fq.save(sealed, tmp_path / "p.h5")  # empty arrays are no edit
+    score = score_prediction(tmp_path / "p.h5", fly(designs[1], 11, noise=10.0))
+    for response in "XYZLMN":
+        channel = score[f"free-run/{response}"]
+        assert 0.6 < channel.rmse / channel.expected_rmse < 1.4, response
+
+
+def test_effectors_that_the_law_moves_and_the_model_does_not_know_are_told(model, designs, scenario):
+    without = {
+        n: replace(
+            r,
+            **{
+                name: getattr(r, name)[np.array(r.regressors) != "dr"]
+                for name in ("trim", "regressor_rms", "estimate", "std_error")
+            },
+            covariance=r.covariance[np.ix_(*[np.array(r.regressors) != "dr"] * 2)],
+            regressors=tuple(x for x in r.regressors if x != "dr"),
+            regressor_units=tuple(
+                u for x, u in zip(r.regressors, r.regressor_units, strict=True) if x != "dr"
+            ),
+        )
+        for n, r in model.responses.items()
+    }
+    gains = {**scenario.control["gains"], "dr": {"r": 0.1}}
+    moved = msgspec.structs.replace(scenario, control={**scenario.control, "gains": gains})
+    found = predict_flight(replace(model, responses=without), designs[1], moved, date=DATE, draws=2)
+    assert any("the law moves dr, of which the model has no derivatives" in r for r in found.remarks)

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid import __version__
+from freqid.core import probe
 from freqid.core.errors import DataError, FreqidError, UncheckedFile
 
 try:
@@ -237,6 +238,8 @@ def reading(path: Path, kind: str) -> Iterator[h5py.File]:
         raise DataError(found, where=where, remedy="check the path")
     try:
         stated = _checked(Path(path))
+        if not stated:
+            refuse_fatal(path)
         file = h5py.File(path, "r")
     except DataError as error:
         raise error.at(where) from None
@@ -249,7 +252,7 @@ def reading(path: Path, kind: str) -> Iterator[h5py.File]:
     with file:
         with _in_one_sentence(where, kind):
             _check_header(file, kind, stated)
-            _refuse_hostile(file, os.path.getsize(path))
+            refuse_hostile(file, os.path.getsize(path))
             writer = get_text(file, "freqid_version")
         if not stated and writer:  # other programs write the formats too, and never had a checksum
             warnings.warn(
@@ -332,11 +335,33 @@ def _damaged(why: str) -> DataError:
     )
 
 
-def _refuse_hostile(file: h5py.File, size: int) -> None:
-    """Refuse what no release writes and reading could be harmed by, before anything is read.
+def refuse_fatal(path: Path) -> None:
+    """Refuse an HDF5 file without checksum that the HDF5 library hangs or crashes over.
+
+    Raises
+    ------
+    DataError
+    """
+    fault = probe.fault_of(path)
+    if fault:
+        raise DataError(
+            f"is damaged: reading it as HDF5 {fault}",
+            where=str(path),
+            remedy="make it again with the program that wrote it",
+        )
+
+
+def refuse_hostile(file: h5py.File, size: int) -> None:
+    """Refuse what no honest file holds and reading could be harmed by, before anything is read.
 
     That is links out of the file or in circles, data in other files, and data that unpack to far more than
     the file's size.
+
+    Parameters
+    ----------
+    file : h5py.File
+    size : int
+        Of the file, bytes.
 
     Raises
     ------
@@ -368,7 +393,7 @@ def _refuse_hostile(file: h5py.File, size: int) -> None:
         )
 
 
-_DISTRUST = "freqid writes no such file: make it again with the command that wrote it"
+_DISTRUST = "make the file again with the program that wrote it"
 
 
 @contextmanager
@@ -387,6 +412,8 @@ def kind_of(path: Path) -> str:
             stated = _SUM.match(raw.read(_BLOCK))
         if stated is not None:
             return stated[1].decode()
+        if not h5py.is_hdf5(path) or probe.fault_of(path):
+            return ""
         with h5py.File(path, "r") as file:
             return get_text(file, "format")
     except Exception:  # a damaged byte can make h5py raise almost anything

@@ -256,8 +256,8 @@ def reading(path: Path, kind: str) -> Iterator[h5py.File]:
             writer = get_text(file, "freqid_version")
         if not stated and writer:  # other programs write the formats too, and never had a checksum
             warnings.warn(
-                f"{where}: was written by freqid {writer}, before files had a checksum; damage to its numbers "
-                "would not be seen",
+                f"{where}: was written by freqid {writer}, before files had a checksum; damage to its "
+                "numbers would not be seen",
                 UncheckedFile,
                 stacklevel=3,
             )

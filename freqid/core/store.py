@@ -39,6 +39,7 @@ VERSION = "1.3"  # of the file layout; the major number changes when an old rele
 _CHECKED_SINCE = (1, 3)  # the layout that a checksum came with
 _BLOCK = 512  # bytes, the smallest that HDF5 leaves to others
 _SUM = re.compile(rb"(freqid-[a-z-]+) file\nSHA-256 of all bytes from the 513th on:\n[0-9a-f]{64}\n")
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"  # where the HDF5 part begins
 _LEFT_OVER = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
 _GROWTH, _SMALL = 100, 1 << 26  # times its own size, and bytes, that a file may unpack to
 _DEPTH = 32  # groups in groups; ours are six deep
@@ -174,7 +175,7 @@ def write(path: Path, kind: str, fill: Callable[[h5py.File], None], scenario_sha
             file.attrs["scenario_sha256"] = scenario_sha256
             file.attrs["freqid_version"] = __version__
             fill(file)
-        _add_checksum(temporary)
+        _add_checksum(temporary, kind)
 
 
 @contextmanager
@@ -195,7 +196,8 @@ def editing(path: Path) -> Iterator[h5py.File]:
     >>> with editing("flight.h5") as file:  # doctest: +SKIP
     ...     file["state/ax"].attrs["position_m"] = (0.1, 0.0, -0.2)
     """
-    with reading(path, kind_of(path)) as file:
+    kind = kind_of(path)
+    with reading(path, kind) as file:
         if file.userblock_size != _BLOCK:
             raise DataError(
                 "has no place for a checksum", remedy="read it and save it with this release, then edit that"
@@ -204,13 +206,11 @@ def editing(path: Path) -> Iterator[h5py.File]:
         shutil.copyfile(path, temporary)
         with h5py.File(temporary, "r+", locking=False) as file:
             yield file
-        _add_checksum(temporary)
+        _add_checksum(temporary, kind)
 
 
-def _add_checksum(path: Path) -> None:
+def _add_checksum(path: Path, kind: str) -> None:
     """Write the checksum of a file that is written into its first 512 bytes."""
-    with h5py.File(path, "r") as file:
-        kind = get_text(file, "format")
     with open(path, "r+b") as raw:
         text = _block_text(kind, raw)
         raw.seek(0)
@@ -313,9 +313,9 @@ def _checked(path: Path) -> str:
     with open(path, "rb") as raw:
         block = raw.read(_BLOCK)
         stated = _SUM.match(block)
-        if stated is None:
-            return ""
-        if block == _block_text(stated[1].decode(), raw):
+        if stated is None and raw.read(len(_SIGNATURE)) != _SIGNATURE:
+            return ""  # no file of ours, or one of a release without checksums
+        if stated is not None and block == _block_text(stated[1].decode(), raw):
             return stated[1].decode()
     raise _damaged("its bytes do not have the checksum that it states")
 

@@ -1,15 +1,16 @@
 """What readers make of damaged files: thousands of mutations of a good file for each of them.
 
-Every case ends as one of: *refused* (one sentence, exit code 2 or 3), *same* (read, nothing in it is different:
-the damage hit what is not read), *other* (read, with other contents: only a format with a checksum can tell), or as a fault: *traceback*, *warning* (of numpy, say), *hang* (over 5 s), *memory*
-(over 1 GiB more than before), *crash* (the process ended). Run as ``python benchmarks/fuzz.py --cases 10000``;
-``--only csv`` for readers by a pattern, ``--show`` for the cases that are faults, ``--case 17`` for one of them.
+Every case ends as one of: *refused* (one sentence, exit code 2 or 3), *same* (read, and nothing in it is
+different: the damage hit what is not read), *other* (read, with other contents: only a format with a
+checksum can tell), or as a fault: *traceback*, *warning* (of numpy, say), *hang* (over 5 s of processor),
+*memory* (over 1 GiB more than before), *crash* (the process ended).
+
+Run as ``python benchmarks/fuzz.py``; ``--cases 200`` for fewer, ``--only csv`` for the readers of a pattern,
+``--show`` for the cases that are faults, ``--case 17`` for one of them.
 
 Each case is made from its number alone. Readers run in a process of their own, with the limits on it; a
 process that ends is replaced and the case that ended it is counted.
 """
-
-from __future__ import annotations
 
 import argparse
 import csv
@@ -36,6 +37,7 @@ import msgspec
 import numpy as np
 
 import freqid as fq
+from freqid.blend.global_model import GlobalModel
 from freqid.core.errors import FreqidError, UncheckedFile
 
 PROJECT = Path(__file__).resolve().parents[1]
@@ -74,6 +76,10 @@ class Subject:
 
 class Hang(BaseException):
     """No `Exception`, so that no reader takes it for damage."""
+
+
+def _hang(*_: object) -> None:
+    raise Hang
 
 
 def mutated(good: bytes, rng: np.random.Generator, text: bool) -> bytes:
@@ -134,6 +140,8 @@ def contents(value: Any) -> Any:
     if isinstance(value, msgspec.Struct):
         names = [n for n in value.__struct_fields__ if n not in ("sha256", "file")]
         return tuple((n, contents(getattr(value, n))) for n in names)
+    if isinstance(value, GlobalModel):
+        return contents(value.corridor)
     if isinstance(value, Mapping):
         return tuple((str(k), contents(v)) for k, v in value.items())
     if isinstance(value, list | tuple):
@@ -147,8 +155,9 @@ def outcome(subject: Subject, content: bytes, folder: Path, expected: Any) -> tu
     """Read one file; return what became of it, and where it is a fault, what was raised."""
     path = folder / f"case{subject.suffix}"
     path.write_bytes(content)
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    signal.setitimer(signal.ITIMER_REAL, SECONDS)
+    before, used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, processor()
+    signal.signal(signal.SIGPROF, _hang)
+    signal.setitimer(signal.ITIMER_PROF, SECONDS)
     try:
         found = subject.read(path)
         result = ("same" if contents(found) == expected else "other", "")
@@ -167,10 +176,22 @@ def outcome(subject: Subject, content: bytes, folder: Path, expected: Any) -> tu
         at = traceback.extract_tb(error.__traceback__)[-1]
         result = ("traceback", f"{error!r} {at.filename}:{at.lineno}")
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.setitimer(signal.ITIMER_PROF, 0)
     if resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before > BYTES >> 10:
         return "memory", result[1]
-    return result
+    return ("hang", "in a process of its own") if processor() - used > SECONDS else result
+
+
+def processor() -> float:
+    """Return the seconds of processor that this process and those that it waited for have used."""
+    own, others = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
+    return own.ru_utime + own.ru_stime + others.ru_utime + others.ru_stime
+
+
+def processor_of(process: int) -> float:
+    """Return the seconds of processor that another process has used."""
+    words = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def case_of(subject: Subject, number: int) -> bytes:
@@ -187,11 +208,6 @@ def work(subject: Subject, first: int, stop: int, seen: mmap.mmap, log: Path) ->
     os.dup2(null, 2)
     warnings.simplefilter("error")
     warnings.simplefilter("ignore", UncheckedFile)
-
-    def hang(*_: object) -> None:
-        raise Hang
-
-    signal.signal(signal.SIGALRM, hang)
     good = folder / f"good{subject.suffix}"
     good.write_bytes(subject.good)
     expected = contents(subject.read(good))
@@ -200,7 +216,7 @@ def work(subject: Subject, first: int, stop: int, seen: mmap.mmap, log: Path) ->
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     with log.open("a") as out:
         for number in range(first, stop):
-            seen[:16] = struct.pack("<qd", number, time.time())
+            seen[:16] = struct.pack("<qd", number, processor())
             became, said = outcome(subject, case_of(subject, number), folder, expected)
             out.write(f"{number}\t{became}\t{' '.join(said.split())}\n")
             out.flush()
@@ -214,7 +230,7 @@ def run(subject: Subject, cases: int, folder: Path) -> list[tuple[int, str, str]
     ended: list[tuple[int, str, str]] = []
     first = 0
     while first < cases:
-        seen[:16] = struct.pack("<qd", first, time.time() + 60)  # until it is ready
+        seen[:16] = struct.pack("<qd", first, 60.0)  # until it is ready
         child = os.fork()
         if child == 0:
             code = 1
@@ -230,7 +246,7 @@ def run(subject: Subject, cases: int, folder: Path) -> list[tuple[int, str, str]
             done, status = os.waitpid(child, os.WNOHANG)
             if done:
                 break
-            if time.time() - struct.unpack("<qd", seen[:16])[1] > 4 * SECONDS:
+            if processor_of(child) - struct.unpack("<qd", seen[:16])[1] > SECONDS + 1:  # no Python is run
                 hung = True
                 os.kill(child, signal.SIGKILL)
             time.sleep(0.05)
@@ -253,7 +269,7 @@ def resealed(content: bytes) -> bytes:
 
 def subjects(folder: Path) -> list[Subject]:
     """Return all readers with a good file each."""
-    return [*_results(folder), *_logs(folder), *_tables(folder)]
+    return [*_logs(folder), *_tables(folder), *_results(folder)]
 
 
 def _results(folder: Path) -> list[Subject]:
@@ -421,11 +437,11 @@ delay_s = 0.02
 def main() -> None:
     """Run the cases and write the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", type=int, default=200)
+    parser.add_argument("--cases", type=int, default=10_000)
     parser.add_argument("--only", default="")
     parser.add_argument("--show", action="store_true")
     parser.add_argument("--case", type=int)
-    parser.add_argument("--csv", type=Path)
+    parser.add_argument("--csv", type=Path, default=Path(__file__).with_suffix(".csv"))
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -446,7 +462,6 @@ def main() -> None:
             for number, became, said in results:
                 if asked.show and became in FAULTS:
                     print("   ", number, became, said[:240])
-        if asked.csv:
             with asked.csv.open("w", newline="") as file:
                 csv.writer(file).writerows([["reader", "cases", *OUTCOMES], *rows])
 

@@ -4,7 +4,7 @@ Three commands on small cases: ``study`` of real flights, which resumes; ``globa
 ``diagnose-gap`` of an aircraft with a worn elevator. After each kill every file must be whole: HDF5 with its
 checksum, JSON and pages to their ends. A study goes on in the same folder until it is finished; the others
 are run to their end after every tenth kill. What is finished must hold the same numbers as a run that was
-never killed, and no temporary file may be left. Run as ``python benchmarks/kill.py --kills 200``.
+never killed, and no temporary file may be left. Run as ``python benchmarks/kill.py``.
 """
 
 from __future__ import annotations
@@ -198,16 +198,17 @@ def judge(name: str, words: Callable[[Path], list[str]], kills: int, folder: Pat
     if out.exists():
         assert not killed(words(out), 600.0)
         finish()
-    print(*wrong[:5], sep="\n")
+    for one in wrong[:5]:
+        print(one)
     return [name, f"{whole:.1f}", done, len(wrong), with_parts, finished, different, parts_stay]
 
 
 def main() -> None:
     """Kill the commands and write the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--only", default="")
-    parser.add_argument("--csv", type=Path)
+    parser.add_argument("--csv", type=Path, default=Path(__file__).with_suffix(".csv"))
     asked = parser.parse_args()
     rows = []
     with tempfile.TemporaryDirectory() as there:
@@ -217,9 +218,8 @@ def main() -> None:
                 print(*rows[-1], flush=True)
     head = "command, seconds, kills, damaged files, kills that left a temporary file, finished runs, "
     head += "finished runs that differ, temporary files after them"
-    if asked.csv:
-        with asked.csv.open("w", newline="") as file:
-            csv.writer(file).writerows([head.split(", "), *rows])
+    with asked.csv.open("w", newline="") as file:
+        csv.writer(file).writerows([head.split(", "), *rows])
 
 
 if __name__ == "__main__":

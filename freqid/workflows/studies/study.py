@@ -11,7 +11,7 @@ from typing import Any
 
 from freqid.blend.campaign import StudyResults, spanning_conditions
 from freqid.blend.semi_local.campaign import CampaignStudy
-from freqid.core.errors import UsageError
+from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Maneuver, read_record
 from freqid.core.results.design import MultisineDesign, read_design
 from freqid.core.results.point import PointModel, read_point
@@ -257,7 +257,8 @@ def _fly(
     modelled = dict(zip(ids, designs, strict=False))
     for identifier, design in modelled.items():
         name = f"design-{identifier}.h5" if identifier in own else "design.h5"
-        shutil.copyfile(design, campaign.folder / name)
+        with replacing(campaign.folder / name) as temporary:
+            shutil.copyfile(design, temporary)
     count = len(ids)
     return {i: read_design(path) for i, path in modelled.items()}, _Flights(
         dict(zip(ids, records[:count], strict=True)), dict(zip(ids, records[count:], strict=True))
@@ -290,7 +291,23 @@ def _linearise(campaign: _Campaign, ids: Sequence[str]) -> dict[str, dict[str, d
     """Return the derivatives of the linearised simulation by condition, response and regressor."""
     inputs = [{**campaign.shared, "reference": identifier} for identifier in ids]
     found = _run(campaign, units.linearise, inputs, ".json")
-    return {identifier: json.loads(path.read_text()) for identifier, path in zip(ids, found, strict=True)}
+    return {identifier: _table(path) for identifier, path in zip(ids, found, strict=True)}
+
+
+def _table(path: Path) -> dict[str, dict[str, float]]:
+    """Return the derivatives that a unit wrote.
+
+    Raises
+    ------
+    DataError
+        Where the file is damaged.
+    """
+    try:
+        return json.loads(path.read_text())
+    except ValueError as error:
+        raise DataError(
+            f"is damaged ({error})", where=str(path), remedy="delete it, and the study makes it again"
+        ) from None
 
 
 def _run(campaign: _Campaign, unit: runner.Work, inputs: Sequence[runner.Inputs], suffix: str) -> list[Path]:

@@ -83,6 +83,9 @@ def _exit_code(arguments: list[str] | None) -> int:
     except FreqidError as error:
         click.echo(f"freqid: {error}", err=True)
         return error.exit_code
+    except OSError as error:  # of the system: a folder that is read-only, a disk that is full
+        click.echo(f"freqid: {error.filename or 'a file'}: {error.strerror or error}.", err=True)
+        return EXIT_DATA
     except MemoryError:
         click.echo(
             "freqid: there is not enough memory for this; use a shorter record or fewer lines.", err=True

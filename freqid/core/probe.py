@@ -45,6 +45,8 @@ def _fault(path: str, changed: int, size: int) -> str:
         ).returncode
     except subprocess.TimeoutExpired:
         return "does not end"
+    except OSError:
+        return ""  # no Python to start, as inside another program
     if code in (-24, -9):  # SIGXCPU, and SIGKILL where that was not heard
         return "does not end"
     if code == _OUT_OF_MEMORY:

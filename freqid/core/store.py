@@ -132,8 +132,12 @@ def remove_left_overs(folder: Path) -> None:
     """
     if fcntl is None:
         return
-    with os.scandir(folder) as entries:
-        found = [e.path for e in entries if _LEFT_OVER.fullmatch(e.name) and e.is_file(follow_symlinks=False)]
+    try:
+        with os.scandir(folder) as entries:
+            files = [e for e in entries if _LEFT_OVER.fullmatch(e.name)]
+            found = [e.path for e in files if e.is_file(follow_symlinks=False)]
+    except OSError:
+        return  # it may be written to, but not listed
     for name in found:
         try:
             handle = os.open(name, os.O_RDWR)

@@ -19,11 +19,13 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
+from io import BufferedRandom, BufferedReader
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import h5py
 import numpy as np
+from h5py import h5l, h5o
 from numpy.typing import NDArray
 
 from freqid import __version__
@@ -324,7 +326,7 @@ def _checked(path: Path) -> str:
     raise _damaged("its bytes do not have the checksum that it states")
 
 
-def _block_text(kind: str, raw: BinaryIO) -> bytes:
+def _block_text(kind: str, raw: BufferedReader | BufferedRandom) -> bytes:
     """Return the first 512 bytes that an open file of a format should have."""
     raw.seek(_BLOCK)
     digest = hashlib.file_digest(raw, "sha256").hexdigest()
@@ -374,15 +376,15 @@ def refuse_hostile(file: h5py.File, size: int) -> None:
     total, seen, stack = 0, set(), [("", file.id, 0)]
     while stack:
         place, group, depth = stack.pop()
-        address = h5py.h5o.get_info(group).addr
+        address = h5o.get_info(group).addr
         if address in seen or depth > _DEPTH:
             raise DataError(f"group '{place or '/'}' leads back to itself or too deep", remedy=_DISTRUST)
         seen.add(address)
         for raw_name in group:
             name = f"{place}/{raw_name.decode('utf-8', 'replace')}"
-            if group.links.get_info(raw_name).type != h5py.h5l.TYPE_HARD:
+            if group.links.get_info(raw_name).type != h5l.TYPE_HARD:
                 raise DataError(f"'{name}' is a link to another place", remedy=_DISTRUST)
-            item = h5py.h5o.open(group, raw_name)
+            item = h5o.open(group, raw_name)
             if isinstance(item, h5py.h5g.GroupID):
                 stack.append((name, item, depth + 1))
             elif isinstance(item, h5py.h5d.DatasetID):

@@ -25,7 +25,6 @@ from typing import Any
 
 import h5py
 import numpy as np
-from h5py import h5l, h5o
 from numpy.typing import NDArray
 
 from freqid import __version__
@@ -373,24 +372,23 @@ def refuse_hostile(file: h5py.File, size: int) -> None:
     ------
     DataError
     """
-    total, seen, stack = 0, set(), [("", file.id, 0)]
+    total, seen = 0, set()
+    stack: list[tuple[h5py.Group, int]] = [(subgroup(file, "/"), 0)]
     while stack:
-        place, group, depth = stack.pop()
-        address = h5o.get_info(group).addr
-        if address in seen or depth > _DEPTH:
-            raise DataError(f"group '{place or '/'}' leads back to itself or too deep", remedy=_DISTRUST)
-        seen.add(address)
-        for raw_name in group:
-            name = f"{place}/{raw_name.decode('utf-8', 'replace')}"
-            if group.links.get_info(raw_name).type != h5l.TYPE_HARD:
-                raise DataError(f"'{name}' is a link to another place", remedy=_DISTRUST)
-            item = h5o.open(group, raw_name)
-            if isinstance(item, h5py.h5g.GroupID):
-                stack.append((name, item, depth + 1))
-            elif isinstance(item, h5py.h5d.DatasetID):
-                plist = item.get_create_plist()
-                if plist.get_layout() == h5py.h5d.VIRTUAL or plist.get_external_count():
-                    raise DataError(f"'{name}' has its data in another file", remedy=_DISTRUST)
+        group, depth = stack.pop()
+        if group.id in seen or depth > _DEPTH:  # two ids of one object are equal
+            raise DataError(f"group '{group.name}' leads back to itself or too deep", remedy=_DISTRUST)
+        seen.add(group.id)
+        for name in group:
+            place = f"{str(group.name).rstrip('/')}/{name}"
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                raise DataError(f"'{place}' is a link to another place", remedy=_DISTRUST)
+            item = group[name]
+            if isinstance(item, h5py.Group):
+                stack.append((item, depth + 1))
+            elif isinstance(item, h5py.Dataset):
+                if item.is_virtual or item.external:
+                    raise DataError(f"'{place}' has its data in another file", remedy=_DISTRUST)
                 total += math.prod(item.shape or ()) * item.dtype.itemsize
     if total > max(_SMALL, _GROWTH * size):
         raise DataError(

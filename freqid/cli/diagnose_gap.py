@@ -26,7 +26,7 @@ from freqid.cli.options import FILE
 @click.option(
     "--effect", "effects", multiple=True, help="Effect to close the gap with; may be repeated: together."
 )
-@click.option("--effects", "own_effects", type=FILE, help="Python file with effects of your own.")
+@options.own_effects
 @options.band("the scenario's, else what the injected signals drive")
 @click.option(
     "--tolerance",

@@ -6,11 +6,13 @@ import importlib
 import os
 import sys
 import traceback
+import warnings
+from typing import Any
 
 import click
 
 from freqid import __version__
-from freqid.core.errors import EXIT_BUG, EXIT_DATA, FreqidError
+from freqid.core.errors import EXIT_BUG, EXIT_DATA, FreqidError, UncheckedFile
 
 # Products here are small, and threads cost them more than they gain; a user's own setting stands.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -71,7 +73,9 @@ def run(arguments: list[str] | None = None) -> None:
 
 def _exit_code(arguments: list[str] | None) -> int:
     try:
-        outcome = main.main(arguments, prog_name="freqid", standalone_mode=False)
+        with warnings.catch_warnings():
+            warnings.showwarning = _said
+            outcome = main.main(arguments, prog_name="freqid", standalone_mode=False)
         return outcome if isinstance(outcome, int) else 0
     except click.ClickException as error:
         error.show()
@@ -82,6 +86,9 @@ def _exit_code(arguments: list[str] | None) -> int:
     except FreqidError as error:
         click.echo(f"freqid: {error}", err=True)
         return error.exit_code
+    except OSError as error:  # of the system: a folder that is read-only, a disk that is full
+        click.echo(f"freqid: {error.filename or 'a file'}: {error.strerror or error}.", err=True)
+        return EXIT_DATA
     except MemoryError:
         click.echo(
             "freqid: there is not enough memory for this; use a shorter record or fewer lines.", err=True
@@ -91,6 +98,14 @@ def _exit_code(arguments: list[str] | None) -> int:
         traceback.print_exc()
         click.echo(f"freqid {__version__}: the above is a bug; please report it with the command.", err=True)
         return EXIT_BUG
+
+
+def _said(message: Warning | str, category: type[Warning], *place: Any) -> None:
+    """Print a warning of ours as one sentence; its place in the code is for those who work on freqid."""
+    if issubclass(category, UncheckedFile):
+        click.echo(f"freqid: {message}.", err=True)
+    else:
+        click.echo(warnings.formatwarning(message, category, *place[:2]), err=True, nl=False)
 
 
 if __name__ == "__main__":

@@ -62,7 +62,8 @@ def command(model: Path, loop: str, destination: Path | None, page: bool, json_:
     """Say what the uncertainty of MODEL means for the control law LOOP.
 
     MODEL is a global model or a point model. LOOP is a loop file (TOML or MAT), FILE.py:NAME of a
-    python-control system, or a scenario, whose own law and actuators are then taken (docs/margins.md).
+    python-control system (its code is run, with all your rights), or a scenario, whose own law and
+    actuators are then taken (docs/margins.md).
     """
     from freqid.cli.margins_texts import margins_result, margins_table
     from freqid.views.page import page as page_of

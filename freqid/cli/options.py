@@ -36,9 +36,16 @@ def simulation(scenario: str, *, several: bool = False) -> Callable[[Command], C
         )(command)
         kinds = "FILE.py:NAME, MODEL.fmu, jsbsim:AIRCRAFT, SCENARIO.toml or predictions FILE.h5."
         meaning = f"{kinds} Two are compared with each other." if several else kinds
+        meaning += " Code in a .py or .fmu file is run, with all your rights."
         return click.option("--sim", multiple=several, help=meaning)(command)
 
     return add
+
+
+def own_effects(command: Command) -> Command:
+    """Return ``--effects``."""
+    meaning = "Python file with effects of your own. Its code is run, with all your rights."
+    return click.option("--effects", "own_effects", type=FILE, help=meaning)(command)
 
 
 def parsed(read: Callable[[str], Any]) -> Callable[[click.Context, click.Parameter, Any], Any]:

@@ -52,9 +52,7 @@ _FROM_ZERO = click.FloatRange(min=0)
     metavar="NAME=VALUE",
     help="Set an effect's size, or NAME.PARAMETER=VALUE; may be repeated.",
 )
-@click.option(
-    "--effects", "own_effects", type=FILE, help="Python file with effects of your own, set like the others."
-)
+@options.own_effects
 @click.option("--feedback/--no-feedback", default=True, help="Without it the trim's commands are held.")
 @click.option("--page/--no-page", default=True, help="Draw the flight, in an HTML page beside the record.")
 @options.as_json

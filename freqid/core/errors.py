@@ -69,6 +69,10 @@ class GateFailed(FreqidError):
     exit_code = EXIT_GATE
 
 
+class UncheckedFile(UserWarning):
+    """A file of an earlier release has no checksum: what is read may have been changed since."""
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """Return a clause that suggests the nearest known names, or lists them where few.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import tomllib
+import re
 from collections.abc import Mapping
 from math import inf, isfinite
 from pathlib import Path
@@ -11,11 +11,11 @@ from typing import Any, Literal
 import msgspec
 
 from freqid.core.channels import ADVANCE_RATIO, AIR, STATE, WRENCH
-from freqid.core.errors import UsageError, nearest
+from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.sections.campaign import Campaign
 from freqid.core.sections.excitation import Excitation
 from freqid.core.sections.identification import Identification
-from freqid.core.toml import read_toml
+from freqid.core.toml import parse_toml, read_toml
 from freqid.core.vehicle import (
     Effector,
     Group,
@@ -73,6 +73,11 @@ class Reference(Strict, frozen=True):
     u: float
     rho: float
     scheduled: dict[str, float] = msgspec.field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        # results of a condition are files of its name: it must not lead out of their folder
+        if self.id in (".", "..") or len(self.id) > 100 or re.search(r"[/\\\x00-\x1f]", self.id):
+            raise ValueError(f"id {self.id[:100]!r} cannot be the name of a file, expected one such as 'u20'")
 
     @classmethod
     def of(cls, id: str, u: float, rho: float, **scheduled: float) -> Reference:
@@ -392,8 +397,8 @@ def is_scenario(path: Path | str) -> bool:
     if found.suffix != ".toml" or not found.is_file():
         return False
     try:
-        return "vehicle" in tomllib.loads(found.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        return "vehicle" in parse_toml(found)[0]
+    except DataError:
         return False
 
 

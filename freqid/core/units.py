@@ -154,7 +154,7 @@ def to_si(text: str, si: str, what: str) -> Unit:
     try:
         found = parse_unit(text)
     except DataError as error:
-        raise error.at(what) from None
+        raise DataError(f"{what}: {error.message}", remedy=error.remedy) from None
     if found.dimension != parse_unit(si).dimension:
         hint = "write rev/s or rpm for a rotation" if text == "Hz" and "rad" in si else "correct the unit"
         raise DataError(f"{what}: found unit '{text}', expected a unit that converts to '{si}'", remedy=hint)

@@ -8,6 +8,8 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 
+import numpy as np
+
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
@@ -93,7 +95,10 @@ def read_log(
     if isinstance(column_map, (str, Path)):
         column_map = read_column_map(column_map)
     reader = reader_of(path, column_map)
-    return reader.read(path, column_map, cut=cut, resample_hz=resample_hz, despike=despike, vehicle=vehicle)
+    with np.errstate(all="ignore"):  # what overflows in a damaged log is refused because it is not finite
+        return reader.read(
+            path, column_map, cut=cut, resample_hz=resample_hz, despike=despike, vehicle=vehicle
+        )
 
 
 def reader_of(path: Path, column_map: ColumnMap | None = None) -> Reader:

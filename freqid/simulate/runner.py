@@ -22,7 +22,7 @@ from tqdm import tqdm
 
 from freqid import __version__
 from freqid.core.errors import DataError, FreqidError, UsageError
-from freqid.core.store import replacing
+from freqid.core.store import remove_left_overs, replacing
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -199,6 +199,7 @@ def run_units(
             bar.update()
             if progress:
                 progress(done, total)
+    remove_left_overs(Path(folder))  # of workers that were killed
     if failures:
         inputs_of_first, message = failures[0]
         first = json.dumps(identity(inputs_of_first))
@@ -212,7 +213,10 @@ def run_units(
 
 def _list_units(path: Path, units: list[Unit]) -> None:
     """Add units to the listing that says which inputs each result belongs to."""
-    listing = json.loads(path.read_text()) if path.is_file() else {}
+    try:
+        listing = json.loads(path.read_text()) if path.is_file() else {}
+    except ValueError:
+        listing = {}  # a damaged listing costs no result: it only says what is where
     listing |= {unit.path.name: identity(unit.inputs) for unit in units}
     with replacing(path) as temporary:
         temporary.write_text(json.dumps(listing, indent=1) + "\n")

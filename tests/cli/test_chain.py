@@ -13,6 +13,7 @@ import pytest
 
 import freqid as fq
 from freqid.cli.point_texts import point_table
+from freqid.core import store
 from freqid.core.results.point import read_point
 
 SCENARIOS = Path(__file__).resolve().parents[2] / "scenarios"
@@ -130,7 +131,7 @@ def test_several_records_make_one_model(freqid, record, tmp_path):
 def test_records_of_different_references_are_not_mixed(freqid, record, tmp_path):
     other = tmp_path / "other.h5"
     other.write_bytes(record.read_bytes())
-    with h5py.File(other, "r+") as file:
+    with store.editing(other) as file:
         file.attrs["reference"] = "u30"
     code, _, err = freqid("identify-point", record, other, "--scenario", SCENARIO, "-o", tmp_path / "p.h5")
     assert code == 2
@@ -234,7 +235,7 @@ def test_a_bad_request_says_what_and_where_and_writes_nothing(freqid, record, tm
     scenario = tmp_path / "s.toml"
     scenario.write_text(SCENARIO.read_text().replace(old, new, 1))
     if fault == "collinear pair":
-        with h5py.File(record, "r+") as file:
+        with store.editing(record) as file:
             twin = file["state/w"]
             file.copy(twin, "effector/twice_w")
             file["effector/twice_w"][...] = 2 * twin[()]
@@ -251,7 +252,7 @@ def test_a_bad_request_says_what_and_where_and_writes_nothing(freqid, record, tm
 
 
 def test_a_missing_channel_of_the_wrench_is_named(freqid, record, tmp_path):
-    with h5py.File(record, "r+") as file:
+    with store.editing(record) as file:
         order = [n for n in json.loads(file.attrs["channel_order"]) if n != "state/ax"]
         file.attrs["channel_order"] = json.dumps(order)
     code, _, err = freqid("identify-point", record, "--scenario", SCENARIO, "-o", tmp_path / "p.h5")
@@ -327,7 +328,7 @@ def recast(file, name, dtype):
 @pytest.mark.parametrize("fault", RECORD_FAULTS)
 def test_a_record_of_another_program_is_checked(freqid, record, tmp_path, fault):
     change, expected, says = RECORD_FAULTS[fault]
-    with h5py.File(record, "r+") as file:
+    with store.editing(record) as file:
         change(file)
     code, _, err = freqid("identify-point", record, "--scenario", SCENARIO, "-o", tmp_path / "p.h5")
     assert code in (expected, 4 if expected == 0 else expected), err
@@ -336,7 +337,7 @@ def test_a_record_of_another_program_is_checked(freqid, record, tmp_path, fault)
 
 def test_a_channel_in_degrees_is_converted(freqid, record, tmp_path):
     _, plain, _ = freqid("identify-point", record, "--scenario", SCENARIO, "--responses", "M", "--json")
-    with h5py.File(record, "r+") as file:
+    with store.editing(record) as file:
         file["effector/de"][...] = np.rad2deg(file["effector/de"][()])
         file["effector/de"].attrs["units"] = "deg"
     _, converted, _ = freqid("identify-point", record, "--scenario", SCENARIO, "--responses", "M", "--json")

@@ -14,6 +14,7 @@ import tilt_wing
 from page_script import without_script
 
 from freqid.blend.global_model import GlobalModel
+from freqid.core import store
 from freqid.core.record import write_record
 from freqid.core.results.corridor import read_global
 from freqid.core.results.point import read_point, write_point
@@ -155,7 +156,7 @@ def tilted(paths):
 
 
 def newer(paths):
-    with h5py.File(paths[0], "a") as file:
+    with store.editing(paths[0]) as file:
         file.attrs["version"] = "9.0"
 
 

@@ -9,6 +9,8 @@ from pathlib import Path
 import h5py
 import pytest
 
+from freqid.core import store
+
 PROJECT = Path(__file__).resolve().parents[2]
 SCENARIO = PROJECT / "scenarios" / "linear.toml"
 
@@ -81,7 +83,7 @@ def test_a_prediction_says_what_it_is_of_and_what_it_assumes(folder, freqid, tmp
 def test_a_flight_that_was_there_before_is_refused(predicted, folder, freqid):
     with h5py.File(predicted, "r") as file:
         date = file.attrs["date"]
-    with h5py.File(folder / "second.h5", "r+") as file:
+    with store.editing(folder / "second.h5") as file:
         file.attrs["created"] = "2020-01-01T00:00:00+00:00"
     code, _, err = freqid("score", predicted, folder / "second.h5")
     assert code == 3
@@ -90,7 +92,7 @@ def test_a_flight_that_was_there_before_is_refused(predicted, folder, freqid):
 
 
 def test_a_flight_is_scored_and_the_gate_is_an_exit_code(predicted, folder, freqid):
-    with h5py.File(folder / "second.h5", "r+") as file:
+    with store.editing(folder / "second.h5") as file:
         file.attrs["created"] = "2099-01-01T00:00:00+00:00"
     code, out, err = freqid("score", predicted, folder / "second.h5", "--gate", 0.2)
     assert code == 0, err
@@ -107,12 +109,12 @@ def test_a_flight_is_scored_and_the_gate_is_an_exit_code(predicted, folder, freq
 
 def test_an_edited_prediction_and_a_foreign_record_are_refused(predicted, folder, freqid):
     for name in ("first.h5", "second.h5"):
-        with h5py.File(folder / name, "r+") as file:
+        with store.editing(folder / name) as file:
             file.attrs["created"] = "2099-01-01T00:00:00+00:00"
     code, _, err = freqid("score", predicted, folder / "first.h5")
     assert code == 3
     assert "is no flight of the design" in err
-    with h5py.File(predicted, "r+") as file:
+    with store.editing(predicted) as file:
         file["channel/q/change"][3] += 1e-12
     code, _, err = freqid("score", predicted, folder / "second.h5")
     assert code == 3

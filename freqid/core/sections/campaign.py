@@ -7,6 +7,7 @@ from typing import Literal
 
 from freqid.core.vehicle import Strict
 
+LONGEST_S = 3600.0  # that a trim is flown without excitation: no battery lasts longer
 STEEPEST = 1.0  # rad; beyond it airspeed and climb angle say nothing to a controller of energy
 
 
@@ -63,3 +64,6 @@ class Campaign(Strict, frozen=True):
         for name in ("settle_s", "rest_s", "altitude_m"):
             if not 0 < getattr(self, name) < inf:
                 raise ValueError(f"{name} is {getattr(self, name):g}, expected a positive number")
+        for name in ("settle_s", "rest_s"):
+            if getattr(self, name) > LONGEST_S:
+                raise ValueError(f"{name} is {getattr(self, name):g}, expected at most {LONGEST_S:g} s")

@@ -12,6 +12,8 @@ from freqid.core.errors import nearest
 from freqid.core.vehicle import Strict
 
 MOST_HARMONICS = 10_000  # in the band; more is a slip in a unit, and fills the memory
+MOST_STARTS = 1000
+LONGEST_S = 3600.0  # of one step or sweep
 MOST_SAMPLES = 10_000_000  # of one signal; likewise
 
 
@@ -45,8 +47,10 @@ class Classic(Strict, frozen=True):
     def __post_init__(self) -> None:
         for name in ("step_s", "sweep_s", "fade_s"):
             value = getattr(self, name)
-            if value is not None and not 0 < value < inf:
-                raise ValueError(f"{name} is {value:g}, expected a positive time")
+            if value is not None and not 0 < value < LONGEST_S:
+                raise ValueError(
+                    f"{name} is {value:g}, expected a positive time of less than {LONGEST_S:g} s"
+                )
         for name in ("rise_s", "rest_s"):
             value = getattr(self, name)
             if value is not None and not 0 <= value < inf:
@@ -150,6 +154,10 @@ class Excitation(Strict, frozen=True):
             )
         if self.periods < 1 or self.starts < 1:
             raise ValueError("periods and starts are counts, expected at least 1")
+        if self.starts > MOST_STARTS:
+            raise ValueError(
+                f"starts is {self.starts}, expected at most {MOST_STARTS}: peaks gain nothing more"
+            )
         harmonics = (high - low) * self.period_s
         if harmonics > MOST_HARMONICS:
             raise ValueError(

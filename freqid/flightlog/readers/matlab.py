@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core import store
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.record import FlightRecord
 from freqid.flightlog.column_map import ColumnMap, Place
@@ -88,19 +89,24 @@ def load_variables(path: Path) -> dict[str, Any]:
     DataError
         Where the file is missing, truncated, damaged or of another kind.
     """
-    if not Path(path).is_file():
+    path = Path(path)
+    if not path.is_file():
         raise DataError("no such file", where=str(path), remedy="check the path")
     remedy = "save it again, with -v7 or -v7.3"
     if not h5py.is_hdf5(path):
         try:
-            return read_mat5(Path(path).read_bytes())
+            return read_mat5(path.read_bytes())
         except DataError as error:
             raise DataError(
                 f"no intact MATLAB file: it {error.message}", where=str(path), remedy=remedy
             ) from None
+    store.refuse_fatal(path)
     try:
         with h5py.File(path, "r") as file:
+            store.refuse_hostile(file, path.stat().st_size)
             return {n: _plain(file, item) for n, item in file.items() if not n.startswith("#")}
+    except DataError as error:
+        raise error.at(str(path)) from None
     except Exception as error:  # a damaged byte can make h5py raise almost anything
         raise DataError(
             f"no intact MATLAB file of version 7.3 ({type(error).__name__})", where=str(path), remedy=remedy

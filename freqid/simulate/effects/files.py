@@ -30,7 +30,8 @@ def load_file(path: Path) -> dict[str, Effect]:
     """Return the effects of a Python file, by id; `effects.register` makes one part of the library.
 
     The file is run as a module of its own, under no name that anything else could import. It holds one
-    effect as ``EFFECT``, or several as ``EFFECTS``, a list.
+    effect as ``EFFECT``, or several as ``EFFECTS``, a list. Its code may do whatever you may do: read it
+    before you run somebody else's.
 
     Raises
     ------
@@ -47,7 +48,7 @@ def load_file(path: Path) -> dict[str, Effect]:
     module.__file__ = str(path)
     try:
         exec(compile(text, str(path), "exec"), module.__dict__)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise UsageError(
             f"running the file raises {type(error).__name__}: {error}{_line(error, path)}",
             where=str(path),
@@ -107,7 +108,7 @@ def _takes(function: Any, count: int) -> bool:
     return True
 
 
-def _line(error: Exception, path: Path) -> str:
+def _line(error: BaseException, path: Path) -> str:
     """Return where in the file an error was raised."""
     at = error.__traceback__
     lines = []

@@ -137,7 +137,10 @@ def study_campaign(
 def _keep_same(folder: Path, state: dict[str, Any]) -> None:
     """Empty the folder's campaign where it is another one's."""
     file = folder / "campaign.json"
-    same = file.is_file() and json.loads(file.read_text()) == state
+    try:
+        same = json.loads(file.read_text()) == state
+    except (OSError, ValueError):  # none, or a damaged one
+        same = False
     if not same:
         for old in (*folder.glob("maneuvers/m*.h5"), *folder.glob("points/m*.h5"), folder / "flight.h5"):
             old.unlink(missing_ok=True)
@@ -152,11 +155,11 @@ def _maneuvers(
     if not flight.is_file():
         flown = simulate_campaign(scenario, sensors=sensors, noise=noise, turbulence=turbulence, seed=seed)
         save(flown, flight)
-    found = {p.stem: p for p in sorted(folder.glob("maneuvers/m*.h5"))}
-    if not found:
-        pieces: list[FlightRecord] = split_flight(read_record(flight), name=str(flight))
-        for i, piece in enumerate(pieces):
-            found[f"m{i:02d}"] = folder / "maneuvers" / f"m{i:02d}.h5"
+    found = {}
+    pieces: list[FlightRecord] = split_flight(read_record(flight), name=str(flight))
+    for i, piece in enumerate(pieces):  # a run that was killed may have left a part of them
+        found[f"m{i:02d}"] = folder / "maneuvers" / f"m{i:02d}.h5"
+        if not found[f"m{i:02d}"].is_file():
             write_record(found[f"m{i:02d}"], piece, scenario.sha256)
     return found
 

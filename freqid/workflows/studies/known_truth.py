@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from freqid.core.arrays import Array
+from freqid.core.errors import DataError
 from freqid.core.results.design import SampledInputs, read_inputs
 from freqid.core.results.judged.truth import KnownTruth
 from freqid.core.scenario import Scenario, read_scenario
@@ -74,8 +75,19 @@ def know(
 
 
 def read_known_truth(path: Path) -> Known:
-    """Return the linearised simulation, and what is known of each response, from the file of `know`."""
-    table: Mapping[str, Derivatives] = json.loads(path.read_text())
+    """Return the linearised simulation, and what is known of each response, from the file of `know`.
+
+    Raises
+    ------
+    DataError
+        Where the file is damaged.
+    """
+    try:
+        table: Mapping[str, Derivatives] = json.loads(path.read_text())
+    except ValueError as error:
+        raise DataError(
+            f"is damaged ({error})", where=str(path), remedy="delete it, and the study makes it again"
+        ) from None
     truth = {}
     for response, row in table["noise_free"].items():
         names = tuple(row)

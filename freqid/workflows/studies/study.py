@@ -254,7 +254,8 @@ def _fly(
     records = _run(campaign, units.fly, inputs, ".h5")
     modelled = dict(zip(ids, designs, strict=False))
     for identifier, design in modelled.items():
-        shutil.copyfile(design, campaign.folder / _design_name(identifier, own))
+        with replacing(campaign.folder / _design_name(identifier, own)) as temporary:
+            shutil.copyfile(design, temporary)
     count = len(ids)
     return {i: read_design(path) for i, path in modelled.items()}, _Flights(
         dict(zip(ids, records[:count], strict=True)), dict(zip(ids, records[count:], strict=True))

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from datetime import UTC, datetime
 
-import h5py
 import msgspec
 import numpy as np
 import pytest
 
 import freqid as fq
+from freqid.core import store
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.results.prediction import FILE, QUANTILE, SCORE_FILE, ChannelScore
@@ -192,7 +192,7 @@ def edit_design(file):
 def test_an_edited_prediction_is_refused(edit, prediction, flight, tmp_path):
     path = tmp_path / "p.h5"
     FILE.write(path, prediction)
-    with h5py.File(path, "r+") as file:
+    with store.editing(path) as file:
         edit(file)
     with pytest.raises(DataError, match="edited after it was sealed"):
         score_prediction(path, flight)

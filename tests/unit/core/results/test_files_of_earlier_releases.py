@@ -9,10 +9,12 @@ import h5py
 import numpy as np
 import pytest
 
+from freqid.core.errors import UncheckedFile
 from freqid.core.results.design import read_design, read_inputs, write_design
 from freqid.workflows.files import read, save
 
 FILES = Path(__file__).parent / "files"
+pytestmark = pytest.mark.filterwarnings("ignore::freqid.core.errors.UncheckedFile")
 OF_THE_WRITING = ("created", "version", "freqid_version", "CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST")
 
 
@@ -79,3 +81,10 @@ def test_values_stand_where_the_files_have_them():
         model = read(FILES / "global.h5")
         np.testing.assert_array_equal(model.corridor["Z"].trim[1], file["parameter/Z/w/trim"])
         np.testing.assert_array_equal(model.corridor.schedule[1], file["reference/dw2"])
+
+
+def test_a_file_without_checksum_is_read_with_a_warning():
+    with pytest.warns(
+        UncheckedFile, match=r"point\.h5: was written by freqid .*, before files had a checksum"
+    ):
+        read(FILES / "point.h5")

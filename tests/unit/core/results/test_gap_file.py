@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from made_up_gap import made_up
 
+from freqid.core import store
 from freqid.core.errors import DataError
 from freqid.core.results.diagnosis import Change, GapDiagnosis
 from freqid.core.results.gap import read_gap, write_gap
@@ -75,14 +76,14 @@ def test_a_table_without_what_was_added_since_is_read():
 def test_what_is_damaged_is_refused(tmp_path):
     path = tmp_path / "g.h5"
     write_gap(path, made_up())
-    with h5py.File(path, "r+") as file:
+    with store.editing(path) as file:
         table = json.loads(file["diagnosis"][()])
         del file["diagnosis"]
         file["diagnosis"] = json.dumps({**table, "verdict": 3})
     with pytest.raises(DataError, match="damaged or incomplete as a freqid-gap file"):
         read_gap(path)
     write_gap(path, made_up())
-    with h5py.File(path, "r+") as file:
+    with store.editing(path) as file:
         del file["map/energy"]
         file["map/energy"] = np.ones((1, 2))
     with pytest.raises(DataError, match=r"'energy' has shape \(1, 2\), expected \(2, 3, 2, 2\)"):

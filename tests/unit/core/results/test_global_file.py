@@ -7,6 +7,7 @@ import tilt_wing
 
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.line_up import line_up
+from freqid.core import store
 from freqid.core.errors import DataError
 from freqid.core.results.corridor import read_global, write_global
 
@@ -58,7 +59,7 @@ def test_the_layout_is_that_of_a_point_model_with_an_axis_of_knots(written):
 )
 def test_a_damaged_file_is_refused(written, damage, match):
     _, path = written
-    with h5py.File(path, "a") as file:
+    with store.editing(path) as file:
         damage(file)
     with pytest.raises(DataError, match=match):
         read_global(path)

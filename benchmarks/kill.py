@@ -1,0 +1,226 @@
+"""Commands that are killed (SIGKILL) at random moments: what they leave, and what going on makes of it.
+
+Three commands on small cases: ``study`` of real flights, which resumes; ``global-blend`` of its points; and
+``diagnose-gap`` of an aircraft with a worn elevator. After each kill every file must be whole: HDF5 with its
+checksum, JSON and pages to their ends. A study goes on in the same folder until it is finished; the others
+are run to their end after every tenth kill. What is finished must hold the same numbers as a run that was
+never killed, and no temporary file may be left. Run as ``python benchmarks/kill.py``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import csv
+import io
+import json
+import os
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+import freqid.workflows.models.blend
+import freqid.workflows.studies.own_flights  # noqa: F401  what a child would import again
+from freqid.cli.main import _exit_code
+from freqid.core import store
+from freqid.core.record import write_record
+
+PROJECT = Path(__file__).resolve().parents[1]
+_OF_THE_WRITING = ("created", "date", "REFERENCE_LIST", "DIMENSION_LIST")
+
+
+def contents(folder: Path) -> dict[str, Any]:
+    """Return every number and text of every HDF5 file of a folder, but when it was written."""
+    found: dict[str, Any] = {}
+    for path in sorted(folder.rglob("*.h5")):
+
+        def add(name: str, item: Any, at: str = str(path.relative_to(folder))) -> None:
+            for key, value in item.attrs.items():
+                if key not in _OF_THE_WRITING:
+                    found[f"{at}/{name}@{key}"] = np.asarray(value).tobytes() if _plain(value) else str(value)
+            if isinstance(item, h5py.Dataset):
+                value = item[()]
+                found[f"{at}/{name}"] = value.tobytes() if _plain(value) else value
+
+        with h5py.File(path) as file:
+            add("", file)
+            file.visititems(add)
+    return found
+
+
+def _plain(value: Any) -> bool:
+    return isinstance(value, np.ndarray | np.generic) and value.dtype.kind in "iufbc"
+
+
+def damaged(folder: Path) -> list[str]:
+    """Return the files of a folder that are not whole."""
+    wrong = []
+    for path in (p for p in folder.rglob("*") if p.is_file() and not p.name.endswith(".part")):
+        try:
+            if path.suffix == ".h5":
+                with store.reading(path, store.kind_of(path)):
+                    pass
+            elif path.suffix == ".json":
+                json.loads(path.read_text())
+            elif path.suffix == ".html" and not path.read_text().rstrip().endswith("</html>"):
+                raise ValueError("cut off")
+        except Exception as error:
+            wrong.append(f"{path}: {error}")
+    return wrong
+
+
+def left_overs(folder: Path) -> int:
+    """Return how many temporary files lie in a folder."""
+    return sum(1 for _ in folder.rglob("*.part"))
+
+
+def start(words: list[str]) -> int:
+    """Start a command in a process of its own and return its id."""
+    child = os.fork()
+    if child == 0:
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, 1)
+        os.dup2(null, 2)
+        code = 70
+        with contextlib.suppress(BaseException):
+            code = _exit_code(words)
+        os._exit(code)
+    return child
+
+
+def killed(words: list[str], seconds: float) -> bool:
+    """Run a command for so long at most; return whether it had to be killed."""
+    child, until = start(words), time.monotonic() + seconds
+    while time.monotonic() < until:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            assert os.waitstatus_to_exitcode(status) == 0, f"{words} ended with {status}"
+            return False
+        time.sleep(0.002)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    return True
+
+
+def prepare(folder: Path) -> dict[str, Callable[[Path], list[str]]]:
+    """Make the inputs of all commands; return the words of each, by the folder that it writes into."""
+    sys.path[:0] = [str(PROJECT / "tests"), str(PROJECT / "tests" / "cli")]
+    import test_own_flights as own
+    import tilt_wing
+
+    flights = folder / "flights"
+    flights.mkdir()
+    for u in own.SPEEDS:
+        for seed in (1, 2):
+            flown = tilt_wing.fly(tilt_wing.trim(u, 1.225), seed + 10 * int(u), amplitude=0.3)
+            write_record(flights / f"flight-{u:g}-{seed}.h5", flown.record)
+    scenario = folder / "s.toml"
+    scenario.write_text(own.scenario_text())
+    words = ["study", str(scenario), "--flights", str(flights), "-o"]
+    with contextlib.redirect_stdout(io.StringIO()):
+        assert _exit_code([*words, str(folder / "points")]) == 0
+    points = sorted(map(str, (folder / "points" / "points").glob("*.h5")))
+    found = {
+        "study": lambda out: [*words, str(out)],
+        "global-blend": lambda out: ["global-blend", *points, "-o", str(out / "model.h5")],
+    }
+    records = _worn_flights(folder / "gap")
+    sim = ["--sim", f"{PROJECT / 'examples' / 'linear_simulation.py'}:wrench"]
+    sim += ["--scenario", str(PROJECT / "scenarios" / "linear.toml")]
+    found["diagnose-gap"] = lambda out: ["diagnose-gap", *records, *sim, "-o", str(out / "gap.h5")]
+    return found
+
+
+def _worn_flights(folder: Path) -> list[str]:
+    """Return records of the example aircraft whose elevator lost half of its effect."""
+    import freqid as fq
+    from freqid.workflows import diagnose
+
+    sys.path.insert(0, str(PROJECT / "examples"))
+    import gap_flights
+
+    folder.mkdir()
+    scenario = fq.read_scenario(PROJECT / "scenarios" / "linear.toml")
+    records = []
+    for seed in (1, 2):
+        log = folder / f"flight{seed}.csv"
+        table = gap_flights.fly(seed=seed, period=30.0, periods=1, derivatives=gap_flights.derivatives())
+        table.to_csv(log, index=False, float_format="%.10g")
+        columns = PROJECT / "scenarios" / "maps" / "linear.toml"
+        records.append(str(folder / f"flight{seed}.h5"))
+        fq.save(fq.read_log(log, columns=columns, scenario=scenario, at="u20"), records[-1])
+    every = diagnose.effects_with  # three candidates: a diagnosis of all takes a minute, and writes the same
+    few = ("surface_effectiveness", "sensor_bias", "time_skew")
+    diagnose.effects_with = lambda own: {n: e for n, e in every(own).items() if n in few}
+    return records
+
+
+def judge(name: str, words: Callable[[Path], list[str]], kills: int, folder: Path) -> list[Any]:
+    """Kill one command so often; return the row of the table."""
+    out, rng = folder / name, np.random.default_rng(28)
+    begun = time.monotonic()
+    assert not killed(words(out), 600.0)
+    whole = time.monotonic() - begun
+    reference = contents(out)
+    resumes = name == "study"
+    done = finished = different = with_parts = parts_stay = 0
+    wrong: list[str] = []
+
+    def finish() -> None:
+        nonlocal different, finished, parts_stay
+        different += contents(out) != reference
+        parts_stay += left_overs(out)
+        finished += 1
+
+    shutil.rmtree(out)
+    while done < kills:
+        if not killed(words(out), rng.uniform(0.0, (0.3 if resumes else 1.0) * whole)):
+            finish()
+            if resumes:
+                shutil.rmtree(out)
+            continue
+        done += 1
+        wrong += damaged(out)
+        with_parts += left_overs(out) > 0
+        if not resumes and done % 10 == 0:
+            assert not killed(words(out), 600.0)
+            finish()
+            if done % 20 == 0:  # half the kills meet an old result, half none
+                shutil.rmtree(out)
+    if out.exists():
+        assert not killed(words(out), 600.0)
+        finish()
+    for one in wrong[:5]:
+        print(one)
+    return [name, f"{whole:.1f}", done, len(wrong), with_parts, finished, different, parts_stay]
+
+
+def main() -> None:
+    """Kill the commands and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--only", default="")
+    parser.add_argument("--csv", type=Path, default=Path(__file__).with_suffix(".csv"))
+    asked = parser.parse_args()
+    rows = []
+    with tempfile.TemporaryDirectory() as there:
+        for name, words in prepare(Path(there)).items():
+            if asked.only in name:
+                rows.append(judge(name, words, asked.kills, Path(there)))
+                print(*rows[-1], flush=True)
+    head = "command, seconds, kills, damaged files, kills that left a temporary file, finished runs, "
+    head += "finished runs that differ, temporary files after them"
+    with asked.csv.open("w", newline="") as file:
+        csv.writer(file).writerows([head.split(", "), *rows])
+
+
+if __name__ == "__main__":
+    main()

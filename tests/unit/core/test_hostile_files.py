@@ -1,0 +1,195 @@
+"""Files that mean harm: refused before anything is read, or harmless. Most carry a good checksum."""
+
+import json
+import time
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from freqid.core import probe, store
+from freqid.core.errors import DataError, FreqidError, UsageError
+from freqid.core.record import Channel, FlightRecord, read_record, write_record
+from freqid.core.scenario import Reference, is_scenario, read_scenario
+from freqid.flightlog.readers.matlab import load_variables
+from freqid.workflows.files import read
+
+T = 0.02 * np.arange(100)
+
+
+@pytest.fixture
+def path(tmp_path):
+    """A good record, beside a file that it might be made to read."""
+    with h5py.File(tmp_path / "secret.h5", "w") as file:
+        file["q"] = T
+    (tmp_path / "secret.raw").write_bytes(T.tobytes())
+    write_record(tmp_path / "r.h5", FlightRecord(T, {"state/q": Channel("state/q", "rad/s", T, 50.0, "")}))
+    return tmp_path / "r.h5"
+
+
+def replaced(file, path, make):
+    """Put something else in the place of a channel, with its attributes."""
+    attributes = dict(file["state/q"].attrs)
+    del file["state/q"]
+    made = make(file, path.parent)
+    if made is not None:
+        for name in ("units", "native_rate_hz", "source"):
+            made.attrs[name] = attributes[name]
+
+
+def external_link(file, folder):
+    file["state/q"] = h5py.ExternalLink(str(folder / "secret.h5"), "/q")
+
+
+def soft_link(file, folder):
+    file["state/q"] = h5py.SoftLink("/time")
+
+
+def circle(file, folder):
+    file["state/again"] = file["/"]
+
+
+def external_data(file, folder):
+    return file.create_dataset("state/q", (100,), "f8", external=[(str(folder / "secret.raw"), 0, 800)])
+
+
+def virtual_data(file, folder):
+    layout = h5py.VirtualLayout((100,), "f8")
+    layout[:] = h5py.VirtualSource(str(folder / "secret.h5"), "q", (100,))
+    return file.create_virtual_dataset("state/q", layout)
+
+
+def references(file, folder):
+    kind = h5py.special_dtype(ref=h5py.Reference)
+    return file.create_dataset("state/q", data=np.array([file["time"].ref] * 100, dtype=kind), dtype=kind)
+
+
+def huge_shape(file, folder):
+    return file.create_dataset("state/q", (10**15,), "f8", chunks=(1 << 20,))
+
+
+def bomb(file, folder):
+    """88 MB of zeros in some 100 kB."""
+    made = file.create_dataset("state/q", (11 << 20,), "f8", chunks=(1 << 20,), compression="gzip")
+    for i in range(11):
+        made[i << 20 : (i + 1) << 20] = 0.0
+    return made
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (external_link, "'/state/q' is a link to another place"),
+        (soft_link, "'/state/q' is a link to another place"),
+        (circle, "leads back to itself"),
+        (external_data, "has its data in another file"),
+        (virtual_data, "has its data in another file"),
+        (references, "expected real numbers"),
+        (huge_shape, "GB of data in a file of"),
+        (bomb, "GB of data in a file of"),
+    ],
+)
+def test_what_hdf5_could_be_made_to_do_is_refused(path, make, says):
+    with store.editing(path) as file:
+        replaced(file, path, make)
+    begun = time.process_time()
+    with pytest.raises(DataError, match=says) as caught:
+        read_record(path)
+    assert time.process_time() - begun < 1.0
+    assert str(caught.value).startswith(str(path))
+    with pytest.raises(DataError, match=says):
+        read(path)
+
+
+def test_a_matlab_file_with_a_link_to_another_file_is_refused(path):
+    mat = path.with_name("x.mat")
+    with h5py.File(mat, "w", userblock_size=512) as file:
+        file["data"] = h5py.ExternalLink(str(path.with_name("secret.h5")), "/q")
+    with pytest.raises(DataError, match=r"x\.mat: '/data' is a link to another place"):
+        load_variables(mat)
+
+
+def test_text_that_is_no_text_is_one_sentence(path):
+    """String attributes of other bytes ended in a traceback once."""
+    for name in ("format", "version", "reference", "vehicle", "channel_order"):
+        whole = path.read_bytes()
+        with store.editing(path) as file:
+            file.attrs[name] = np.bytes_(b"\xff\xfe\x00\x80")
+        with pytest.raises(FreqidError) as caught:
+            read_record(path)
+        assert "\n" not in str(caught.value)
+        path.write_bytes(whole)
+
+
+def test_what_crashes_the_hdf5_library_does_not_crash_the_reader(tmp_path, monkeypatch):
+    """A file without checksum is read by a process of its own first; here one that ends as such files do."""
+    path = tmp_path / "x.h5"
+    with h5py.File(path, "w") as file:
+        file.attrs["format"], file.attrs["version"] = "freqid-record", "1.0"
+    assert probe.fault_of(path) == ""
+    fatal, text = tmp_path / "probe.py", Path(probe.__file__).read_text()
+    monkeypatch.setattr(probe, "__file__", str(fatal))
+    for code, says in (
+        ("import signal; os.kill(os.getpid(), signal.SIGSEGV)", "ends the process"),
+        ("while True: pass", "does not end"),
+        ("x = bytearray(4 << 30)", "takes more memory"),
+    ):
+        fatal.write_text(text.replace("    def visit(", f"    {code}\n\n    def visit("))
+        probe._fault.cache_clear()
+        with pytest.raises(DataError, match=f"reading it as HDF5 {says}"):
+            read_record(path)
+    probe._fault.cache_clear()
+
+
+def test_a_toml_file_of_100_mb_is_refused_at_once(tmp_path):
+    path = tmp_path / "s.toml"
+    with path.open("wb") as file:
+        file.write(b"[vehicle]\n# ")
+        file.truncate(100_000_000)
+    begun = time.process_time()
+    with pytest.raises(DataError, match=r"s\.toml: is larger than 1 MB"):
+        read_scenario(path)
+    assert not is_scenario(path)
+    assert time.process_time() - begun < 0.5
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a." * 200_000 + "x = 1",
+        "\n".join("a." * 200 + f"x{i} = 1" for i in range(2000)),
+        "x = " + "[" * 200_000,
+        "x = " + "{a=" * 100_000,
+        "x = " + "9" * 500_000,
+        "a" * 900_000,
+    ],
+    ids=["long key", "many long keys", "lists", "tables", "number", "word"],
+)
+def test_a_toml_file_that_would_not_end_is_refused(tmp_path, text):
+    path = tmp_path / "s.toml"
+    path.write_text(text)
+    begun = time.process_time()
+    with pytest.raises(FreqidError):
+        read_scenario(path)
+    assert time.process_time() - begun < 2.0
+
+
+@pytest.mark.parametrize("name", ["../../outside", "/tmp/outside", "a/b", "a\\b", "..", "a\nb", "x" * 300])
+def test_a_condition_cannot_name_a_file_elsewhere(tmp_path, name):
+    with pytest.raises(ValueError, match="cannot be the name of a file"):
+        Reference(id=name, u=20.0, rho=1.2)
+    path = tmp_path / "s.toml"
+    path.write_text(
+        '[vehicle]\nname = "x"\nmass_kg = 1.0\ninertia = { xx = 1.0, yy = 1.0, zz = 1.0 }\n'
+        f"[[reference]]\nid = {json.dumps(name)}\nu = 20.0\nrho = 1.2\n"
+    )
+    with pytest.raises(UsageError, match="cannot be the name of a file"):
+        read_scenario(path)
+
+
+def test_an_infinite_number_of_a_scenario_is_named(tmp_path):
+    path = tmp_path / "s.toml"
+    path.write_text('[vehicle]\nname = "x"\nmass_kg = inf\n')
+    with pytest.raises(UsageError, match=r"at vehicle\.mass_kg: found inf, expected a finite number"):
+        read_scenario(path)

@@ -74,11 +74,6 @@ class Reference(Strict, frozen=True):
     rho: float
     scheduled: dict[str, float] = msgspec.field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        # results of a condition are files of its name: it must not lead out of their folder
-        if self.id in (".", "..") or len(self.id) > 100 or re.search(r"[/\\\x00-\x1f]", self.id):
-            raise ValueError(f"id {self.id[:100]!r} cannot be the name of a file, expected one such as 'u20'")
-
     @classmethod
     def of(cls, id: str, u: float, rho: float, **scheduled: float) -> Reference:
         """Return a condition whose scheduled variables are named as in a file.
@@ -194,6 +189,12 @@ class Simulation(Strict, frozen=True):
         return self.coefficients if self.kind == "coefficients" else self.airframe
 
 
+def _refuse_as_file(identifier: str) -> None:
+    """Refuse an id that leads out of a folder: results of a condition are files of its name."""
+    if identifier in (".", "..") or len(identifier) > 100 or re.search(r"[/\\\x00-\x1f]", identifier):
+        raise ValueError(f"id {identifier[:100]!r} cannot be the name of a file, expected one such as 'u20'")
+
+
 class Scenario(Strict, frozen=True):
     """One aircraft and campaign.
 
@@ -241,6 +242,7 @@ class Scenario(Strict, frozen=True):
 
     def __post_init__(self) -> None:
         for at in self.reference:
+            _refuse_as_file(at.id)
             if not (isfinite(at.u) and 0 <= at.rho < inf):
                 raise ValueError(
                     f"reference '{at.id}' has u = {at.u:g} and rho = {at.rho:g}, expected finite numbers"

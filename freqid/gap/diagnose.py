@@ -20,6 +20,7 @@ from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate, weigh
 from freqid.gap.infer.explain import BEHIND, FINALISTS, Explanation, explain
 from freqid.gap.infer.joint_replay import about_explanation
 from freqid.gap.infer.joint_sizes import form_beside
+from freqid.gap.infer.linearise import likelier_without
 from freqid.gap.infer.null_draws import null_statistics, threshold_of
 from freqid.gap.infer.system import System
 from freqid.gap.infer.where import gap_map
@@ -157,6 +158,9 @@ def diagnose(
             raise UsageError(f"effect '{name}' cannot be tested here: {not_tested[name]}")
     tell("weighing effects")
     evidence = weigh(system)
+    form_error = evidence.form_error()
+    without = likelier_without(system, columns, used, q.candidates, q.tolerances, form_error)
+    evidence = replace(evidence, without=without)
     null = null_statistics(evidence, q.draws, q.seed)
     drawn = float((1 + (null >= evidence.statistic).sum()) / (1 + null.size))
     p = max(drawn, probability_of_none(evidence))
@@ -165,7 +169,7 @@ def diagnose(
     if exists:
         tell("computing the likeliest effects at their size")
         system, columns = _at_their_size(evidence, system, columns, q.candidates, used)
-        evidence = weigh(system)
+        evidence = replace(weigh(system), without=without)
     p_none = probability_of_none(evidence)
     ranking = rank(evidence, exists, INTERVAL, TEMPERATURE, p_none if exists else max(p_none, 0.5))
     leading = _leading(q.named, ranking, evidence)

@@ -71,9 +71,7 @@ def _straight(
     known = [p.block for p in parts]
     common = common_form(system, rows)
     for _ in range(ROUNDS):
-        system, columns = relinearised(
-            system, columns, known, library, sizes, common, np.zeros(system.columns)
-        )
+        system, columns = relinearised(system, columns, known, library, sizes, common)
     return system, columns, known
 
 

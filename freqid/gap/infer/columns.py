@@ -14,7 +14,7 @@ from freqid.core.arrays import Array, Complex
 from freqid.gap.infer.evidence import weigh
 from freqid.gap.infer.system import SEEN, BlockMatrices, Form, Products, System
 from freqid.gap.model.candidates import Candidate
-from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms, load_terms
+from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms, load_errors
 from freqid.gap.model.tolerance import record_columns
 from freqid.gap.settings import FORM_ERRORS, NOISE_SCALES
 from freqid.gap.stack.block import REPEATS, Block
@@ -65,7 +65,7 @@ class Parts:
         """
         effects = np.concatenate([c.columns[index] for c in found]) if found else _zeros(block, 0)
         own = _stacked(block, list(record_columns(block, library, sizes).values()))
-        terms = (load_terms(block), actuator_terms(block), kinematic_terms(block))
+        terms = (load_errors(block), actuator_terms(block), kinematic_terms(block))
         form = np.concatenate([form_columns(block, one) for one in terms])
         parts = cls(block, effects, _stacked(block, shared), own, form)
         return parts if block.noise_from == REPEATS else parts._as_loud_as_flown(found)

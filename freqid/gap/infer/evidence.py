@@ -30,11 +30,14 @@ class Evidence:
         Log evidence of no effect at each error of form.
     places : ndarray, shape (form, candidate)
         Log Bayes factors against no effect at the same error of form.
+    without : float
+        Nats by which no effect is likelier where tolerances are straight without one.
     """
 
     weighing: Weighing
     none: Array
     places: Array
+    without: float = 0.0
 
     @property
     def system(self) -> System:
@@ -60,7 +63,9 @@ class Evidence:
     @cached_property
     def statistic(self) -> float:
         """Log Bayes factor of a gap against none: all effects alike."""
-        return float(log_mean(np.array(list(self.effect.values())))) if self.effect else -np.inf
+        return (
+            float(log_mean(np.array(list(self.effect.values())))) - self.without if self.effect else -np.inf
+        )
 
     def best_place(self, effect: str) -> int:
         """Return the likeliest candidate of an effect."""

@@ -17,9 +17,11 @@ from freqid.gap.infer.system import Form, System
 from freqid.gap.model.changes import change_together
 from freqid.gap.model.testable import in_force_of
 from freqid.gap.model.tolerance import of_effects
-from freqid.gap.settings import INTERVAL
+from freqid.gap.settings import INTERVAL, ROUNDS
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
+
+_FARTHEST = 3.0  # sigmas to which tolerances are made straight
 
 
 def relinearised(
@@ -58,6 +60,29 @@ def relinearised(
         for block, c in zip(blocks, columns, strict=True)
     ]
     return replace(system, blocks=[c.matrices for c in new], _reduced={}), new
+
+
+def likelier_without(
+    system: System,
+    columns: Sequence[Columns],
+    blocks: Sequence[Block],
+    library: Mapping[str, Effect],
+    sizes: Mapping[str, float],
+    form_error: Form,
+) -> float:
+    """Return the nats by which no effect is likelier than a system says; see `relinearised`.
+
+    The system is straight beside its likeliest effect. Where an effect and a tolerance do the same, as a
+    channel that is late does, no effect would be judged where the tolerance is not. So it has its own
+    straight lines, where these make it likelier.
+    """
+    parts = [replace(c, effects=c.effects[:0]) for c in columns]
+    few = [c.matrices for c in parts]
+    alone = System([], np.zeros(1, dtype=int), system.tolerances, few, system.form_errors)
+    before = weigh(alone).log_none
+    for _ in range(ROUNDS):
+        alone, parts = relinearised(alone, parts, blocks, library, sizes, form_error)
+    return max(weigh(alone).log_none - before, 0.0)
 
 
 def straightened(
@@ -116,10 +141,15 @@ def likeliest_departures(
     form_error: Form,
     weights: Array | None = None,
 ) -> tuple[dict[str, float], Array]:
-    """Return the likeliest departures of the simulation's own parameters, and of all tolerances in sigmas."""
+    """Return the likeliest departures of the simulation's own parameters, and of all tolerances in sigmas.
+
+    None beyond `_FARTHEST`: where a large effect is not allowed for, tolerances are asked for what no
+    simulation can do.
+    """
     own = blocks[0].trial.simulation.tolerances
     system = replace(system, form_errors=(form_error,), _reduced={})
     fitted = _likeliest(system, _best_alone(system) if weights is None else weights)
+    fitted = np.clip(fitted, -_FARTHEST, _FARTHEST)
     each = zip(system.tolerances, fitted.tolist(), strict=True)
     return {name: x * sizes.get(name, own[name].sigma) for name, x in each if name in own}, fitted
 

@@ -189,7 +189,7 @@ def _loaded(trial: Trial, vehicle: Vehicle) -> Histories:
         measured = trial.measured_on(Maneuver(trial.maneuver.record, vehicle))
     except UsageError as error:  # what is left without its wings is no body
         raise ImpossibleSettings(str(error)) from None
-    return trial.measured - measured - trial.rows(_transferred(trial, vehicle))
+    return trial.logged - measured - trial.rows(_transferred(trial, vehicle))
 
 
 def _transferred(trial: Trial, vehicle: Vehicle) -> Array:

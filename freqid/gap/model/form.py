@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from freqid.core.arrays import Complex
+from freqid.core.arrays import Array, Complex
 from freqid.core.record import Maneuver
 from freqid.gap.settings import FORM_CONSTANT, FORM_ERRORS, FORM_ORDER
 from freqid.gap.stack.block import Block
@@ -27,25 +27,47 @@ _VISIBLE = 0.1  # of one unit of whitened energy at the largest size: terms belo
 def load_terms(block: Block) -> tuple[list[int], Complex]:
     """Return the terms of the loads: the row that each is in, and its spectrum, shape (term, line).
 
-    Every motion that moves any load, in every load, as large as its own term there and the load's average
-    term together. Whoever fits a load by a model with few terms leaves a share of the load, not of each
-    term: what was left out altogether is wrong by all of it.
+    Each derivative times what it acts on.
     """
     trial = block.trial
-    record = trial.maneuver.record
     rows: list[int] = []
     spectra: list[Complex] = []
     if trial.inputs:
-        moves = np.array([record[n] - record[n].mean() for n in trial.inputs])
+        moves = _moves(block)
+        for i in range(len(trial.predicted)):
+            rows += [i] * len(moves)
+            spectra.extend(block.grid.spectrum(trial.gradient[i] * moves))
+    return rows, np.array(spectra).reshape(len(rows), block.lines.hz.size)
+
+
+def load_errors(block: Block) -> tuple[list[int], Complex]:
+    """Return what an error of form of the loads is made of, as `load_terms` does.
+
+    Every motion in every load, as large as its own term there, or as the load's average term if that is
+    larger. Whoever fits a load by a model with few terms leaves a share of the load, not of each term: what
+    was left out altogether is wrong by all of it. A motion so small that it is below the average in every
+    load is as much smaller in all.
+    """
+    trial = block.trial
+    rows: list[int] = []
+    spectra: list[Complex] = []
+    if trial.inputs:
+        moves = _moves(block)
         size = np.sqrt(((trial.gradient * moves) ** 2).mean(axis=2))  # by load and motion
-        acts = size.max(axis=0) > 0
-        moves, size = moves[acts], size[:, acts]
-        unit = block.grid.spectrum(moves / moves.std(axis=1, keepdims=True))
-        average = (size**2).mean(axis=1, keepdims=True)
-        for i, own in enumerate(np.sqrt(size**2 + average)):
+        average = np.sqrt((size**2).mean(axis=1, keepdims=True))
+        share = np.divide(size, average, out=np.zeros_like(size), where=average > 0).max(axis=0).clip(max=1.0)
+        acts = share > 0
+        unit = block.grid.spectrum(moves[acts] / moves[acts].std(axis=1, keepdims=True))
+        for i, own in enumerate(np.maximum(size, share * average)[:, acts]):
             rows += [i] * len(unit)
             spectra.extend(own[:, None] * unit)
     return rows, np.array(spectra).reshape(len(rows), block.lines.hz.size)
+
+
+def _moves(block: Block) -> Array:
+    """Return what the loads depend on about its mean, shape (input, sample)."""
+    record = block.trial.maneuver.record
+    return np.array([record[n] - record[n].mean() for n in block.trial.inputs])
 
 
 def actuator_terms(block: Block) -> tuple[list[int], Complex]:

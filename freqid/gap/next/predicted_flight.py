@@ -18,7 +18,7 @@ from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.system import BlockMatrices
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.model.changes import change
-from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms, load_terms
+from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms, load_errors
 from freqid.gap.model.testable import in_force_of, untestable
 from freqid.gap.model.tolerance import record_columns, tolerance_columns
 from freqid.gap.next.rivals import RivalExplanations
@@ -258,7 +258,8 @@ def _columns(around: FlightContext, block: Block, like: Block) -> PredictedFligh
     share = dict(zip(before.form_names, np.array(rivals.form_error.loads).tolist(), strict=True))
     sizes = np.array([share.get(row.name, 0.0) for row in block.rows])
     terms = [
-        form_columns(block, one) for one in (load_terms(block), actuator_terms(block), kinematic_terms(block))
+        form_columns(block, one)
+        for one in (load_errors(block), actuator_terms(block), kinematic_terms(block))
     ]
     form = [z for z in np.concatenate(terms) * sizes[:, None] if np.any(z)]
     tolerances = [shared.get(n, none) for n in rivals.system.tolerances]

@@ -199,6 +199,11 @@ class Trial:
         """Return the measured part of another manoeuvre in the same rows."""
         return measured_part(maneuver, self.simulation.responses, self.actuators)
 
+    @cached_property
+    def logged(self) -> Histories:
+        """The measured part of these channels: not what was measured where the airframe feels other ones."""
+        return self.measured_on(self.maneuver)
+
     @property
     def approximates(self) -> bool:
         """Whether `on` is quicker by derivatives, though the simulation can be asked again."""
@@ -216,7 +221,7 @@ class Trial:
             By derivatives too where that is quicker: enough to weigh hundreds of candidates.
         """
         before = self.maneuver.record
-        measured = self._logged(record)
+        measured = self.measured + (self._logged(record) - self.logged)
         moved = {n: record[n] - before[n] for n in self.inputs if not np.array_equal(record[n], before[n])}
         in_full = self.simulation.kind in _QUICK and not (first_order and self.approximates)
         change = self.moved(moved, in_full=in_full) if moved else None
@@ -228,11 +233,11 @@ class Trial:
         changed = [n for n, c in record.channels.items() if c is not before.channels.get(n)]
         if any(kinds.get(n.removeprefix("effector/")) != "surface" for n in changed):
             return self.measured_on(Maneuver(record, self.maneuver.vehicle))
-        direct = self.measured.direct.copy()
+        direct = self.logged.direct.copy()
         for i, row in enumerate(self.measured.rows):
             if row.kind == "actuator":
                 direct[i] = record[f"effector/{row.name.partition('/')[2]}"]
-        return replace(self.measured, direct=direct)
+        return replace(self.logged, direct=direct)
 
     def with_noise(self, noise: Mapping[str, Array], sign: float) -> Histories:
         """Return the residual with noise added to channels, shape (sample,) each."""

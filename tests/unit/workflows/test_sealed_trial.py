@@ -4,7 +4,6 @@ from collections import Counter
 from dataclasses import replace
 from types import SimpleNamespace
 
-import h5py
 import numpy as np
 import pytest
 from made_up_gap import made_up
@@ -14,6 +13,7 @@ from freqid.core.errors import DataError
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.results.diagnosis import Interval
 from freqid.core.results.judged.sealed_trial import SEAL_FILE, SealedEffect
+from freqid.core.store import editing
 from freqid.simulate.effects import settings
 from freqid.workflows.reviews import sealed_trial
 from freqid.workflows.reviews.sealed_trial import draw_effect, open_seal
@@ -77,7 +77,7 @@ def test_a_seal_that_was_edited_or_is_of_other_flights_is_refused(tmp_path):
     (tmp_path / "a.h5").write_bytes(b"another flight")
     with pytest.raises(DataError, match=r"a\.h5 is not the flight that was sealed"):
         open_seal(seal, said())
-    with h5py.File(seal, "a") as file:
+    with editing(seal) as file:
         file.attrs["effect"] = "mass"
     with pytest.raises(DataError, match="was edited after it was sealed"):
         open_seal(seal, said())

@@ -8,7 +8,6 @@ import shutil
 from collections import Counter
 from dataclasses import replace
 
-import h5py
 import msgspec
 import numpy as np
 import pytest
@@ -20,6 +19,7 @@ import freqid as fq
 from freqid.blend.study_file import read_study, write_study
 from freqid.core.errors import DataError, UsageError
 from freqid.core.results.judged.truth import KnownTruth
+from freqid.core.store import editing
 from freqid.workflows.files import save
 
 
@@ -168,7 +168,7 @@ def test_two_vehicles_are_refused_in_one_sentence(study, tmp_path):
 def test_a_file_of_a_newer_release_is_refused_in_one_sentence(study, tmp_path):
     newer = tmp_path / "newer.h5"
     shutil.copy(next((study / "points").iterdir()), newer)
-    with h5py.File(newer, "a") as file:
+    with editing(newer) as file:
         file.attrs["version"] = "9.0"
         file.attrs["freqid_version"] = "7.1"
     with pytest.raises(DataError, match=r"newer.h5: layout version 9.0 is newer than .* freqid 7.1 or later"):

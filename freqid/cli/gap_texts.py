@@ -144,7 +144,7 @@ def _closure(c: Closure) -> str:
         ("tolerances alone", _share(c.tolerances_only)),
         ("both", _share(c.wrench)),
     ]
-    lines.append(text_table(("fitted", "G: share of the gap that goes (90 %)"), rows))
+    lines.append(text_table(("fitted", "G: share of the gap that is closed (90 %)"), rows))
     if c.strained:
         off = ", ".join(f"{name} {x:+.1f}" for name, x in c.strained.items())
         lines.append(f"  tolerances alone would be off by, in sigmas: {off}")

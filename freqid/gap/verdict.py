@@ -62,7 +62,7 @@ def _closed(closure: Closure) -> str:
     off = f", with {strained}" if (strained := _strained(closure)) else ""
     alone = closure.tolerances_only.G
     return (
-        f"; with it {100 * closure.wrench.G:.0f} % of the gap goes on {_held(closure)}"
+        f"; with it {100 * closure.wrench.G:.0f} % of the gap is closed on {_held(closure)}"
         f" (tolerances alone: {100 * alone:.0f} %{off})"
     )
 

@@ -39,7 +39,7 @@ def wrench(time, state, effector, air, parameters):
     for name in wrench.responses:
         r = POINT[name]
         found[name] = r.bias + sum(
-            (0.6 if x in WEAK else 1.0) * slope * (values[x] - trim)
+            (0.4 if x in WEAK else 1.0) * slope * (values[x] - trim)
             for x, slope, trim in zip(r.regressors, r.estimate, r.trim)
         )
     return found

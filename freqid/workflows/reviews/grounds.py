@@ -157,8 +157,8 @@ def _of_gap(result: GapResult, source: str) -> Iterator[Ground]:
             yield Ground(
                 "simulation",
                 "risk",
-                f"the simulation lacks {' and '.join(named)}; with it {100 * closed.wrench.G:.0f} % of the "
-                f"gap ({100 * closed.wrench.lo:.0f} to {100 * closed.wrench.hi:.0f} %) goes on "
+                f"the simulation differs by {' and '.join(named)}; with it {100 * closed.wrench.G:.0f} % "
+                f"of the gap ({100 * closed.wrench.lo:.0f} to {100 * closed.wrench.hi:.0f} %) is closed on "
                 f"{', '.join(map(base_name, closed.held_out))}: use it with this effect only",
                 source,
             )
@@ -169,9 +169,10 @@ def _of_gap(result: GapResult, source: str) -> Iterator[Ground]:
             yield Ground("simulation", "risk", text, source)
         cost = str(closures[0].consequence.get("sentence", "")) if closures else ""
         if cost:
-            short = _short_margins(closures[0])
+            short = _short_margins(closures[0], "after")
             weight = "stop" if short else "risk"
             asked = f"; {' and '.join(short)} asked for" if short else ""
+            asked += ", and missing without the effect too" if _short_margins(closures[0], "before") else ""
             yield Ground("next flight", weight, f"the gap's effect: {cost.rstrip('.')}{asked}", source)
     for name, why in which.withdrawn.items():
         yield Ground("simulation", "risk", f"{name} fits best and is withdrawn: {why}", source)
@@ -183,16 +184,14 @@ def _of_gap(result: GapResult, source: str) -> Iterator[Ground]:
         yield Ground("model", "risk", text, source)
 
 
-def _short_margins(closure: Closure) -> list[str]:
-    """Return the bounds that margins fall below once the effect of a gap is added."""
+def _short_margins(closure: Closure, when: str) -> list[str]:
+    """Return the bounds that margins are below, ``before`` or ``after`` the effect of a gap is added."""
     figures = closure.consequence.get("figures", {})
     return [
         f"{wanted:g} {unit} is"
         for figure, wanted, unit in MARGINS
         if any(
-            path.startswith("margins/")
-            and path.endswith(f"/{figure}")
-            and change.get("after", wanted) < wanted
+            path.startswith("margins/") and path.endswith(f"/{figure}") and change.get(when, wanted) < wanted
             for path, change in figures.items()
         )
     ]

@@ -279,7 +279,7 @@ def _quantities(
                 yield f"probability of {name}", Quantity(chance, 0.0, "1")
             if result.how_far and math.isfinite(result.how_far[0].wrench.G):
                 g = result.how_far[0].wrench
-                yield "share of the gap that goes", Quantity(g.G, (g.hi - g.lo) / 3.92, "1")
+                yield "share of the gap that is closed", Quantity(g.G, (g.hi - g.lo) / 3.92, "1")
 
 
 _TELL_FROM = 0.005  # of a number without a standard error: less is called the same

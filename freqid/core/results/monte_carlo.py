@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from freqid.core.layout import ResultFile
+from freqid.core.layout import ResultFile, finite_table, table_with_nan
 from freqid.core.viewable import Viewable
 
 MEASURES = {
@@ -143,10 +143,7 @@ class MonteCarlo(Viewable):
 
     def to_json(self) -> dict[str, Any]:
         """Return numbers, strings, lists and tables; limits that are not known are null."""
-        table = asdict(self)
-        for row in table["measured"]:
-            row |= {k: row[k] if math.isfinite(row[k]) else None for k in ("mean", "lo", "hi")}
-        return table
+        return finite_table(asdict(self))
 
     @classmethod
     def from_json(cls, table: Mapping[str, Any]) -> MonteCarlo:
@@ -163,11 +160,7 @@ class MonteCarlo(Viewable):
             Where the table is none of a campaign.
         """
         try:
-            rows = [
-                {**row, **{k: math.nan if row[k] is None else row[k] for k in ("mean", "lo", "hi")}}
-                for row in table["measured"]
-            ]
-            return msgspec.convert({**table, "measured": rows}, cls)
+            return msgspec.convert({**table, "measured": table_with_nan(table["measured"])}, cls)
         except (msgspec.ValidationError, LookupError, TypeError) as error:
             raise ValueError(str(error)) from None
 

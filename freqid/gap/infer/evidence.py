@@ -63,9 +63,9 @@ class Evidence:
     @cached_property
     def statistic(self) -> float:
         """Log Bayes factor of a gap against none: all effects alike."""
-        return (
-            float(log_mean(np.array(list(self.effect.values())))) - self.without if self.effect else -np.inf
-        )
+        if not self.effect:
+            return -np.inf
+        return float(log_mean(np.array(list(self.effect.values())))) - self.without
 
     def best_place(self, effect: str) -> int:
         """Return the likeliest candidate of an effect."""

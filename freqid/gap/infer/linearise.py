@@ -21,7 +21,7 @@ from freqid.gap.settings import INTERVAL, ROUNDS
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
 
-_FARTHEST = 3.0  # sigmas to which tolerances are made straight
+_FARTHEST = 3.0  # sigmas: the largest departure that is believed, and that lines are drawn at
 
 
 def relinearised(
@@ -72,9 +72,10 @@ def likelier_without(
 ) -> float:
     """Return the nats by which no effect is likelier than a system says; see `relinearised`.
 
-    The system is straight beside its likeliest effect. Where an effect and a tolerance do the same, as a
-    channel that is late does, no effect would be judged where the tolerance is not. So it has its own
-    straight lines, where these make it likelier.
+    The system's tolerances are made straight about where they are likeliest *beside* its likeliest effect.
+    Where that effect and a tolerance do the same, as a late channel does, they are elsewhere without it: the
+    case of no effect would be judged with the errors of lines drawn far from it. So it is judged with lines
+    of its own too.
     """
     parts = [replace(c, effects=c.effects[:0]) for c in columns]
     few = [c.matrices for c in parts]
@@ -113,9 +114,8 @@ def straightened(
     sigmas = dict(zip(names, fitted.tolist(), strict=True))
     beyond = np.zeros_like(block.residual)
     if departures:
-        beyond += block.transform(block.trial.nominal.departed(departures)) - _straight(
-            columns, sigmas, departures
-        )
+        whole = block.transform(block.trial.nominal.departed(departures))
+        beyond += whole - _straight(columns, sigmas, departures)
     acting: dict[str, tuple[Effect, dict[str, float]]] = {}
     moved = []
     for key, effect, name, size in of_effects(block.trial, library, sizes):

@@ -59,9 +59,7 @@ def change(
         return trial.with_own_effects({effect.id: values}, actuators=effect.stage == "command")
     record, maneuver = trial.maneuver.record, trial.maneuver
     if route == "distort" and effect.distort is not None:
-        if not trial.carries:
-            return trial.on(effect.distort(values, record), first_order=first_order) - trial.residual
-        return trial.residual - trial.on(_taken_back(effect, values, record), first_order=first_order)
+        return _relogged(trial, _with(effect, values, record, trial.carries), first_order=first_order)
     if route == "load" and effect.load is not None:
         return _loaded(trial, _carried(effect, values, maneuver.vehicle))
     if route == "replay" and effect.replay is not None:
@@ -110,19 +108,16 @@ def change_together(effects: Sequence[tuple[Effect, Mapping[str, float]]], trial
     record, vehicle, total = trial.maneuver.record, trial.maneuver.vehicle, trial.rows()
     logged, carried = record, vehicle
     for effect, settings in effects:
-        values, route = (
-            {**in_force_of(effect, trial.simulation), **settings},
-            route_of(effect, trial.simulation),
-        )
+        values = {**in_force_of(effect, trial.simulation), **settings}
+        route = route_of(effect, trial.simulation)
         if route == "distort" and effect.distort is not None:
-            logged = _taken_back(effect, values, logged) if trial.carries else effect.distort(values, logged)
+            logged = _with(effect, values, logged, trial.carries)
         elif route == "load" and effect.load is not None:
             carried = _carried(effect, values, carried)
         else:
             total = total + change(effect, trial, settings)
     if logged is not record:
-        moved = trial.on(logged) - trial.residual
-        total = total + (moved * -1.0 if trial.carries else moved)
+        total = total + _relogged(trial, logged)
     return total + _loaded(trial, carried) if carried is not vehicle else total
 
 
@@ -162,6 +157,18 @@ def beside(effects: Sequence[tuple[Effect, Mapping[str, float]]], trial: Trial) 
         elif route_of(effect, trial.simulation) == "distort" and trial.carries:
             trial = trial.flown_as(_taken_back(effect, values, trial.maneuver.record))
     return trial
+
+
+def _with(effect: Effect, values: Mapping[str, float], record: FlightRecord, carries: bool) -> FlightRecord:
+    """Return a record with an effect of sensors, or without it where the record carries it already."""
+    assert effect.distort is not None
+    return _taken_back(effect, values, record) if carries else effect.distort(values, record)
+
+
+def _relogged(trial: Trial, logged: FlightRecord, *, first_order: bool = False) -> Histories:
+    """Return the change of a residual between a trial's record and what `_with` made of it."""
+    moved = trial.on(logged, first_order=first_order) - trial.residual
+    return moved * -1.0 if trial.carries else moved
 
 
 def _taken_back(effect: Effect, values: Mapping[str, float], record: FlightRecord) -> FlightRecord:

@@ -201,7 +201,10 @@ class Trial:
 
     @cached_property
     def logged(self) -> Histories:
-        """The measured part of these channels: not what was measured where the airframe feels other ones."""
+        """The measured part of the manoeuvre's channels.
+
+        It is `measured`, but where the airframe feels other positions than the log holds: see `felt_through`.
+        """
         return self.measured_on(self.maneuver)
 
     @property

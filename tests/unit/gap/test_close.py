@@ -149,8 +149,8 @@ def test_the_simulations_own_flight_closes_with_the_right_effect(truth, effect):
 def test_a_wrong_effect_leaves_the_own_flight_where_it_was():
     closures = flown_closures(Truth(drag=1.5), ("late",))
     assert pytest.approx(0.0, abs=0.1) == closures[("late",)].response_effect_only.G
-    # a drag is a derivative by speed: what closes here is that tolerance, off by more than can be believed
-    assert closures[("late",)].response.G < 0.6
+    # what is closed all the same tolerances do, strained: beside them the delay foretells nothing
+    assert closures[("late",)].log_score < 1.0 < closures[("drag",)].log_score
     assert closures[("late",)].strained["derivatives.X.u"] > 5
     assert closures[("drag",)].response_effect_only.G > 0.9
 

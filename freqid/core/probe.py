@@ -1,7 +1,7 @@
 """Read an HDF5 file in a process of its own first, which may hang or crash in place of ours.
 
-The HDF5 library does neither expect nor survive every damage: of a thousand files with a few changed bytes
-it loops for ever over some and ends the process over others, and no Python code can catch that. Files with
+The HDF5 library does not survive every damage: of a thousand files with a few changed bytes
+it loops for ever over some and ends the process over others, which no Python code can catch. Files with
 freqid's own checksum need no probe. This file is also what that process runs, so it imports little.
 """
 

@@ -172,7 +172,7 @@ def _of_gap(result: GapResult, source: str) -> Iterator[Ground]:
             short = _short_margins(closures[0], "after")
             weight = "stop" if short else "risk"
             asked = f"; {' and '.join(short)} asked for" if short else ""
-            asked += ", and missing without the effect too" if _short_margins(closures[0], "before") else ""
+            asked += "; without the effect it is less too" if _short_margins(closures[0], "before") else ""
             yield Ground("next flight", weight, f"the gap's effect: {cost.rstrip('.')}{asked}", source)
     for name, why in which.withdrawn.items():
         yield Ground("simulation", "risk", f"{name} fits best and is withdrawn: {why}", source)

@@ -159,7 +159,7 @@ def beside(effects: Sequence[tuple[Effect, Mapping[str, float]]], trial: Trial) 
     return trial
 
 
-def _with(effect: Effect, values: Mapping[str, float], record: FlightRecord, carries: bool) -> FlightRecord:
+def _with(effect: Effect, values: dict[str, float], record: FlightRecord, carries: bool) -> FlightRecord:
     """Return a record with an effect of sensors, or without it where the record carries it already."""
     assert effect.distort is not None
     return _taken_back(effect, values, record) if carries else effect.distort(values, record)

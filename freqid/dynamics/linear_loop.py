@@ -277,7 +277,7 @@ class LinearLoop:
         Effectors that answer alike share one answer for each axis where they are more than the axes: left
         out are eigenvalues of actuators alone, which nothing reaches.
         """
-        motion, rows = self.A, []
+        motion, rows = self.A.copy(), []
         for places in _alike(self.actuation):
             effect = self.B[:, places] * self.actuation.gain[places]
             command = -self.allocation[places] @ self.gain
@@ -286,7 +286,7 @@ class LinearLoop:
             a, b, c, direct = replace(self.actuation, gain=np.ones(len(self.effectors))).state_space(
                 places[0]
             )
-            motion = motion + direct * effect @ command
+            motion[:] += direct * effect @ command
             rows += [(a, b @ command[[k]], effect[:, [k]] @ c) for k in range(len(command)) if len(a)]
         if not rows:
             return motion

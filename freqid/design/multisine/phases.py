@@ -201,7 +201,7 @@ def descend(
             new_ratio = ratio + length[:, None] * change if peak.limits is not None else ratio
             trial = peak.derivatives(new_phase, new_ratio, s)
             better = trial[0] < value
-            damping = np.clip(np.where(better, 0.3 * damping, 4.0 * damping), 1e-6, 1e6)
+            damping[:] = np.clip(np.where(better, 0.3 * damping, 4.0 * damping), 1e-6, 1e6)
             phase[better], ratio[better] = new_phase[better], new_ratio[better]
             for old, new in zip((value, gradient, matrix), trial, strict=True):
                 old[better] = new[better]

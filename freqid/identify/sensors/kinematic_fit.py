@@ -177,135 +177,225 @@ def fit_compatibility(
     PATIENCE steps. The noise of the channels that are compared follows from the innovations, that of inertial
     sensors from what Fourier smoothing calls noise in them.
     """
-    everything = np.array([i < INITIAL or n in wanted for i, n in enumerate(problem.names)])
-    initial = everything & (np.arange(everything.size) < INITIAL)
-    guess, before = _fit_unfiltered(problem, initial, problem.start, plausible)
-    # In gusts least squares may send scales and delays of the air data astray; where instruments tell them,
-    # they start at zero.
-    begun = everything if problem.driven is None else everything & ~problem.on_air
-    # Delays come last: a wave fits itself again a period later, so they have to start near.
-    clocked = np.array([not n.endswith("delay") for n in problem.names])
-    guess, _ = _fit_unfiltered(problem, begun & clocked, guess, plausible)
-    guess, now = _fit_unfiltered(problem, begun, guess, plausible)
-
-    active, steps, free = everything, 0, False
-    weighings = 0 if gusts is None else MOST_WEIGHINGS
-    every = block_of(problem.sensors.dt, problem.window)
-    noise = _first_noise(problem, now, gusts or 0.0, gust_time)
-    strength = GustStrength(noise.gusts, noise.gusts, noise.gusts, 0.0)
-    air = np.isin(problem.sensors.names, (*FLOW, *VELOCITY))
-    windy = bool(air.any())
-    # What is white at the highest frequencies is noise, whatever gusts may explain of it.
-    least = np.where(air & (gusts is None), noise.outputs, _floor(before))
-    columns = 1 + len(everything)
-
-    def gusts_of(
-        rows: Array, at: Prediction, noise: PathNoise, active: Mask, limits: bool = False
-    ) -> GustStrength:
-        tried = rows[:columns][np.append(True, active)]
-        return estimate_gusts(at.path, problem.window, at.seen, noise, tried, every, limits=limits)
-
+    search = _Search.of(problem, wanted, plausible, gusts, gust_time)
     for _ in range(MOST_STEPS):
-        orphans = _scales_alone(problem, everything, active)
+        settled = search.step()
+        if settled is not None:
+            return settled
+    raise DataError(
+        f"the compatibility check has not settled in {MOST_STEPS} steps",
+        remedy="look for jumps in the record, cut it, or ask for fewer parameters",
+    )
+
+
+@dataclass(eq=False)
+class _Search:
+    """The iteration of `fit_compatibility`, and where it is.
+
+    Attributes
+    ----------
+    problem : CompatibilityProblem
+    everything : ndarray of bool, shape (m,)
+        Unknowns that are asked for.
+    plausible : ndarray, shape (m,)
+    gusts : float, optional
+        As given; estimated where absent.
+    before : Prediction
+        By initial values alone.
+    least : ndarray, shape (k,)
+        Least noise of the channels that are compared.
+    air : bool
+        Whether air data are among these.
+    guess : Guess
+    noise : PathNoise
+    strength : GustStrength
+    weighings : int
+        Times that the gusts have been estimated.
+    active : ndarray of bool, shape (m,)
+        Unknowns that are not held.
+    at : Prediction
+        That the filter and the instruments rest on.
+    steps : int
+        Since an unknown was held last.
+    free : bool
+        Whether the first steps have settled, so that unknowns may be judged.
+    """
+
+    problem: CompatibilityProblem
+    everything: Mask
+    plausible: Array
+    gusts: float | None
+    before: Prediction
+    least: Array
+    air: bool
+    guess: Guess
+    noise: PathNoise
+    strength: GustStrength
+    weighings: int
+    active: Mask
+    at: Prediction
+    steps: int = 0
+    free: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        problem: CompatibilityProblem,
+        wanted: Collection[str],
+        plausible: Array,
+        gusts: float | None,
+        gust_time: float,
+    ) -> _Search:
+        """Return the start: least squares without a filter, delays last."""
+        everything = np.array([i < INITIAL or n in wanted for i, n in enumerate(problem.names)])
+        initial = everything & (np.arange(everything.size) < INITIAL)
+        guess, before = _fit_unfiltered(problem, initial, problem.start, plausible)
+        # In gusts least squares may send scales and delays of the air data astray; where instruments tell
+        # them, they start at zero.
+        begun = everything if problem.driven is None else everything & ~problem.on_air
+        # Delays come last: a wave fits itself again a period later, so they have to start near.
+        clocked = np.array([not n.endswith("delay") for n in problem.names])
+        guess, _ = _fit_unfiltered(problem, begun & clocked, guess, plausible)
+        guess, now = _fit_unfiltered(problem, begun, guess, plausible)
+        noise = _first_noise(problem, now, gusts or 0.0, gust_time)
+        air = np.isin(problem.sensors.names, (*FLOW, *VELOCITY))
+        return cls(
+            problem=problem,
+            everything=everything,
+            plausible=plausible,
+            gusts=gusts,
+            before=before,
+            # What is white at the highest frequencies is noise, whatever gusts may explain of it.
+            least=np.where(air & (gusts is None), noise.outputs, _floor(before)),
+            air=bool(air.any()),
+            guess=guess,
+            noise=noise,
+            strength=GustStrength(noise.gusts, noise.gusts, noise.gusts, 0.0),
+            weighings=0 if gusts is None else MOST_WEIGHINGS,
+            active=everything,
+            at=now,
+        )
+
+    @property
+    def every(self) -> int:
+        """Samples of one block of the filter."""
+        return block_of(self.problem.sensors.dt, self.problem.window)
+
+    def step(self) -> CompatibilityFit | None:
+        """Take one step, or hold one unknown; return the fit once nothing is left to do."""
+        problem, plausible = self.problem, self.plausible
+        orphans = _scales_alone(problem, self.everything, self.active)
         if orphans.any():
-            guess, active = guess.back(orphans, problem.start), active & ~orphans
-        now = problem.predict(guess)
-        if not free or steps == 0:
-            at = now
-        beside = now.jacobian[:0] if problem.driven is None else at.instruments
+            self.guess, self.active = self.guess.back(orphans, problem.start), self.active & ~orphans
+        active = self.active
+        now = problem.predict(self.guess)
+        if not self.free or self.steps == 0:
+            self.at = now
+        beside = now.jacobian[:0] if problem.driven is None else self.at.instruments
         rows = np.concatenate((now.residual[None], now.jacobian, beside))
-        if windy and not weighings:
-            strength = gusts_of(rows, at, noise, active)
-            weighings, noise = 1, replace(noise, gusts=strength.std)
-        white, _ = whiten(at.path, problem.window, at.seen, noise, rows, every)
+        if self.air and not self.weighings:
+            self._weigh_gusts(rows)
+            self.weighings, self.noise = 1, replace(self.noise, gusts=self.strength.std)
+        white, _ = whiten(self.at.path, problem.window, self.at.seen, self.noise, rows, self.every)
+        columns = 1 + len(self.everything)
         residual, jacobian = white[0], white[1:columns]
         # Gusts mislead scales and delays of the air data; where none is left there is nothing to be misled.
         by_instruments = problem.driven is not None and (active & problem.on_air).any()
         explained = _explained(jacobian, white[columns:], active) if by_instruments else jacobian
         observable = active
-        if free and by_instruments:
+        if self.free and by_instruments:
             observable = _reached(jacobian, explained, problem, active, plausible)
-        if free and np.array_equal(observable, active):
+        if self.free and np.array_equal(observable, active):
             observable = _observable(explained, active, plausible)
         if not np.array_equal(observable, active):
-            guess, active, steps = guess.back(active & ~observable, problem.start), observable, 0
-            continue
-        size, away = plausible[active], (guess.values - problem.start.values)[active]
+            return self._hold(active & ~observable)
+        size, away = plausible[active], (self.guess.values - problem.start.values)[active]
         fit = _solve(explained[active], residual, size, 1.0, away, jacobian[active])
-        outputs = np.maximum(noise.outputs * fit.spread, least)
-        blocked = problem.blocked(guess, active, fit.step) if free else []
+        outputs = np.maximum(self.noise.outputs * fit.spread, self.least)
+        blocked = problem.blocked(self.guess, active, fit.step) if self.free else []
         # The noise of a channel that gusts drown creeps long after the estimates rest.
-        rests = fit.largest < SETTLED and steps >= FULL_STEPS
-        level = rests or np.allclose(outputs, noise.outputs, rtol=STEADY, atol=0)
-        if not free and (steps >= FULL_STEPS or (steps >= HELD_STEPS and fit.largest < NEARLY)):
-            free, steps = True, 0
-            guess = problem.moved(guess, active, fit.step)
-            if windy and gusts is None:  # what was late has passed for gusts
-                strength = gusts_of(rows, at, noise, active)
-                noise = replace(noise, gusts=strength.std)
-            noise = replace(noise, outputs=outputs)
-            continue
-        steady = free and fit.largest < NEARLY and level
-        if steady and windy and steps > 0 and weighings < MOST_WEIGHINGS:
-            strength = gusts_of(rows, at, noise, active)
-            weighings += 1
-            if not np.isclose(strength.std, noise.gusts, rtol=STEADY, atol=CALM):
-                noise = replace(noise, gusts=strength.std)
-                guess, steps = problem.moved(guess, active, fit.step), steps + 1
-                continue
+        rests = fit.largest < SETTLED and self.steps >= FULL_STEPS
+        level = rests or np.allclose(outputs, self.noise.outputs, rtol=STEADY, atol=0)
+        if not self.free and (
+            self.steps >= FULL_STEPS or (self.steps >= HELD_STEPS and fit.largest < NEARLY)
+        ):
+            self.free, self.steps = True, 0
+            self.guess = problem.moved(self.guess, active, fit.step)
+            if self.air and self.gusts is None:  # what was late has passed for gusts
+                self._weigh_gusts(rows)
+                self.noise = replace(self.noise, gusts=self.strength.std)
+            self.noise = replace(self.noise, outputs=outputs)
+            return None
+        steady = self.free and fit.largest < NEARLY and level
+        if steady and self.air and self.steps > 0 and self.weighings < MOST_WEIGHINGS:
+            self._weigh_gusts(rows)
+            self.weighings += 1
+            if not np.isclose(self.strength.std, self.noise.gusts, rtol=STEADY, atol=CALM):
+                self.noise = replace(self.noise, gusts=self.strength.std)
+                self.guess = problem.moved(self.guess, active, fit.step)
+                self.steps += 1
+                return None
         if steady or blocked:
             covariance, dof = coloured_covariance(explained[active], fit.left)
             if problem.driven is None:
-                covariance = covariance + np.diag(_ridden(problem.names, active, covariance, strength) ** 2)
+                ridden = _ridden(problem.names, active, covariance, self.strength)
+                covariance = covariance + np.diag(ridden**2)
             share = np.zeros(active.size)
             share[active] = np.sqrt(np.diag(covariance)) / size
-            beyond = np.abs(guess.values - problem.start.values) > FARTHEST * plausible
+            beyond = np.abs(self.guess.values - problem.start.values) > FARTHEST * plausible
             share[beyond & active & (np.arange(active.size) >= INITIAL)] = np.inf
             worst = blocked[0] if blocked else int(np.argmax(share))
             if share[worst] > LARGEST_ERROR_SHARE:
                 worst = _scale_first(problem.names, worst, active)
-                unobservable = np.arange(active.size) == worst
-                guess, active, steps = guess.back(unobservable, problem.start), active & ~unobservable, 0
-                continue
+                return self._hold(np.arange(active.size) == worst)
             if fit.largest < SETTLED:
-                if windy and gusts is None:
-                    strength = gusts_of(rows, at, noise, active, limits=True)
+                if self.air and self.gusts is None:
+                    self._weigh_gusts(rows, limits=True)
                 last = _solve(explained[active], residual, size, FAINT, away, jacobian[active])
-                guess = problem.moved(guess, active, last.step)
-                now = problem.predict(guess)
-                break
+                self.guess = problem.moved(self.guess, active, last.step)
+                return self._settled(covariance, dof, jacobian)
             if blocked:
                 raise DataError(
-                    f"'{problem.names[worst]}' runs to {guess.values[worst]:.3g} s, the limit of delays",
+                    f"'{problem.names[worst]}' runs to {self.guess.values[worst]:.3g} s, the limit of delays",
                     remedy="raise longest_delay_s, or align the log's clocks first",
                 )
-        if free and steps >= PATIENCE:
+        if self.free and self.steps >= PATIENCE:
             share = np.zeros(active.size)
             share[active] = fit.error / size * (np.abs(fit.step) > SETTLED * fit.error)
             share[:INITIAL] = 0.0
             if share.any():
-                creeping = np.arange(active.size) == np.argmax(share)
-                guess, active, steps = guess.back(creeping, problem.start), active & ~creeping, 0
-                continue
-        noise = replace(noise, outputs=outputs)
-        guess = problem.moved(guess, active, fit.step if steps < FULL_STEPS else fit.step / 2)
-        steps += 1
-    else:
-        raise DataError(
-            f"the compatibility check has not settled in {MOST_STEPS} steps",
-            remedy="look for jumps in the record, cut it, or ask for fewer parameters",
+                return self._hold(np.arange(active.size) == np.argmax(share))
+        self.noise = replace(self.noise, outputs=outputs)
+        step = fit.step if self.steps < FULL_STEPS else fit.step / 2
+        self.guess = problem.moved(self.guess, active, step)
+        self.steps += 1
+        return None
+
+    def _weigh_gusts(self, rows: Array, limits: bool = False) -> None:
+        tried = rows[: 1 + self.active.size][np.append(True, self.active)]
+        self.strength = estimate_gusts(
+            self.at.path, self.problem.window, self.at.seen, self.noise, tried, self.every, limits=limits
         )
-    return CompatibilityFit(
-        names=tuple(n for n, a in zip(problem.names, active, strict=True) if a),
-        estimate=guess.values[active],
-        covariance=covariance,
-        degrees_of_freedom=dof,
-        undetermined=_absorbed_by(problem.names, jacobian, active, everything & ~active, plausible),
-        before=before,
-        after=now,
-        noise=noise,
-        gusts=strength,
-    )
+
+    def _hold(self, unknowns: Mask) -> None:
+        """Put unknowns back to where they started, and judge the others anew."""
+        self.guess, self.steps = self.guess.back(unknowns, self.problem.start), 0
+        self.active = self.active & ~unknowns
+
+    def _settled(self, covariance: Array, dof: Array, jacobian: Array) -> CompatibilityFit:
+        names, active = self.problem.names, self.active
+        held = self.everything & ~active
+        return CompatibilityFit(
+            names=tuple(n for n, a in zip(names, active, strict=True) if a),
+            estimate=self.guess.values[active],
+            covariance=covariance,
+            degrees_of_freedom=dof,
+            undetermined=_absorbed_by(names, jacobian, active, held, self.plausible),
+            before=self.before,
+            after=self.problem.predict(self.guess),
+            noise=self.noise,
+            gusts=self.strength,
+        )
 
 
 def _explained(jacobian: Array, instruments: Array, active: Mask) -> Array:

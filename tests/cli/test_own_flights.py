@@ -54,9 +54,11 @@ def flights(tmp_path_factory):
 
 @pytest.fixture
 def study(freqid, flights, tmp_path):
-    def run(*options, gates="", folder=flights):
+    def run(*options, gates="", folder=flights, page=False):
         (tmp_path / "s.toml").write_text(scenario_text(gates))
-        return freqid("study", tmp_path / "s.toml", "--flights", folder, "-o", tmp_path / "out", *options)
+        more = [] if page else ["--no-page"]  # a page takes three times as long as all else
+        words = ["study", tmp_path / "s.toml", "--flights", folder, "-o", tmp_path / "out"]
+        return freqid(*words, *more, *options)
 
     return run
 
@@ -64,7 +66,7 @@ def study(freqid, flights, tmp_path):
 def test_flights_become_points_a_global_model_and_a_page_without_a_simulation(study, tmp_path, monkeypatch):
     monkeypatch.setattr("freqid.simulate.runner.run_units", None)  # calling it fails
     monkeypatch.setattr("freqid.workflows.studies.units.fly", None)
-    code, out, _ = study("--hold-out", "u5", "--json")
+    code, out, _ = study("--hold-out", "u5", "--json", page=True)
     assert code == 0
     said = json.loads(out)
     assert set(said["points"]) == {"u3", "u5", "u7"}
@@ -144,7 +146,7 @@ def test_a_second_run_with_one_flight_more_does_only_what_changed(study, flights
 
 def test_missed_gates_are_sentences_and_everything_is_written(study, tmp_path):
     gates = "coherence = 0.99999\nvalidation = { Z = 1e-6 }\nconsistency = 1e-9\nr2 = { Z = 0.5 }"
-    code, _, err = study(gates=gates)
+    code, _, err = study(gates=gates, page=True)
     assert code == 4
     assert "coherence of L is 0." in err
     assert "validation error of Z is 0." in err

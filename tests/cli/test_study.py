@@ -57,7 +57,7 @@ def test_a_study_leaves_models_and_a_page_and_is_not_done_twice(freqid, scenario
     moved.parent.mkdir()
     folder.rename(moved)
     (tmp_path / "moved" / "other.toml").write_bytes(scenario.read_bytes())
-    code, out, _ = freqid("study", tmp_path / "moved" / "other.toml", *options[:-1], moved)
+    code, out, _ = freqid("study", tmp_path / "moved" / "other.toml", *options[:-1], moved, "--no-page")
     assert code == 0
     assert json.loads(out) == said | {"folder": str(moved)}
     assert made(moved) == before

@@ -146,7 +146,7 @@ def test_a_study_its_points_blended_and_a_flight_through_the_corridor(result, tm
     text = LA8.read_text().replace('allocation = "propulsors-low"', 'allocation = "interleaved"\nstarts = 1')
     text = text.replace("net_load = { X = 1, Y = 1, Z = 1, L = 1, M = 1, N = 1 }", "")
     scenario.write_text(text.replace("period_s = 60.0", "period_s = 40.0"))
-    words = ["study", scenario, "--at", "u40,u50", "--jobs", "1", "-o", folder, "--json"]
+    words = ["study", scenario, "--at", "u40,u50", "--jobs", "1", "-o", folder, *QUICK]
     hold("study-la8", result(tmp_path, *words), SEARCHED)
     points = [folder / "points" / f"{at}.h5" for at in ("u40", "u50")]
     words = ["global-blend", *points, "-o", tmp_path / "model.h5", "--densities", "together"]

@@ -277,5 +277,5 @@ def _copied(candidate: Candidate, own: Array, across: Array) -> float:
     sizes = np.union1d(np.linspace(low, high, _GRID), candidate.prior)
     if candidate.sizes.size == 1 and own[0, 0] > 0:
         sizes = np.append(sizes, np.clip(candidate.sizes[0] * across[0] / own[0, 0], low, high))
-    w = np.array([candidate.weights(s) for s in sizes])
+    w = candidate.weights(sizes)
     return float(np.max(2 * w @ across - np.einsum("sc,cd,sd->s", w, own, w)))

@@ -25,6 +25,8 @@ from freqid.gap.infer.which import Ranking, probability_of_none, rank
 from freqid.gap.model.candidates import OTHER
 from freqid.gap.settings import INTERVAL, NAMED, TEMPERATURE
 
+Index = Sequence[int] | NDArray[np.intp]
+
 Data = dict[Form, tuple[Array, Array]]
 """By error of form: products with all columns, (column, draw), and log evidence of no effect, (draw,)."""
 
@@ -108,7 +110,7 @@ class DrawnData:
         """Number of draws."""
         return len(next(iter(self.data.values()))[1])
 
-    def with_effect(self, weights: Array, at: Sequence[int] | NDArray[np.intp]) -> Data:
+    def with_effect(self, weights: Array, at: Index, rows: Index | None = None) -> Data:
         """Return some draws with columns added to the data, as every error of form sees them.
 
         Parameters
@@ -116,13 +118,19 @@ class DrawnData:
         weights : ndarray, shape (column,)
         at : sequence of int
             Of the draws.
+        rows : sequence of int, optional
+            Columns whose products with the data are wanted; all where absent.
         """
-        found = {}
+        added = np.flatnonzero(weights)  # few of the columns: all others would be multiplied by zero
+        w, draws = weights[added], np.asarray(at)
+        wanted = np.arange(len(weights)) if rows is None else np.asarray(rows)
+        found: Data = {}
         for f, (g, log) in self.data.items():
-            more = self.system.reduced(f).G @ weights
+            G = self.system.reduced(f).G
+            more = G[wanted[:, None], added] @ w
             # up to a constant in f, the log evidence is -r' C^-1 r / 2, with r' C^-1 x the products in g
-            less = weights @ g[:, at] + 0.5 * float(weights @ more)
-            found[f] = (g[:, at] + more[:, None], log[at] - less)
+            less = w @ g[added[:, None], draws] + 0.5 * float(w @ G[added[:, None], added] @ w)
+            found[f] = (g[wanted[:, None], draws] + more[:, None], log[draws] - less)
         return found
 
 

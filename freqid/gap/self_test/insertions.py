@@ -199,7 +199,7 @@ def size_at(candidate: Candidate, G: Array, goal: float, sign: float) -> float:
     if not side.size:
         return np.nan
     sizes = np.geomspace(1e-2 * side.min(), side.max(), _FINE)
-    w = np.array([c.weights(sign * s) for s in sizes])
+    w = c.weights(sign * sizes)
     power = np.einsum("sc,cd,sd->s", w, G, w)
     above = np.flatnonzero(power >= goal)
     if not above.size:

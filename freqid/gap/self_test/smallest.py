@@ -18,6 +18,7 @@ POWER = 0.95
 _STEPS = 7  # of halving the range of detectability, in its logarithm: to 5 % of it
 _LOW, _HIGH = 2.0, 500.0  # detectabilities between which is looked; beyond, a size counts as not found
 _DRAWS = 200
+_PARTS = (25, 100, _DRAWS)  # draws after which a size may already have missed too many
 
 
 def smallest_sizes(
@@ -91,10 +92,10 @@ class _Search:
         for _ in range(_STEPS):
             middle = (low + high) / 2
             size = self._size(index, sign, float(np.exp(middle)))
-            enough = not np.isfinite(size) or self._power(index, size) >= POWER
+            enough = not np.isfinite(size) or self._found(index, size)
             low, high = (low, middle) if enough else (middle, high)
         size = self._size(index, sign, float(np.exp(high)))
-        if np.isfinite(size) and self._power(index, size) < POWER:
+        if np.isfinite(size) and not self._found(index, size):
             size = np.nan
         largest = float(np.abs(c.prior[np.sign(c.prior) == sign]).max())
         return SmallestSize(
@@ -114,14 +115,25 @@ class _Search:
         size = size_at(c, G, goal, sign)
         return size if abs(size) <= np.abs(c.prior).max() else np.nan
 
-    def _power(self, index: int, size: float) -> float:
-        """Return how often a size is called a gap."""
+    def _found(self, index: int, size: float) -> bool:
+        """Return whether a size is called a gap in a share `POWER` of the draws.
+
+        Most sizes that are asked about are missed in nearly all draws, so few draws are looked at first.
+        """
         system = self.evidence.system
         c = system.candidates[index]
         weights = np.zeros(self.draws.system.columns)
         weights[system.columns_of(index)] = c.weights(size)
-        data = self.draws.with_effect(weights, np.arange(min(_DRAWS, self.draws.count)))
         places = self.evidence.weighing.places_of(c.effect)
         at = np.concatenate([np.arange(system.start[i], system.start[i + 1]) for i in places])
-        own = {f: (g[at], log) for f, (g, log) in data.items()}
-        return float((Weighed.of(self.alone, own).effects()[0] >= self.needed).mean())
+        count = min(_DRAWS, self.draws.count)
+        called = done = 0
+        for end in _PARTS:
+            part = np.arange(done, min(end, count))
+            if part.size:
+                own = self.draws.with_effect(weights, part, at)
+                called += int((Weighed.of(self.alone, own).effects()[0] >= self.needed).sum())
+            done = min(end, count)
+            if (called + count - done) / count < POWER:
+                return False
+        return True

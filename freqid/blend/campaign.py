@@ -20,7 +20,9 @@ from freqid.identify.in_flight.parameter_history import ParameterHistory
 
 GOOD_R2 = 0.95
 MOST_VALIDATION = 1.15
-"""Error of prediction over error of fit that is still called alike."""
+"""Error of prediction over error of fit that is still called alike; above, a risk of use."""
+FAILED_VALIDATION = 2.0
+"""Error of prediction over error of fit above which a model is not used."""
 MOST_HELD_OUT = 1.25
 """Error of the global model over that of a point model, where neither was made from the manoeuvre."""
 MOST_NEW_DENSITY = 1.5

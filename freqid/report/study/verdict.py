@@ -9,6 +9,7 @@ import numpy as np
 from markupsafe import Markup
 
 from freqid.blend.campaign import (
+    FAILED_VALIDATION,
     GOOD_R2,
     MOST_HELD_OUT,
     MOST_NEW_DENSITY,
@@ -80,8 +81,9 @@ def _headline(results: StudyResults) -> Finding:
     worst = max(ratios, key=lambda at: ratios[at])
     beyond = sum(not ratio <= MOST_VALIDATION for ratio in ratios.values())
     over = f"; {beyond} of {len(ratios)} above {MOST_VALIDATION:g}" if beyond else ""
+    fine = not beyond and good == len(scores)
     return finding(
-        "bad" if beyond else "good" if good == len(scores) else "note",
+        "bad" if ratios[worst] > FAILED_VALIDATION else "good" if fine else "note",
         "{} Manoeuvres that were not used are predicted with {} to {} times the error of the fit "
         "(largest: {}{}).",
         sentence,

@@ -8,7 +8,14 @@ from typing import Literal
 
 import numpy as np
 
-from freqid.blend.campaign import GOOD_R2, MOST_VALIDATION, StudiedPoint, StudyResults, most_allowed
+from freqid.blend.campaign import (
+    FAILED_VALIDATION,
+    GOOD_R2,
+    MOST_VALIDATION,
+    StudiedPoint,
+    StudyResults,
+    most_allowed,
+)
 from freqid.core.results.diagnosis import Closure
 from freqid.core.results.gap import GapResult
 from freqid.core.results.judged.review import Ground
@@ -28,8 +35,6 @@ MARGINS = (("phase_deg", _PHASE_DEG, "deg"), ("gain_up_db", _GAIN_DB, "dB"))
 """Margins asked of a loop before it is flown: MIL-DTL-9490E and SAE AS94900, rigid-body modes."""
 WANTED_G = 0.5
 """Share of a gap that must go with its effect, on flights not used, for use of the corrected simulation."""
-WORSE = 2.0
-"""Error of prediction over that of the fit from which a model is not used."""
 _WEIGHTS: dict[str, Literal["good", "risk", "stop"]] = {"right": "good", "wrong": "stop", "undecided": "risk"}
 
 
@@ -98,7 +103,8 @@ def _of_point(point: StudiedPoint, gates: Gates | None, source: str) -> Iterator
         yield Ground("model", "risk", f"{at}: no flight that was not used was predicted", source)
     else:
         worst = max(known, key=lambda r: known[r])
-        weight = "good" if known[worst] <= MOST_VALIDATION else "risk" if known[worst] <= WORSE else "stop"
+        failed = known[worst] > FAILED_VALIDATION
+        weight = "stop" if failed else "good" if known[worst] <= MOST_VALIDATION else "risk"
         text = (
             f"{at}: a flight that was not used is predicted with at most {known[worst]:.3g} times the error "
             f"of the fit ({worst})"

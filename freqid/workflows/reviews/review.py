@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from freqid.blend.campaign import (
+    FAILED_VALIDATION,
     MOST_VALIDATION,
     StudiedPoint,
     StudyResults,
@@ -31,7 +32,7 @@ from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
 from freqid.core.scenario import Scenario
 from freqid.workflows.inputs import File, scenario_of
-from freqid.workflows.reviews.grounds import MARGINS, WANTED_G, WORSE, base_name, grounds_of, least_margin
+from freqid.workflows.reviews.grounds import MARGINS, WANTED_G, base_name, grounds_of, least_margin
 from freqid.workflows.reviews.read_together import ReviewedFile, read_together, vehicle_of
 
 _NO_MARGINS = "no margins of the control law are among the files"
@@ -204,7 +205,7 @@ def _reversals(files: Sequence[ReviewedFile], points: Sequence[StudiedPoint]) ->
         yield Reversal(
             "A new flight is predicted with more times the error of the fit",
             ratios[worst],
-            MOST_VALIDATION if ratios[worst] <= MOST_VALIDATION else WORSE,
+            MOST_VALIDATION if ratios[worst] <= MOST_VALIDATION else FAILED_VALIDATION,
             f"{worst[0]} at {worst[1]}",
         )
     for one in files:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +13,11 @@ from test_study_results import history
 
 from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults
 from freqid.core.results.design import MultisineDesign
+from freqid.core.results.judged.review import Source
 from freqid.report.study.page import build_study_page, condition_rows
 from freqid.report.study.verdict import settled_by, study_verdict
+from freqid.workflows.reviews.grounds import grounds_of
+from freqid.workflows.reviews.read_together import ReviewedFile
 
 
 def said(of: StudyResults) -> list[tuple[str, str]]:
@@ -50,6 +54,26 @@ def test_a_prediction_that_is_far_worse_than_the_fit_is_a_problem():
     kind, text = said(changed(point, model=replace(point.model, prediction=worse)))[0]
     assert kind == "bad"
     assert f"at {point.id}; 2 of 12 above 1.15)" in text
+
+
+@pytest.mark.parametrize(("times", "kind"), [(1.1, "good"), (1.16, "note"), (1.9, "note"), (2.1, "bad")])
+def test_the_headline_is_as_grave_as_the_review_of_the_same_prediction(times, kind):
+    """Of a model and prediction whose errors are so many times those of the fit, in every response."""
+    point = results().points[0]
+    model = point.model
+    prediction = {}
+    for n, f in model.prediction.items():
+        now = point.validation_ratio(n)
+        error = (f.modelled - f.measured) * times / now
+        prediction[n] = replace(f, modelled=f.measured + error)
+    responses = {n: replace(r, r2=0.99) for n, r in model.responses.items()}
+    alone = replace(point, model=replace(model, responses=responses, prediction=prediction))
+    judged = replace(results(), points=(alone,))
+    assert max(alone.validation_ratio(n) for n in model.responses) == pytest.approx(times)
+    assert said(judged)[0][0] == kind
+    read = ReviewedFile(Source("study", "freqid-study", ""), Path("study"), judged)
+    weights = {g.weight for g in grounds_of([read], None) if "was not used is predicted" in g.text}
+    assert weights == {{"good": "good", "note": "risk", "bad": "stop"}[kind]}
 
 
 def test_held_out_conditions_are_good_until_one_is_too_far():

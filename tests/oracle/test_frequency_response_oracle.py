@@ -108,6 +108,38 @@ def test_errors_stated_with_a_denominator_are_not_too_small():
     assert 0.88 < np.mean(hits) < 0.98  # they are a little too large
 
 
+def test_strength_is_the_first_stage_f_of_each_input_beside_the_others():
+    m = plant.fly(amplitude=0.3, **NOISE)
+    lines = injected_lines(m, 0, plant.INPUTS, "effector", plant.OUTPUTS, plant.PERIOD)
+    one = local_response(lines, 0.5, 0, int(lines.excited.sum(axis=1).max()))  # one window of all lines
+    wanted = np.flatnonzero(lines.excited.any(axis=0))
+    inside = slice(wanted[0], wanted[-1] + 1)
+    u, constant = lines.u[:, inside], np.ones(wanted[-1] + 1 - wanted[0])
+    given = np.vstack([lines.r[:, inside], constant]).T
+    explained = [given @ np.linalg.lstsq(given, row)[0] for row in u]
+    for i, row in enumerate(u):
+        others = np.column_stack([*explained[:i], *explained[i + 1 :], constant])
+        own = explained[i] - others @ np.linalg.lstsq(others, explained[i])[0]
+        noise = np.sum(np.abs(row - explained[i]) ** 2) / (row.size - given.shape[1])
+        assert one.strength is not None
+        assert one.strength[i] == pytest.approx(np.sum(np.abs(own) ** 2) / noise, rel=1e-6)
+
+
+def test_signals_that_gusts_and_feedback_drown_are_named():
+    """F goes with the power of signals far above the noise; that of signals far below it stays near 1."""
+    median = {}
+    for amplitude in (10.0, 3.0, 0.001):
+        flights = [plant.fly(amplitude=amplitude, gust=0.2, sensor=0.2, seed=s) for s in range(6)]
+        lines = [injected_lines(m, 0, plant.INPUTS, "effector", plant.OUTPUTS, plant.PERIOD) for m in flights]
+        median[amplitude] = np.median([local_response(x, 0.3, 2, 4).strength for x in lines])
+        remarks = estimate_frequency_response(flights[:1], None, plant.OUTPUTS).remarks
+        assert len(remarks) == (amplitude < 1)
+    assert median[10.0] / median[3.0] == pytest.approx((10 / 3) ** 2, rel=0.3)
+    assert median[0.001] < 2
+    assert "first-stage F below 10" in remarks[0]
+    assert all(name in remarks[0] for name in plant.INPUTS)
+
+
 def test_coherence_is_the_share_of_power_that_flights_have_in_common(noisy):
     flights, found, _ = noisy
     lines = [injected_lines(m, 0, plant.INPUTS, "effector", plant.OUTPUTS, plant.PERIOD) for m in flights]

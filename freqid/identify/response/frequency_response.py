@@ -19,6 +19,7 @@ from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.identify.loads.explanatory import unit_of
+from freqid.identify.regress.two_stage import LEAST_STRENGTH
 from freqid.identify.response.injected_lines import injected_lines, injected_signals, period_of
 from freqid.identify.response.local_response import LocalResponse, ResponseLines, local_response
 from freqid.identify.response.swept_lines import stretches, swept_lines, swept_response
@@ -90,7 +91,7 @@ def estimate_frequency_response(
     reach = 0.5 * (ends[:, 1] - ends[:, 0]) / np.maximum(count - 1, 1) + 1e-9
     inside = (at >= (ends[:, 0] - reach)[:, None]) & (at <= (ends[:, 1] + reach)[:, None])
     units = _units(maneuvers[0], excited, group, outputs)
-    remarks = _remarks(maneuvers, excited, group)
+    remarks = _remarks(maneuvers, excited, group) + _weak(found, at, inside, excited)
     result = _result(found, at, inside, excited, outputs, units, "multisine", remarks)
     return result.of(asked, tuple(outputs))
 
@@ -328,4 +329,23 @@ def _remarks(maneuvers: Sequence[Maneuver], excited: tuple[str, ...], group: str
     return (
         f"{', '.join(others)} move without an injected signal: what they do is counted for the inputs that "
         "they follow.",
+    )
+
+
+def _weak(
+    found: Sequence[LocalResponse], at: Array, inside: NDArray[np.bool_], excited: tuple[str, ...]
+) -> tuple[str, ...]:
+    """Say which inputs the injected signals hardly move apart from the others, and where."""
+    strength = np.array([one.strength for one in found], dtype=float).T
+    weak = inside & (strength < LEAST_STRENGTH)
+    if not weak.any():
+        return ()
+    names = [n for n, row in zip(excited, weak, strict=True) if row.any()]
+    span = at[weak.any(axis=0)]
+    share = weak.sum() / inside.sum()
+    return (
+        f"From {span[0]:.3g} to {span[-1]:.3g} Hz the injected signals hardly move {', '.join(names)} apart "
+        f"from what gusts and feedback do (first-stage F below {LEAST_STRENGTH:g}, {share:.0%} of inputs and "
+        "frequencies): responses there may lean towards those without instruments, by more than their errors "
+        "say. Fly longer, more often or with larger signals.",
     )

@@ -65,6 +65,9 @@ class LocalResponse:
     misfit : ndarray, shape (o,)
     density : float
         Independent estimates per Hz: those of neighbouring frequencies share lines.
+    strength : ndarray, shape (n,), optional
+        First-stage F of each input, the others' parts of it left out: below `LEAST_STRENGTH` of two-stage
+        least squares its responses lean towards those without instruments, by more than their errors say.
     """
 
     value: Complex
@@ -74,6 +77,7 @@ class LocalResponse:
     partial_coherence: Array
     misfit: Array
     density: float
+    strength: Array | None = None
 
 
 def local_response(
@@ -144,7 +148,8 @@ def local_response(
     coherence, partial = coherences(lines, chosen, instruments, reduced, stride, value, noise)
     freedom = min(one.freedom for one in solved)
     density = (order + 1) / np.ptp(lines.hz[chosen])
-    return LocalResponse(value, noise[:, None] * gain, freedom, coherence, partial, misfit, density)
+    strength = np.min([one.strength[first] for one in solved], axis=0)
+    return LocalResponse(value, noise[:, None] * gain, freedom, coherence, partial, misfit, density, strength)
 
 
 def coherences(
@@ -192,10 +197,11 @@ def coherences(
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
-    """A solution, shape (row, column), with what its errors are worked out from."""
+    """A solution, shape (row, column), with what its errors are worked out from; strength by column."""
 
     solution: Complex
     dual: Complex
+    strength: Array
     columns: Complex
     residual: Complex
     noise: Array
@@ -205,14 +211,18 @@ class _Solution:
 def _solved(y: Complex, columns: Complex, instruments: Complex, at_hz: float) -> _Solution:
     """Return two-stage least squares of rows on columns."""
     basis = np.linalg.qr(instruments.conj().T)[0]
-    left, singular, right = np.linalg.svd((columns @ basis) @ basis.conj().T, full_matrices=False)
+    explained = (columns @ basis) @ basis.conj().T
+    left, singular, right = np.linalg.svd(explained, full_matrices=False)
     if singular[-1] < SINGULAR * singular[0]:
         raise DataError(
             f"the injected signals do not move the inputs apart near {at_hz:.4g} Hz",
             remedy="leave out inputs that follow others, or excite each by lines of its own",
         )
     dual = np.asarray((right.conj().T / singular) @ left.conj().T, dtype=np.complex128)  # (line, column)
-    return _Solution(y @ dual, dual, columns, *_remainder(y, columns, dual))
+    noise = np.sum(np.abs(columns - explained) ** 2, axis=1) / (columns.shape[1] - len(instruments))
+    with np.errstate(divide="ignore"):  # terms that are their own instruments
+        strength = 1 / (np.sum(np.abs(dual) ** 2, axis=0) * noise)
+    return _Solution(y @ dual, dual, strength, columns, *_remainder(y, columns, dual))
 
 
 def _window(lines: ResponseLines, at_hz: float, order: int, count: int) -> tuple[NDArray[np.int64], Array]:

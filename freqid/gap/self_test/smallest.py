@@ -18,7 +18,7 @@ POWER = 0.95
 _STEPS = 7  # of halving the range of detectability, in its logarithm: to 5 % of it
 _LOW, _HIGH = 2.0, 500.0  # detectabilities between which is looked; beyond, a size counts as not found
 _DRAWS = 200
-_PARTS = (25, 100, _DRAWS)  # draws after which a size may already have missed too many
+_PARTS = (30, _DRAWS)  # draws after which a size may already have missed too many
 
 
 def smallest_sizes(

@@ -178,7 +178,7 @@ def _table(point: StudiedPoint, response: ResponseModel, place: int) -> dict[str
                 "high": cells[3],
                 "weak": abs(values[0]) <= 2 * error,
                 "inflation": number(float(response.variance_inflation[j])),
-                "collinear": response.variance_inflation[j] > 10,
+                "collinear": response.variance_inflation[j] > HIGH_INFLATION,
                 "least_squares": cells[4] if beside is not None else NONE,
                 "differs": regressor in response.differing,
                 "linear": cells[-2] if truth is not None else NONE,

@@ -50,7 +50,8 @@ def margins(
         from the trim), a function of speed and density that returns one, or a scenario, whose own law and
         actuators are then taken.
     at : str, float or Reference, or several
-        Ids of the model's points, speeds, m/s, or conditions; all points where empty.
+        Ids of the model's points or, where the law is a scenario's, of its conditions; speeds, m/s, or
+        conditions; all points where empty.
     scenario : Scenario, path or name, optional
         Vehicle in place of the one that the model was identified with.
     draws : int
@@ -94,11 +95,16 @@ def margins(
         raise UsageError(f"{draws} draws give no interval", remedy=f"ask for {_FEWEST} or more, or for none")
     found, name = model_of(model)
     name = Path(name).name
+    if isinstance(loop, str | Path) and is_scenario(loop):
+        loop = scenario_of(loop)
     described = scenario_of(scenario).aircraft() if scenario is not None else None
     known = found.aircraft if isinstance(found, PointModel) else found.corridor.aircraft
     vehicle = vehicle_of(described, known)
     law, law_name = law_of(loop, vehicle)
     wanted = [at] if isinstance(at, str | int | float | Reference) else list(at)
+    if isinstance(loop, Scenario) and not isinstance(found, PointModel):
+        others_of = {r.id: r for r in loop.reference if r.id not in found.corridor.ids}
+        wanted = [others_of.get(one, one) if isinstance(one, str) else one for one in wanted]
     others: dict[str, GlobalModel | MotionAt] = {}
     for one in beside:
         what, other = _beside_of(one)

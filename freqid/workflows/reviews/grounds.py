@@ -91,9 +91,9 @@ def _of_point(point: StudiedPoint, gates: Gates | None, source: str) -> Iterator
     if bent:
         worst = max(bent, key=lambda r: r.distortion or 0.0)
         text = (
-            f"{at}: the model leaves more than sensor noise in {listed([said(r.response) for r in bent])} (most "
-            f"in {worst.response}: {worst.distortion:.3g} times the power of noise), so that the true errors of "
-            "their parameters are larger than stated"
+            f"{at}: the model leaves more than sensor noise in {listed([said(r.response) for r in bent])} "
+            f"(most in {worst.response}: {worst.distortion:.3g} times the power of noise), so that the true "
+            "errors of their parameters are larger than stated"
         )
         yield Ground("model", "risk", text, source)
     ratios = {r: point.validation_ratio(r) for r in model.responses}
@@ -106,8 +106,8 @@ def _of_point(point: StudiedPoint, gates: Gates | None, source: str) -> Iterator
         worst = max(known, key=lambda r: known[r])
         weight = "good" if known[worst] <= MOST_VALIDATION else "risk" if known[worst] <= WORSE else "stop"
         text = (
-            f"{at}: on a flight that it was not made from, the model's error is at most {known[worst]:.3g} times "
-            f"that on its own flight ({said(worst)})"
+            f"{at}: on a flight that it was not made from, the model's error is at most {known[worst]:.3g} "
+            f"times that on its own flight ({said(worst)})"
         )
         yield Ground("model", weight, text, source)
     for remark in model.remarks:
@@ -132,8 +132,8 @@ def _of_study(results: StudyResults, source: str) -> Iterator[Ground]:
     worst = max(ratios, key=lambda at: ratios[at][0] / ratios[at][1])
     ratio, allowed = ratios[worst]
     text = (
-        f"at conditions that it was not made from, the global model errs at most {ratio:.3g} times as much as "
-        f"a model made there ({said(worst[0])} at {worst[1]}; {allowed:g} is allowed)"
+        f"at conditions that it was not made from, the global model errs at most {ratio:.3g} times as much "
+        f"as a model made there ({said(worst[0])} at {worst[1]}; {allowed:g} is allowed)"
     )
     yield Ground("model", "good" if ratio <= allowed else "stop", text, source)
 
@@ -202,9 +202,9 @@ def _cost(closure: Closure) -> str:
     at, axis, before, after = least
     asked = next(wanted for figure, wanted, _ in MARGINS if figure == "phase_deg")
     text = (
-        f"with {' and '.join(closure.effects)} the control loop keeps {after:.1f} deg of phase margin (axis "
-        f"{axis}{f' at {at}' if at else ''}), {'at least' if after >= asked else 'less than'} the {asked:g} deg "
-        f"asked for; the simulation without it has {before:.1f} deg"
+        f"with {' and '.join(closure.effects)} the control loop keeps {after:.1f} deg of phase margin "
+        f"(axis {axis}{f' at {at}' if at else ''}), {'at least' if after >= asked else 'less than'} the "
+        f"{asked:g} deg asked for; the simulation without it has {before:.1f} deg"
     )
     if before < asked:
         text += ", which is too little as well"
@@ -213,7 +213,7 @@ def _cost(closure: Closure) -> str:
 
 
 def least_flown(closure: Closure) -> tuple[str, str, float, float] | None:
-    """Return condition and axis of the least phase margin with an effect, and it without and with the effect."""
+    """Return condition and axis of the least phase margin with an effect; the margin without and with it."""
     found = [
         (float(change["after"]), path.split("/")[1], float(change["before"]))
         for path, change in closure.consequence.get("figures", {}).items()

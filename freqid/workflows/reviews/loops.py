@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import chain
 
+from freqid.blend.campaign import StudiedPoint
 from freqid.core.results.gap import GapResult
 from freqid.core.results.judged.review import LoopCompared
 from freqid.core.results.loop_margins import LoopMargins, least_of
@@ -17,10 +19,10 @@ _SIMULATION = "simulation"  # how `freqid margins --beside SCENARIO` names what 
 
 
 def loops_compared(files: Sequence[ReviewedFile]) -> tuple[LoopCompared, ...]:
-    """Return phase margins by condition: of the identified model, of the simulation, and with a gap's effect.
+    """Return phase margins by condition: of the identified model, the simulation, and with a gap's effect.
 
-    At each condition the axis with the least of them; at that of a gap the axis that has least with its effect.
-    Empty where the files hold margins of one aircraft alone.
+    At each condition the axis with the least of them; at that of a gap the axis that has least with its
+    effect. Empty where the files hold margins of one aircraft alone.
 
     Parameters
     ----------
@@ -42,7 +44,7 @@ def loops_compared(files: Sequence[ReviewedFile]) -> tuple[LoopCompared, ...]:
 
 
 def why_loops_differ(
-    rows: Sequence[LoopCompared], files: Sequence[ReviewedFile], identified: Sequence[str]
+    rows: Sequence[LoopCompared], files: Sequence[ReviewedFile], points: Sequence[StudiedPoint]
 ) -> tuple[str, ...]:
     """Return sentences on why the margins of a model and of a simulation are not the same.
 
@@ -51,15 +53,16 @@ def why_loops_differ(
     rows : sequence of LoopCompared
         Of `loops_compared`.
     files : sequence of ReviewedFile
-    identified : sequence of str
-        Conditions that a model was identified at; at others it is interpolated.
+    points : sequence of StudiedPoint
+        Conditions that the model was identified at; at others it is interpolated.
     """
     if not rows:
         return ()
+    identified = [p.id for p in points]
     least = min((r for r in rows if math.isfinite(r.model)), key=lambda r: r.model)
     effects = next((e for one in files if (e := _effects(one))), "")
     said = [s for r in rows if math.isfinite(r.flown) for s in _of_gap(r, least, effects, identified)]
-    return (*said, *_form([r for r in rows if r.at in identified]))
+    return (*said, *_form([r for r in rows if r.at in identified], points))
 
 
 def _of_gap(row: LoopCompared, least: LoopCompared, effects: str, identified: Sequence[str]) -> Iterator[str]:
@@ -72,9 +75,9 @@ def _of_gap(row: LoopCompared, least: LoopCompared, effects: str, identified: Se
     )
     if not math.isfinite(row.model):
         yield (
-            f"The identified model's least margin, {least.model:.1f} deg (axis {least.axis} at {least.at}), is of "
-            f"another condition; at {row.at} it was not computed: freqid margins MODEL SCENARIO --at {row.at} "
-            "--beside SCENARIO does"
+            f"The identified model's least margin, {least.model:.1f} deg (axis {least.axis} at {least.at}), "
+            f"is of another condition; at {row.at} it was not computed: freqid margins MODEL SCENARIO --at "
+            f"{row.at} --beside SCENARIO does"
         )
         return
     apart = row.model - row.simulation
@@ -86,17 +89,17 @@ def _of_gap(row: LoopCompared, least: LoopCompared, effects: str, identified: Se
         yield f"{there}, {'within' if _holds(row) else 'beyond'} its interval"
     else:
         yield (
-            f"{there}: it was not identified at {row.at} but interpolated between {listed(identified)}, and no "
-            "flight says that it holds there"
+            f"{there}: it was not identified at {row.at} but interpolated between {listed(identified)}, and "
+            "no flight says that it holds there"
         )
     if row.at != least.at:
         yield (
-            f"Its least margin, {least.model:.1f} deg (axis {least.axis}), is at {least.at}: another condition, "
-            f"and an aircraft without {effects}"
+            f"Its least margin, {least.model:.1f} deg (axis {least.axis}), is at {least.at}: another "
+            f"condition, and an aircraft without {effects}"
         )
 
 
-def _form(models: Sequence[LoopCompared]) -> Iterator[str]:
+def _form(models: Sequence[LoopCompared], points: Sequence[StudiedPoint]) -> Iterator[str]:
     """Yield whether noise can be why model and simulation differ where the model was identified."""
     both = [r for r in models if math.isfinite(r.simulation) and math.isfinite(r.lower)]
     if not both:
@@ -104,16 +107,29 @@ def _form(models: Sequence[LoopCompared]) -> Iterator[str]:
     off = [r.at for r in both if not _holds(r)]
     most = max(both, key=lambda r: abs(r.model - r.simulation))
     text = (
-        f"Where the model was identified ({listed([r.at for r in both])}) it and the simulation differ by at most "
-        f"{abs(most.model - most.simulation):.1f} deg ({most.at})"
+        f"Where the model was identified ({listed([r.at for r in both])}) it and the simulation differ by at "
+        f"most {abs(most.model - most.simulation):.1f} deg ({most.at})"
     )
     if not off:
         yield f"{text}, within the model's interval: noise can be why"
     else:
+        why = _causes([p for p in points if p.id in off])
         yield (
-            f"{text}, at {listed(off)} by more than the model's interval. Noise is not why: late wakes and the size "
-            "of the flights are in the model's derivatives, and not in those of the linearised simulation"
+            f"{text}, at {listed(off)} by more than the model's interval, so that noise alone is not why"
+            + (f". Parameters of the model that are off the simulation's there: {why}" if why else "")
         )
+
+
+def _causes(points: Sequence[StudiedPoint]) -> str:
+    """Return how many parameters are off the linearised simulation, by computed cause."""
+    causes = Counter(
+        m.cause
+        for p in points
+        for r in p.model.responses
+        for m in p.misses(r)
+        if m.of != "noise-free estimate"
+    )
+    return listed([f"{count} by {cause}" for cause, count in causes.most_common()])
 
 
 def _holds(row: LoopCompared) -> bool:

@@ -125,7 +125,7 @@ def review(
         worst_fit=_worst_fit(points),
         trust=_trust(points),
         loops=loops,
-        loops_text=why_loops_differ(loops, every, conditions),
+        loops_text=why_loops_differ(loops, every, points),
     )
     old = [against] if isinstance(against, str) or not isinstance(against, Sequence) else list(against)
     return _compared(found, old) if old else found

@@ -192,7 +192,7 @@ _TERMS = (
     ("gain margin", "How much stronger, in dB, the control loop may react before it swings by itself."),
     (
         "gap",
-        "What a simulation and flights differ by, beyond noise and beyond what the simulation is known to.",
+        "What simulation and flights differ by, beyond noise and the tolerances that the simulation states.",
     ),
     ("interval", "Range that holds the true value in the stated share of cases, as far as noise goes."),
     ("closed", "What of the gap goes when the simulation has the effect that was named."),
@@ -222,9 +222,8 @@ def _row(ground: Ground) -> dict[str, Any]:
 
 
 def _sentence(text: str) -> str:
-    """Return a ground as a sentence begins, with the condition that leads it as ``At u20:``."""
-    lead = text.partition(" ")[0]
-    return f"At {text}" if lead.endswith(":") else text[:1].upper() + text[1:]
+    """Return a ground as a sentence begins."""
+    return text[:1].upper() + text[1:]
 
 
 def _limit(name: str, unit: str, low: float, high: float) -> dict[str, Any]:

@@ -87,7 +87,7 @@ def build_points_sheet(results: StudyResults) -> Sheet:
 
 
 def worst_band_text(response: ResponseModel) -> str:
-    """Return where in frequency a response fits worst, as a sentence with a space before; empty of histories."""
+    """Return where in frequency a response fits worst, with a space before; empty of histories."""
     fit = response.fit.get("frequency")
     band = fit.worst_band if fit is not None else None
     if band is None:
@@ -97,13 +97,11 @@ def worst_band_text(response: ResponseModel) -> str:
 
 def band_text(low_hz: float, high_hz: float, over_noise: float, part: float) -> str:
     """Return the sentence on the band in which a fit is worst, with a space before."""
-    holds = f"{'it' if math.isfinite(over_noise) else 'what is left there'} is {percent(part)} of all left"
-    level = (
-        f"what is left there is {number(over_noise, 2)} times as large as noise, and "
-        if (math.isfinite(over_noise))
-        else ""
-    )
-    return f" It fits worst from {number(low_hz, 2)} to {number(high_hz, 2)} Hz: {level}{holds}."
+    where = f" It fits worst from {number(low_hz, 2)} to {number(high_hz, 2)} Hz: what is left there"
+    holds = f"holds {percent(part)} of all that the model leaves."
+    if not math.isfinite(over_noise):
+        return f"{where} {holds}"
+    return f"{where} is {number(over_noise, 2)} times as large as noise, and {holds}"
 
 
 def _doubt_rows(doubts: Sequence[tuple[StudiedPoint, Doubt]]) -> list[dict[str, Any]]:

@@ -242,8 +242,8 @@ def truth_findings(points: Sequence[StudiedPoint]) -> list[Finding]:
     kind = _promised(apart)
     linear = finding(
         "note" if kind == "bad" and away.size else kind,
-        "{}{} of {} parameters lie within 2σ of the linearised simulation, where 2σ promises {}; the distance "
-        "is {}σ in root mean square.{}",
+        "{}{} of {} parameters lie within 2σ of the linearised simulation, where 2σ promises {}; the "
+        "distance is {}σ in root mean square.{}",
         "" if kind == "good" else "Only ",
         percent(float(np.mean(np.abs(apart) <= BEYOND))),
         apart.size,
@@ -258,9 +258,10 @@ def truth_findings(points: Sequence[StudiedPoint]) -> list[Finding]:
     return [
         finding(
             kind,
-            "{} lie within 2σ of the noise-free estimates of the same flights, {}: 2σ promises {}, and {} to {} "
-            "by chance.",
+            "{} of {} parameters lie within 2σ of the noise-free estimates of the same flights, {}: 2σ "
+            "promises {}, {} to {} by chance.",
             percent(float(np.mean(np.abs(away) <= BEYOND))),
+            away.size,
             words.get(kind, "far fewer than noise alone would leave"),
             percent(PROMISED),
             percent(max(PROMISED - _scatter(away.size), 0.0)),

@@ -72,26 +72,26 @@ def grounds_of(files: Sequence[ReviewedFile], gates: Gates | None) -> Iterator[G
 
 
 def _of_point(point: StudiedPoint, gates: Gates | None, source: str) -> Iterator[Ground]:
-    model, at = point.model, point.id or source
+    model, at = point.model, f"at {point.id}" if point.id else f"in {source}"
     missed = gate_sentences(model, gates) if gates is not None else []
     for text in missed:
-        yield Ground("model", "stop", f"{at}: {text}", source)
+        yield Ground("model", "stop", f"{at} {text}", source)
     for response in model.responses.values():
         for group in response.inseparable:
             text = (
-                f"{at}: the flights cannot separate what {listed(group)} do to the {said(response.response)}"
+                f"{at} the flights cannot separate what {listed(group)} do to the {said(response.response)}"
             )
             yield Ground("model", "risk", text, source)
     poor = [r for r in model.responses.values() if not (r.r2 >= GOOD_R2 or r.reaches_ceiling)]
     if poor:
         each = listed([f"the {said(r.response)} ({100 * r.r2:.1f} %{_allowed(r)})" for r in poor])
-        text = f"{at}: the model explains too little of {each}"
+        text = f"{at} the model explains too little of {each}"
         yield Ground("model", "risk", text, source)
     bent = [r for r in model.responses.values() if r.distortion is not None and not r.distortion <= DISTORTED]
     if bent:
         worst = max(bent, key=lambda r: r.distortion or 0.0)
         text = (
-            f"{at}: the model leaves more than sensor noise in {listed([said(r.response) for r in bent])} "
+            f"{at} the model leaves more than sensor noise in {listed([said(r.response) for r in bent])} "
             f"(most in {worst.response}: {worst.distortion:.3g} times the power of noise), so that the true "
             "errors of their parameters are larger than stated"
         )
@@ -100,13 +100,13 @@ def _of_point(point: StudiedPoint, gates: Gates | None, source: str) -> Iterator
     known = {r: v for r, v in ratios.items() if math.isfinite(v)}
     if not known:
         yield Ground(
-            "model", "risk", f"{at}: the model was not tried on a flight that it was not made from", source
+            "model", "risk", f"{at} the model was not tried on a flight that it was not made from", source
         )
     else:
         worst = max(known, key=lambda r: known[r])
         weight = "good" if known[worst] <= MOST_VALIDATION else "risk" if known[worst] <= WORSE else "stop"
         text = (
-            f"{at}: on a flight that it was not made from, the model's error is at most {known[worst]:.3g} "
+            f"{at}, on a flight that it was not made from, the model's error is at most {known[worst]:.3g} "
             f"times that on its own flight ({said(worst)})"
         )
         yield Ground("model", weight, text, source)
@@ -201,9 +201,10 @@ def _cost(closure: Closure) -> str:
         return f"the gap's effect: {sentence}" if sentence else ""
     at, axis, before, after = least
     asked = next(wanted for figure, wanted, _ in MARGINS if figure == "phase_deg")
+    where = f"axis {axis} at {at}" if at else f"axis {axis}"
     text = (
-        f"with {' and '.join(closure.effects)} the control loop keeps {after:.1f} deg of phase margin "
-        f"(axis {axis}{f' at {at}' if at else ''}), {'at least' if after >= asked else 'less than'} the "
+        f"with the effect that was found ({' and '.join(closure.effects)}) the control loop keeps "
+        f"{after:.1f} deg of phase margin ({where}), {'at least' if after >= asked else 'less than'} the "
         f"{asked:g} deg asked for; the simulation without it has {before:.1f} deg"
     )
     if before < asked:

@@ -70,8 +70,8 @@ def _of_gap(row: LoopCompared, least: LoopCompared, effects: str, identified: Se
     change = row.flown - row.simulation
     yield (
         f"At {row.at}, where the effect of the gap was computed, the phase margin of axis {row.axis} is "
-        f"{row.simulation:.1f} deg in the simulation and {row.flown:.1f} deg with {effects}: the effect "
-        f"{'takes' if change < 0 else 'adds'} {abs(change):.1f} deg"
+        f"{row.simulation:.1f} deg in the simulation and {row.flown:.1f} deg with the effect ({effects}), "
+        f"which {'takes' if change < 0 else 'adds'} {abs(change):.1f} deg"
     )
     if not math.isfinite(row.model):
         yield (
@@ -95,7 +95,7 @@ def _of_gap(row: LoopCompared, least: LoopCompared, effects: str, identified: Se
     if row.at != least.at:
         yield (
             f"Its least margin, {least.model:.1f} deg (axis {least.axis}), is at {least.at}: another "
-            f"condition, and an aircraft without {effects}"
+            "condition, and an aircraft without the effect"
         )
 
 

@@ -185,9 +185,9 @@ def _decide(subject: Subject, grounds: Sequence[Ground], files: Sequence[Reviewe
     if subject == "next flight" and not any(isinstance(one.result, LoopMargins) for one in files):
         return Decision(subject, "not decided", f"{_NO_MARGINS}; {risks[0].text}" if risks else _NO_MARGINS)
     if risks:
-        first = "The first" if len(risks) > 1 else "It is"
-        count = f"{_counted(len(risks), 'open risk')}. {first}: {risks[0].text}"
-        return Decision(subject, "use with limits", count)
+        first = ", the first" if len(risks) > 1 else ""
+        because = f"{_counted(len(risks), 'open risk')}{first}: {risks[0].text}"
+        return Decision(subject, "use with limits", because)
     return Decision(subject, "use", of[0].text)
 
 

@@ -294,7 +294,8 @@ class Review:
             Where the table is none of a review.
         """
         try:
-            return msgspec.convert(table_with_nan(table), cls)
+            there = {name: value for name, value in table.items() if value is not None}
+            return msgspec.convert(table_with_nan(there), cls)
         except msgspec.ValidationError as error:
             raise ValueError(str(error)) from None
 

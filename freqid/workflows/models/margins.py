@@ -102,9 +102,6 @@ def margins(
     vehicle = vehicle_of(described, known)
     law, law_name = law_of(loop, vehicle)
     wanted = [at] if isinstance(at, str | int | float | Reference) else list(at)
-    if isinstance(loop, Scenario) and not isinstance(found, PointModel):
-        others_of = {r.id: r for r in loop.reference if r.id not in found.corridor.ids}
-        wanted = [others_of.get(one, one) if isinstance(one, str) else one for one in wanted]
     others: dict[str, GlobalModel | MotionAt] = {}
     for one in beside:
         what, other = _beside_of(one)
@@ -112,7 +109,7 @@ def margins(
     result = loop_margins(
         found,
         law,
-        places_of(found, wanted),
+        places_of(found, wanted, loop.reference if isinstance(loop, Scenario) else ()),
         vehicle=vehicle,
         draws=draws,
         seed=seed,

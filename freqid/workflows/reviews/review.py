@@ -177,6 +177,8 @@ def _decide(subject: Subject, grounds: Sequence[Ground], files: Sequence[Reviewe
             "next flight": _NO_MARGINS,
         }
         return Decision(subject, "not decided", nothing[subject])
+    if subject == "model" and all(one.unfinished for one in files):
+        return Decision(subject, "not decided", f"{of[0].text}; it has no model yet")
     stops = [g for g in of if g.weight == "stop"]
     risks = [g for g in of if g.weight == "risk"]
     if stops:

@@ -219,6 +219,15 @@ def test_a_study_that_is_half_done_shows_what_it_has(study, tmp_path):
     assert page.review.decisions[0].answer == "use with limits"
 
 
+def test_a_study_without_any_model_yet_is_not_decided(tmp_path):
+    (tmp_path / "begun" / "units").mkdir(parents=True)
+    page = fq.page(tmp_path / "begun")
+    assert page.review.decisions[0].answer == "not decided"
+    assert "it has no model yet" in page.review.decisions[0].because
+    assert page.review.worst_fit is page.review.trust is None
+    assert "cannot be read as numbers" not in page.html
+
+
 def test_a_study_whose_files_were_changed_is_refused(study, tmp_path):
     copy = tmp_path / "copy"
     shutil.copytree(study, copy)

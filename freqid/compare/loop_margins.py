@@ -69,7 +69,8 @@ def places_of(
         Ids of the model's own points, conditions, or speeds, m/s; all points where empty. A speed is at the
         density of the corridor's densest line.
     others : sequence of Reference
-        Conditions that an id may name too, as those of a scenario; a point of the model of that id goes first.
+        Conditions that an id may name too, as those of a scenario; a point of the model of that id goes
+        first.
 
     Raises
     ------

@@ -121,8 +121,8 @@ def _findings(found: LoopMargins) -> list[Finding]:
         findings.append(
             finding(
                 "note",
-                "{} Below the {} dB of gain margin or the {} deg of phase margin that are asked for, or maybe "
-                "so within the interval: {}.",
+                "{} Below the {} dB of gain margin or the {} deg of phase margin that are asked for, or "
+                "maybe so within the interval: {}.",
                 _least(found),
                 f"{WANTED['gain_up_db']:g}",
                 f"{WANTED['phase_deg']:g}",

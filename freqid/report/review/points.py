@@ -150,9 +150,9 @@ def _doubt_counts(points: Sequence[StudiedPoint], doubts: Sequence[Doubt]) -> di
         "doubtful": len(doubts),
         "matter": sum(d.matters for d in doubts),
         "kinds": [(_KINDS[k], n) for k in DOUBT_KINDS if (n := sum(k in d.kinds for d in doubts))],
-        "wide": percent(WIDE),
+        "wide": f"{100 * WIDE:g} %",
         "inflation": f"{HIGH_INFLATION:g}",
-        "small": percent(MATTERS),
+        "small": f"{100 * MATTERS:g} %",
     }
 
 

@@ -8,7 +8,7 @@ and goes on from there. All 20 in the background:
 
     nohup nice python benchmarks/sealed_demo.py 20 > sealed_demo.log 2>&1 &
 
-answer      right, wrong or undecided, as `freqid open-seal` says; not flown where the effect makes a flight diverge
+answer      right, wrong or undecided, as `freqid open-seal` says; not flown where a flight diverges
 change      of the effect's parameter that was flown; found with its 90 % interval
 seconds     of the diagnosis
 """

@@ -114,7 +114,7 @@ def _trust(review: Review) -> list[Finding]:
     reasons = (
         (trust.wide, f"are known to no better than half of their value (±{percent(WIDE)})"),
         (trust.collinear, "cannot be told from another"),
-        (trust.missing, "are off what the simulation has there, by more than noise explains"),
+        (trust.missing, "are off the simulation's own value by more than their stated error allows"),
     )
     return [
         finding(

@@ -8,6 +8,7 @@ both) these columns stay empty. Writes benchmarks/report_page.csv.
 
 megabytes           of the page
 build_s, build_cpu_s  of `freqid report` as a process, imports included; wall and processor time
+load                of this machine meanwhile, in processes: above its cores, wall times are too long
 first_paint_ms      first contentful paint, the least of five
 ready_ms            until the page's script is done, the least of five
 """
@@ -15,6 +16,7 @@ ready_ms            until the page's script is done, the least of five
 from __future__ import annotations
 
 import csv
+import os
 import resource
 import shutil
 import subprocess
@@ -86,7 +88,8 @@ def main(folder: str = "") -> None:
         study = Path(folder or temporary)
         made(study)
         page = Path(temporary) / "page.html"
-        figures = {"conditions": float(len(AT)), **built(study, page), **opened(page)}
+        figures = {"conditions": float(len(AT)), **built(study, page), "load": os.getloadavg()[0]}
+        figures |= opened(page)
     rows = [
         {"figure": name, "value": f"{value:.3g}", "asked": f"{ASKED[name]:g}" if name in ASKED else ""}
         for name, value in figures.items()

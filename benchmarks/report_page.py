@@ -11,6 +11,7 @@ build_s, build_cpu_s  of `freqid report` as a process, imports included; wall an
 load                of this machine meanwhile, in processes: above its cores, wall times are too long
 first_paint_ms      first contentful paint, the least of five
 ready_ms            until the page's script is done, the least of five
+ready_cpu_ms        processor time of the page's thread until then, which load changes less
 """
 
 from __future__ import annotations
@@ -67,19 +68,24 @@ def opened(page: Path) -> dict[str, float]:
     if chromium is None:
         print("no playwright or no chromium: paint is not measured", file=sys.stderr)
         return {}
-    paints, ready = [], []
+    paints, ready, busy = [], [], []
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
         for _ in range(VISITS):
             tab = browser.new_page(viewport={"width": 1280, "height": 900})
+            metrics = tab.context.new_cdp_session(tab)
+            metrics.send("Performance.enable", {"timeDomain": "threadTicks"})
             tab.goto(page.resolve().as_uri())
             tab.wait_for_function("performance.getEntriesByType('paint').length > 0")
             paint = "performance.getEntriesByName('first-contentful-paint')[0].startTime"
             paints.append(tab.evaluate(paint))
+            tab.wait_for_function("performance.getEntriesByName('ready').length > 0")
             ready.append(tab.evaluate("performance.getEntriesByName('ready')[0].startTime"))
+            told = metrics.send("Performance.getMetrics")["metrics"]
+            busy.append(1000 * next(m["value"] for m in told if m["name"] == "TaskDuration"))
             tab.close()
         browser.close()
-    return {"first_paint_ms": min(paints), "ready_ms": min(ready)}
+    return {"first_paint_ms": min(paints), "ready_ms": min(ready), "ready_cpu_ms": min(busy)}
 
 
 def main(folder: str = "") -> None:

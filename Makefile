@@ -29,7 +29,7 @@ SEED ?= 0
 
 demo: $(READY)  ## study a tilt-wing, then diagnose flights with an effect that a sealed file names; prints the report
 	@$(BIN)/freqid study la8 --at u20,u45,u70 --no-page -o $(DEMO)
-	@$(BIN)/freqid margins $(DEMO)/model.h5 la8 --no-page -o $(DEMO)/margins.h5
+	@$(BIN)/freqid margins $(DEMO)/model.h5 la8 --at u20,u30,u45,u70 --beside la8 --no-page -o $(DEMO)/margins.h5
 	@$(BIN)/freqid fly-sealed la8 $(DEMO)/design.h5 --at u30,u45 --duration 60 --seed $(SEED) -o $(DEMO)/sealed
 	@$(BIN)/freqid diagnose-gap $(DEMO)/sealed/u30.h5 $(DEMO)/sealed/u45.h5 --scenario la8 --no-page \
 	  -o $(DEMO)/sealed/gap.h5

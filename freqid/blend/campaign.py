@@ -11,6 +11,7 @@ import numpy as np
 from freqid.blend.global_model import GlobalModel
 from freqid.core.arrays import Array
 from freqid.core.results.design import MultisineDesign
+from freqid.core.results.judged.doubt import Doubt, doubts_of
 from freqid.core.results.judged.truth import KnownTruth, Miss
 from freqid.core.results.point import Fit, PointModel
 from freqid.core.scenario import Reference
@@ -106,6 +107,10 @@ class StudiedPoint:
         if known is None or known.regressors != found.regressors:
             return ()
         return known.misses(found.estimate, found.std_error)
+
+    def doubts(self, response: str) -> tuple[Doubt, ...]:
+        """Return the parameters that cannot be trusted as numbers, and why; those that matter most first."""
+        return doubts_of(self.model[response], self.misses(response))
 
     def from_noise_free(self, response: str) -> Array:
         """Return estimates less those of the same flight without noise, in standard errors, shape (p,).

@@ -31,7 +31,8 @@ def _places(text: str) -> tuple[str | float, ...]:
     "--at",
     default="",
     callback=options.parsed(_places),
-    help="Points of the model or speeds in m/s, as u20,u45 or 12.5,30; all its points without it.",
+    help="Points of the model, conditions of the scenario whose law it is, or speeds in m/s, as u20,u45 or "
+    "12.5,30; all points of the model without it.",
 )
 @click.option("--scenario", type=FILE, help="Vehicle in place of the one that the model states.")
 @click.option(

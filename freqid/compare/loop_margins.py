@@ -55,7 +55,11 @@ MotionAt = Callable[[Place], StateSpace]
 """The small motion of an aircraft at a place, tilts included in what is scheduled there."""
 
 
-def places_of(model: GlobalModel | PointModel, at: Sequence[str | Reference | float] = ()) -> list[Place]:
+def places_of(
+    model: GlobalModel | PointModel,
+    at: Sequence[str | Reference | float] = (),
+    others: Sequence[Reference] = (),
+) -> list[Place]:
     """Return the conditions that are asked for.
 
     Parameters
@@ -64,6 +68,9 @@ def places_of(model: GlobalModel | PointModel, at: Sequence[str | Reference | fl
     at : sequence of str, Reference or float
         Ids of the model's own points, conditions, or speeds, m/s; all points where empty. A speed is at the
         density of the corridor's densest line.
+    others : sequence of Reference
+        Conditions that an id may name too, as those of a scenario; a point of the model of that id goes
+        first.
 
     Raises
     ------
@@ -84,6 +91,8 @@ def places_of(model: GlobalModel | PointModel, at: Sequence[str | Reference | fl
     }
     found = []
     for one in at or c.ids:
+        if isinstance(one, str) and one not in points:
+            one = next((r for r in others if r.id == one), one)
         if isinstance(one, Reference):
             found.append(Place(one.id, one.u, one.rho, dict(one.scheduled)))
         elif isinstance(one, str):

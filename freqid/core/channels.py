@@ -62,6 +62,15 @@ FORCES = ("state/ax", "state/ay", "state/az")
 FLOW = ("air/V", "air/alpha", "air/beta")
 ANGLES = {*FLOW[1:], *ATTITUDE}  # known up to whole turns
 WRENCH = ("X", "Y", "Z", "L", "M", "N")
+WRENCH_MEANING = {
+    "X": "axial force",
+    "Y": "side force",
+    "Z": "normal force",
+    "L": "rolling moment",
+    "M": "pitching moment",
+    "N": "yawing moment",
+}
+"""Components of the wrench, as engineers call them."""
 COEFFICIENT: dict[str, str] = dict(zip(("CX", "CY", "CZ", "Cl", "Cm", "Cn"), WRENCH, strict=True))
 KNOWN = {"state": STATE, "air": AIR, "power": POWER, "response": RESPONSE}
 EFFECTOR_GROUPS = ("effector", "command", "excitation")

@@ -51,7 +51,7 @@ def verdict(
     if closures and np.isfinite(closures[0].wrench.G) and (which.named or which.pair):
         words.append(_closed(closures[0]))
     if closures and which.withdrawn and (off := _strained(closures[0])):
-        words.append(f"; tolerances alone need {off}")
+        words.append(f"; without any effect it takes {off} to close it")
     words.append(".")
     words.append(_limited_by_form(gap))
     return "".join(words)
@@ -59,18 +59,22 @@ def verdict(
 
 def _closed(closure: Closure) -> str:
     """Return what goes with the effect, and what tolerances would have to do without it."""
-    off = f", with {strained}" if (strained := _strained(closure)) else ""
     alone = closure.tolerances_only.G
+    text = f"; with it {100 * closure.wrench.G:.0f} % of the gap is closed on {_held(closure)}"
+    if not np.isfinite(alone):
+        return text
+    strained = _strained(closure)
+    need = f", but only with {strained}" if strained else ""
     return (
-        f"; with it {100 * closure.wrench.G:.0f} % of the gap is closed on {_held(closure)}"
-        f" (tolerances alone: {100 * alone:.0f} %{off})"
+        f"{text}. Without it, the tolerances that are stated for the simulation would close "
+        f"{100 * alone:.0f} % of it{need}"
     )
 
 
 def _strained(closure: Closure) -> str:
     """Return the tolerance that is off most without the effect, where that is strained."""
     strain = next(((n, x) for n, x in closure.strained.items() if abs(x) >= _STRAINED), None)
-    return f"{strain[0]} off by {abs(strain[1]):.0f} sigma" if strain else ""
+    return f"{strain[0]} off by {abs(strain[1]):.0f} times its stated tolerance" if strain else ""
 
 
 def _held(closure: Closure) -> str:

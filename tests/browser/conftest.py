@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import shutil
 from pathlib import Path
@@ -75,7 +76,7 @@ class Visit:
         """Return what the button of a table copies."""
         self.page.evaluate("navigator.clipboard.writeText = async text => { window.copied = text; }")
         self.page.locator(f"[id='{table}'] + .csv").click()
-        return [line.split(",") for line in self.page.evaluate("window.copied").strip().split("\n")]
+        return list(csv.reader(self.page.evaluate("window.copied").strip().split("\n")))
 
 
 @pytest.fixture

@@ -109,6 +109,51 @@ def test_a_copied_table_holds_numbers_in_full(visit, pages):
     assert all(f'value="{row[-1]}"' in page for row in rows[1:])
 
 
+def test_page_one_says_what_fits_worst_and_where_and_leads_to_the_doubts(visit):
+    page = visit("report").page
+    findings = page.locator("#verdict > .findings").inner_text()
+    assert re.search(r"fits the .* worst: .* It fits worst from [\d.]+ to [\d.]+ Hz", findings)
+    count = int(re.search(r"(\d+) of \d+ parameters cannot be read as numbers", findings)[1])
+    assert page.locator("table[id$='doubts.1'] tbody tr").count() == count
+    page.locator("#verdict > .findings").get_by_role("link", name="Point models").click()
+    assert page.locator("#points").evaluate("s => Math.abs(s.getBoundingClientRect().top)") < 200
+    for label in page.locator("#verdict > .findings .kind").all_inner_texts()[:3]:
+        assert label.lower() in ("yes", "with limits", "no", "open")
+
+
+def test_margins_of_model_and_simulation_stand_beside_each_other_with_a_reason(visit):
+    page = visit("report").page
+    table = page.locator("table").filter(has_text="Phase margin under the same control law")
+    rows = [r.locator("td").all_inner_texts() for r in table.locator("tbody tr").all()]
+    flown = [row for row in rows if re.fullmatch(r"[\d.]+", row[-1])]
+    assert len(flown) == 1
+    simulation, effect = float(flown[0][-2]), float(flown[0][-1])
+    reason = page.locator("#loops ~ p").first.inner_text()
+    assert f"is {simulation:.1f} deg in the simulation and {effect:.1f} deg with the effect" in reason
+
+
+def test_the_doubts_can_be_sorted_filtered_and_printed_whole(visit):
+    seen = visit("report")
+    page = seen.page
+    table = page.locator("table[id$='doubts.1']")
+    name = table.get_attribute("id")
+    head = table.locator("thead th").filter(has_text="Half interval")
+    place = [h.strip() for h in seen.csv(name)[0]].index("Half interval (%)")
+    head.get_by_role("button").click()
+    up = numbers([row[place] for row in seen.csv(name)[1:]])
+    assert up == sorted(up)
+    assert len(set(up)) > 5
+    rows, box = table.locator("tbody tr").count(), table.locator("..")
+    assert box.evaluate("b => b.scrollHeight > b.clientHeight")  # it scrolls on a screen
+    page.emulate_media(media="print")
+    assert box.evaluate("b => b.scrollHeight <= b.clientHeight + 1")  # and is whole on paper
+    page.emulate_media(media="screen")
+    page.locator(".filter summary").click()
+    page.locator("fieldset input[name=condition]").nth(0).check()
+    left = table.locator("tbody tr:not(.filtered)").count()
+    assert 0 < left < rows
+
+
 def test_a_filter_leaves_what_was_asked_for_and_says_so(visit):
     seen = visit("report")
     page = seen.page

@@ -20,6 +20,26 @@ from freqid.core.viewable import Viewable
 
 
 @dataclass(frozen=True)
+class WorstBand:
+    """Where in frequency a fit is worst.
+
+    Attributes
+    ----------
+    low_hz, high_hz : float
+        First and last line of the band.
+    over_noise : float
+        Root mean square of the residual over that of noise, in the band; nan where noise is not known.
+    share : float
+        Of the power of the whole residual.
+    """
+
+    low_hz: float
+    high_hz: float
+    over_noise: float
+    share: float
+
+
+@dataclass(frozen=True)
 class Fit:
     """A response as measured and as the model gives it, on frequencies or samples.
 
@@ -89,6 +109,30 @@ class Fit:
         return Fit(self.axis[keep], self.measured[keep], self.modelled[keep])
 
     @property
+    def worst_band(self) -> WorstBand | None:
+        """The `LEAST_LINES` neighbouring lines with the greatest normalised residual; None of a history.
+
+        The power of the residual on each line is normalised by that of noise; without known noise all lines
+        count alike, so that the band holds the most of the residual.
+        """
+        count = min(LEAST_LINES, self.axis.size)
+        if not np.iscomplexobj(self.measured) or not count:
+            return None
+        left = np.abs(self.residual) ** 2
+        known = self.noise is not None and bool(np.all(self.noise > 0))
+        power = left / self.noise**2 if known and self.noise is not None else left
+        within = np.convolve(power, np.ones(count), mode="valid")
+        first = int(within.argmax())
+        band = slice(first, first + count)
+        total = float(left.sum())
+        return WorstBand(
+            low_hz=float(self.axis[band][0]),
+            high_hz=float(self.axis[band][-1]),
+            over_noise=float(np.sqrt(within[first] / count)) if known else float("nan"),
+            share=float(left[band].sum()) / total if total else float("nan"),
+        )
+
+    @property
     def theil(self) -> float:
         """Theil's inequality coefficient of a history, about the means: 0 is perfect, 1 is none at all.
 
@@ -129,7 +173,7 @@ class Fit:
 NEAR_CEILING = 0.02
 """Below what noise allows, where R2 is still said to reach it."""
 LEAST_LINES = 8
-"""Lines that a coherence is taken over at least."""
+"""Lines that a coherence is taken over at least, and that make the band of the worst fit."""
 
 
 @dataclass(frozen=True)

@@ -249,8 +249,8 @@ _ORDER = ("fuselage", "tail", "wing", "surface", "shaft", "rotor")
 _FILL = {"fuselage": "#f1f1f1", "tail": "#e4e4e4", "wing": "#e4e4e4", "surface": "#9cc7e3", "rotor": ORANGE}
 _SIZE = 8.5  # of names
 _LEFT, _RIGHT, _BETWEEN, _BOTTOM, _ABOVE = 0.62, 0.06, 0.66, 0.42, 0.24  # inches
-_NEAR = 0.045  # m between a part and its name
-_ROOM = 0.1  # m around the aircraft, for names
+_NEAR = 3.5  # points between a part and its name
+_ROOM = 0.23  # inches around the aircraft, for a name and what keeps it off the part and the frame
 
 
 @styled
@@ -269,7 +269,9 @@ def three_view(scenario: Scenario, tilt: Mapping[str, float]) -> Figure:
     marked = np.array([centre, *(w.pivot_m for w in vehicle.wings)]).T
     extents = [_extent(parts, marked, axes) for axes in (TOP, REAR, SIDE)]
     # The side view is widest: it sets the scale.
-    scale = (WIDTH - _LEFT - _RIGHT) / max(extent[1] - extent[0] for extent in extents)
+    scale = (WIDTH - _LEFT - _RIGHT - 2 * _ROOM) / max(extent[1] - extent[0] for extent in extents)
+    room = np.array([-1.0, 1.0, -1.0, 1.0]) * _ROOM / scale
+    extents = [tuple((np.array(extent) + room).tolist()) for extent in extents]
     heights = [scale * (extent[3] - extent[2]) for extent in extents]
     total = _ABOVE + sum(heights) + 2 * _BETWEEN + _BOTTOM
     figure, panels, y = Figure(figsize=(WIDTH, total)), [], total - _ABOVE
@@ -320,16 +322,31 @@ def draw_parts(panel: Axes, parts: Sequence[Solid], axes: Array, linewidth: floa
 
 
 def _extent(parts: Sequence[Solid], marked: Array, axes: Array) -> tuple[float, float, float, float]:
-    """Return left, right, low and high of parts and marked points, shape (3, point), with room for names."""
+    """Return left, right, low and high of parts and marked points, shape (3, point)."""
     flat = np.hstack([axes @ marked, *(axes @ part.points for part in parts)])
-    (left, low), (right, high) = flat.min(axis=1) - _ROOM, flat.max(axis=1) + _ROOM
+    (left, low), (right, high) = flat.min(axis=1), flat.max(axis=1)
     return float(left), float(right), float(low), float(high)
 
 
-def _write(panel: Axes, x: float, y: float, text: str, **look) -> None:
-    """Write a name that stays readable where it crosses a line."""
-    look = {"ha": "center", "va": "center", "size": _SIZE} | look
-    panel.text(x, y, literal(text, 16), path_effects=[withStroke(linewidth=2.2, foreground="white")], **look)
+def _write(panel: Axes, x: float, y: float, text: str, side: tuple[int, int] = (0, 0), **look) -> None:
+    """Write a name that stays readable where it crosses a line.
+
+    Parameters
+    ----------
+    panel : Axes
+    x, y : float
+    text : str
+    side : tuple of 2 int
+        Where the name stands beside the point: -1 left of it or below, 1 right or above, 0 centred on it.
+    """
+    look = {
+        "ha": ("right", "center", "left")[1 + side[0]],
+        "va": ("top", "center", "bottom")[1 + side[1]],
+        "size": _SIZE,
+        "path_effects": [withStroke(linewidth=2.2, foreground="white")],
+    } | look
+    offset = (_NEAR * side[0], _NEAR * side[1])
+    panel.annotate(literal(text, 16), (x, y), offset, textcoords="offset points", **look)
 
 
 def _mark_centre(panel: Axes, at: Array) -> None:
@@ -347,15 +364,13 @@ def _name_from_above(panel: Axes, parts: Sequence[Solid]) -> None:
         alike = [flat[id(p)][1] for p in parts if p.group == part.group and p.kind in ("rotor", "surface")]
         row = np.concatenate(alike) if part.group else own[1]
         if part.kind == "rotor":
-            _write(panel, y, row.max() + _NEAR, part.name, color=ORANGE)
+            _write(panel, y, row.max(), part.name, (0, 1), color=ORANGE)
         elif part.group or own[0].min() < 0 < own[0].max():  # across the body there is no side beside it
-            _write(panel, y, row.min() - _NEAR, part.name, color=BLUE)
+            _write(panel, y, row.min(), part.name, (0, -1), color=BLUE)
         else:
             side = 1 if y >= 0 else -1
-            outer = (side * own[0]).max() + 0.6 * _NEAR
-            _write(
-                panel, side * outer, own[1].mean(), part.name, color=BLUE, ha="left" if side > 0 else "right"
-            )
+            outer = side * (side * own[0]).max()
+            _write(panel, outer, own[1].mean(), part.name, (side, 0), color=BLUE)
 
 
 def _show_spin(panel: Axes, axes: Array, vehicle: Vehicle, rotor: Rotor, tilt: Mapping[str, float]) -> None:
@@ -395,4 +410,4 @@ def _name_tilts(panel: Axes, vehicle: Vehicle, tilt: Mapping[str, float], parts:
         names = {wing.name for wing in wings}
         own = np.hstack([SIDE @ part.points for part in parts if part.group in names] or [[[x], [-z]]])
         text = f"{', '.join(dict.fromkeys(w.tilt for w in wings))} {angle}"
-        _write(panel, x, own[1].max() + _NEAR, text)
+        _write(panel, x, own[1].max(), text, (0, 1))

@@ -18,10 +18,13 @@ class Finding:
     kind : {"good", "note", "bad"}
         Nothing to do; worth knowing; to be answered before the model is used.
     text : Markup
+    label : str
+        Word that stands before it, in place of that of its kind.
     """
 
     kind: Literal["good", "note", "bad"]
     text: Markup
+    label: str = ""
 
 
 def finding(kind: Literal["good", "note", "bad"], text: str, *parts: object) -> Finding:

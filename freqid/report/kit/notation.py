@@ -7,7 +7,7 @@ import re
 
 from markupsafe import Markup
 
-from freqid.core.channels import WRENCH
+from freqid.core.channels import WRENCH, WRENCH_MEANING
 from freqid.core.units import to_si
 
 NONE = "–"
@@ -18,14 +18,6 @@ _MOST_DIGITS = 8
 _SHOWN = {"rad": "deg", "rad/s": "deg/s", "rad/s2": "deg/s2"}
 _ROTOR_SHOWN = {"rad/s": "rpm"}
 _SUPERSCRIPT = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
-_MEANING = {
-    "X": "axial force",
-    "Y": "side force",
-    "Z": "normal force",
-    "L": "rolling moment",
-    "M": "pitching moment",
-    "N": "yawing moment",
-}
 _COEFFICIENT = {"X": "X", "Y": "Y", "Z": "Z", "L": "l", "M": "m", "N": "n"}
 
 
@@ -77,7 +69,7 @@ def plain_symbol(response: str, form: str) -> str:
 
 def meaning(response: str, form: str) -> str:
     """Return what a response is, in words; empty for a name that is not of the wrench."""
-    words = _MEANING.get(response, "")
+    words = WRENCH_MEANING.get(response, "")
     if words and form == "coefficient":
         return f"{words} coefficient"
     if words and form == "specific":

@@ -38,6 +38,7 @@ _KINDS = {
     "phase_deg": ("Phase margin", "deg"),
     "disk": ("Disk margin", ""),
 }
+_DIGITS = {"gain_up_db": 1, "phase_deg": 1, "disk": 2}  # after the point, wherever a margin is written
 _LOOKS = ((BLUE, "o"), (ORANGE, "s"), ("#009E73", "D"), ("#CC79A7", "^"))  # by density, the densest air first
 _MOST_MODES = 7  # drawn: those that most conditions have
 _MOST_AXES = 8  # drawn: those with the least margins
@@ -69,13 +70,9 @@ def conditions_table(found: LoopMargins) -> list[dict[str, Any]]:
     rows = []
     for k, name in enumerate(found.ids):
         row: dict[str, Any] = {"id": name, "u": short(float(found.u[k])), "stable": bool(found.stable[k])}
-        for key, figure, digits in (
-            ("gain", "gain_up_db", 1),
-            ("phase", "phase_deg", 1),
-            ("disk", "disk", 2),
-        ):
+        for key, figure in (("gain", "gain_up_db"), ("phase", "phase_deg"), ("disk", "disk")):
             path = least_of(found, k, figure, found.axes)
-            row[key] = NONE if not path else f"{_told(found, path, k, digits)} {path.split('/')[1]}"
+            row[key] = NONE if not path else f"{_told(found, path, k, _DIGITS[figure])} {path.split('/')[1]}"
         if f"{_ALL}/disk" in found.figures and not isnan(found.row(f"{_ALL}/disk")[0, k]):
             row["all"] = _told(found, f"{_ALL}/disk", k, 2)
         travel = [
@@ -124,33 +121,46 @@ def _findings(found: LoopMargins) -> list[Finding]:
         findings.append(
             finding(
                 "note",
-                "Below {} dB of gain margin or {} deg of phase margin, or maybe so within the interval: {}.",
-                WANTED["gain_up_db"],
-                WANTED["phase_deg"],
+                "{} Below the {} dB of gain margin or the {} deg of phase margin that are asked for, or "
+                "maybe so within the interval: {}.",
+                _least(found),
+                f"{WANTED['gain_up_db']:g}",
+                f"{WANTED['phase_deg']:g}",
                 ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else ""),
             )
         )
-    elif found.stable.all() and not findings:
+    elif found.stable.all():
         findings.append(
             finding(
                 "good",
-                "Stable at every condition, with at least {} dB of gain margin and {} deg of phase margin at "
-                "every axis, intervals included.",
-                WANTED["gain_up_db"],
-                WANTED["phase_deg"],
+                "Stable at every condition. {} Intervals included, every axis has the {} dB of gain margin "
+                "and the {} deg of phase margin that are asked for.",
+                _least(found),
+                f"{WANTED['gain_up_db']:g}",
+                f"{WANTED['phase_deg']:g}",
             )
         )
     return findings + [finding("note", "{}.", remark) for remark in found.remarks]
 
 
-def _facts(found: LoopMargins) -> list[tuple[str, str]]:
-    facts = []
+def _least(found: LoopMargins) -> str:
+    """Return the least margins and where they are, as a sentence."""
+    texts = [f"least {label.lower()} is {text}" for label, text in _least_texts(found) if text != NONE][:2]
+    return f"The {' and the '.join(texts)}." if texts else ""
+
+
+def _least_texts(found: LoopMargins) -> list[tuple[str, str]]:
+    """Return each kind of margin with its least value, and where that is."""
+    rows = []
     for figure, (label, unit) in _KINDS.items():
         where, value = found.least(figure)
-        text = (
-            NONE if not where else f"{'∞' if isinf(value) else f'{value:.3g}'} {unit}".strip() + f", {where}"
-        )
-        facts.append((f"Least {label.lower()}", text))
+        size = "∞" if isinf(value) else f"{value:.{_DIGITS[figure]}f}"
+        rows.append((label, f"{size} {unit}".strip() + f", {where}" if where else NONE))
+    return rows
+
+
+def _facts(found: LoopMargins) -> list[tuple[str, str]]:
+    facts = [(f"Least {label.lower()}", text) for label, text in _least_texts(found)]
     facts.append(("Conditions", f"{len(found.ids)}, {int(found.stable.sum())} stable"))
     facts.append(("Axes of the law", ", ".join(found.axes)))
     facts.append(("Intervals", f"{percent(found.level)}, {found.draws} draws" if found.draws else "none"))

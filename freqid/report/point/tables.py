@@ -11,12 +11,13 @@ from markupsafe import Markup
 
 from freqid.core.channels import KNOWN
 from freqid.core.record import FlightRecord
+from freqid.core.results.judged.doubt import HIGH_INFLATION
 from freqid.core.results.point import Fit, PointModel, ResponseModel, per
 from freqid.core.scenario import Gates
 from freqid.identify.regress.estimators import label_of
 from freqid.report.kit import notation
 from freqid.report.kit.notation import exact
-from freqid.report.point.verdict import HIGH_INFLATION, crosses_zero, missed_by_response
+from freqid.report.point.verdict import crosses_zero, missed_by_response
 
 _METHOD = {
     "frequency": "equation error, frequency domain",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
+from freqid.core.results.judged.doubt import HIGH_INFLATION
 from freqid.core.results.point import (
     NEAR_CEILING,
     PointModel,
@@ -139,10 +140,6 @@ def _ceiling(model: PointModel) -> list[Finding]:
     text = "R² reaches what noise allows in every response, but for {:g} or chance; the least is {} in {}."
     allowed = share(float(np.clip(known[least][1], -np.inf, 1.0)))
     return [finding("good", text, NEAR_CEILING, allowed, symbol(least, model.form))]
-
-
-HIGH_INFLATION = 10.0
-"""A variance inflation factor from which regressors are commonly called collinear."""
 
 
 def point_verdict(model: PointModel, gates: Gates | None = None) -> tuple[Finding, ...]:

@@ -7,9 +7,22 @@ from typing import Any, Literal
 
 from markupsafe import Markup
 
+from freqid.core.channels import WRENCH_MEANING
+from freqid.core.results.judged.doubt import WIDE
 from freqid.core.results.judged.review import Answer, Decision, Ground, Review
-from freqid.report.kit.findings import Finding, finding
-from freqid.report.kit.notation import NONE, number, pretty_unit, short, shown_unit
+from freqid.report.kit.findings import Finding, code, finding
+from freqid.report.kit.notation import (
+    NONE,
+    exact,
+    meaning,
+    number,
+    percent,
+    pretty_unit,
+    short,
+    shown_unit,
+    tenths,
+)
+from freqid.report.review.points import band_text
 
 _SAID = {
     "model": {
@@ -37,19 +50,83 @@ _KINDS: dict[Answer, Literal["good", "note", "bad"]] = {
     "do not use": "bad",
     "not decided": "note",
 }
+_LABELS: dict[Answer, str] = {
+    "use": "Yes",
+    "use with limits": "With limits",
+    "do not use": "No",
+    "not decided": "Open",
+}
 _ROLES = ("System identification", "Flight test", "Control laws", "Approval")
 _MOST_RISKS = 12  # listed before the rest is folded
 
 
 def decision_findings(review: Review) -> list[Finding]:
-    """Return the answers as sentences, the ground that decided each behind it."""
+    """Return the answers as sentences, the ground that decided each behind it; then what fits worst."""
+    answers = [
+        Finding(
+            _KINDS[d.answer],
+            Markup("<strong>{}.</strong> {}.").format(_SAID[d.subject][d.answer], _because(d)),
+            _LABELS[d.answer],
+        )
+        for d in review.decisions
+    ]
+    return [*answers, *_worst_fit(review), *_trust(review)]
+
+
+def _because(decision: Decision) -> str:
+    return _sentence(decision.because.rstrip("."))
+
+
+def _worst_fit(review: Review) -> list[Finding]:
+    """Return which response fits worst and where, in words."""
+    worst = review.worst_fit
+    if worst is None:
+        return []
+    words = meaning(worst.response, "force")
+    allowed = (
+        f"; sensor noise would let it explain {percent(worst.r2_ceiling)}"
+        if math.isfinite(worst.r2_ceiling)
+        else ""
+    )
+    where = ""
+    if math.isfinite(worst.low_hz):
+        where = band_text(worst.low_hz, worst.high_hz, worst.over_noise, worst.share)
     return [
-        finding(_KINDS[d.answer], "{}: {}.", _SAID[d.subject][d.answer], _plain(d)) for d in review.decisions
+        finding(
+            "note",
+            "Of all responses the model fits {} at {} worst: it explains {} of what was measured{}.{}",
+            Markup("the {} <i>{}</i>").format(words, worst.response) if words else code(worst.response),
+            code(worst.at),
+            percent(max(worst.r2, 0.0)),
+            allowed,
+            where,
+        )
     ]
 
 
-def _plain(decision: Decision) -> str:
-    return decision.because.rstrip(".")
+def _trust(review: Review) -> list[Finding]:
+    """Return how many parameters cannot be trusted, and where they are listed."""
+    trust = review.trust
+    if trust is None:
+        return []
+    if not trust.doubtful:
+        return [finding("good", "All {} parameters can be read as numbers.", trust.parameters)]
+    reasons = (
+        (trust.wide, f"are known to no better than half of their value (±{percent(WIDE)})"),
+        (trust.collinear, "cannot be told from another"),
+        (trust.missing, "are off the simulation's own value by more than their stated error allows"),
+    )
+    return [
+        finding(
+            "note",
+            "{} of {} parameters cannot be read as numbers: {}. {} of them matter for their response. "
+            '<a href="#points">Point models</a> lists each with its reason.',
+            trust.doubtful,
+            trust.parameters,
+            "; ".join(f"{count} {what}" for count, what in reasons if count),
+            trust.matter,
+        )
+    ]
 
 
 def decision_values(review: Review) -> dict[str, Any]:
@@ -70,6 +147,20 @@ def decision_values(review: Review) -> dict[str, Any]:
         ],
         "envelope": [_limit(side.name, side.unit, side.low, side.high) for side in review.envelope],
         "conditions": review.conditions,
+        "loops": [
+            {
+                "at": r.at,
+                "axis": r.axis,
+                "model": exact(r.model, tenths(r.model)),
+                "interval": f"{tenths(r.lower)} to {tenths(r.upper)}" if math.isfinite(r.lower) else NONE,
+                "simulation": exact(r.simulation, tenths(r.simulation)),
+                "flown": exact(r.flown, tenths(r.flown)),
+            }
+            for r in review.loops
+        ],
+        "flown": any(math.isfinite(r.flown) for r in review.loops),
+        "loops_text": review.loops_text,
+        "terms": _terms(review),
         "against": review.against,
         "compared": review.compared,
         "changes": [
@@ -96,6 +187,31 @@ def decision_values(review: Review) -> dict[str, Any]:
     }
 
 
+_TERMS = (
+    ("phase margin", "How much later, as an angle, the control loop may react before it swings by itself."),
+    ("gain margin", "How much stronger, in dB, the control loop may react before it swings by itself."),
+    (
+        "gap",
+        "What simulation and flights differ by, beyond noise and the tolerances that the simulation states.",
+    ),
+    ("interval", "Range that holds the true value in the stated share of cases, as far as noise goes."),
+    ("closed", "What of the gap goes when the simulation has the effect that was named."),
+)
+
+
+def _terms(review: Review) -> list[tuple[str, str]]:
+    """Return the words of page one that a reader from another field may not know, and what they mean."""
+    texts = " ".join([*(d.because for d in review.decisions), *(g.text for g in review.grounds)])
+    terms = [(word, said) for word, said in _TERMS if word in texts]
+    loads = {n: w for n, w in WRENCH_MEANING.items() if f"{w} {n}" in texts or f"axis {n}" in texts}
+    if loads:
+        listing = "; ".join(f"{n} {w}" for n, w in loads.items())
+        terms.insert(
+            0, (", ".join(loads), f"Loads on the aircraft along and about its body axes: {listing}.")
+        )
+    return terms
+
+
 def _row(ground: Ground) -> dict[str, Any]:
     return {
         "kind": {"stop": "bad", "risk": "note", "good": "good"}[ground.weight],
@@ -106,8 +222,8 @@ def _row(ground: Ground) -> dict[str, Any]:
 
 
 def _sentence(text: str) -> str:
-    """Return a ground as a sentence begins; an id that leads it stays as it is written."""
-    return text if text.partition(" ")[0].endswith(":") else text[:1].upper() + text[1:]
+    """Return a ground as a sentence begins."""
+    return text[:1].upper() + text[1:]
 
 
 def _limit(name: str, unit: str, low: float, high: float) -> dict[str, Any]:

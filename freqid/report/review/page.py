@@ -110,7 +110,7 @@ def _facts(review: Review) -> list[tuple[str, str]]:
         counts[kind] = counts.get(kind, 0) + 1
     facts.append(("Files", ", ".join(f"{n} {kind}" for kind, n in counts.items())))
     stops = sum(g.weight == "stop" for g in review.grounds)
-    facts.append(("Grounds", f"{stops} forbid use, {len(review.risks) - stops} open risks"))
+    facts.append(("Reasons", f"{stops} against use, {len(review.risks) - stops} open risks"))
     trials = {s.name for s in review.sources if s.kind == "freqid-trial"}
     facts += [("Sealed trial", g.text.partition(":")[0]) for g in review.grounds if g.source in trials]
     if review.against:

@@ -10,6 +10,7 @@ from markupsafe import Markup
 
 from freqid import __version__
 from freqid.blend.campaign import GOOD_R2, MOST_VALIDATION, StudiedPoint, StudyResults
+from freqid.core.results.judged.doubt import DOUBT_KINDS, HIGH_INFLATION, MATTERS, WIDE, Doubt
 from freqid.core.results.judged.truth import BEYOND, Miss
 from freqid.core.results.point import Fit, PointModel, ResponseModel
 from freqid.report.kit.findings import code, finding
@@ -19,6 +20,7 @@ from freqid.report.kit.notation import (
     formula,
     measured_values,
     number,
+    percent,
     pretty_unit,
     share,
     short,
@@ -29,7 +31,13 @@ from freqid.report.kit.pictures import Picture, picture
 from freqid.report.kit.rendering import Sheet, render
 from freqid.report.study.figures import fits_over_frequency
 from freqid.report.study.pictures import fitted_conditions
+from freqid.report.study.verdict import truth_findings
 
+_KINDS = {
+    "wide interval": "an interval that is too wide",
+    "collinear": "regressors that moved together",
+    "misses the truth": "a simulation's truth that is missed",
+}
 _MISSED = {
     "linearisation": "linearisation",
     "noise-free estimate": "noise-free",
@@ -50,6 +58,7 @@ def build_points_sheet(results: StudyResults) -> Sheet:
         key=lambda one: (one[1].r2 == one[1].r2, one[1].r2),
     )
     count = len(points)
+    doubts = [(p, d) for p in points for r in p.model.responses for d in p.doubts(r)]
     return render(
         "points.html",
         title=f"{count} condition{'s' if count > 1 else ''}",
@@ -58,28 +67,106 @@ def build_points_sheet(results: StudyResults) -> Sheet:
         findings=[
             finding(
                 "note",
-                "The response that fits worst is {} at {}: R² {}{}.",
+                "The response that fits worst is {} at {}: R² {}{}.{}",
                 symbol(worst[1].response, worst[0].model.form),
                 code(worst[0].id),
                 share(worst[1].r2),
                 "" if worst[1].r2_ceiling is None else f", where noise allows {share(worst[1].r2_ceiling)}",
-            )
+                worst_band_text(worst[1]),
+            ),
+            *truth_findings(points),
         ],
         facts=[],
         points=[_sheet(results, point, place) for place, point in enumerate(points)],
+        doubts=_doubt_rows(doubts),
+        doubt_counts=_doubt_counts(points, [d for _, d in doubts]),
         truth=truth_summary(points),
         most=f"{MOST_VALIDATION:g}",
         provenance={p.id or f"model {k + 1}": p.model.provenance for k, p in enumerate(points)},
     )
 
 
+def worst_band_text(response: ResponseModel) -> str:
+    """Return where in frequency a response fits worst, with a space before; empty of histories."""
+    fit = response.fit.get("frequency")
+    band = fit.worst_band if fit is not None else None
+    if band is None:
+        return ""
+    return band_text(band.low_hz, band.high_hz, band.over_noise, band.share)
+
+
+def band_text(low_hz: float, high_hz: float, over_noise: float, part: float) -> str:
+    """Return the sentence on the band in which a fit is worst, with a space before."""
+    where = f" It fits worst from {number(low_hz, 2)} to {number(high_hz, 2)} Hz: what is left there"
+    holds = f"holds {percent(part)} of all that the model leaves."
+    if not math.isfinite(over_noise):
+        return f"{where} {holds}"
+    return f"{where} is {number(over_noise, 2)} times as large as noise, and {holds}"
+
+
+def _doubt_rows(doubts: Sequence[tuple[StudiedPoint, Doubt]]) -> list[dict[str, Any]]:
+    """Return the parameters that cannot be trusted, those that move their response most first."""
+    rows = []
+    for p, d in sorted(doubts, key=lambda one: (one[1].matters, one[1].weight), reverse=True):
+        error, estimate = measured_values(d.std_error, d.estimate)
+        rows.append(
+            {
+                "name": Markup("{}<sub>{}</sub>").format(symbol(d.response, p.model.form), d.parameter),
+                "response": d.response,
+                "at": p.id,
+                "unit": pretty_unit(d.unit),
+                "estimate": exact(d.estimate, estimate),
+                "error": exact(d.std_error, error),
+                "half": exact(100 * d.half_width, number(100 * d.half_width, 2)),
+                "wide": "wide interval" in d.kinds,
+                "inflation": exact(d.inflation, number(d.inflation)),
+                "collinear": bool(d.companions),
+                "off": exact(d.miss.sigmas, tenths(d.miss.sigmas)) if d.miss is not None else NONE,
+                "weight": exact(100 * d.weight, number(100 * d.weight, 2)),
+                "small": not d.matters,
+                "why": _why(d),
+            }
+        )
+    return rows
+
+
+def _why(doubt: Doubt) -> Markup:
+    """Return the reasons why a parameter cannot be trusted."""
+    reasons: list[Markup] = []
+    if "wide interval" in doubt.kinds:
+        reasons.append(Markup("interval of ±{} of its value").format(percent(doubt.half_width)))
+    if doubt.companions:
+        reasons.append(Markup("cannot be told from {}").format(", ".join(doubt.companions)))
+    if doubt.miss is not None:
+        of = {"both": "linearisation and the noise-free estimate"}.get(doubt.miss.of, doubt.miss.of)
+        reasons.append(Markup("outside 2σ of the {}: {}").format(of, _cause(doubt.miss)))
+    return Markup("; ").join(reasons)
+
+
+def _doubt_counts(points: Sequence[StudiedPoint], doubts: Sequence[Doubt]) -> dict[str, Any]:
+    """Return how many parameters cannot be trusted, by reason, and the bounds that decide."""
+    return {
+        "total": sum(len(r.regressors) for p in points for r in p.model.responses.values()),
+        "doubtful": len(doubts),
+        "matter": sum(d.matters for d in doubts),
+        "kinds": [(_KINDS[k], n) for k in DOUBT_KINDS if (n := sum(k in d.kinds for d in doubts))],
+        "wide": f"{100 * WIDE:g} %",
+        "inflation": f"{HIGH_INFLATION:g}",
+        "small": f"{100 * MATTERS:g} %",
+    }
+
+
 def _sheet(results: StudyResults, point: StudiedPoint, place: int) -> dict[str, Any]:
     model = point.model
     followed = any(p is point for p in results.followed())
+    least = min(model.responses.values(), key=lambda r: (r.r2 == r.r2, r.r2))
     return {
         "id": point.id or f"model {place + 1}",
         "anchor": f"point-{place}",
         "how": f"{model.method}, {model.estimator}, {short(model.duration)} s",
+        "worst": Markup("{} fits worst here, R² {}.{}").format(
+            symbol(least.response, model.form), share(least.r2), worst_band_text(least)
+        ),
         "condition": number(max(r.condition_number for r in model.responses.values())),
         "summary": [_summary(point, r) for r in model.responses.values()],
         "pictures": fitted_conditions(results, point) if followed else _spectrum(model, place),
@@ -178,7 +265,7 @@ def _table(point: StudiedPoint, response: ResponseModel, place: int) -> dict[str
                 "high": cells[3],
                 "weak": abs(values[0]) <= 2 * error,
                 "inflation": number(float(response.variance_inflation[j])),
-                "collinear": response.variance_inflation[j] > 10,
+                "collinear": response.variance_inflation[j] > HIGH_INFLATION,
                 "least_squares": cells[4] if beside is not None else NONE,
                 "differs": regressor in response.differing,
                 "linear": cells[-2] if truth is not None else NONE,

@@ -168,12 +168,14 @@ def held_out_rows(results: StudyResults) -> list[dict[str, Any]]:
 
 def _where(at: Reference) -> dict[str, Any]:
     """Return the cells that say which condition a row is about."""
-    tilts = [short(round(math.degrees(tilt), 1)) for tilt in at.scheduled.values()]
+    tilts: dict[str, list[str]] = {}
+    for name, tilt in at.scheduled.items():
+        tilts.setdefault(short(round(math.degrees(tilt), 1)), []).append(name)
     return {
         "id": at.id,
         "u": f"{at.u:.2f}" if math.isfinite(at.u) else NONE,
         "rho": short(at.rho),
-        "tilt": " / ".join(tilts if len(set(tilts)) > 1 else tilts[:1]) or NONE,
+        "tilt": "; ".join(f"{', '.join(names)} {angle}" for angle, names in tilts.items()) or NONE,
     }
 
 

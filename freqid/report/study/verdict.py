@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from markupsafe import Markup
@@ -14,14 +16,15 @@ from freqid.blend.campaign import (
     MOST_HELD_OUT,
     MOST_NEW_DENSITY,
     MOST_VALIDATION,
+    StudiedPoint,
     StudyResults,
     most_allowed,
 )
+from freqid.core.results.judged.truth import BEYOND
 from freqid.report.kit.findings import Finding, code, finding, listed
 from freqid.report.kit.notation import number, percent, share, short, symbol
 from freqid.report.study.results import settled_share
 
-_LEAST_NEAR = 0.93  # of the parameters within two standard errors of what noise alone would leave
 SETTLED = 0.95
 """Share of parameters that makes a manoeuvre long enough."""
 SETTLED_BY = 40.0
@@ -36,7 +39,7 @@ def study_verdict(results: StudyResults) -> tuple[Finding, ...]:
     results : StudyResults
     """
     findings = [*_held_out(results), *_settled(results), *_separable(results)]
-    findings += [*_low(results), *_noise(results), *_linear(results)]
+    findings += [*_low(results), *_noise(results), *truth_findings(results.points)]
     findings.sort(key=lambda f: ("bad", "note", "good").index(f.kind))
     return (_headline(results), *findings)
 
@@ -224,39 +227,73 @@ def _noise(results: StudyResults) -> list[Finding]:
     ]
 
 
-def _linear(results: StudyResults) -> list[Finding]:
-    apart = np.concatenate([p.from_linear(r) for p in results.points for r in results.responses])
+def truth_findings(points: Sequence[StudiedPoint]) -> list[Finding]:
+    """Return how many parameters lie within 2σ of the truth: of the linearisation, and of noise-free flights.
+
+    The kind follows from the share beside what 2σ promises: good within the scatter of that many independent
+    parameters, bad where more than twice as many are outside as within it, a note between. Off the
+    linearisation is a note at most where noise-free flights tell why: it is no fault of the estimate.
+    """
+    responses = [(p, r) for p in points for r in p.model.responses]
+    apart = np.concatenate([np.zeros(0), *(p.from_linear(r) for p, r in responses)])
     apart = apart[np.isfinite(apart)]
     if not apart.size:
         return []
-    sentence = Markup(
-        "{} of {} parameters lie within 2σ of the linearised simulation; the distance is {}σ in root mean "
-        "square."
-    ).format(
-        percent(float(np.mean(np.abs(apart) <= 2))), apart.size, number(float(np.sqrt(np.mean(apart**2))), 2)
-    )
-    away = np.concatenate([p.from_noise_free(r) for p in results.points for r in results.responses])
+    away = np.concatenate([p.from_noise_free(r) for p, r in responses])
     away = away[np.isfinite(away)]
-    if not away.size:
-        return [finding("note", "{} 95 % would if nothing but noise came between.", sentence)]
-    causes = Counter(
-        m.cause
-        for p in results.points
-        for r in results.responses
-        for m in p.misses(r)
-        if m.of != "noise-free estimate"
+    kind = _promised(apart)
+    linear = finding(
+        "note" if kind == "bad" and away.size else kind,
+        "{}{} of {} parameters lie within 2σ of the linearised simulation, where 2σ promises {}; the "
+        "distance is {}σ in root mean square.{}",
+        "" if kind == "good" else "Only ",
+        percent(float(np.mean(np.abs(apart) <= BEYOND))),
+        apart.size,
+        percent(PROMISED),
+        number(float(np.sqrt(np.mean(apart**2))), 2),
+        _why_off(responses),
     )
-    why = listed(Markup("{} for {}").format(cause, n) for cause, n in causes.most_common())
-    near = float(np.mean(np.abs(away) <= 2))
+    if not away.size:
+        return [linear]
+    kind = _promised(away)
+    words = {"good": "as noise alone would leave", "note": "fewer than noise alone would leave"}
     return [
         finding(
-            "good" if near >= _LEAST_NEAR else "note",
-            "{} Of the noise-free estimates of the same flights {} do, where noise alone would leave 95 %.{}",
-            sentence,
-            percent(near),
-            Markup(" The largest part of the others' difference is {}.").format(why) if causes else "",
-        )
+            kind,
+            "{} of {} parameters lie within 2σ of the noise-free estimates of the same flights, {}: 2σ "
+            "promises {}, {} to {} by chance.",
+            percent(float(np.mean(np.abs(away) <= BEYOND))),
+            away.size,
+            words.get(kind, "far fewer than noise alone would leave"),
+            percent(PROMISED),
+            percent(max(PROMISED - _scatter(away.size), 0.0)),
+            percent(min(PROMISED + _scatter(away.size), 1.0)),
+        ),
+        linear,
     ]
+
+
+def _why_off(responses: Sequence[tuple[StudiedPoint, str]]) -> Markup:
+    """Return the causes of what is off the linearisation, most frequent first."""
+    causes = Counter(m.cause for p, r in responses for m in p.misses(r) if m.of != "noise-free estimate")
+    why = listed(Markup("{} for {}").format(cause, n) for cause, n in causes.most_common())
+    return Markup(" The largest part of the others' difference is {}.").format(why) if causes else Markup()
+
+
+PROMISED = 0.9545
+"""Share of normal errors within two standard errors."""
+
+
+def _scatter(count: int) -> float:
+    """Return two standard deviations of the share of independent errors that are within 2σ."""
+    return 2 * math.sqrt(PROMISED * (1 - PROMISED) / count)
+
+
+def _promised(distances: np.ndarray) -> Literal["good", "note", "bad"]:
+    """Return how distances, in standard errors, stand beside what 2σ promises."""
+    outside, expected = float(np.mean(np.abs(distances) > BEYOND)), 1 - PROMISED
+    scatter = _scatter(distances.size)
+    return "good" if outside <= expected + scatter else "note" if outside <= 2 * expected + scatter else "bad"
 
 
 def _at(results: StudyResults, response: str, identifier: str) -> Markup:

@@ -50,7 +50,8 @@ def margins(
         from the trim), a function of speed and density that returns one, or a scenario, whose own law and
         actuators are then taken.
     at : str, float or Reference, or several
-        Ids of the model's points, speeds, m/s, or conditions; all points where empty.
+        Ids of the model's points or, where the law is a scenario's, of its conditions; speeds, m/s, or
+        conditions; all points where empty.
     scenario : Scenario, path or name, optional
         Vehicle in place of the one that the model was identified with.
     draws : int
@@ -94,6 +95,8 @@ def margins(
         raise UsageError(f"{draws} draws give no interval", remedy=f"ask for {_FEWEST} or more, or for none")
     found, name = model_of(model)
     name = Path(name).name
+    if isinstance(loop, str | Path) and is_scenario(loop):
+        loop = scenario_of(loop)
     described = scenario_of(scenario).aircraft() if scenario is not None else None
     known = found.aircraft if isinstance(found, PointModel) else found.corridor.aircraft
     vehicle = vehicle_of(described, known)
@@ -106,7 +109,7 @@ def margins(
     result = loop_margins(
         found,
         law,
-        places_of(found, wanted),
+        places_of(found, wanted, loop.reference if isinstance(loop, Scenario) else ()),
         vehicle=vehicle,
         draws=draws,
         seed=seed,

@@ -17,6 +17,7 @@ from freqid.blend.campaign import (
 )
 from freqid.core.errors import DataError, UsageError
 from freqid.core.results.gap import GapResult
+from freqid.core.results.judged.doubt import DOUBT_KINDS
 from freqid.core.results.judged.review import (
     Change,
     Decision,
@@ -26,6 +27,8 @@ from freqid.core.results.judged.review import (
     Reversal,
     Review,
     Subject,
+    Trust,
+    WorstFit,
 )
 from freqid.core.results.loop_margins import LoopMargins, least_of
 from freqid.core.results.output_error import OutputErrorModel
@@ -33,6 +36,7 @@ from freqid.core.results.point import PointModel
 from freqid.core.scenario import Scenario
 from freqid.workflows.inputs import File, scenario_of
 from freqid.workflows.reviews.grounds import MARGINS, WANTED_G, base_name, grounds_of, least_margin
+from freqid.workflows.reviews.loops import loops_compared, why_loops_differ
 from freqid.workflows.reviews.read_together import ReviewedFile, read_together, vehicle_of
 
 _NO_MARGINS = "no margins of the control law are among the files"
@@ -107,16 +111,22 @@ def review(
     gates = scenario_of(scenario).gates if scenario is not None else None
     grounds = sorted(grounds_of(every, gates), key=lambda g: ("stop", "risk", "good").index(g.weight))
     points = _points(every)
+    conditions = tuple(dict.fromkeys(p.model.reference.id for p in points))
+    loops = loops_compared(every)
     found = Review(
         vehicle=next((name for one in every if (name := vehicle_of(one.result))), ""),
         decisions=tuple(_decide(subject, grounds, every) for subject in _SUBJECTS),
         envelope=tuple(_envelope(points)),
-        conditions=tuple(dict.fromkeys(p.model.reference.id for p in points)),
+        conditions=conditions,
         grounds=tuple(grounds),
         reversals=tuple(_reversals(every, points)),
         missing=_missing(every),
         sources=tuple(one.source for one in every),
         quantities=dict(_quantities(every, points)),
+        worst_fit=_worst_fit(points),
+        trust=_trust(points),
+        loops=loops,
+        loops_text=why_loops_differ(loops, every, points),
     )
     old = [against] if isinstance(against, str) or not isinstance(against, Sequence) else list(against)
     return _compared(found, old) if old else found
@@ -135,6 +145,29 @@ def _points(files: Sequence[ReviewedFile]) -> list[StudiedPoint]:
     return list(found.values())
 
 
+def _worst_fit(points: Sequence[StudiedPoint]) -> WorstFit | None:
+    """Return the response with the least R2 over all conditions, and where in frequency it fits worst."""
+    every = [(p.id, r) for p in points for r in p.model.responses.values() if math.isfinite(r.r2)]
+    if not every:
+        return None
+    at, least = min(every, key=lambda one: one[1].r2)
+    fit = least.fit.get("frequency")
+    band = fit.worst_band if fit is not None else None
+    ends = (band.low_hz, band.high_hz, band.over_noise, band.share) if band is not None else (math.nan,) * 4
+    ceiling = math.nan if least.r2_ceiling is None else least.r2_ceiling
+    return WorstFit(at, least.response, least.r2, ceiling, *ends)
+
+
+def _trust(points: Sequence[StudiedPoint]) -> Trust | None:
+    """Return how many parameters of all conditions cannot be trusted, by reason."""
+    doubts = [d for p in points for r in p.model.responses for d in p.doubts(r)]
+    count = sum(len(r.regressors) for p in points for r in p.model.responses.values())
+    if not count:
+        return None
+    wide, collinear, missing = (sum(k in d.kinds for d in doubts) for k in DOUBT_KINDS)
+    return Trust(count, len(doubts), sum(d.matters for d in doubts), wide, collinear, missing)
+
+
 def _decide(subject: Subject, grounds: Sequence[Ground], files: Sequence[ReviewedFile]) -> Decision:
     """Return the answer that the grounds of a subject leave: the worst of them decides."""
     of = [g for g in grounds if g.subject == subject]
@@ -145,17 +178,24 @@ def _decide(subject: Subject, grounds: Sequence[Ground], files: Sequence[Reviewe
             "next flight": _NO_MARGINS,
         }
         return Decision(subject, "not decided", nothing[subject])
+    if subject == "model" and all(one.unfinished for one in files):
+        return Decision(subject, "not decided", f"{of[0].text}; it has no model yet")
     stops = [g for g in of if g.weight == "stop"]
     risks = [g for g in of if g.weight == "risk"]
     if stops:
-        more = f", and {len(stops) - 1} more" if len(stops) > 1 else ""
+        more = f". {_counted(len(stops) - 1, 'more reason')} against it" if len(stops) > 1 else ""
         return Decision(subject, "do not use", f"{stops[0].text}{more}")
     if subject == "next flight" and not any(isinstance(one.result, LoopMargins) for one in files):
         return Decision(subject, "not decided", f"{_NO_MARGINS}; {risks[0].text}" if risks else _NO_MARGINS)
     if risks:
-        count = f"{len(risks)} open risk{'s' if len(risks) > 1 else ''}"
-        return Decision(subject, "use with limits", f"{count}, the first: {risks[0].text}")
+        first = ", the first" if len(risks) > 1 else ""
+        because = f"{_counted(len(risks), 'open risk')}{first}: {risks[0].text}"
+        return Decision(subject, "use with limits", because)
     return Decision(subject, "use", of[0].text)
+
+
+def _counted(number: int, what: str) -> str:
+    return f"{number} {what}{'s' if number != 1 else ''}"
 
 
 def _envelope(points: Sequence[StudiedPoint]) -> Iterator[Limit]:

@@ -15,6 +15,7 @@ import freqid as fq
 from freqid.compare.loop_margins import loop_margins, places_of
 from freqid.compare.read_law import law_of
 from freqid.core.errors import DataError, UsageError
+from freqid.core.scenario import Reference
 
 DRAWS = 120
 
@@ -172,3 +173,13 @@ def test_an_unstable_loop_has_no_margins(model, tmp_path):
     assert np.isnan(found.row("margins/da/phase_deg")[0]).all()
     assert "unstable at u9" in found.warnings[0]
     assert "Problem" in fq.page(found).html
+
+
+def test_an_id_may_name_a_condition_of_a_scenario_that_is_no_point_of_the_model(model):
+    between = Reference.of("u11", 11.0, 1.2, dw1=0.2)
+    own = Reference.of("u9", 99.0, 1.2)
+    found = places_of(model, ["u11", "u9"], (own, between))
+    assert [(p.id, p.u, p.rho) for p in found] == [("u11", 11.0, 1.2), ("u9", 9.0, places_of(model)[1].rho)]
+    assert found[0].scheduled == {"dw1": 0.2}
+    with pytest.raises(UsageError, match="no point 'u12'"):
+        places_of(model, ["u12"], (own, between))

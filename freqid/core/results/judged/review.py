@@ -149,6 +149,74 @@ class Change:
 
 
 @dataclass(frozen=True)
+class WorstFit:
+    """The response that fits worst, and where in frequency.
+
+    Attributes
+    ----------
+    at, response : str
+        Condition and response with the least R2.
+    r2, r2_ceiling : float
+        What the model explains, and what noise allows; nan where that is not known.
+    low_hz, high_hz, over_noise, share : float
+        As `freqid.core.results.point.WorstBand`; nan of a model that has no spectrum.
+    """
+
+    at: str
+    response: str
+    r2: float
+    r2_ceiling: float
+    low_hz: float
+    high_hz: float
+    over_noise: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Trust:
+    """How many parameters cannot be trusted as numbers, and why; one may be counted for several reasons.
+
+    Attributes
+    ----------
+    parameters, doubtful : int
+        Of all point models.
+    matter : int
+        Of the doubtful ones, those whose error can be seen in the response.
+    wide, collinear, missing : int
+        By reason: a wide interval, regressors that moved together, off the simulation's truth.
+    """
+
+    parameters: int
+    doubtful: int
+    matter: int
+    wide: int
+    collinear: int
+    missing: int
+
+
+@dataclass(frozen=True)
+class LoopCompared:
+    """One phase margin of one axis at one condition, by the aircraft that it was computed for, deg.
+
+    Attributes
+    ----------
+    at, axis : str
+    model, lower, upper : float
+        The identified model's, with its interval; nan where it was not computed there.
+    simulation, flown : float
+        The simulation's, and that of the simulation with the effect of the gap; nan likewise.
+    """
+
+    at: str
+    axis: str
+    model: float
+    lower: float
+    upper: float
+    simulation: float
+    flown: float
+
+
+@dataclass(frozen=True)
 class Review:
     """A set of results, and what follows for their use.
 
@@ -173,6 +241,12 @@ class Review:
         Since then, the largest first.
     compared : int
         Numbers that both have.
+    worst_fit : WorstFit, optional
+    trust : Trust, optional
+    loops : tuple of LoopCompared
+        Where margins of an identified model and of a simulation are known.
+    loops_text : tuple of str
+        Why these differ, in sentences; without the full stop.
     """
 
     vehicle: str
@@ -187,6 +261,10 @@ class Review:
     against: str = ""
     changes: tuple[Change, ...] = ()
     compared: int = 0
+    worst_fit: WorstFit | None = None
+    trust: Trust | None = None
+    loops: tuple[LoopCompared, ...] = ()
+    loops_text: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         said = ", ".join(f"{d.subject}: {d.answer}" for d in self.decisions)
@@ -216,7 +294,8 @@ class Review:
             Where the table is none of a review.
         """
         try:
-            return msgspec.convert(table_with_nan(table), cls)
+            there = {name: value for name, value in table.items() if value is not None}
+            return msgspec.convert(table_with_nan(there), cls)
         except msgspec.ValidationError as error:
             raise ValueError(str(error)) from None
 

@@ -20,6 +20,7 @@ from freqid.blend.study_file import read_study, write_study
 from freqid.core.errors import DataError, UsageError
 from freqid.core.results.judged.truth import KnownTruth
 from freqid.core.store import editing
+from freqid.report.study.verdict import truth_findings
 from freqid.workflows.files import save
 
 
@@ -82,7 +83,7 @@ def test_the_answers_follow_from_the_grounds(both, study):
     assert "1.3 times as much" in review.decisions[0].because
     assert answers["simulation"] == "do not use"  # a withdrawn name closes nothing
     assert answers["next flight"] == "do not use"  # with the effect the loop has 42 deg
-    assert "45 deg is asked for" in review.decisions[2].because
+    assert "42.0 deg of phase margin (axis M), less than the 45 deg" in review.decisions[2].because
     assert [g.subject for g in review.grounds if g.weight == "stop"] == ["model", "simulation", "next flight"]
     found = results()
     worst = max(p.validation_ratio(r) for p in found.points for r in found.responses)
@@ -108,6 +109,77 @@ def test_the_same_files_give_the_same_bytes_and_no_path_of_the_machine(both, stu
     assert fq.page(files).html == fq.page(files).html
     assert str(study.parent) not in both.html
     assert "/tmp" not in both.html
+
+
+def test_page_one_says_what_fits_worst_where_and_how_many_parameters_cannot_be_trusted(both, study):
+    points = read_study(study / "study.h5").points
+    fits = {(p.id, n): r.r2 for p in points for n, r in p.model.responses.items()}
+    worst, trust = both.review.worst_fit, both.review.trust
+    assert fits[worst.at, worst.response] == worst.r2 == min(fits.values())
+    line = next(p for p in points if p.id == worst.at).model[worst.response].fit["frequency"].worst_band
+    assert (worst.low_hz, worst.high_hz) == (line.low_hz, line.high_hz)
+    assert worst.low_hz < worst.high_hz
+    one = both.html[: both.html.index('id="risks"')]
+    assert "It fits worst from" in one
+    assert f"{trust.doubtful} of {trust.parameters} parameters cannot be read as numbers" in one
+    doubts = [d for p in points for r in p.model.responses for d in p.doubts(r)]
+    assert len(doubts) == trust.doubtful
+    assert sum("misses the truth" in d.kinds for d in doubts) == trust.missing > 0
+
+
+def test_the_table_of_doubts_has_a_row_for_each_with_its_reason(both, study):
+    page = Page(both.html)
+    table = next(t for t in page.cells if any(cell[0] == "Why not" for cell in t[0]))
+    assert len(table) - 1 == both.review.trust.doubtful
+    reasons = [row[2][0] for row in table[1:]]
+    assert all(re.search("interval of ±|cannot be told from|outside 2σ of the", why) for why in reasons)
+    assert any("wake delay" in why for why in reasons)
+    sections = [both.html.index(f'-{name}"') for name in ("doubts", "truth", "point-0")]
+    assert sections == sorted(sections)  # near the front
+
+
+def test_a_share_within_two_sigma_is_called_what_it_is(study):
+    found = read_study(study / "study.h5")
+
+    def kinds(shift):
+        points = []
+        for p in found.points:
+            truths = {}
+            for name, r in p.model.responses.items():
+                near = r.estimate - shift * r.std_error
+                truths[name] = KnownTruth(r.regressors, near, near, near, 0 * near, 0.125)
+            linear = {n: dict(zip(t.regressors, t.linear.tolist(), strict=True)) for n, t in truths.items()}
+            points.append(replace(p, truth=truths, linear=linear))
+        return [f.kind for f in truth_findings(points)]
+
+    assert kinds(0.5) == ["good", "good"]
+    assert kinds(3.0) == ["bad", "note"]  # far off both: off the linearisation is explained beside
+    bare = [replace(p, truth={}) for p in found.points]
+    assert len(truth_findings(bare)) == 1
+
+
+def test_what_was_written_at_another_time_gives_the_same_page_but_for_hashes(study, tmp_path):
+    pages = []
+    for created in ("2020-01-01T00:00:00+00:00", "2021-02-02T00:00:00+00:00"):
+        folder = tmp_path / created[:4] / "same"
+        for path in sorted((study / "points").glob("*.h5")):
+            shutil.copytree(study / "points", folder, dirs_exist_ok=True)
+            with editing(folder / path.name) as file:
+                file.attrs["created"] = created
+        text = fq.page(folder).html
+        first, last = text.index('<section id="provenance">'), text.index("</main>")
+        assert created in text[first:last]
+        pages.append(text[:first] + text[last:])
+    assert pages[0] == pages[1]
+
+
+def test_a_review_of_an_earlier_release_can_be_compared_with(both, study, tmp_path):
+    """Files from before worst fit, trust and margins were in a review lack them."""
+    table = both.review.to_json()
+    for name in ("worst_fit", "trust", "loops", "loops_text"):
+        del table[name]
+    save(type(both.review).from_json(table), tmp_path / "old-review.h5")
+    assert fq.review(study, against=tmp_path / "old-review.h5").compared > 20
 
 
 def test_a_review_says_what_changed_since_an_older_one(study, tmp_path):
@@ -145,6 +217,15 @@ def test_a_study_that_is_half_done_shows_what_it_has(study, tmp_path):
     assert "The study in stopped is not finished" in page.html
     assert set(page.review.conditions) == {p.id for p in results().points}
     assert page.review.decisions[0].answer == "use with limits"
+
+
+def test_a_study_without_any_model_yet_is_not_decided(tmp_path):
+    (tmp_path / "begun" / "units").mkdir(parents=True)
+    page = fq.page(tmp_path / "begun")
+    assert page.review.decisions[0].answer == "not decided"
+    assert "it has no model yet" in page.review.decisions[0].because
+    assert page.review.worst_fit is page.review.trust is None
+    assert "cannot be read as numbers" not in page.html
 
 
 def test_a_study_whose_files_were_changed_is_refused(study, tmp_path):

@@ -78,16 +78,17 @@ def cases(path: Path, *, stage: str, setting: Setting, seeds: Sequence[int], sou
     tables: list[tuple[int, Columns]] = []
     for seed in seeds:
         arguments = nested(setting)
+        case = Case(scenario, sources.designs or {}, seed, arguments) if scenario and not work else None
         try:
             if work is not None:
                 found = work(seed, **({"scenario": scenario} if _wants_scenario(work) else {}), **arguments)
             else:
-                assert scenario is not None  # the plan was checked
-                found = STAGES[stage](Case(scenario, sources.designs or {}, seed, arguments))
+                assert case is not None  # the plan was checked
+                found = STAGES[stage](case)
         except UsageError:
             raise  # every case of the setting would say the same
         except FreqidError as error:
-            found = {"failure": str(error)}
+            found = case.row(failure=str(error)) if case else {"failure": str(error)}
         tables.append((seed, _columns(found)))
     write_rows(path, setting, tables)
 

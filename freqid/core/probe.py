@@ -21,6 +21,7 @@ import threading
 import time
 from functools import lru_cache
 from pathlib import Path
+from typing import ClassVar
 
 _SECONDS, _RATE = 1, 50_000_000  # of processor, and bytes that it reads in one more
 _WALL = 60.0  # s, where the file's disk is slow
@@ -72,7 +73,7 @@ def _started_for(path: str) -> int:
 class _Server:
     """The process that forks for every file whose name it is sent."""
 
-    _of_process: dict[int, _Server] = {}  # a process that was forked from ours must not share its pipes
+    _of_process: ClassVar[dict[int, _Server]] = {}  # as a forked process must not share its pipes
     _turn = threading.Lock()
 
     def __init__(self) -> None:

@@ -261,6 +261,7 @@ def blend(case: Case) -> list[dict[str, Any]]:
     perfect = identify_point(flight, case.scenario, at=held)
     reference = case.scenario.reference_of(held)
     along = model.reference(reference.u, reference.rho)
+    along["u"] = np.full_like(along["u"], reference.u)  # not the mean speed that was flown nearby
     rows = []
     for response in model.names:
         found = model.parameters(response, along)
@@ -338,16 +339,16 @@ def _scenario(name: str, text: bytes) -> Scenario:
         return msgspec.structs.replace(read_scenario(path)[0], file=name)
 
 
-_loops: dict[tuple[str, float], Any] = {}
+_loops: dict[tuple[str, str], Any] = {}
 _simulations: dict[str, Any] = {}
 
 
 def _loop(sha256: str, scenario: Scenario, at: str) -> Any:
-    """Return trims and law of a corridor, which cases of one density share."""
-    from freqid.simulate.control.lq import close_loop
+    """Return trims and law of a corridor, which cases of the conditions along it share."""
+    from freqid.simulate.control.lq import close_loop, corridor
 
     reference = scenario.reference_of(at)
-    key = (sha256, reference.rho)
+    key = (sha256, " ".join(one.id for one in corridor(scenario, reference)))
     if key not in _loops:
         _loops[key] = close_loop(scenario, reference)
     return _loops[key]

@@ -169,8 +169,8 @@ class DataFlashFile:
         """Return the values of each parameter, in the order in which they were logged."""
         found: dict[str, list[float]] = {}
         if "PARM" in self._formats:
-            names = self._texts("PARM", "Name")
-            for name, value in zip(names, self._numbers("PARM", "Value").tolist(), strict=True):
+            names = self._texts("PARM", "Name")  # none where a damaged format has another field
+            for name, value in zip(names, self._numbers("PARM", "Value").tolist(), strict=bool(names)):
                 found.setdefault(name, []).append(value)
         return found
 

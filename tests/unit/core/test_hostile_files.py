@@ -213,3 +213,8 @@ def test_an_infinite_number_of_a_scenario_is_named(tmp_path):
     path.write_text('[vehicle]\nname = "x"\nmass_kg = inf\n')
     with pytest.raises(UsageError, match=r"at vehicle\.mass_kg: found inf, expected a finite number"):
         read_scenario(path)
+
+
+def test_what_a_name_holds_does_not_reach_the_terminal_as_a_command():
+    said = str(DataError("channel 'a\nb\x1b[2J' of θ", where="x\r.csv", remedy="rename it"))
+    assert said == r"x\r.csv: channel 'a\nb\x1b[2J' of θ; rename it."

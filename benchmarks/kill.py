@@ -271,18 +271,18 @@ def main() -> None:
     parser.add_argument("--only", default="")
     parser.add_argument("--csv", type=Path, default=Path(__file__).with_suffix(".csv"))
     asked = parser.parse_args()
-    rows = []
+    head = (
+        "command, processor seconds, kills, damaged files, kills that left a temporary file, finished runs, "
+        "finished runs that differ, temporary files after them"
+    )
+    rows = [head.split(", ")]
     with tempfile.TemporaryDirectory() as there:
         for name, words in prepare(Path(there)).items():
             if asked.only in name:
                 rows.append(judge(name, words, asked.kills, Path(there)))
                 print(*rows[-1], flush=True)
-    head = (
-        "command, processor seconds, kills, damaged files, kills that left a temporary file, finished runs, "
-    )
-    head += "finished runs that differ, temporary files after them"
-    with asked.csv.open("w", newline="") as file:
-        csv.writer(file).writerows([head.split(", "), *rows])
+                with asked.csv.open("w", newline="") as file:
+                    csv.writer(file).writerows(rows)
 
 
 if __name__ == "__main__":

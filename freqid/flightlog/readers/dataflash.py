@@ -129,6 +129,7 @@ class DataFlashFile:
         if not _starts_with_magic(path):
             raise DataError("is no DataFlash log, it does not begin as one", remedy="check the path")
         self._log = reader.DFReader_binary.__new__(reader.DFReader_binary)
+        self._log.init_clock = lambda: None  # each field has its times; looking for a clock may not end
         try:
             with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
                 self._log.__init__(str(path))

@@ -156,7 +156,7 @@ def test_diagnose_hands_over_the_flight_with_the_effect_and_says_what_was_found(
     assert [(m.at, m.mean) for m in found.of("detection")] == [(0.5, 1.0)]
     assert [(m.at, m.mean) for m in found.of("alarm")] == [(0.0, 0.0)]
     assert [(m.at, m.mean) for m in found.of("right")] == [(0.5, 0.5)]
-    assert "false alarm" in fq.page(found).html.lower()
+    assert "Campaign of 4 cases" in fq.page(found).html
 
 
 def test_a_flight_that_fails_keeps_its_draws_and_the_columns_of_others(folder):

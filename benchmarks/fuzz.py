@@ -6,17 +6,21 @@ checksum can tell), or as a fault: *traceback*, *warning* (of numpy, say), *hang
 *memory* (over 1 GiB more than before), *crash* (the process ended).
 
 Run as ``python benchmarks/fuzz.py``; ``--cases 200`` for fewer, ``--only csv`` for the readers of a pattern,
-``--show`` for the cases that are faults, ``--case 17`` for one of them.
+``--show`` for the cases that are faults, ``--case 17`` for one of them, ``--jobs 1`` for one reader at once.
 
 Each case is made from its number alone. Readers run in a process of their own, with the limits on it; a
-process that ends is replaced and the case that ended it is counted.
+process that ends is replaced and the case that ended it is counted. A sample goes through whole commands,
+which also must end with exit code 0, 2, 3 or 4, and say one sentence where they refuse.
 """
 
 import argparse
+import contextlib
 import csv
 import hashlib
 import importlib.util
+import io
 import mmap
+import multiprocessing
 import os
 import re
 import resource
@@ -76,6 +80,18 @@ class Subject:
 
 class Hang(BaseException):
     """No `Exception`, so that no reader takes it for damage."""
+
+
+class Refused(FreqidError):
+    """What a command said with exit code 2 or 3."""
+
+    exit_code = 3
+
+    def __init__(self, said: str) -> None:
+        self.said = said
+
+    def __str__(self) -> str:
+        return self.said
 
 
 def _hang(*_: object) -> None:
@@ -269,7 +285,62 @@ def resealed(content: bytes) -> bytes:
 
 def subjects(folder: Path) -> list[Subject]:
     """Return all readers with a good file each."""
-    return [*_logs(folder), *_tables(folder), *_results(folder)]
+    return [*_logs(folder), *_tables(folder), *_results(folder), *_commands(folder)]
+
+
+def _commands(folder: Path) -> list[Subject]:
+    """Return whole commands; what they write goes beside the damaged file."""
+    from freqid.cli.main import _exit_code
+
+    def command(*words: str) -> Callable[[Path], Any]:
+        def read(path: Path) -> Any:
+            heard = io.StringIO()
+            asked = [w.replace("FILE", str(path)).replace("OUT", str(path.with_name("out"))) for w in words]
+            with contextlib.redirect_stderr(heard), contextlib.redirect_stdout(io.StringIO()):
+                code = _exit_code(asked)
+            said = heard.getvalue().strip().removeprefix("freqid: ")
+            if code in (2, 3):
+                raise Refused(said)
+            if code not in (0, 4):
+                raise RuntimeError(f"exit code {code}: {said}")
+            return code
+
+        return read
+
+    scenarios = PROJECT / "scenarios"
+    linear = str(scenarios / "linear.toml")
+    check = command("check", "FILE", "--no-draw")
+    design = command("design-inputs", "FILE", "--no-page", "--no-study", "-o", "OUT.h5")
+    maps = ("--map", str(folder / "a.toml"), "--scenario", linear)
+    (folder / "a.toml").write_text(
+        '[time]\ncolumn = "t"\nunit = "s"\n'
+        + "".join(
+            f'[[channel]]\nname = "{n}"\ncolumn = "{c}"\nunit = "deg"\n'
+            for n, c in {"state/theta": "q", "effector/de": "x"}.items()
+        )
+    )
+    files = {n: (folder / f"{n}.h5").read_bytes() for n in ("record", "gap")}
+    made = {
+        "check": (".toml", (scenarios / "tiltrotor.toml").read_bytes(), check, True),
+        "design-inputs": (".toml", Path(linear).read_bytes(), design, True),
+        "import-log": (
+            ".csv",
+            (folder / "a.csv").read_bytes(),
+            command("import-log", "FILE", *maps, "-o", "OUT.h5"),
+            True,
+        ),
+        "export": (
+            ".h5",
+            files["record"],
+            command("export", "FILE", "--to", "mat", "--overwrite", "-o", "OUT.mat"),
+            False,
+        ),
+        "report": (".h5", files["gap"], command("report", "FILE", "-o", "OUT.html"), False),
+    }
+    return [
+        Subject(f"command {name}", suffix, good, read, text, share=0.02)
+        for name, (suffix, good, read, text) in made.items()
+    ]
 
 
 def _results(folder: Path) -> list[Subject]:
@@ -280,11 +351,10 @@ def _results(folder: Path) -> list[Subject]:
         path = folder / f"{kind}.h5"
         fq.save(fq.read(old), path)
         new = path.read_bytes()
-        out.append(Subject(kind, ".h5", new, fq.read, share=0.3))
-        out.append(Subject(f"{kind}, resealed", ".h5", new, fq.read, share=0.015, after=resealed))
-        out.append(
-            Subject(f"{kind}, of a release without checksums", ".h5", old.read_bytes(), fq.read, share=0.006)
-        )
+        out.append(Subject(kind, ".h5", new, fq.read))
+        out.append(Subject(f"{kind}, resealed", ".h5", new, fq.read, share=0.02, after=resealed))
+        name = f"{kind}, of a release without checksums"
+        out.append(Subject(name, ".h5", old.read_bytes(), fq.read, share=0.02))
     return out
 
 
@@ -365,7 +435,7 @@ def _logs(folder: Path) -> list[Subject]:
         Subject("csv", ".csv", (folder / "a.csv").read_bytes(), by(by_name), text=True),
         Subject("MAT 5", ".mat", (folder / "5.mat").read_bytes(), by(by_number)),
         Subject("MAT 7, compressed", ".mat", (folder / "7.mat").read_bytes(), by(by_number)),
-        Subject("MAT 7.3", ".mat", (folder / "73.mat").read_bytes(), by(by_number), share=0.02),
+        Subject("MAT 7.3", ".mat", (folder / "73.mat").read_bytes(), by(by_number), share=0.2),
         Subject("SIDPAC", ".mat", (folder / "s.mat").read_bytes(), sidpac_read),
         Subject("Parquet", ".parquet", (folder / "a.parquet").read_bytes(), by(by_name)),
         Subject("ULog", ".ulg", ulog, by(ulog_map)),
@@ -405,9 +475,6 @@ delay_s = 0.02
         scenario = fq.read_scenario(path)
         return scenario, check_scenario(scenario)
 
-    def designed(path: Path) -> Any:
-        return fq.design_inputs(fq.read_scenario(path), seed=0).design
-
     def law(path: Path) -> Any:
         at, name = law_of(path, vehicle)
         return at(20.0, 1.2, {}), name
@@ -424,14 +491,29 @@ delay_s = 0.02
         )
         for path in scenarios
     ]
-    name = "scenario linear, inputs designed"
-    out.append(Subject(name, ".toml", linear.read_bytes(), designed, text=True, share=0.05))
     maps = (PROJECT / "scenarios" / "maps" / "linear.toml").read_bytes()
     out.append(Subject("column map", ".toml", maps, read_column_map, text=True))
     out.append(Subject("loop", ".toml", loop, law, text=True))
     effects = (PROJECT / "examples" / "gyro_effect.py").read_bytes()
     out.append(Subject("effects", ".py", effects, lambda path: sorted(load_file(path)), text=True))
     return out
+
+
+def judge(subject: Subject, cases: int, folder: Path) -> tuple[list[Any], list[tuple[int, str, str]], float]:
+    """Return the row of a reader in the table, what became of all its cases, and how long it took, s."""
+    start = time.time()
+    folder.mkdir()
+    results = run(subject, cases, folder)
+    count = Counter(became for _, became, _ in results)
+    return [subject.name, cases, *(count[o] for o in OUTCOMES)], results, time.time() - start
+
+
+_chosen: list[Subject] = []  # of the processes that are forked: what reads cannot be sent to them
+
+
+def _judge_chosen(task: tuple[int, int, Path]) -> Any:
+    index, cases, folder = task
+    return judge(_chosen[index], cases, folder)
 
 
 def main() -> None:
@@ -441,29 +523,29 @@ def main() -> None:
     parser.add_argument("--only", default="")
     parser.add_argument("--show", action="store_true")
     parser.add_argument("--case", type=int)
+    parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--csv", type=Path, default=Path(__file__).with_suffix(".csv"))
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        found = [s for s in subjects(folder) if re.search(asked.only, s.name)]
+        _chosen[:] = [s for s in subjects(folder) if re.search(asked.only, s.name)]
         if asked.case is not None:
-            path = folder / f"case{found[0].suffix}"
-            path.write_bytes(case_of(found[0], asked.case))
-            print(found[0].read(path))
+            path = folder / f"case{_chosen[0].suffix}"
+            path.write_bytes(case_of(_chosen[0], asked.case))
+            print(_chosen[0].read(path))
             return
-        rows = []
-        for subject in found:
-            cases, start = max(1, round(asked.cases * subject.share)), time.time()
-            (folder / "run").mkdir(exist_ok=True)
-            results = run(subject, cases, folder / "run")
-            count = Counter(became for _, became, _ in results)
-            rows.append([subject.name, cases, *(count[o] for o in OUTCOMES)])
-            print(*rows[-1][:2], dict(count), f"{time.time() - start:.0f} s", flush=True)
-            for number, became, said in results:
-                if asked.show and became in FAULTS:
-                    print("   ", number, became, said[:240])
-            with asked.csv.open("w", newline="") as file:
-                csv.writer(file).writerows([["reader", "cases", *OUTCOMES], *rows])
+        tasks = [(i, max(1, round(asked.cases * s.share)), folder / f"run{i}") for i, s in enumerate(_chosen)]
+        rows: dict[str, list[Any]] = {}
+        with multiprocessing.get_context("fork").Pool(asked.jobs, maxtasksperchild=1) as pool:
+            for row, results, seconds in pool.imap_unordered(_judge_chosen, tasks):
+                rows[row[0]] = row
+                print(*row[:2], dict(zip(OUTCOMES, row[2:], strict=True)), f"{seconds:.0f} s", flush=True)
+                for number, became, said in results:
+                    if asked.show and became in FAULTS:
+                        print("   ", number, became, said[:240], flush=True)
+                inside = [rows[s.name] for s in _chosen if s.name in rows]
+                with asked.csv.open("w", newline="") as file:
+                    csv.writer(file).writerows([["reader", "cases", *OUTCOMES], *inside])
 
 
 if __name__ == "__main__":

@@ -4,13 +4,14 @@ Each task is done at several sizes. The exponent is the slope of a straight line
 time over its upper half, where what every call costs anyway weighs least; the steepest slope stands beside
 it. Times are processor times, the least of several, in turns over the sizes, so that other work on the
 machine disturbs little. Flights in a batch are in simulation_speed.py. Writes benchmarks/growth.csv and
-docs/images/growth.png.
+docs/images/growth.png; ``growth.py gap study`` only prints these two.
 """
 
 from __future__ import annotations
 
 import csv
 import os
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -30,6 +31,7 @@ from freqid.identify.point import identify_point
 from freqid.identify.spectra.fourier import FourierPlan
 
 HERE = Path(__file__).resolve()
+LINEAR = HERE.parents[1] / "scenarios" / "linear.toml"
 REPEATS = 9
 Task = Callable[[int], Callable[[], object]]
 
@@ -92,6 +94,58 @@ def campaign(cases: int) -> Callable[[], object]:
     )
 
 
+def output_error(samples: int) -> Callable[[], object]:
+    """Return what estimates the 18 parameters of the lateral model of output_error.py."""
+    import output_error as bench
+
+    from freqid.identify.output_error.estimate import estimate
+
+    bench.DURATION = samples * bench.DT
+    signals = bench.flight(0, coloured=False)
+    return lambda: estimate(bench.MODEL, [signals], bench.CHOICES)
+
+
+def studied(conditions: int) -> Callable[[], object]:
+    """Return what studies the linear aircraft of the examples at so many conditions, from nothing."""
+    folder = Path(tempfile.mkdtemp())
+    text = LINEAR.read_text().replace("period_s = 60.0\nperiods = 2", "period_s = 24.0\nperiods = 1")
+    start, end = text.index("[[reference]]"), text.index("[excitation]")
+    speeds = np.linspace(17.0, 23.0, conditions)
+    every = "".join(f'[[reference]]\nid = "c{i}"\nu = {u}\nrho = 1.225\n' for i, u in enumerate(speeds))
+    text = text[:start] + every + text[end:].replace("[0.05, 1.8]", "[0.1, 1.8]")
+    (folder / "s.toml").write_text(text)
+    count = iter(range(1000))
+    return lambda: fq.study(folder / "s.toml", folder / f"{next(count)}", jobs=1)
+
+
+def gap(flights: int) -> Callable[[], object]:
+    """Return what diagnoses so many flights of 30 s with three effects as candidates."""
+    sys.path.insert(0, str(HERE.parents[1] / "examples"))
+    import gap_flights
+
+    from freqid.gap import flights as flown
+    from freqid.gap.connect import connect
+    from freqid.gap.diagnose import Question, diagnose
+    from freqid.gap.model.tolerance import stated
+    from freqid.simulate.effects import library
+
+    scenario, records = fq.read_scenario(LINEAR), []
+    log = Path(tempfile.mkdtemp()) / "flight.csv"
+    for seed in range(flights):
+        table = gap_flights.fly(seed=seed, period=30.0, periods=1, derivatives=gap_flights.derivatives())
+        table.to_csv(log, index=False)
+        records.append(fq.read_log(log, columns=LINEAR.parent / "maps" / LINEAR.name, scenario=scenario))
+    function = f"{HERE.parents[1] / 'examples' / 'linear_simulation.py'}:wrench"
+    simulation = connect(function, scenario=LINEAR, record=records[0])
+    names = [f"flight {i}" for i in range(flights)]
+    vehicle = flown.vehicle_of(records, simulation, scenario.aircraft())
+    maneuvers = flown.maneuvers(records, names, simulation, vehicle)
+    effects = {n: library()[n] for n in ("surface_effectiveness", "sensor_bias", "time_skew")}
+    question = Question(effects, stated(scenario.tolerance, effects), (0.05, 1.8), draws=200, close=False)
+    return lambda: diagnose(simulation, maneuvers, question, names=names)
+
+
+SLOW = {"campaign", "study", "gap"}
 TASKS: dict[tuple[str, str], tuple[Task, Sequence[int]]] = {
     ("point identification", "samples"): (
         lambda n: point(samples=n),
@@ -102,7 +156,10 @@ TASKS: dict[tuple[str, str], tuple[Task, Sequence[int]]] = {
     ("transform", "samples"): (lambda n: transform(samples=n), (6001, 12001, 24001, 48001, 96001)),
     ("transform", "channels"): (lambda n: transform(channels=n), (8, 16, 32, 64, 128)),
     ("blend", "conditions"): (blended, (8, 16, 32, 64, 128)),
+    ("output error", "samples"): (output_error, (1000, 2000, 4000, 8000, 16000)),
     ("campaign", "cases"): (campaign, (500, 1000, 2000, 4000)),
+    ("study", "conditions"): (studied, (2, 4, 8, 16)),
+    ("gap", "flights"): (gap, (1, 2, 4, 8)),
 }
 
 
@@ -122,9 +179,11 @@ def timed(task: Task, sizes: Sequence[int], repeats: int) -> np.ndarray:
 
 def main() -> None:
     """Print and write exponents, and draw time against size."""
-    rows, curves = [], {}
+    asked, rows, curves = sys.argv[1:], [], {}
     for (what, size), (task, sizes) in TASKS.items():
-        least = timed(task, sizes, 2 if what == "campaign" else REPEATS)
+        if asked and what not in asked:
+            continue
+        least = timed(task, sizes, 1 if what in SLOW else REPEATS)
         x, y = np.log(np.array(sizes, dtype=float)), np.log(least)
         upper = slice(len(sizes) // 2 - (len(sizes) < 5), None)
         exponent = float(np.polyfit(x[upper], y[upper], 1)[0])
@@ -143,6 +202,8 @@ def main() -> None:
         )
         curves[f"{what}, {size} ({exponent:.2f})"] = (np.array(sizes) / sizes[0], least / least[0])
         print("  ".join(f"{v!s:<22}" for v in rows[-1].values()), flush=True)
+    if asked:
+        return
     figure = Figure(figsize=(6.0, 4.2), layout="constrained")
     axes = figure.subplots()
     for name, (x, y) in curves.items():

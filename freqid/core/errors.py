@@ -40,6 +40,8 @@ class FreqidError(Exception):
     def __str__(self) -> str:
         text = f"{self.where}: {self.message}" if self.where else self.message
         text = f"{text}; {self.remedy}" if self.remedy else text
+        # names from damaged or hostile files may hold line ends, or codes that a terminal obeys
+        text = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
         return text if text.endswith(("?", "...")) else f"{text}."
 
     def at(self, where: str) -> FreqidError:

@@ -2,21 +2,32 @@
 
 The HDF5 library does not survive every damage: of a thousand files with a few changed bytes
 it loops for ever over some and ends the process over others, which no Python code can catch. Files with
-freqid's own checksum need no probe. This file is also what that process runs, so it imports little.
+freqid's own checksum need no probe.
+
+This file is also what that process runs, so it imports little. It is started once, which takes half a
+second, and forks for every file, which takes milliseconds; where a system cannot fork, it is started for
+every file.
 """
 
 from __future__ import annotations
 
+import atexit
+import contextlib
 import os
+import signal
 import subprocess
 import sys
+import threading
+import time
 from functools import lru_cache
 from pathlib import Path
+from typing import ClassVar
 
 _SECONDS, _RATE = 1, 50_000_000  # of processor, and bytes that it reads in one more
 _WALL = 60.0  # s, where the file's disk is slow
 _MEMORY = 1 << 29  # bytes beside the largest data set
 _OUT_OF_MEMORY = 3
+_DOES_NOT_END = -9  # SIGKILL, as of one that does not hear SIGXCPU
 
 
 def fault_of(path: Path) -> str:
@@ -36,22 +47,88 @@ def fault_of(path: Path) -> str:
 @lru_cache(maxsize=64)
 def _fault(path: str, changed: int, size: int) -> str:
     try:
-        code = subprocess.run(
+        code = _Server.mine().code_of(path) if hasattr(os, "fork") else _started_for(path)
+    except OSError:
+        return ""  # no Python to start, as inside another program
+    if code in (-24, _DOES_NOT_END):  # 24 is SIGXCPU
+        return "does not end"
+    if code == _OUT_OF_MEMORY:
+        return "takes more memory than the file can hold"
+    return f"ends the process (signal {-code})" if code < 0 else ""
+
+
+def _started_for(path: str) -> int:
+    """Return the exit code of a process that is started for one file."""
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        return subprocess.run(
             [sys.executable, "-I", __file__, path],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             timeout=_WALL,
         ).returncode
-    except subprocess.TimeoutExpired:
-        return "does not end"
-    except OSError:
-        return ""  # no Python to start, as inside another program
-    if code in (-24, -9):  # SIGXCPU, and SIGKILL where that was not heard
-        return "does not end"
-    if code == _OUT_OF_MEMORY:
-        return "takes more memory than the file can hold"
-    return f"ends the process (signal {-code})" if code < 0 else ""
+    return _DOES_NOT_END
+
+
+class _Server:
+    """The process that forks for every file whose name it is sent."""
+
+    _of_process: ClassVar[dict[int, _Server]] = {}  # as a forked process must not share its pipes
+    _turn = threading.Lock()
+
+    def __init__(self) -> None:
+        self._process = subprocess.Popen(
+            [sys.executable, "-I", __file__],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
+        atexit.register(self._end, os.getpid())
+
+    @classmethod
+    def mine(cls) -> _Server:
+        """Return the one of this process."""
+        with cls._turn:
+            found = cls._of_process.get(os.getpid())
+            if found is None or found._process.poll() is not None:
+                found = cls._of_process[os.getpid()] = cls()
+            return found
+
+    def code_of(self, path: str) -> int:
+        """Return the exit code of a process that reads a file."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        with self._turn:
+            self._process.stdin.write(os.fsencode(path) + b"\0")
+            self._process.stdin.flush()
+            said = self._process.stdout.readline()
+        return int(said) if said else _DOES_NOT_END
+
+    def _end(self, owner: int) -> None:
+        if os.getpid() == owner:
+            self._process.communicate()  # it ends when nothing more can come
+
+
+def _serve() -> None:
+    """Fork for every name on standard input, and write the exit code of each."""
+    import h5py  # noqa: F401  before forking
+
+    names = b""
+    while more := os.read(0, 65536):
+        names += more
+        while b"\0" in names:
+            name, _, names = names.partition(b"\0")
+            child = os.fork()
+            if child == 0:
+                os.close(0)
+                os.close(1)
+                _try(os.fsdecode(name))
+            until = time.monotonic() + _WALL
+            while not (ended := os.waitpid(child, os.WNOHANG))[0]:
+                if time.monotonic() > until:
+                    os.kill(child, signal.SIGKILL)
+                time.sleep(0.001)
+            os.write(1, f"{os.waitstatus_to_exitcode(ended[1])}\n".encode())
 
 
 def _limit_processor(seconds: float) -> None:
@@ -96,11 +173,16 @@ def _read_all(path: str) -> None:
         file.visititems(visit)
 
 
-if __name__ == "__main__":
+def _try(path: str) -> None:
+    """Read a file and end this process."""
     try:
-        _read_all(sys.argv[1])
+        _read_all(path)
     except MemoryError:
         os._exit(_OUT_OF_MEMORY)
     except Exception:
         os._exit(0)
     os._exit(0)
+
+
+if __name__ == "__main__":
+    _try(sys.argv[1]) if sys.argv[1:] else _serve()

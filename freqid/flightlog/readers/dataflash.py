@@ -129,6 +129,7 @@ class DataFlashFile:
         if not _starts_with_magic(path):
             raise DataError("is no DataFlash log, it does not begin as one", remedy="check the path")
         self._log = reader.DFReader_binary.__new__(reader.DFReader_binary)
+        self._log.init_clock = lambda: None  # each field has its times; looking for a clock may not end
         try:
             with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
                 self._log.__init__(str(path))
@@ -169,8 +170,8 @@ class DataFlashFile:
         """Return the values of each parameter, in the order in which they were logged."""
         found: dict[str, list[float]] = {}
         if "PARM" in self._formats:
-            names = self._texts("PARM", "Name")
-            for name, value in zip(names, self._numbers("PARM", "Value").tolist(), strict=True):
+            names = self._texts("PARM", "Name")  # none where a damaged format has another field
+            for name, value in zip(names, self._numbers("PARM", "Value").tolist(), strict=bool(names)):
                 found.setdefault(name, []).append(value)
         return found
 

@@ -85,12 +85,17 @@ class SurfaceSection(Strict, frozen=True):
     span_m : tuple of 2 floats
         From and to, positive to the right; ignored on the tail, where it spans the panel.
     chord_fraction : float
+        Of the section's chord, over 0 and up to 1.
     """
 
     name: str
     on: str
     chord_fraction: float
     span_m: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.chord_fraction <= 1.0:
+            raise ValueError(f"chord_fraction is {self.chord_fraction:g}, expected over 0 and up to 1")
 
 
 class TailSection(Strict, frozen=True):

@@ -16,9 +16,11 @@ from freqid.core.results.monte_carlo import Measured, wilson
 from freqid.workflows.monte_carlo.plan import Setting, label
 
 Columns = Mapping[str, Any]
-NUMBERS = ("estimate", "std_error", "lo", "hi", "reference", "value")
-FLAGS = ("covered", "present", "called", "right")
-TEXTS = ("quantity", "named", "failure")
+NUMBERS = ("estimate", "std_error", "lo", "hi", "reference", "value", "r2", "p")
+FLAGS = ("covered", "present", "called", "right", "in_set", "inside")
+TEXTS = ("quantity", "named", "failure", "unit")
+"""Columns that every file has, each of one type also where a unit has nothing in it: programs that read a
+folder take the columns and types of its first file for those of all."""
 _MOST_FAILURES = 20
 """Sentences of failed cases that are kept; the rows hold all."""
 

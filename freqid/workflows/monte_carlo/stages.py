@@ -78,16 +78,17 @@ def cases(path: Path, *, stage: str, setting: Setting, seeds: Sequence[int], sou
     tables: list[tuple[int, Columns]] = []
     for seed in seeds:
         arguments = nested(setting)
+        case = Case(scenario, sources.designs or {}, seed, arguments) if scenario and not work else None
         try:
             if work is not None:
                 found = work(seed, **({"scenario": scenario} if _wants_scenario(work) else {}), **arguments)
             else:
-                assert scenario is not None  # the plan was checked
-                found = STAGES[stage](Case(scenario, sources.designs or {}, seed, arguments))
+                assert case is not None  # the plan was checked
+                found = STAGES[stage](case)
         except UsageError:
             raise  # every case of the setting would say the same
         except FreqidError as error:
-            found = {"failure": str(error)}
+            found = case.row(failure=str(error)) if case else {"failure": str(error)}
         tables.append((seed, _columns(found)))
     write_rows(path, setting, tables)
 
@@ -260,6 +261,7 @@ def blend(case: Case) -> list[dict[str, Any]]:
     perfect = identify_point(flight, case.scenario, at=held)
     reference = case.scenario.reference_of(held)
     along = model.reference(reference.u, reference.rho)
+    along["u"] = np.full_like(along["u"], reference.u)  # not the mean speed that was flown nearby
     rows = []
     for response in model.names:
         found = model.parameters(response, along)
@@ -337,16 +339,16 @@ def _scenario(name: str, text: bytes) -> Scenario:
         return msgspec.structs.replace(read_scenario(path)[0], file=name)
 
 
-_loops: dict[tuple[str, float], Any] = {}
+_loops: dict[tuple[str, str], Any] = {}
 _simulations: dict[str, Any] = {}
 
 
 def _loop(sha256: str, scenario: Scenario, at: str) -> Any:
-    """Return trims and law of a corridor, which cases of one density share."""
-    from freqid.simulate.control.lq import close_loop
+    """Return trims and law of a corridor, which cases of the conditions along it share."""
+    from freqid.simulate.control.lq import close_loop, corridor
 
     reference = scenario.reference_of(at)
-    key = (sha256, reference.rho)
+    key = (sha256, " ".join(one.id for one in corridor(scenario, reference)))
     if key not in _loops:
         _loops[key] = close_loop(scenario, reference)
     return _loops[key]

@@ -1,6 +1,7 @@
 """Files that mean harm: refused before anything is read, or harmless. Most carry a good checksum."""
 
 import json
+import os
 import time
 from pathlib import Path
 
@@ -122,7 +123,8 @@ def test_text_that_is_no_text_is_one_sentence(path):
         path.write_bytes(whole)
 
 
-def test_what_crashes_the_hdf5_library_does_not_crash_the_reader(tmp_path, monkeypatch):
+@pytest.mark.parametrize("fork", [True, False])
+def test_what_crashes_the_hdf5_library_does_not_crash_the_reader(tmp_path, monkeypatch, fork):
     """A file without checksum is read by a process of its own first; here one that ends as such files do."""
     path = tmp_path / "x.h5"
     with h5py.File(path, "w") as file:
@@ -130,6 +132,9 @@ def test_what_crashes_the_hdf5_library_does_not_crash_the_reader(tmp_path, monke
     assert probe.fault_of(path) == ""
     fatal, text = tmp_path / "probe.py", Path(probe.__file__).read_text()
     monkeypatch.setattr(probe, "__file__", str(fatal))
+    monkeypatch.setattr(probe._Server, "_of_process", {})
+    if not fork:
+        monkeypatch.delattr(os, "fork")
     for code, says in (
         ("import signal; os.kill(os.getpid(), signal.SIGSEGV)", "ends the process"),
         ("while True: pass", "does not end"),
@@ -137,9 +142,26 @@ def test_what_crashes_the_hdf5_library_does_not_crash_the_reader(tmp_path, monke
     ):
         fatal.write_text(text.replace("    def visit(", f"    {code}\n\n    def visit("))
         probe._fault.cache_clear()
+        probe._Server._of_process.clear()
         with pytest.raises(DataError, match=f"reading it as HDF5 {says}"):
             read_record(path)
     probe._fault.cache_clear()
+
+
+def test_one_process_looks_through_many_files_and_survives_them(tmp_path, monkeypatch):
+    server = probe._Server()
+    monkeypatch.setattr(probe._Server, "_of_process", {os.getpid(): server})
+    for i in range(5):
+        with h5py.File(tmp_path / f"{i} \n.h5", "w") as file:
+            file["x"] = np.arange(5)
+        assert probe.fault_of(tmp_path / f"{i} \n.h5") == ""
+    assert probe._Server.mine() is server
+    server._process.kill()
+    server._process.wait()
+    with h5py.File(tmp_path / "more.h5", "w") as file:
+        file["x"] = np.arange(5)
+    assert probe.fault_of(tmp_path / "more.h5") == ""  # by a new one
+    assert probe._Server.mine() is not server
 
 
 def test_a_toml_file_of_100_mb_is_refused_at_once(tmp_path):
@@ -191,3 +213,8 @@ def test_an_infinite_number_of_a_scenario_is_named(tmp_path):
     path.write_text('[vehicle]\nname = "x"\nmass_kg = inf\n')
     with pytest.raises(UsageError, match=r"at vehicle\.mass_kg: found inf, expected a finite number"):
         read_scenario(path)
+
+
+def test_what_a_name_holds_does_not_reach_the_terminal_as_a_command():
+    said = str(DataError("channel 'a\nb\x1b[2J' of θ", where="x\r.csv", remedy="rename it"))
+    assert said == r"x\r.csv: channel 'a\nb\x1b[2J' of θ; rename it."

@@ -254,6 +254,17 @@ def test_an_ardupilot_log_and_its_chirps(tmp_path):
     assert "excitation/rate_roll" in record.provenance["not_logged"]
 
 
+def test_parameters_without_names_are_none(tmp_path):
+    """As damage to the format of the message leaves them."""
+    path = tmp_path / "x.bin"
+    whole = dataflash_bytes(arducopter_messages())
+    assert whole.count(b"TimeUS,Name,Value") == 1
+    path.write_bytes(whole.replace(b"TimeUS,Name,Value", b"TimeUS,Nome,Value"))
+    record = read_log(path, "ardupilot-multirotor", resample_hz=50.0)
+    assert record.configuration.parameter_hash == ""
+    assert record.time.size > 100
+
+
 def test_faults_of_a_dataflash_log(tmp_path):
     whole = dataflash_bytes(arducopter_messages())
     path = tmp_path / "x.bin"

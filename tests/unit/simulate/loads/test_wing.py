@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from freqid.simulate.loads.sections import SurfaceSection
 from freqid.simulate.loads.wing import Section, attachment, flap_effect, section_loads
 
 STALL = 0.32
@@ -87,3 +88,9 @@ def test_a_deflected_surface_lifts_at_any_attached_angle_and_less_beyond_stall()
     gain = [loads(a, slope=0.1)[0] - loads(a)[0] for a in (0.0, 0.1, 0.6)]
     assert gain[0] == pytest.approx(5.9 * np.sin(np.arctan(0.1)), rel=1e-3)
     assert gain[0] > gain[1] > 2 * gain[2]
+
+
+@pytest.mark.parametrize("share", [0.0, 1.5, np.nan])
+def test_a_flap_is_a_part_of_its_chord(share):
+    with pytest.raises(ValueError, match="expected over 0 and up to 1"):
+        SurfaceSection("de", "rear", share)

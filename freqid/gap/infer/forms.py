@@ -3,7 +3,8 @@
 A simulation may be good in lift and poor in drag, so each row has a size of its own. But a simulation whose
 other rows are exact is not likely to be poor in one: the rows' sizes lie about one that they share, which is
 unknown too (A. Gelman and others, Bayesian Data Analysis, 3rd ed., chapter 5). Loads share one, actuators
-another, and relations between sensors, which need no simulation, a third.
+another, and relations between sensors, which need no simulation, a third. Errors that are the same in all
+blocks have sizes of their own, as if they were rows: those of loads share one, those of actuators another.
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ from scipy.special import logsumexp
 from freqid.core.arrays import Array
 from freqid.gap.infer.system import Form, Reduced, System
 from freqid.gap.infer.weighing import Weighing
+from freqid.gap.model.form import ALIKE_ACTUATOR, ALIKE_LOAD
 from freqid.gap.settings import ACTUATOR_FORM, FORM_ERRORS, FORM_LIKENESS, SEPARATE
 
 Index = tuple[int, ...]
 
-_KINDS = ("", "actuator/", "kinematic/")
-_LEAST = tuple(FORM_ERRORS.index(f) for f in (0.0, ACTUATOR_FORM, 0.0))  # by kind
+_KINDS = ("", "actuator/", "kinematic/", ALIKE_LOAD, ALIKE_ACTUATOR)
+_LEAST = tuple(FORM_ERRORS.index(f) for f in (0.0, ACTUATOR_FORM, 0.0, 0.0, ACTUATOR_FORM))  # by kind
 _UNLIKELY = 0.01  # probability of an error of form, with an effect or without, below which it is left out
 _STEPS = (8, 4, 2, 1, -1, -2, -4, -8)  # by which a row is moved: in between the evidence may be lower
 _HOPELESS = 30.0  # nats below the best, from which larger ones are no better
@@ -170,7 +172,7 @@ class _Search:
 
 
 def _kind(row: str) -> int:
-    """Return which of `_KINDS` a row is of: loads, an actuator, a relation between sensors."""
+    """Return which of `_KINDS` a row is of: loads, an actuator, a relation, what blocks share."""
     return next((k for k, stem in enumerate(_KINDS) if stem and row.startswith(stem)), 0)
 
 

@@ -90,9 +90,7 @@ def propulsion(x, speeds, rho, s):
     thrust, torque, ahead, around = propeller(rho, speeds, along)
     strong = np.array([np.ones(u.size) + s(f"{n}.thrust") for n in g.ROTORS])
     strong -= s.of_all("weak_rotor.loss", g.ROTORS)
-    if s.has(
-        "outsider.neighbour_jet"
-    ):  # in sideslip a propeller takes in air of its windward neighbour's jet
+    if s.has("outsider.neighbour_jet"):  # in sideslip a propeller takes in its windward neighbour's jet
         slip = v / u
         near = np.zeros_like(ahead)
         near[1:] += ahead[:-1] * 0.5 * (1 + np.tanh((-slip - 0.015) / 0.01))

@@ -44,9 +44,8 @@ class LiftingLine:
         self.side = np.sign(y)[:, None]
         self.chord = np.concatenate([chords[::-1], chords])[:, None]
         self.area = self.chord * np.diff(every)[:, None]
-        self.place = np.array([root - np.tan(sweep) * np.abs(y), y, -np.tan(dihedral) * np.abs(y)])[
-            :, :, None
-        ]
+        out = np.abs(y)
+        self.place = np.array([root - np.tan(sweep) * out, y, -np.tan(dihedral) * out])[:, :, None]
         self.wash = (1 / (y[:, None] - every[:-1]) - 1 / (y[:, None] - every[1:])) / (4 * np.pi)
         self._half = 0.5 * self.chord * np.cos(sweep)
         self._solve = np.linalg.inv(np.eye(y.size) + SLOPE * self._half * self.wash)

@@ -13,8 +13,8 @@ NEWTON = 3  # steps from a guess; a fourth changes thrust by less than 1e-6 N in
 def propeller(rho, speed, along):
     """Return thrust, N, torque, N m, and velocities induced at the disc along and around the axis, m/s.
 
-    The induced velocity ``e`` stands across the flow that the section meets (Betz), so that this has the speed
-    ``W = sqrt(U^2 - e^2)``, where ``U`` is that of the vehicle's way and the blade's. ``e`` follows from the
+    The induced velocity ``e`` stands across the flow that the section meets (Betz). This flow has the speed
+    ``W = sqrt(U^2 - e^2)``, where ``U`` comes from flight and rotation alone. ``e`` follows from the
     circulation: ``8 pi r F sin(phi) e = B c W cl(phi)``, ``phi`` the angle of ``W`` to the disc.
 
     Parameters

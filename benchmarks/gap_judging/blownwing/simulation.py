@@ -1,4 +1,4 @@
-"""The owner's simulation of the judging blown wing: two half wings from a tunnel, propellers from a stand's table."""
+"""The owner's simulation of the judging blown wing: half wings from a tunnel, a table of propellers."""
 
 from __future__ import annotations
 
@@ -21,9 +21,8 @@ RESPONSES = ("X", "Y", "Z", "L", "M", "N")
 # Of one half of the wing in its own flow; the last of its own jet
 INPUTS = ("camber", "tilt", "alpha", "q", "polar", "section", "inner", "outer", "open", "swirl")
 INPUTS += ("roll", "p", "beta", "slip", "r", "1", "jet")
-HUBS = [
-    (tuple(r["position_m"]), r["spin"]) for r in tomllib.loads((HERE / "scenario.toml").read_text())["rotor"]
-]
+_SCENARIO = tomllib.loads((HERE / "scenario.toml").read_text())
+HUBS = [(tuple(r["position_m"]), r["spin"]) for r in _SCENARIO["rotor"]]
 DISC = 3.14159265 * g.PROP_R * g.PROP_R
 
 
@@ -34,7 +33,7 @@ def _read():
     """
     wing = {name: [[] for _ in range(5)] for name in RESPONSES}
     table = {"thrust": [], "torque": []}
-    for row in csv.DictReader((HERE / "tunnel.csv").open()):
+    for row in csv.DictReader((HERE / "tunnel.csv").read_text().splitlines()):
         value = float(row["coefficient"])
         if row["station"] == "stand":
             table[row["response"]].append((float(row["term"]), value))

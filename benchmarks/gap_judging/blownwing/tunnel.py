@@ -1,9 +1,10 @@
 """What a tunnel and a test stand would tell the owner: `python benchmarks/gap_judging/blownwing/tunnel.py`.
 
-Measures half a wing with its four propellers, as tunnels mount them: the truth's wing at random points of the
-flights' range, each part also scaled, with the loads of both halves apart by mirrored runs. Writes
-`tunnel.csv`: response, station, term, coefficient; then thrust and torque of a propeller over its advance as a
-table. The owner's simulation reads nothing else of the truth.
+Samples the truth's wing in its jets at random points of the flights' range, each part also scaled. Loads are
+fitted as the sum of two halves, each a mirror image of the other: polynomials of a half's own inputs, and for
+each of its propellers a polynomial times that propeller's thrust. Products of a left and a right input are
+left out. Writes `tunnel.csv`: response, station, term, coefficient; then thrust and torque of a propeller
+over its advance as a table. The owner's simulation reads nothing else of the truth.
 """
 
 from __future__ import annotations
@@ -90,7 +91,15 @@ def campaign(rng):
 
 
 def columns(inputs, stations, odd):
-    """Return what every term of every station adds, by (station, term); `odd` loads change sign with the half."""
+    """Return what every term of every station adds, by (station, term).
+
+    Parameters
+    ----------
+    inputs, stations : dict
+        Of `campaign`.
+    odd : bool
+        Whether the load changes its sign from one half to the other, as Y, L and N do.
+    """
     sign = np.array([[-1.0], [1.0]]) if odd else np.ones((2, 1))
     plain = [n for n in inputs if n != "swirl"]
     pairs = [n for n in plain if n not in ("polar", "section")]
@@ -101,14 +110,9 @@ def columns(inputs, stations, odd):
     for name, jet in stations.items():
         flap = "inner" if name in "12" else "outer"
         single = ["camber", "alpha", flap, "q", "p", "slip", "swirl", "polar", "section"]
-        tilted = [("tilt", n) for n in ("camber", "alpha", flap)] + [("roll", "camber"), ("roll", "alpha")]
-        squared = [
-            ("alpha", flap),
-            ("camber", "alpha"),
-            (flap, flap),
-            ("swirl", "alpha"),
-            ("swirl", "camber"),
-        ]
+        tilted = [("tilt", n) for n in ("camber", "alpha", flap)] + [("roll", n) for n in ("camber", "alpha")]
+        squared = [("alpha", flap), ("camber", "alpha"), (flap, flap)]
+        squared += [("swirl", n) for n in ("alpha", "camber")]
         for term in [(n,) for n in single] + tilted + squared:
             made = sign * jet * np.prod([inputs[n] for n in term], axis=0)
             out[name, " ".join(term)] = made.sum(axis=0)

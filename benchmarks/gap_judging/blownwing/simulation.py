@@ -105,7 +105,7 @@ def loads(m, state, effector, rho, par):
     X = X - 0.0085 * pressure
     Z = Z - 0.0085 * pressure * alpha
     M = M + pressure * g.CHORD * 0.0697 * (1 + get("body.pitch_moment", 0.0)) * alpha
-    Y = Y - pressure * (0.0085 + 0.138 * (1 + get("body.side_force", 0.0))) * beta
+    Y = Y - pressure * (0.0085 + 0.1365 * (1 + get("body.side_force", 0.0))) * beta
     N = N - pressure * g.SPAN * 0.003 * (1 + get("body.yaw_moment", 0.0)) * beta
     return X, Y, Z, L, M, N
 

@@ -49,7 +49,7 @@ def campaign(rng):
     around = lambda middle, wide: middle + wide * rng.uniform(-1, 1, COUNT)  # noqa: E731
     slow = rng.random(COUNT) < 0.5
     speed = np.where(slow, 18.0, 24.0) + around(0.0, 1.5)
-    alpha, beta = np.where(slow, *TRIMMED["alpha"]) + around(0.0, 0.035), around(0.0, 0.06)
+    alpha, beta = np.where(slow, *TRIMMED["alpha"]) + around(0.0, 0.035), around(0.0, 0.09)
     p, q, r = around(0.0, 0.5), around(0.0, 0.4), around(0.0, 0.25)
     flaps = [around(0.0, wide) for wide in (0.13, 0.13, 0.10, 0.10)]
     rudders = [around(0.35, 0.22) for _ in range(2)]

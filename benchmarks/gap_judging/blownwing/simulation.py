@@ -45,6 +45,9 @@ def _read():
 
 
 WING, STAND = _read()
+_ADVANCES = STAND["thrust"][0].tolist()
+FIRST, STEP, LAST = _ADVANCES[0], _ADVANCES[1] - _ADVANCES[0], len(_ADVANCES) - 2
+THRUST, TORQUE = (STAND[end][1].tolist() for end in ("thrust", "torque"))
 
 
 def loads(m, state, effector, rho, par):
@@ -64,7 +67,7 @@ def loads(m, state, effector, rho, par):
     scale = (1 + get("jets.strength", 0.0)) / (DISC * rho * speed * speed)
     for ((_, y, z), spin), name, n in zip(HUBS, g.ROTORS, effector[6:], strict=True):
         advance = (u + q * z - r * y) * (1 + get("props.advance", 0.0)) / (g.PROP_R * n)
-        thrust, torque = (np.interp(advance, *STAND[end]) for end in ("thrust", "torque"))
+        thrust, torque = _of_stand(advance)
         power = rho * DISC * (g.PROP_R * n) * (g.PROP_R * n)
         thrust = power * thrust * (1 + get(name + ".thrust", 0.0))
         torque = power * g.PROP_R * torque * (1 + get(name + ".torque", 0.0))
@@ -108,6 +111,19 @@ def loads(m, state, effector, rho, par):
     Y = Y - pressure * (0.0085 + 0.1365 * (1 + get("body.side_force", 0.0))) * beta
     N = N - pressure * g.SPAN * 0.003 * (1 + get("body.yaw_moment", 0.0)) * beta
     return X, Y, Z, L, M, N
+
+
+def _of_stand(advance):
+    """Return thrust and torque coefficients by straight lines over the table's equal steps."""
+    at = (advance - FIRST) / STEP
+    if isinstance(at, float):  # in flight; numpy takes ten times as long for one number
+        k = min(max(int(at), 0), LAST)
+        thrust, torque = THRUST, TORQUE
+    else:
+        k = np.clip(at.astype(int), 0, LAST)
+        thrust, torque = STAND["thrust"][1], STAND["torque"][1]
+    part = at - k
+    return tuple(c[k] + part * (c[k + 1] - c[k]) for c in (thrust, torque))
 
 
 def _sum(terms, inputs):

@@ -13,6 +13,7 @@ from freqid.gap.infer.forms import common_form, likely_forms
 from freqid.gap.infer.linearise import likeliest_departures, relinearised
 from freqid.gap.infer.system import Form, System
 from freqid.gap.model.candidates import Candidate, candidates
+from freqid.gap.model.form import ALIKE_LOAD
 from freqid.gap.model.tolerance import tolerance_columns
 from freqid.gap.settings import FORM_ERRORS, ROUNDS
 from freqid.gap.simulation import side_by_side
@@ -65,7 +66,10 @@ def _straight(
 
     parts = side_by_side(simulation, parts_of, range(len(blocks)))
     rows = tuple(dict.fromkeys(p.block.rows[i].name for p in parts for i in np.unique(p.form_row).tolist()))
-    unknowns = tuple(dict.fromkeys(key for p in parts for key in p.alike))
+    alike = dict.fromkeys(key for p in parts for key in p.alike)
+    if len(parts) == 1:  # nothing is shared with another condition: each load's own error of form says it all
+        alike = {key: None for key in alike if not key[0].startswith(ALIKE_LOAD)}
+    unknowns = tuple(alike)
     rows = (*rows, *dict.fromkeys(kind for kind, _ in unknowns))
     every = (Form((FORM_ERRORS[-1],) * len(rows), 0.0),)
     columns = [_columns(p, rows, every, unknowns) for p in parts]

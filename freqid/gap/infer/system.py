@@ -179,8 +179,9 @@ class BlockMatrices:
 
     def alike_sizes(self, error: Form) -> Array:
         """Return the size of each column of A at an error of form, shape (column of A,)."""
-        loads = error.loads if isinstance(error.loads, tuple) else ()
-        return np.array([*loads, error.actuators])[self.alike_row]
+        if isinstance(error.loads, tuple):
+            return np.array([*error.loads, error.actuators])[self.alike_row]
+        return np.where(self.alike_row < 0, error.actuators, error.loads)
 
     def at_loads(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
         """Return all inner products less the loads' error of form, and half its log determinant."""

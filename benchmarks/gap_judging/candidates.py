@@ -129,6 +129,8 @@ def stated(aircraft: Any, c: Candidate) -> dict[str, float]:
         return {f"{e}.thrust": -1.0 for e in rotors}
     if c.id == "motor_lag":
         return {f"{e}.time_constant": 1.0 / aircraft.MOTOR_TAU for e in rotors}
+    if c.id == "slipstream":
+        return {"jets.strength": 1.0}  # where the owner has jets
     if c.key == "sensor_bias.surface":
         return {f"{c.key}@{e}": 1.0 for e in surfaces}
     if c.key == "sensor_bias.rotor":

@@ -29,6 +29,7 @@ from freqid.core.scenario import read_scenario
 
 HERE = Path(__file__).resolve().parent
 FILES = ("1", "2", "h")  # repeats of one excitation, and another that is held out
+VEHICLES = ("quadplane", "vtail", "tiltrotor", "canard", "blownwing")
 CASES = 50  # flown together
 
 
@@ -235,7 +236,7 @@ def described(args, case, truth, m, conditions) -> dict:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("out", type=Path)
-    parser.add_argument("--vehicle", choices=("quadplane", "vtail", "tiltrotor", "canard"), required=True)
+    parser.add_argument("--vehicle", choices=VEHICLES, required=True)
     parser.add_argument("--kind", choices=("null", "single", "pair", "outsider"), required=True)
     parser.add_argument(
         "--count",

@@ -30,9 +30,10 @@ class Form(NamedTuple):
     Attributes
     ----------
     loads : float or tuple of float
-        Share of each term of all rows, or of each row that has a form.
+        Share of each term of all rows, or of each row that has a form and of each kind of error that all
+        blocks share.
     actuators : float
-        Share of each actuator's movement.
+        Share of each actuator's movement, where one share holds for all rows.
     log_prior : float
         Logarithm of how likely it is before the data.
     """
@@ -53,14 +54,14 @@ class Products:
     Attributes
     ----------
     gram : ndarray, shape (n, n)
-        Of ``[X, T, r, A]``, as in `BlockMatrices`.
+        Of ``[X, T, A, r]``, as in `BlockMatrices`.
     form : ndarray, shape (direction, n)
     form_gram : ndarray, shape (direction, direction)
     own_gram : ndarray, shape (own, own)
         Of the own unknowns.
     own : ndarray, shape (own, n)
     own_form : ndarray, shape (own, direction)
-    actuators, number : int
+    alike_row, number
         As in `BlockMatrices`.
     """
 
@@ -70,15 +71,22 @@ class Products:
     own_gram: Array
     own: Array
     own_form: Array
-    actuators: int
+    alike_row: NDArray[np.intp]
     number: int
 
     @classmethod
     def of(
-        cls, columns: Array, tolerances: Array, residual: Array, own: Array, form: Array, actuators: Array
+        cls,
+        columns: Array,
+        tolerances: Array,
+        residual: Array,
+        own: Array,
+        form: Array,
+        alike: Array,
+        alike_row: NDArray[np.intp] | None = None,
     ) -> Products:
         """Return the products of whitened rows, each of shape (column, number)."""
-        z = np.concatenate([columns, tolerances, residual[None], actuators])
+        z = np.concatenate([columns, tolerances, alike, residual[None]])
         return cls(
             z @ z.T,
             form @ z.T,
@@ -86,7 +94,7 @@ class Products:
             own @ own.T,
             own @ z.T,
             own @ form.T,
-            len(actuators),
+            np.full(len(alike), -1) if alike_row is None else alike_row,
             residual.size,
         )
 
@@ -105,15 +113,15 @@ class Products:
             keep = values > _EMPTY * max(values.max(initial=0.0), 1e-300)
             across, power = vectors[:, keep].T @ across, np.diag(values[keep])
             form_row = np.full(len(power), -1)
-        return BlockMatrices(inner, across, power, form_row, self.actuators, self.number)
+        return BlockMatrices(inner, across, power, form_row, self.alike_row, self.number)
 
 
 @dataclass(frozen=True, eq=False)
 class BlockMatrices:
     """Inner products of one block in the metric of its noise and its own unknowns.
 
-    ``[X, T, r, A]`` are the candidates' columns, the tolerances', the residual and the errors of actuators'
-    form, which all blocks share: a servo is the same in every condition.
+    ``[X, T, A, r]`` are the candidates' columns, the tolerances', those of an error of form that all blocks
+    share, and the residual.
 
     Attributes
     ----------
@@ -124,8 +132,8 @@ class BlockMatrices:
         Of these columns with each other; diagonal where they are of no row.
     form_row : ndarray of int, shape (direction,)
         Row of each, among those that have a form; -1 where one share holds for all.
-    actuators : int
-        Number of columns of the actuators' form, the last ones.
+    alike_row : ndarray of int, shape (column of A,)
+        Which size each of A has, among those of rows; -1 where it is the actuators'.
     number : int
         Real numbers in the stack.
     """
@@ -134,7 +142,7 @@ class BlockMatrices:
     form: Array
     form_gram: Array
     form_row: NDArray[np.intp]
-    actuators: int
+    alike_row: NDArray[np.intp]
     number: int
 
     @classmethod
@@ -145,12 +153,17 @@ class BlockMatrices:
         residual: Array,
         own: Array,
         form: Array,
-        actuators: Array,
+        alike: Array,
         *,
         form_row: NDArray[np.intp] | None = None,
+        alike_row: NDArray[np.intp] | None = None,
     ) -> BlockMatrices:
-        """Return the matrices of whitened rows, each of shape (column, number)."""
-        products = Products.of(columns, tolerances, residual, own, form, actuators)
+        """Return the matrices of whitened rows, each of shape (column, number).
+
+        `alike` are the columns of an error of form that all blocks share, of the actuators where `alike_row`
+        does not say otherwise.
+        """
+        products = Products.of(columns, tolerances, residual, own, form, alike, alike_row)
         return products.matrices(form_row=form_row)
 
     @property
@@ -164,10 +177,11 @@ class BlockMatrices:
             return np.array([*error, 0.0])[self.form_row]
         return np.full(len(self.form_row), error)
 
-    @property
-    def count(self) -> int:
-        """Columns of candidates, tolerances and the residual."""
-        return len(self.gram) - self.actuators
+    def alike_sizes(self, error: Form) -> Array:
+        """Return the size of each column of A at an error of form, shape (column of A,)."""
+        if isinstance(error.loads, tuple):
+            return np.array([*error.loads, error.actuators])[self.alike_row]
+        return np.where(self.alike_row < 0, error.actuators, error.loads)
 
     def at_loads(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
         """Return all inner products less the loads' error of form, and half its log determinant."""
@@ -179,17 +193,17 @@ class BlockMatrices:
         return np.subtract(self.gram, taken, out=taken), determinant
 
     def taken(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
-        """Return what the loads' error of form takes off all products but the actuators', as a root.
+        """Return what the rows' error of form takes off all products, as a root.
 
         Returns
         -------
-        across : ndarray, shape (kept, count)
+        across : ndarray, shape (kept, n)
             Its square is taken off.
         determinant : float
             Half its log determinant.
         """
         root, at, determinant = self.form_root(error)
-        return root @ self.form[at, : self.count], determinant
+        return root @ self.form[at], determinant
 
     def form_root(self, error: float | tuple[float, ...]) -> tuple[Array, NDArray[np.intp], float]:
         """Return what integrating out an error of form takes, S the sizes of its columns and P their Gram.
@@ -324,21 +338,20 @@ class System:
     def gram(self, form_error: Form) -> tuple[Array, float]:
         """Return the inner products of all blocks before tolerances, and the log determinant of the form.
 
-        Of ``[X, T, r]``; errors of the actuators' form stand behind the tolerances, as one more kind of
-        these.
+        Of ``[X, T, A, r]``; A is what one sigma makes of each error of form that blocks share, as one more
+        kind of tolerance.
         """
         first, *others = [b.at_loads(form_error.loads) for b in self.blocks]
         gram, determinant = first
         for more, part in others:
             gram, determinant = gram + more, determinant + part
-        determinant -= form_error.log_prior
-        count = self.blocks[0].count
-        if form_error.actuators == 0:
-            return gram[:count, :count], determinant
-        order = np.concatenate([np.arange(count - 1), np.arange(count, len(gram)), [count - 1]])
-        scale = np.ones(len(gram))
-        scale[count - 1 : -1] = form_error.actuators
-        return gram[np.ix_(order, order)] * scale[:, None] * scale, determinant
+        scale = self._scale(form_error)
+        return gram * scale[:, None] * scale, determinant - form_error.log_prior
+
+    def _scale(self, form_error: Form) -> Array:
+        """Return the size of each of ``[X, T, A, r]``: one but of A."""
+        alike = self.blocks[0].alike_sizes(form_error)
+        return np.concatenate([np.ones(self.columns + len(self.tolerances)), alike, [1.0]])
 
     def reduced(self, form_error: Form) -> Reduced:
         """Return the small matrices at one error of form, made once."""
@@ -364,7 +377,7 @@ class System:
         layout : sequence of ndarray of int, shape (candidate, column)
             Columns of the candidates, those of the same number of columns together.
         """
-        if form_error in self._reduced or form_error.actuators:
+        if form_error in self._reduced:
             reduced = self.reduced(form_error)
             return OwnProducts(reduced.own(layout), reduced.g, reduced.log_evidence)
         taken = [b.taken(form_error.loads) for b in self.blocks]
@@ -377,18 +390,17 @@ class System:
         return OwnProducts(own, g, log_evidence)
 
     def tolerance_rows(self, form_error: Form) -> Array:
-        """Return inner products of the tolerances, then the residual, with ``[X, T, r]``."""
-        if form_error.actuators:
-            return self.gram(form_error)[0][self.columns :]
+        """Return inner products of ``[T, A, r]`` with ``[X, T, A, r]``, as in `gram`."""
         return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks])[0]
 
     def _rows(self, form_error: Form, taken: Sequence[tuple[Array, float]]) -> tuple[Array, float]:
-        n, count = self.columns, self.blocks[0].count
+        n = self.columns
         parts = [
-            b.gram[n:count, :count] - across[:, n:].T @ across
-            for b, (across, _) in zip(self.blocks, taken, strict=True)
+            b.gram[n:] - across[:, n:].T @ across for b, (across, _) in zip(self.blocks, taken, strict=True)
         ]
-        return np.sum(parts, axis=0), sum(half for _, half in taken) - form_error.log_prior
+        scale = self._scale(form_error)
+        rows = np.sum(parts, axis=0) * scale[n:, None] * scale
+        return rows, sum(half for _, half in taken) - form_error.log_prior
 
 
 def _squared(rows: Array, columns: NDArray[np.intp]) -> Array:
@@ -403,7 +415,7 @@ def _without_tolerances(rows: Array, determinant: float, n: int) -> tuple[Array,
     Parameters
     ----------
     rows : ndarray, shape (tolerance + 1, n + tolerance + 1)
-        Inner products of the tolerances and the residual, the last, with ``[X, T, r]``.
+        Inner products of the tolerances and the residual, the last, with ``[X, T, A, r]``.
     determinant : float
         Of what was integrated out before.
     n : int

@@ -31,7 +31,7 @@ one; not so far below that a row cannot differ, for a simulation may be good in 
 """
 
 ACTUATOR_FORM = 0.002
-"""Least error of form of an actuator, as share of its movement, and of all that are of one kind.
+"""Least error of form of an actuator, as share of its movement.
 
 A command that is held from sample to sample and one that runs straight differ by 0.26 % at 2 Hz and 50
 samples a second, beside a delay: no log says which of the two it was.

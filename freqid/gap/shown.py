@@ -142,7 +142,6 @@ def increments(findings: Findings) -> tuple[Increment, ...]:
     free = [system.columns_of(found).start + k for k, _, _ in terms]
     gram, _ = system.gram(findings.evidence.form_error())
     kept = [system.columns + k for k, n in enumerate(system.tolerances) if not n.startswith(DERIVATIVES)]
-    kept += range(system.columns + len(system.tolerances), len(gram) - 1)  # form that conditions share
     if not free:
         return ()
     G, g = _beside(gram, free, kept)

@@ -100,10 +100,11 @@ def closing_of(
         added = [recomputed(c, library, held_out) for c in few]
         few = [replace(c, columns=[*c.columns, *more]) for c, more in zip(few, added, strict=True)]
         at = range(len(used), len(used) + len(held_out))
+        rows, forms = columns[0].form_names, system.form_errors
         acting = settings_of(explanation, library, held_out[0].trial.simulation)
         flown = acted_on(held_out, acting, library)
         made = [
-            columns_of(b, i, few, system.tolerances, library, tolerances, columns[0], system.form_errors)
+            columns_of(b, i, few, system.tolerances, library, tolerances, rows, forms)
             for b, i in zip(flown, at, strict=True)
         ]
         departures, fitted = likeliest_departures(
@@ -143,6 +144,5 @@ def _only(columns: Columns, numbers: NDArray[np.bool_]) -> Columns:
         tolerances=c.tolerances[:, numbers],
         own=c.own[:, numbers],
         form=c.form[:, numbers],
-        alike=c.alike[:, numbers],
         residual=c.residual[numbers],
     )

@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from freqid.core.arrays import Complex
-from freqid.gap.infer.columns import Columns, Parts, stacked
+from freqid.gap.infer.columns import Columns, Parts
 from freqid.gap.infer.forms import common_form, likely_forms
 from freqid.gap.infer.linearise import likeliest_departures, relinearised
 from freqid.gap.infer.system import Form, System
 from freqid.gap.model.candidates import Candidate, candidates
-from freqid.gap.model.form import ALIKE_LOAD
 from freqid.gap.model.tolerance import tolerance_columns
 from freqid.gap.settings import FORM_ERRORS, ROUNDS
 from freqid.gap.simulation import side_by_side
@@ -66,13 +65,8 @@ def _straight(
 
     parts = side_by_side(simulation, parts_of, range(len(blocks)))
     rows = tuple(dict.fromkeys(p.block.rows[i].name for p in parts for i in np.unique(p.form_row).tolist()))
-    alike = dict.fromkeys(key for p in parts for key in p.alike)
-    if len(parts) == 1:  # nothing is shared with another condition: each load's own error of form says it all
-        alike = {key: None for key in alike if not key[0].startswith(ALIKE_LOAD)}
-    unknowns = tuple(alike)
-    rows = (*rows, *dict.fromkeys(kind for kind, _ in unknowns))
     every = (Form((FORM_ERRORS[-1],) * len(rows), 0.0),)
-    columns = [_columns(p, rows, every, unknowns) for p in parts]
+    columns = [_columns(p, rows, every) for p in parts]
     system = System(found, start, names, [c.matrices for c in columns], every)
     known = [p.block for p in parts]
     common = common_form(system, rows)
@@ -88,7 +82,7 @@ def columns_of(
     names: Sequence[str],
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
-    like: Columns,
+    rows: Sequence[str],
     forms: Sequence[Form],
 ) -> tuple[Columns, Block]:
     """Return the columns of one more block, and the block with its noise as it was flown.
@@ -103,19 +97,17 @@ def columns_of(
         Tolerances, in their order.
     library : dict of Effect
     sizes : dict of float
-    like : Columns
-        Of a block of the stack: they tell which rows have a form.
+    rows : sequence of str
+        That have a form anywhere in the stack.
     forms : sequence of Form
         Errors of form of the stack.
     """
     shared = tolerance_columns(block, library, sizes)
     parts = Parts.of(block, index, found, [shared.get(n) for n in names], library, sizes)
-    return _columns(parts, like.form_names, forms, like.unknowns), parts.block
+    return _columns(parts, rows, forms), parts.block
 
 
-def _columns(
-    parts: Parts, rows: Sequence[str], forms: Sequence[Form], unknowns: tuple[tuple[str, str], ...]
-) -> Columns:
+def _columns(parts: Parts, rows: Sequence[str], forms: Sequence[Form]) -> Columns:
     """Return the whitened columns of one block."""
     largest = np.max([f.loads for f in forms], axis=0)
     parts = parts.fewer(dict(zip(rows, largest.tolist(), strict=True)))
@@ -126,12 +118,10 @@ def _columns(
         tolerances=block.white(parts.tolerances),
         own=block.white(parts.own),
         form=block.white(parts.form),
-        alike=block.white(stacked(block, [parts.alike.get(key) for key in unknowns])),
         residual=block.white(block.residual),
         sigmas=parts.tolerances,
         form_names=tuple(rows),
         form_row=here[parts.form_row],
-        unknowns=unknowns,
     )
 
 

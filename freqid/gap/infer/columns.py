@@ -14,7 +14,7 @@ from freqid.core.arrays import Array, Complex
 from freqid.gap.infer.evidence import weigh
 from freqid.gap.infer.system import SEEN, BlockMatrices, Form, Products, System
 from freqid.gap.model.candidates import Candidate
-from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms, load_errors, shared_form
+from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms, load_errors
 from freqid.gap.model.tolerance import record_columns
 from freqid.gap.settings import FORM_ERRORS, NOISE_SCALES
 from freqid.gap.stack.block import REPEATS, Block
@@ -31,8 +31,6 @@ class Parts:
     effects, tolerances, own : ndarray of complex
     form : ndarray of complex
         Errors of form of loads, actuators and relations between sensors, of size one, each in a single row.
-    alike : dict of ndarray of complex, shape (row, line)
-        Those that all blocks share; see `shared_form`.
     """
 
     block: Block
@@ -40,7 +38,6 @@ class Parts:
     tolerances: Complex
     own: Complex
     form: Complex
-    alike: Mapping[tuple[str, str], Complex]
 
     @classmethod
     def of(
@@ -67,10 +64,10 @@ class Parts:
             One sigma by name.
         """
         effects = np.concatenate([c.columns[index] for c in found]) if found else _zeros(block, 0)
-        own = stacked(block, list(record_columns(block, library, sizes).values()))
+        own = _stacked(block, list(record_columns(block, library, sizes).values()))
         terms = (load_errors(block), actuator_terms(block), kinematic_terms(block))
         form = np.concatenate([form_columns(block, one) for one in terms])
-        parts = cls(block, effects, stacked(block, shared), own, form, shared_form(block))
+        parts = cls(block, effects, _stacked(block, shared), own, form)
         return parts if block.noise_from == REPEATS else parts._as_loud_as_flown(found)
 
     @property
@@ -133,8 +130,8 @@ class Parts:
         few = [i for i in range(len(found)) if moved[start[i] : start[i + 1]].any()]
         effects = np.concatenate([self.effects[:0], *(self.effects[start[i] : start[i + 1]] for i in few)])
         shared, own, form = (z[_in(z, rows)] for z in (self.tolerances, self.own, self.form))
-        white = [self.block.white(z, rows) for z in (effects, shared, self.block.residual, own, form)]
-        products = Products.of(*white, alike=white[-1][:0])
+        columns = (effects, shared, self.block.residual, own, form, form[:0])
+        products = Products.of(*(self.block.white(z, rows) for z in columns))
         begin = np.concatenate([[0], np.cumsum([len(found[i].sizes) for i in few])]).astype(int)
         names = tuple(map(str, range(len(shared))))
         forms = tuple(Form(f, 0.0) for f in FORM_ERRORS)
@@ -150,7 +147,7 @@ def _zeros(block: Block, count: int) -> Complex:
     return np.zeros((count, len(block.rows), block.lines.hz.size), dtype=complex)
 
 
-def stacked(block: Block, columns: Sequence[Complex | None]) -> Complex:
+def _stacked(block: Block, columns: Sequence[Complex | None]) -> Complex:
     """Return columns, shape (column, row, line); zero where a block has none of a name."""
     full = [_zeros(block, 1)[0] if z is None else z for z in columns]
     return np.array(full) if full else _zeros(block, 0)
@@ -167,26 +164,20 @@ class Columns:
     residual : ndarray, shape (number,)
     sigmas : ndarray of complex, shape (tolerance, row, line)
         One sigma of each tolerance, as it is before whitening.
-    alike : ndarray, shape (column, number)
-        Errors of form of size one that all blocks share.
     form_names : tuple of str
-        Rows that have an error of form anywhere in the stack, and kinds of those that all blocks share.
+        Rows that have an error of form anywhere in the stack.
     form_row : ndarray of int, shape (column,)
         Which of these each column of the form is in.
-    unknowns : tuple of (str, str)
-        Kind of each of `alike`, which its size is of, and its name.
     """
 
     effects: Array
     tolerances: Array
     own: Array
     form: Array
-    alike: Array
     residual: Array
     sigmas: Complex
     form_names: tuple[str, ...]
     form_row: NDArray[np.intp]
-    unknowns: tuple[tuple[str, str], ...]
 
     @cached_property
     def matrices(self) -> BlockMatrices:
@@ -197,9 +188,8 @@ class Columns:
             self.residual,
             self.own,
             self.form,
-            self.alike,
+            self.own[:0],
             form_row=self.form_row,
-            alike_row=np.array([self.form_names.index(kind) for kind, _ in self.unknowns], dtype=int),
         )
 
     def form_at(self, form_error: Form) -> Array:
@@ -231,7 +221,7 @@ class Columns:
         kept = [np.arange(count)[p] if isinstance(p, slice) else np.full(len(p), -1) for p in parts]
         source = np.concatenate([*kept, np.arange(count, len(m.gram))]).astype(int)
         fresh = np.flatnonzero(source < 0)
-        z = np.concatenate([effects, self.tolerances, self.alike, self.residual[None]])
+        z = np.concatenate([effects, self.tolerances, self.residual[None]])
         inner, across = z[fresh] @ z.T, self.form @ z[fresh].T
         if len(self.own):
             factor = cho_factor(np.eye(len(self.own)) + self.own @ self.own.T)
@@ -246,7 +236,7 @@ class Columns:
     def with_residual(self, residual: Array) -> Columns:
         """Return these columns beside another residual, shape (number,); most of the matrices stay."""
         new, m = replace(self, residual=residual), self.matrices
-        z = np.concatenate([self.effects, self.tolerances, self.alike, residual[None]])
+        z = np.concatenate([self.effects, self.tolerances, residual[None]])
         inner, across = z @ residual, self.form @ residual
         if len(self.own):
             factor = cho_factor(np.eye(len(self.own)) + self.own @ self.own.T)

@@ -3,15 +3,13 @@
 A simulation may be good in lift and poor in drag, so each row has a size of its own. But a simulation whose
 other rows are exact is not likely to be poor in one: the rows' sizes lie about one that they share, which is
 unknown too (A. Gelman and others, Bayesian Data Analysis, 3rd ed., chapter 5). Loads share one, actuators
-another, and relations between sensors, which need no simulation, a third. Errors that are the same in all
-blocks have sizes of their own, as if they were rows: those of loads share one, those of actuators another.
+another, and relations between sensors, which need no simulation, a third.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -20,14 +18,13 @@ from scipy.special import logsumexp
 
 from freqid.core.arrays import Array
 from freqid.gap.infer.system import Form, Reduced, System
-from freqid.gap.infer.weighing import Weighing, log_mean
-from freqid.gap.model.form import ALIKE_ACTUATOR, ALIKE_LOAD
+from freqid.gap.infer.weighing import Weighing
 from freqid.gap.settings import ACTUATOR_FORM, FORM_ERRORS, FORM_LIKENESS, SEPARATE
 
 Index = tuple[int, ...]
 
-_KINDS = (ALIKE_LOAD, ALIKE_ACTUATOR, "", "actuator/", "kinematic/")
-_LEAST = tuple(FORM_ERRORS.index(f) for f in (0.0, ACTUATOR_FORM, 0.0, ACTUATOR_FORM, 0.0))  # by kind
+_KINDS = ("", "actuator/", "kinematic/")
+_LEAST = tuple(FORM_ERRORS.index(f) for f in (0.0, ACTUATOR_FORM, 0.0))  # by kind
 _UNLIKELY = 0.01  # probability of an error of form, with an effect or without, below which it is left out
 _STEPS = (8, 4, 2, 1, -1, -2, -4, -8)  # by which a row is moved: in between the evidence may be lower
 _HOPELESS = 30.0  # nats below the best, from which larger ones are no better
@@ -82,11 +79,8 @@ def common_form(system: System, rows: Sequence[str]) -> Form:
 def _search(system: System, rows: Sequence[str]) -> _Search:
     kinds = np.array([_kind(name) for name in rows], dtype=int)
     search = _Search(system, Weighing(system), kinds)
-    kinds = range(len(_KINDS))
-    for order in (kinds, kinds[::-1]):  # whichever kind comes first takes what the others could explain too
-        at = tuple(_LEAST[k] for k in search.kinds)
-        for kind in order:
-            at = search.raise_together(kind, at)
+    for kind in range(len(_KINDS)):
+        search.raise_together(kind)
     return search
 
 
@@ -112,23 +106,20 @@ class _Search:
 
     def form(self, index: Index) -> Form:
         """Return an error of form, with its prior."""
-        by_kind: list[list[int]] = [[] for _ in _KINDS]
-        for place, kind in zip(index, self.kinds.tolist(), strict=True):
-            by_kind[kind].append(place)
-        prior = sum(_log_prior(tuple(sorted(places))) for places in by_kind)
+        places = np.array(index, dtype=int)
+        prior = sum(_log_prior(places[self.kinds == kind]) for kind in range(len(_KINDS)))
         return Form(tuple(FORM_ERRORS[i] for i in index), 0.0, prior)
 
-    def raise_together(self, kind: int, start: Index) -> Index:
-        """Ask about one size for all rows of a kind, larger and larger; return the likeliest."""
-        top, best = [-np.inf, -np.inf], start
+    def raise_together(self, kind: int) -> None:
+        """Ask about one size for all rows of a kind, larger and larger."""
+        start = self.best(True) if self.known else tuple(_LEAST[k] for k in self.kinds)
+        top = [-np.inf, -np.inf]
         for size in range(_LEAST[kind], len(FORM_ERRORS)):
             index = tuple(size if k == kind else i for i, k in zip(start, self.kinds.tolist(), strict=True))
             found = self.ask(index)
-            best = index if found[1] > top[1] else best
             top = [max(a, b) for a, b in zip(top, found, strict=True)]
             if all(b < a - _HOPELESS for a, b in zip(top, found, strict=True)):
                 break
-        return best
 
     def climb(self, with_effect: bool, steps: Sequence[int] = _STEPS) -> None:
         """Move row after row, in longer steps too, as long as the evidence rises."""
@@ -175,18 +166,17 @@ class _Search:
         if not self.system.candidates:
             return none, none
         effects = weighing.by_effect(weighing.by_place(own, own.g[:, None])[:, 0])
-        return none, none + float(np.logaddexp(0.0, log_mean(effects)))
+        return none, none + float(np.logaddexp(0.0, logsumexp(effects) - np.log(len(effects))))
 
 
 def _kind(row: str) -> int:
-    """Return which of `_KINDS` a row is of: loads, an actuator, a relation, what blocks share."""
-    return next((k for k, stem in enumerate(_KINDS) if stem and row.startswith(stem)), _KINDS.index(""))
+    """Return which of `_KINDS` a row is of: loads, an actuator, a relation between sensors."""
+    return next((k for k, stem in enumerate(_KINDS) if stem and row.startswith(stem)), 0)
 
 
-@lru_cache(maxsize=100_000)
-def _log_prior(places: tuple[int, ...]) -> float:
+def _log_prior(index: NDArray[np.intp]) -> float:
     """Return how likely sizes of some rows are together before the data."""
     count = len(FORM_ERRORS)
     steps = np.abs(np.arange(count)[:, None] - np.arange(count)) * np.log(FORM_LIKENESS)
     steps = steps - logsumexp(steps, axis=0)  # of a row's size given the shared one, shape (size, shared)
-    return float(logsumexp(steps[list(places)].sum(axis=0)) - np.log(count))
+    return float(logsumexp(steps[index].sum(axis=0)) - np.log(count))

@@ -69,8 +69,7 @@ def drawn(
     n, few, count = system.columns, len(system.tolerances), len(chosen)
     own = [system.form_errors[k] for k in chosen]
     tolerance = rng.standard_normal((few, count))
-    alike = {f: system.blocks[0].alike_sizes(f) for f in system.form_errors}
-    wrong = rng.standard_normal((len(alike[own[0]]), count)) * np.array([alike[f] for f in own]).T
+    wrong = rng.standard_normal((system.blocks[0].actuators, count)) * [f.actuators for f in own]
     shared = np.concatenate([tolerance, wrong])
     sampled = [_sampled(b, own, shared, n, rng, mean) for b in system.blocks]
     seen = {}
@@ -80,7 +79,9 @@ def drawn(
     found = {}
     for f in system.form_errors:
         z, log = seen[f.loads]
-        inside = np.concatenate([z[n : n + few], alike[f][:, None] * z[n + few :]])
+        inside = z[n:] if f.actuators else z[n : n + few]
+        if f.actuators:
+            inside = np.concatenate([inside[:few], f.actuators * inside[few:]])
         rows = system.tolerance_rows(f)[:-1]
         factor = cho_factor(np.eye(len(inside)) + rows[:, n:-1])
         solved = cho_solve(factor, inside)
@@ -99,12 +100,12 @@ def _at_loads(
         return inner, np.zeros(inner.shape[1])
     projected = root @ form[at]
     log = 0.5 * (projected**2).sum(axis=0) - determinant
-    return inner - _without_residual(root @ block.form[at]).T @ projected, log
+    return inner - _without_residual(block, root @ block.form[at]).T @ projected, log
 
 
-def _without_residual(columns: Array) -> Array:
+def _without_residual(block: BlockMatrices, columns: Array) -> Array:
     """Return columns, the last axis, without that of the residual."""
-    return columns[..., :-1]
+    return np.delete(columns, block.count - 1, axis=-1)
 
 
 def statistics_of(evidence: Evidence, data: dict[Form, tuple[Array, Array]]) -> Array:
@@ -137,11 +138,11 @@ def _sampled(
 ) -> tuple[Array, Array]:
     """Return inner products with drawn data of ``[X, T, A]``, and of the form's columns.
 
-    `own` is each draw's error of form; `shared` are the tolerances and the errors of form that all blocks
-    have in common.
+    `own` is each draw's error of form; `shared` are the tolerances and the actuators' errors of form, the
+    same in all blocks.
     """
-    gram = _without_residual(_without_residual(block.gram).T)
-    form, count = _without_residual(block.form), shared.shape[1]
+    gram = _without_residual(block, _without_residual(block, block.gram).T)
+    form, count = _without_residual(block, block.form), shared.shape[1]
     whole = np.block([[gram, form.T], [form, block.form_gram]])
     scale = np.sqrt(np.maximum(np.diag(whole), np.finfo(float).tiny ** 0.5))
     factor, order, rank, _ = dpstrf(whole / scale[:, None] / scale)  # pivoted: columns may repeat each other

@@ -30,10 +30,9 @@ class Form(NamedTuple):
     Attributes
     ----------
     loads : float or tuple of float
-        Share of each term of all rows, or of each row that has a form and of each kind of error that all
-        blocks share.
+        Share of each term of all rows, or of each row that has a form.
     actuators : float
-        Share of each actuator's movement, where one share holds for all rows.
+        Share of each actuator's movement.
     log_prior : float
         Logarithm of how likely it is before the data.
     """
@@ -54,14 +53,14 @@ class Products:
     Attributes
     ----------
     gram : ndarray, shape (n, n)
-        Of ``[X, T, A, r]``, as in `BlockMatrices`.
+        Of ``[X, T, r, A]``, as in `BlockMatrices`.
     form : ndarray, shape (direction, n)
     form_gram : ndarray, shape (direction, direction)
     own_gram : ndarray, shape (own, own)
         Of the own unknowns.
     own : ndarray, shape (own, n)
     own_form : ndarray, shape (own, direction)
-    alike_row, number
+    actuators, number : int
         As in `BlockMatrices`.
     """
 
@@ -71,22 +70,15 @@ class Products:
     own_gram: Array
     own: Array
     own_form: Array
-    alike_row: NDArray[np.intp]
+    actuators: int
     number: int
 
     @classmethod
     def of(
-        cls,
-        columns: Array,
-        tolerances: Array,
-        residual: Array,
-        own: Array,
-        form: Array,
-        alike: Array,
-        alike_row: NDArray[np.intp] | None = None,
+        cls, columns: Array, tolerances: Array, residual: Array, own: Array, form: Array, actuators: Array
     ) -> Products:
         """Return the products of whitened rows, each of shape (column, number)."""
-        z = np.concatenate([columns, tolerances, alike, residual[None]])
+        z = np.concatenate([columns, tolerances, residual[None], actuators])
         return cls(
             z @ z.T,
             form @ z.T,
@@ -94,7 +86,7 @@ class Products:
             own @ own.T,
             own @ z.T,
             own @ form.T,
-            np.full(len(alike), -1) if alike_row is None else alike_row,
+            len(actuators),
             residual.size,
         )
 
@@ -113,15 +105,15 @@ class Products:
             keep = values > _EMPTY * max(values.max(initial=0.0), 1e-300)
             across, power = vectors[:, keep].T @ across, np.diag(values[keep])
             form_row = np.full(len(power), -1)
-        return BlockMatrices(inner, across, power, form_row, self.alike_row, self.number)
+        return BlockMatrices(inner, across, power, form_row, self.actuators, self.number)
 
 
 @dataclass(frozen=True, eq=False)
 class BlockMatrices:
     """Inner products of one block in the metric of its noise and its own unknowns.
 
-    ``[X, T, A, r]`` are the candidates' columns, the tolerances', those of an error of form that all blocks
-    share, and the residual.
+    ``[X, T, r, A]`` are the candidates' columns, the tolerances', the residual and the errors of actuators'
+    form, which all blocks share: a servo is the same in every condition.
 
     Attributes
     ----------
@@ -132,8 +124,8 @@ class BlockMatrices:
         Of these columns with each other; diagonal where they are of no row.
     form_row : ndarray of int, shape (direction,)
         Row of each, among those that have a form; -1 where one share holds for all.
-    alike_row : ndarray of int, shape (column of A,)
-        Which size each of A has, among those of rows; -1 where it is the actuators'.
+    actuators : int
+        Number of columns of the actuators' form, the last ones.
     number : int
         Real numbers in the stack.
     """
@@ -142,7 +134,7 @@ class BlockMatrices:
     form: Array
     form_gram: Array
     form_row: NDArray[np.intp]
-    alike_row: NDArray[np.intp]
+    actuators: int
     number: int
 
     @classmethod
@@ -153,17 +145,12 @@ class BlockMatrices:
         residual: Array,
         own: Array,
         form: Array,
-        alike: Array,
+        actuators: Array,
         *,
         form_row: NDArray[np.intp] | None = None,
-        alike_row: NDArray[np.intp] | None = None,
     ) -> BlockMatrices:
-        """Return the matrices of whitened rows, each of shape (column, number).
-
-        `alike` are the columns of an error of form that all blocks share, of the actuators where `alike_row`
-        does not say otherwise.
-        """
-        products = Products.of(columns, tolerances, residual, own, form, alike, alike_row)
+        """Return the matrices of whitened rows, each of shape (column, number)."""
+        products = Products.of(columns, tolerances, residual, own, form, actuators)
         return products.matrices(form_row=form_row)
 
     @property
@@ -177,11 +164,10 @@ class BlockMatrices:
             return np.array([*error, 0.0])[self.form_row]
         return np.full(len(self.form_row), error)
 
-    def alike_sizes(self, error: Form) -> Array:
-        """Return the size of each column of A at an error of form, shape (column of A,)."""
-        if isinstance(error.loads, tuple):
-            return np.array([*error.loads, error.actuators])[self.alike_row]
-        return np.where(self.alike_row < 0, error.actuators, error.loads)
+    @property
+    def count(self) -> int:
+        """Columns of candidates, tolerances and the residual."""
+        return len(self.gram) - self.actuators
 
     def at_loads(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
         """Return all inner products less the loads' error of form, and half its log determinant."""
@@ -193,17 +179,17 @@ class BlockMatrices:
         return np.subtract(self.gram, taken, out=taken), determinant
 
     def taken(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
-        """Return what the rows' error of form takes off all products, as a root.
+        """Return what the loads' error of form takes off all products but the actuators', as a root.
 
         Returns
         -------
-        across : ndarray, shape (kept, n)
+        across : ndarray, shape (kept, count)
             Its square is taken off.
         determinant : float
             Half its log determinant.
         """
         root, at, determinant = self.form_root(error)
-        return root @ self.form[at], determinant
+        return root @ self.form[at, : self.count], determinant
 
     def form_root(self, error: float | tuple[float, ...]) -> tuple[Array, NDArray[np.intp], float]:
         """Return what integrating out an error of form takes, S the sizes of its columns and P their Gram.
@@ -338,20 +324,21 @@ class System:
     def gram(self, form_error: Form) -> tuple[Array, float]:
         """Return the inner products of all blocks before tolerances, and the log determinant of the form.
 
-        Of ``[X, T, A, r]``; A is what one sigma makes of each error of form that blocks share, as one more
-        kind of tolerance.
+        Of ``[X, T, r]``; errors of the actuators' form stand behind the tolerances, as one more kind of
+        these.
         """
         first, *others = [b.at_loads(form_error.loads) for b in self.blocks]
         gram, determinant = first
         for more, part in others:
             gram, determinant = gram + more, determinant + part
-        scale = self._scale(form_error)
-        return gram * scale[:, None] * scale, determinant - form_error.log_prior
-
-    def _scale(self, form_error: Form) -> Array:
-        """Return the size of each of ``[X, T, A, r]``: one but of A."""
-        alike = self.blocks[0].alike_sizes(form_error)
-        return np.concatenate([np.ones(self.columns + len(self.tolerances)), alike, [1.0]])
+        determinant -= form_error.log_prior
+        count = self.blocks[0].count
+        if form_error.actuators == 0:
+            return gram[:count, :count], determinant
+        order = np.concatenate([np.arange(count - 1), np.arange(count, len(gram)), [count - 1]])
+        scale = np.ones(len(gram))
+        scale[count - 1 : -1] = form_error.actuators
+        return gram[np.ix_(order, order)] * scale[:, None] * scale, determinant
 
     def reduced(self, form_error: Form) -> Reduced:
         """Return the small matrices at one error of form, made once."""
@@ -377,7 +364,7 @@ class System:
         layout : sequence of ndarray of int, shape (candidate, column)
             Columns of the candidates, those of the same number of columns together.
         """
-        if form_error in self._reduced:
+        if form_error in self._reduced or form_error.actuators:
             reduced = self.reduced(form_error)
             return OwnProducts(reduced.own(layout), reduced.g, reduced.log_evidence)
         taken = [b.taken(form_error.loads) for b in self.blocks]
@@ -390,17 +377,18 @@ class System:
         return OwnProducts(own, g, log_evidence)
 
     def tolerance_rows(self, form_error: Form) -> Array:
-        """Return inner products of ``[T, A, r]`` with ``[X, T, A, r]``, as in `gram`."""
+        """Return inner products of the tolerances, then the residual, with ``[X, T, r]``."""
+        if form_error.actuators:
+            return self.gram(form_error)[0][self.columns :]
         return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks])[0]
 
     def _rows(self, form_error: Form, taken: Sequence[tuple[Array, float]]) -> tuple[Array, float]:
-        n = self.columns
+        n, count = self.columns, self.blocks[0].count
         parts = [
-            b.gram[n:] - across[:, n:].T @ across for b, (across, _) in zip(self.blocks, taken, strict=True)
+            b.gram[n:count, :count] - across[:, n:].T @ across
+            for b, (across, _) in zip(self.blocks, taken, strict=True)
         ]
-        scale = self._scale(form_error)
-        rows = np.sum(parts, axis=0) * scale[n:, None] * scale
-        return rows, sum(half for _, half in taken) - form_error.log_prior
+        return np.sum(parts, axis=0), sum(half for _, half in taken) - form_error.log_prior
 
 
 def _squared(rows: Array, columns: NDArray[np.intp]) -> Array:
@@ -415,7 +403,7 @@ def _without_tolerances(rows: Array, determinant: float, n: int) -> tuple[Array,
     Parameters
     ----------
     rows : ndarray, shape (tolerance + 1, n + tolerance + 1)
-        Inner products of the tolerances and the residual, the last, with ``[X, T, A, r]``.
+        Inner products of the tolerances and the residual, the last, with ``[X, T, r]``.
     determinant : float
         Of what was integrated out before.
     n : int

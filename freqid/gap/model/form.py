@@ -7,7 +7,6 @@ calibration of computer models", Journal of the Royal Statistical Society B 63, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -17,9 +16,6 @@ from freqid.core.arrays import Array, Complex
 from freqid.core.record import Maneuver
 from freqid.gap.settings import FORM_CONSTANT, FORM_ERRORS, FORM_ORDER
 from freqid.gap.stack.block import Block
-
-ALIKE_LOAD, ALIKE_ACTUATOR = "alike/load/", "alike/actuator/"
-"""Kinds of errors of form that all blocks share, with the load or the kind of effector behind it."""
 
 _STEP = 1e-3  # share by which a channel is scaled for its terms
 _KINEMATIC = tuple(
@@ -52,26 +48,20 @@ def load_errors(block: Block) -> tuple[list[int], Complex]:
     was left out altogether is wrong by all of it. A motion so small that it is below the average in every
     load is as much smaller in all.
     """
-    every = list(_load_errors(block))
-    spectra = np.array([z for *_, z in every]).reshape(len(every), block.lines.hz.size)
-    return [i for i, *_ in every], spectra
-
-
-def _load_errors(block: Block) -> Iterator[tuple[int, str, Complex]]:
-    """Yield the row, the motion and the spectrum of each of `load_errors`."""
     trial = block.trial
-    if not trial.inputs:
-        return
-    moves = _moves(block)
-    size = np.sqrt(((trial.gradient * moves) ** 2).mean(axis=2))  # by load and motion
-    average = np.sqrt((size**2).mean(axis=1, keepdims=True))
-    share = np.divide(size, average, out=np.zeros_like(size), where=average > 0).max(axis=0).clip(max=1.0)
-    acts = share > 0
-    names = [n for n, moved in zip(trial.inputs, acts.tolist(), strict=True) if moved]
-    unit = block.grid.spectrum(moves[acts] / moves[acts].std(axis=1, keepdims=True))
-    for i, own in enumerate(np.maximum(size, share * average)[:, acts]):
-        for name, z in zip(names, own[:, None] * unit, strict=True):
-            yield i, name, z
+    rows: list[int] = []
+    spectra: list[Complex] = []
+    if trial.inputs:
+        moves = _moves(block)
+        size = np.sqrt(((trial.gradient * moves) ** 2).mean(axis=2))  # by load and motion
+        average = np.sqrt((size**2).mean(axis=1, keepdims=True))
+        share = np.divide(size, average, out=np.zeros_like(size), where=average > 0).max(axis=0).clip(max=1.0)
+        acts = share > 0
+        unit = block.grid.spectrum(moves[acts] / moves[acts].std(axis=1, keepdims=True))
+        for i, own in enumerate(np.maximum(size, share * average)[:, acts]):
+            rows += [i] * len(unit)
+            spectra.extend(own[:, None] * unit)
+    return rows, np.array(spectra).reshape(len(rows), block.lines.hz.size)
 
 
 def _moves(block: Block) -> Array:
@@ -134,34 +124,6 @@ def form_columns(block: Block, terms: tuple[list[int], Complex]) -> Complex:
         z[:, i] = own[:, None] * shapes * spectrum
         kept.append(z)
     return np.concatenate(kept) if kept else np.zeros((0, len(block.rows), hz.size), dtype=complex)
-
-
-def shared_form(block: Block) -> dict[tuple[str, str], Complex]:
-    """Return what is the same in all blocks of an error of form, of size one.
-
-    A derivative that is wrong at one condition is wrong at the next by as large a share of the load. Servos
-    of one make are modelled by one formula, so what that leaves out is the same share of the movement of
-    each. Were all of this drawn anew by condition and by servo, an effect that does the same everywhere would
-    be the better explanation of every error that a simulation makes everywhere.
-
-    Returns
-    -------
-    dict of ndarray of complex, shape (row, line)
-        By kind, which its size is of, and name: derivatives of a load, servos or motors.
-    """
-    none = np.zeros((len(block.rows), block.lines.hz.size), dtype=complex)
-    found: dict[tuple[str, str], Complex] = {}
-    for i, motion, spectrum in _load_errors(block):
-        row = block.rows[i].name
-        z = found[f"{ALIKE_LOAD}{row}", f"{row} by {motion}"] = none.copy()
-        z[i] = spectrum
-    kinds, shapes = block.trial.maneuver.vehicle.effector_kinds, _shapes(block)
-    for i, spectrum in zip(*actuator_terms(block), strict=True):
-        kind = kinds[block.rows[i].name.partition("/")[2]]
-        for k, shape in enumerate(shapes):
-            z = found.setdefault((f"{ALIKE_ACTUATOR}{kind}", f"{kind} {k}"), none.copy())
-            z[i] = shape * spectrum
-    return found
 
 
 def _shapes(block: Block) -> Complex:

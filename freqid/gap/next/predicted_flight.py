@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.channels import VELOCITY
@@ -19,7 +18,7 @@ from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.system import BlockMatrices
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.model.changes import change
-from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms, load_errors, shared_form
+from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms, load_errors
 from freqid.gap.model.testable import in_force_of, untestable
 from freqid.gap.model.tolerance import record_columns, tolerance_columns
 from freqid.gap.next.rivals import RivalExplanations
@@ -86,10 +85,8 @@ class PredictedFlight:
     ----------
     record : FlightRecord
         Without noise.
-    effects, tolerances, own, form, alike : ndarray, shape (column, number)
-        `own` are unknowns of this flight alone; `form` at the size that the data give; `alike` of size one.
-    alike_row : ndarray of int
-        Of `alike`, as in `BlockMatrices`.
+    effects, tolerances, own, form : ndarray, shape (column, number)
+        `own` are unknowns of this flight alone; `form` at the size that the data give.
     """
 
     record: FlightRecord
@@ -97,8 +94,6 @@ class PredictedFlight:
     tolerances: Array
     own: Array
     form: Array
-    alike: Array
-    alike_row: NDArray[np.intp]
 
     def matrices(self, flights: int = 1) -> BlockMatrices:
         """Return the inner products of so many of these flights.
@@ -114,8 +109,7 @@ class PredictedFlight:
             np.zeros(number),
             unknown,
             np.zeros((0, number)),
-            root * self.alike,
-            alike_row=self.alike_row,
+            np.zeros((0, number)),
         )
 
 
@@ -269,10 +263,9 @@ def _columns(around: FlightContext, block: Block, like: Block) -> PredictedFligh
     ]
     form = [z for z in np.concatenate(terms) * sizes[:, None] if np.any(z)]
     tolerances = [shared.get(n, none) for n in rivals.system.tolerances]
-    every = shared_form(block)
-    alike = [every.get(key, none) for key in before.unknowns]
-    parts = (_white(block, z) for z in (effects, tolerances, own, form, alike))
-    return PredictedFlight(block.trial.maneuver.record, *parts, alike_row=before.matrices.alike_row)
+    return PredictedFlight(
+        block.trial.maneuver.record, *(_white(block, z) for z in (effects, tolerances, own, form))
+    )
 
 
 def _white(block: Block, columns: Sequence[Complex]) -> Array:

@@ -225,7 +225,7 @@ def _part(system: System, columns: Mapping[int, Index]) -> System:
         c = system.candidates[i]
         chosen.append(replace(c, sizes=c.sizes[wanted], columns=[z[wanted] for z in c.columns]))
         at.append(int(system.start[i]) + wanted)
-    kept = np.concatenate([*at, np.arange(n, n + len(system.tolerances))])
+    kept = np.concatenate([*at, np.arange(n, n + len(system.tolerances) + 1)])
     start = np.concatenate([[0], np.cumsum([a.size for a in at])]).astype(int)
     blocks = [_kept(b, kept) for b in system.blocks]
     return System(chosen, start, system.tolerances, blocks, system.form_errors)
@@ -234,15 +234,16 @@ def _part(system: System, columns: Mapping[int, Index]) -> System:
 def _with_tolerances(system: System, chosen: Index) -> System:
     """Return a stack with some of its tolerances alone."""
     n = system.columns
-    kept = np.concatenate([np.arange(n), n + chosen]).astype(int)
+    kept = np.concatenate([np.arange(n), n + chosen, [n + len(system.tolerances)]]).astype(int)
     names = tuple(system.tolerances[i] for i in chosen)
     blocks = [_kept(b, kept) for b in system.blocks]
     return System(system.candidates, system.start, names, blocks, system.form_errors)
 
 
 def _kept(block: BlockMatrices, at: Index) -> BlockMatrices:
-    """Return a block with some columns of candidates and tolerances, and all after them."""
-    at = np.concatenate([at, np.arange(len(block.gram) - len(block.alike_row) - 1, len(block.gram))])
+    at = np.concatenate(
+        [at, np.arange(block.count, len(block.gram))]
+    )  # and the errors of the actuators' form
     return replace(block, gram=block.gram[np.ix_(at, at)], form=block.form[:, at])
 
 

@@ -54,10 +54,10 @@ def test_each_row_has_the_error_that_its_data_have(errors):
 
 
 def test_rows_that_are_alike_are_likelier_than_one_that_is_apart():
-    alike, near, apart = (_log_prior(index) for index in ((3, 3, 3), (3, 4, 3), (3, 9, 3)))
+    alike, near, apart = (_log_prior(np.array(index)) for index in ((3, 3, 3), (3, 4, 3), (3, 9, 3)))
     assert alike > near > apart
     every = itertools.product(range(len(FORM_ERRORS)), repeat=2)
-    assert sum(np.exp(_log_prior(index)) for index in every) == pytest.approx(1.0)
+    assert sum(np.exp(_log_prior(np.array(index))) for index in every) == pytest.approx(1.0)
 
 
 def test_the_common_error_is_one_for_each_kind_of_row():

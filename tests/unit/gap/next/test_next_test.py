@@ -110,8 +110,7 @@ def test_a_flight_flown_again_is_predicted_as_it_was(unsure):
     new = matrices.at_loads(here.rivals.form_error.loads)[0]
     assert new[:n, :n] == pytest.approx(old[:n, :n], rel=0.1, abs=1e-3 * np.abs(old[:n, :n]).max())
     apart = here.rivals.separations(here.rivals.with_flight(matrices))
-    # noise is another in each flight; what the servos' formula leaves out is not
-    assert 1.15 < apart["slow", "wide"] / here.rivals.now["slow", "wide"] < 2
+    assert apart["slow", "wide"] > 1.5 * here.rivals.now["slow", "wide"]
 
 
 def test_the_proposed_flight_adds_separation_within_limits_and_can_be_flown(unsure, tmp_path):
@@ -120,7 +119,7 @@ def test_the_proposed_flight_adds_separation_within_limits_and_can_be_flown(unsu
     table = propose_test(found, Pitching(), question, None, path)
     (test,) = (t for t in table["tests"] if t["kind"] == "flight")
     (pair,) = test["pairs"]
-    assert pair["after"] > 1.15 * pair["now"]
+    assert pair["after"] > 1.5 * pair["now"]
     assert table["gain"] == pytest.approx(pair["after"] / pair["now"])
     assert (table["design"], table["no_flight"]) == (str(path), "")
     design, signals = read_design(path), read_inputs(path)

@@ -53,9 +53,8 @@ def test_an_insertion_is_what_the_full_formula_makes_of_the_stack(findings, used
                 k.residual,
                 k.own,
                 k.form,
-                k.alike,
+                k.own[:0],
                 form_row=k.form_row,
-                alike_row=k.matrices.alike_row,
             )
             for k, z in zip(columns, fresh, strict=True)
         ]

@@ -72,7 +72,8 @@ def test_the_headline_is_as_grave_as_the_review_of_the_same_prediction(times, ki
     assert max(alone.validation_ratio(n) for n in model.responses) == pytest.approx(times)
     assert said(judged)[0][0] == kind
     read = ReviewedFile(Source("study", "freqid-study", ""), Path("study"), judged)
-    weights = {g.weight for g in grounds_of([read], None) if "on a flight that it was not made from, the" in g.text}
+    tried = "on a flight that it was not made from, the"
+    weights = {g.weight for g in grounds_of([read], None) if tried in g.text}
     assert weights == {{"good": "good", "note": "risk", "bad": "stop"}[kind]}
 
 

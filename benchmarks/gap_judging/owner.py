@@ -19,6 +19,7 @@ from scipy.signal import lfilter
 
 GRAVITY = 9.80665
 STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta", "psi")
+RESPONSES = ("X", "Y", "Z", "L", "M", "N")
 SETTLE = 14.0  # s that a flight lasts before its record begins, by the same periodic excitation
 
 
@@ -71,6 +72,20 @@ class Owner:
         self.law = [
             (self.names.index(e), [(STATES.index(x), k) for x, k in row.items()]) for e, row in gains.items()
         ]
+
+    def wrench(self, sigmas: Mapping[str, float]) -> Callable[..., dict[str, Any]]:
+        """Return the simulation as ``--sim`` takes it, with one sigma of each of its parameters."""
+
+        def wrench(time, state, effector, air, parameters):
+            """Return forces and moments about the centre of gravity, N and N m, as the owner has them."""
+            x = tuple(np.asarray(state[n]) for n in STATES[:6])
+            e = tuple(np.asarray(effector[n]) for n in self.names)
+            return dict(zip(RESPONSES, self.loads(np, x, e, np.asarray(air["rho"]), parameters), strict=True))
+
+        wrench.responses = RESPONSES
+        wrench.tolerances = {name: (sigma, "1") for name, sigma in sigmas.items()}
+        wrench.positions, wrench.fly = self.positions, self.fly
+        return wrench
 
     def trim(
         self, u: float, rho: float, parameters: Mapping[str, float] | None = None

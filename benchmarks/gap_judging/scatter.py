@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,18 @@ CHANNELS = {
     "actuator_delay": ("extra",),
     "mass": ("fraction",),
 }
+
+
+def of_actuators(surfaces: Sequence[str], rotors: Sequence[str]) -> dict[str, float]:
+    """Return one sigma, as shares, of what owners know no better of surfaces, servos, rotors, motors."""
+    return (
+        {f"{e}.effectiveness": 0.03 for e in surfaces}
+        | {f"{r}.{end}": 0.03 for r in rotors for end in ("thrust", "torque")}
+        | {f"{e}.natural_frequency": 0.05 for e in surfaces}
+        | {f"{e}.damping": 0.05 for e in surfaces}
+        | {f"{e}.gain": 0.01 for e in surfaces}
+        | {f"{r}.time_constant": 0.05 for r in rotors}
+    )
 
 
 def per_case(aircraft: Any) -> dict[str, float]:

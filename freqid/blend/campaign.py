@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -205,6 +206,12 @@ class StudyResults(Viewable):
         """
         points = [p for p in self.points if p.history] or self.points
         return [points[i] for i in spanning_conditions([p.model.reference for p in points])]
+
+
+def causes_of(points: Sequence[StudiedPoint]) -> Counter[str]:
+    """Return how many parameters are off the linearised simulation, by the computed cause."""
+    every = (m for p in points for r in p.model.responses for m in p.misses(r))
+    return Counter(m.cause for m in every if m.of != "noise-free estimate")
 
 
 def most_allowed(results: StudyResults, held_out: HeldOut) -> float:

@@ -1,5 +1,7 @@
 """Numbers of the blown wing that the truth and its owner share."""
 
+from scatter import of_actuators
+
 AREA, CHORD, SPAN, SWEEP = 1.216, 0.384, 3.2, 0.47  # m2, mean chord in m, m, rad
 ROOT_X, ROOT_CHORD, TIP_CHORD, DIHEDRAL = 0.355, 0.46, 0.30, 0.03  # quarter-chord point at the root, m; rad
 # From the middle to the tip, m: the body, both sides of four propellers, and the drag rudder.
@@ -24,9 +26,4 @@ SIGMAS = {
     "jets.strength": 0.05,
     "jets.swirl": 0.08,
 }
-SIGMAS |= {f"{e}.effectiveness": 0.03 for e in SURFACES}
-SIGMAS |= {f"{r}.{end}": 0.03 for r in ROTORS for end in ("thrust", "torque")}
-SIGMAS |= {f"{e}.natural_frequency": 0.05 for e in SURFACES}
-SIGMAS |= {f"{e}.damping": 0.05 for e in SURFACES}
-SIGMAS |= {f"{e}.gain": 0.01 for e in SURFACES}
-SIGMAS |= {f"{r}.time_constant": 0.05 for r in ROTORS}
+SIGMAS |= of_actuators(SURFACES, ROTORS)

@@ -15,9 +15,8 @@ for folder in (HERE.parent, HERE):
         sys.path.insert(0, str(folder))
 
 import blownwing_numbers as g  # noqa: E402
-from owner import Owner  # noqa: E402
+from owner import RESPONSES, Owner  # noqa: E402
 
-RESPONSES = ("X", "Y", "Z", "L", "M", "N")
 # Of one half of the wing in its own flow; the last of its own jet
 INPUTS = ("camber", "tilt", "alpha", "q", "polar", "section", "inner", "outer", "open", "swirl")
 INPUTS += ("roll", "p", "beta", "slip", "r", "1", "jet")
@@ -149,17 +148,4 @@ OWNER = Owner(
     schedule=schedule,
     trimmed=(("outer_l", "outer_r"), g.ROTORS),
 )
-trim = OWNER.trim
-
-
-def wrench(time, state, effector, air, parameters):
-    """Return forces and moments about the centre of gravity, N and N m, on given states and positions."""
-    x = tuple(np.asarray(state[n]) for n in ("u", "v", "w", "p", "q", "r"))
-    e = tuple(np.asarray(effector[n]) for n in OWNER.names)
-    return dict(zip(RESPONSES, loads(np, x, e, np.asarray(air["rho"]), parameters), strict=True))
-
-
-wrench.responses = RESPONSES
-wrench.tolerances = {name: (sigma, "1") for name, sigma in g.SIGMAS.items()}
-wrench.positions = OWNER.positions
-wrench.fly = OWNER.fly
+trim, wrench = OWNER.trim, OWNER.wrench(g.SIGMAS)

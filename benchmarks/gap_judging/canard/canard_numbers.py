@@ -1,5 +1,7 @@
 """Numbers of the canard that the truth and its owner share."""
 
+from scatter import of_actuators
+
 AREA, CHORD, SPAN = 0.936, 0.367, 2.6  # of the wing alone
 # Lifting surfaces, right half: root and tip quarter-chord point, chords, m; panels from root to tip.
 WING = ((-0.03, 0.0, 0.0), (-0.555, 1.30, -0.045), 0.46, 0.26, 4)
@@ -29,9 +31,4 @@ SIGMAS = {
     "fans.intake": 0.04,
     "push.advance": 0.05,
 }
-SIGMAS |= {f"{e}.effectiveness": 0.03 for e in SURFACES}
-SIGMAS |= {f"{r}.{end}": 0.03 for r in ROTORS for end in ("thrust", "torque")}
-SIGMAS |= {f"{e}.natural_frequency": 0.05 for e in SURFACES}
-SIGMAS |= {f"{e}.damping": 0.05 for e in SURFACES}
-SIGMAS |= {f"{e}.gain": 0.01 for e in SURFACES}
-SIGMAS |= {f"{r}.time_constant": 0.05 for r in ROTORS}
+SIGMAS |= of_actuators(SURFACES, ROTORS)

@@ -7,17 +7,14 @@ import sys
 import tomllib
 from pathlib import Path
 
-import numpy as np
-
 HERE = Path(__file__).resolve().parent
 for folder in (HERE.parent, HERE):
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
 
 import canard_numbers as g  # noqa: E402
-from owner import Owner  # noqa: E402
+from owner import RESPONSES, Owner  # noqa: E402
 
-RESPONSES = ("X", "Y", "Z", "L", "M", "N")
 EVEN = ("camber", "tilt", "alpha", "alpha_c", "q", "q_c", "canard", "flap", "toe", "polar")
 ODD = ("slip", "beta", "beta_f", "p", "p_w", "r", "r_f", "ail", "rud")
 INPUTS = (*EVEN, *ODD, "1")
@@ -139,17 +136,4 @@ OWNER = Owner(
     schedule=schedule,
     trimmed=(("canard",), ("push",)),
 )
-trim = OWNER.trim
-
-
-def wrench(time, state, effector, air, parameters):
-    """Return forces and moments about the centre of gravity, N and N m, on given states and positions."""
-    x = tuple(np.asarray(state[n]) for n in ("u", "v", "w", "p", "q", "r"))
-    e = tuple(np.asarray(effector[n]) for n in OWNER.names)
-    return dict(zip(RESPONSES, loads(np, x, e, np.asarray(air["rho"]), parameters), strict=True))
-
-
-wrench.responses = RESPONSES
-wrench.tolerances = {name: (sigma, "1") for name, sigma in g.SIGMAS.items()}
-wrench.positions = OWNER.positions
-wrench.fly = OWNER.fly
+trim, wrench = OWNER.trim, OWNER.wrench(g.SIGMAS)

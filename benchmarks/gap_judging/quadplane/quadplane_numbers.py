@@ -1,5 +1,6 @@
 """Numbers of the quadplane that the truth and its owner share."""
 
+from scatter import of_actuators
 from wing import Wing
 
 WING = Wing(
@@ -44,9 +45,4 @@ SIGMAS = {
     "lift_rotors.edgewise": 0.05,
     "push.advance": 0.05,
 }
-SIGMAS |= {f"{e}.effectiveness": 0.03 for e in _SURFACES}
-SIGMAS |= {f"{r}.{end}": 0.03 for r in _ROTORS for end in ("thrust", "torque")}
-SIGMAS |= {f"{e}.natural_frequency": 0.05 for e in _SURFACES}
-SIGMAS |= {f"{e}.damping": 0.05 for e in _SURFACES}
-SIGMAS |= {f"{e}.gain": 0.01 for e in _SURFACES}
-SIGMAS |= {f"{r}.time_constant": 0.05 for r in _ROTORS}
+SIGMAS |= of_actuators(_SURFACES, _ROTORS)

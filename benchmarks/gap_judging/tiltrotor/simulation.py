@@ -6,8 +6,6 @@ import sys
 import tomllib
 from pathlib import Path
 
-import numpy as np
-
 HERE = Path(__file__).resolve().parent
 for folder in (HERE.parent, HERE):
     if str(folder) not in sys.path:
@@ -17,7 +15,6 @@ import tiltrotor_numbers as g  # noqa: E402
 from owner import Owner  # noqa: E402
 from wing import coefficient_loads  # noqa: E402
 
-RESPONSES = ("X", "Y", "Z", "L", "M", "N")
 S, CHORD, SPAN = g.WING.area, g.WING.chord, 3.2
 # Thrust over density, disc area and square of tip speed, as a test stand shows it: constant, advance along
 # the axis and its square, across the axis and its square, product of both. Torque likewise, times radius.
@@ -114,17 +111,4 @@ OWNER = Owner(
     schedule=schedule,
     trimmed=(("elev",), ("in_l", "in_r", "out_l", "out_r")),
 )
-trim = OWNER.trim
-
-
-def wrench(time, state, effector, air, parameters):
-    """Return forces and moments about the centre of gravity, N and N m, on given states and positions."""
-    x = tuple(np.asarray(state[n]) for n in ("u", "v", "w", "p", "q", "r"))
-    e = tuple(np.asarray(effector[n]) for n in OWNER.names)
-    return dict(zip(RESPONSES, loads(np, x, e, np.asarray(air["rho"]), parameters), strict=True))
-
-
-wrench.responses = RESPONSES
-wrench.tolerances = {name: (sigma, "1") for name, sigma in g.SIGMAS.items()}
-wrench.positions = OWNER.positions
-wrench.fly = OWNER.fly
+trim, wrench = OWNER.trim, OWNER.wrench(g.SIGMAS)

@@ -1,5 +1,6 @@
 """Numbers of the tilt-rotor that the truth and its owner share."""
 
+from scatter import of_actuators
 from wing import Wing
 
 WING = Wing(
@@ -49,9 +50,4 @@ SIGMAS = {
     "lift_rotors.inflow": 0.05,
     "lift_rotors.edgewise": 0.05,
 }
-SIGMAS |= {f"{e}.effectiveness": 0.03 for e in SURFACES}
-SIGMAS |= {f"{r}.{end}": 0.03 for r in ROTORS for end in ("thrust", "torque")}
-SIGMAS |= {f"{e}.natural_frequency": 0.05 for e in SURFACES}
-SIGMAS |= {f"{e}.damping": 0.05 for e in SURFACES}
-SIGMAS |= {f"{e}.gain": 0.01 for e in SURFACES}
-SIGMAS |= {f"{r}.time_constant": 0.05 for r in ROTORS}
+SIGMAS |= of_actuators(SURFACES, ROTORS)

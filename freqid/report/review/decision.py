@@ -195,7 +195,7 @@ _TERMS = (
         "What simulation and flights differ by, beyond noise and the tolerances that the simulation states.",
     ),
     ("interval", "Range that holds the true value in the stated share of cases, as far as noise goes."),
-    ("closed", "What of the gap goes when the simulation has the effect that was named."),
+    ("closed", "What of the gap disappears when the simulation has the effect that was named."),
 )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from typing import Literal
 
@@ -18,6 +17,7 @@ from freqid.blend.campaign import (
     MOST_VALIDATION,
     StudiedPoint,
     StudyResults,
+    causes_of,
     most_allowed,
 )
 from freqid.core.results.judged.truth import BEYOND
@@ -29,6 +29,9 @@ SETTLED = 0.95
 """Share of parameters that makes a manoeuvre long enough."""
 SETTLED_BY = 40.0
 """s into the second period: when they should have settled."""
+
+PROMISED = 0.9545
+"""Share of normal errors within two standard errors."""
 
 
 def study_verdict(results: StudyResults) -> tuple[Finding, ...]:
@@ -251,7 +254,7 @@ def truth_findings(points: Sequence[StudiedPoint]) -> list[Finding]:
         apart.size,
         percent(PROMISED),
         number(float(np.sqrt(np.mean(apart**2))), 2),
-        _why_off(responses),
+        _why_off(points),
     )
     if not away.size:
         return [linear]
@@ -273,15 +276,11 @@ def truth_findings(points: Sequence[StudiedPoint]) -> list[Finding]:
     ]
 
 
-def _why_off(responses: Sequence[tuple[StudiedPoint, str]]) -> Markup:
+def _why_off(points: Sequence[StudiedPoint]) -> Markup:
     """Return the causes of what is off the linearisation, most frequent first."""
-    causes = Counter(m.cause for p, r in responses for m in p.misses(r) if m.of != "noise-free estimate")
+    causes = causes_of(points)
     why = listed(Markup("{} for {}").format(cause, n) for cause, n in causes.most_common())
     return Markup(" The largest part of the others' difference is {}.").format(why) if causes else Markup()
-
-
-PROMISED = 0.9545
-"""Share of normal errors within two standard errors."""
 
 
 def _scatter(count: int) -> float:

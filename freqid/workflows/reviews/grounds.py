@@ -194,7 +194,7 @@ def _explained(named: Sequence[str], closure: Closure) -> str:
     g = closure.wrench
     return (
         f"flights and simulation differ, and {' and '.join(named)} explains it{words}: with that change "
-        f"{100 * g.G:.0f} % of the difference goes ({100 * g.lo:.0f} to {100 * g.hi:.0f} %) on "
+        f"{100 * g.G:.0f} % of the difference disappears ({100 * g.lo:.0f} to {100 * g.hi:.0f} %) on "
         f"{listed(list(map(base_name, closure.held_out)))}. Use the simulation with this change only"
     )
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import chain
 
-from freqid.blend.campaign import StudiedPoint
+from freqid.blend.campaign import StudiedPoint, causes_of
 from freqid.core.results.gap import GapResult
 from freqid.core.results.judged.review import LoopCompared
 from freqid.core.results.loop_margins import LoopMargins, least_of
@@ -122,14 +121,7 @@ def _form(models: Sequence[LoopCompared], points: Sequence[StudiedPoint]) -> Ite
 
 def _causes(points: Sequence[StudiedPoint]) -> str:
     """Return how many parameters are off the linearised simulation, by computed cause."""
-    causes = Counter(
-        m.cause
-        for p in points
-        for r in p.model.responses
-        for m in p.misses(r)
-        if m.of != "noise-free estimate"
-    )
-    return listed([f"{count} by {cause}" for cause, count in causes.most_common()])
+    return listed([f"{count} by {cause}" for cause, count in causes_of(points).most_common()])
 
 
 def _holds(row: LoopCompared) -> bool:
@@ -162,7 +154,3 @@ def _flown(one: ReviewedFile) -> Iterator[tuple[str, str, float, float]]:
 def _effects(one: ReviewedFile) -> str:
     known = isinstance(one.result, GapResult) and one.result.how_far
     return " and ".join(one.result.how_far[0].effects) if known else ""
-
-
-def _signed(value: float) -> str:
-    return f"{value:+.1f}".replace("-", "−")

@@ -102,14 +102,11 @@ def test_without_a_gap_nothing_is_named_or_closed():
 
 
 def test_nulls_of_a_simulation_within_its_tolerances_are_called_as_rarely_as_is_said():
-    """Every derivative off by its own sigma: of 24 flights 3 would be beyond five standard errors.
-
-    Hundreds of flights are in benchmarks/gap_judging.
-    """
+    """Every derivative off by its own sigma: of 40 flights 4 would be beyond four standard errors."""
     from linear_flight import SLOPES
 
     called, p = 0, []
-    for seed in range(24):
+    for seed in range(40):
         rng = np.random.default_rng([seed, 1])
         slopes = SLOPES * (1 + 0.02 * rng.standard_normal(SLOPES.shape))
         truth = Truth(slopes=tuple(map(tuple, slopes.tolist())))
@@ -117,8 +114,8 @@ def test_nulls_of_a_simulation_within_its_tolerances_are_called_as_rarely_as_is_
         found = diagnose(Linear(), [flown], replace(QUESTION, close=False, seed=seed)).diagnosis
         called += found.gap.exists
         p.append(found.gap.p)
-    assert called < 3
-    assert np.mean(np.array(p) < 0.2) < 0.2 + 4 * np.sqrt(0.2 * 0.8 / 24)
+    assert called < 4
+    assert np.mean(np.array(p) < 0.2) < 0.45
 
 
 @dataclass(frozen=True, eq=False)

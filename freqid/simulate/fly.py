@@ -32,6 +32,7 @@ from freqid.simulate.motion.derivatives import HEIGHT
 from freqid.simulate.motion.integrate import Divergence, divergence
 from freqid.simulate.motion.rigid_body import BodyState
 from freqid.simulate.motion.whole_vehicle import Details, Moving, State
+from freqid.simulate.tracing import stored
 
 DT = 0.005  # s, of a step
 EVERY = 2  # steps for each sample that is kept
@@ -327,11 +328,16 @@ def _added(commands: Commands, excitation: Commands) -> Commands:
     return jax.tree.map(jnp.add, commands, excitation)
 
 
-_leg = jax.jit(_advance)
-_legs = jax.jit(jax.vmap(_advance))
+_leg = stored(_advance)
 
 
-@jax.jit
+@stored
+def _legs(*flown):
+    """Fly one leg of stacked sorties."""
+    return jax.vmap(_advance)(*flown)
+
+
+@stored
 def _started(
     parameters: motion.Parameters, body: BodyState, positions: Positions, around: Surroundings
 ) -> State:

@@ -20,6 +20,7 @@ from freqid.simulate.motion.actuators import Commands
 from freqid.simulate.motion.attitude import cross
 from freqid.simulate.motion.multibody import Configuration
 from freqid.simulate.motion.rigid_body import BodyState
+from freqid.simulate.tracing import stored
 
 STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta", "psi")
 HEIGHT = 100.0  # m above ground, where manoeuvres are flown
@@ -113,7 +114,7 @@ def small_motion(
     return found, (body, aero, commands)
 
 
-@jax.jit
+@stored
 def derivatives(
     parameters: motion.Parameters, around: Surroundings, state: jax.Array, effectors: jax.Array
 ) -> Derivatives:

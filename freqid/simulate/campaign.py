@@ -86,7 +86,7 @@ def fly_campaign(
         raise UsageError("the scenario has no [campaign]", remedy="add the trims that are to be flown")
     start = scenario.reference_of(scenario.campaign_start)
     scenario, wind = flyable(scenario, conditions)
-    parameters = jax.tree.map(jnp.asarray, motion.parameters(scenario))
+    parameters = jax.device_put(motion.parameters(scenario))
     at = trim(scenario, parameters, start)
     law = tecs(scenario, parameters.actuators, at)
     times = plan(campaign, inputs)
@@ -114,15 +114,15 @@ def fly_campaign(
     level = altitude_of(start.rho)
     ready = base._replace(
         aim=Goal(
-            speed=jnp.asarray(speed),
-            climb=jnp.asarray(climb),
-            stopped=jnp.asarray(stopped),
-            held=jnp.asarray(held.astype(float)),
-            wind=jnp.asarray(np.tile(wind, (steps, 1))),
+            speed=speed,
+            climb=climb,
+            stopped=stopped,
+            held=held.astype(float),
+            wind=np.tile(wind, (steps, 1)),
         ),
         around=base.around._replace(
             rho=air(jnp.asarray(level + climbed)).rho,
-            ground=jnp.full(steps, level - campaign.altitude_m),
+            ground=np.full(steps, level - campaign.altitude_m),
         ),
     )
     flight = fly(ready)

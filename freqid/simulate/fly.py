@@ -201,9 +201,9 @@ def sortie(
         law=law,
         state=_started(loop.parameters, trimmed.body, trimmed.positions, trimmed.around._replace(wind=mean)),
         aim=Aim(
-            u=jnp.asarray(reference.u + share * ((to or reference).u - reference.u)),
-            altitude=jnp.asarray(np.full(steps, -trimmed.body.position[2])),
-            wind=jnp.asarray(np.tile(mean, (steps, 1))),
+            u=reference.u + share * ((to or reference).u - reference.u),
+            altitude=np.full(steps, -trimmed.body.position[2]),
+            wind=np.tile(mean, (steps, 1)),
         ),
         excitation=by_kind(vehicle, signals),
         around=windy(mean, gusts, reference.rho, ground=float(trimmed.around.ground)),
@@ -237,12 +237,13 @@ def _flown(flown: Sortie, leg) -> list[Flight]:
     axis = flown.around.rho.ndim - 1  # of the steps
     count = flown.around.rho.shape[axis]
     schedule = (flown.aim, flown.excitation, flown.around)
-    carry = flown.state, flown.law.memory
+    carry = jax.tree.map(np.asarray, (flown.state, flown.law.memory))
     legs = []
     for first in range(0, count, _LEG):
         now = jax.tree.map(lambda x: _cut(x, axis, first), schedule)  # noqa: B023  used at once
-        samples, carry = leg(flown.parameters, flown.law, carry, now)
-        legs.append(jax.tree.map(np.asarray, samples))
+        # Arrays of numpy belong to no device: those that a call returned would be compiled for once more.
+        samples, carry = jax.tree.map(np.asarray, leg(flown.parameters, flown.law, carry, now))
+        legs.append(samples)
         if all(_divergence(one) for one in _each(legs[-1], axis)):
             break
     samples = jax.tree.map(lambda *x: np.concatenate(x, axis), *legs)

@@ -56,7 +56,7 @@ def local_coefficients(
     if vehicle.area_m2 is None or vehicle.span_m is None or vehicle.chord_m is None:
         raise UsageError("coefficients need area_m2, span_m and chord_m", remedy="add them to [vehicle]")
     area, span, chord = vehicle.area_m2, vehicle.span_m, vehicle.chord_m
-    parameters = jax.tree.map(jnp.asarray, motion.parameters(scenario))
+    parameters = jax.device_put(motion.parameters(scenario))
     names = (*MOTION, *(e.name for e in vehicle.effectors))
     mean = {f"air/{n}": float(truth[f"air/{n}"].mean()) for n in ("V", "alpha", "beta", "rho")}
     rates = [float(truth[f"state/{n}"].mean()) for n in "pqr"]

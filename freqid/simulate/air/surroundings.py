@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,8 +36,8 @@ class Surroundings(NamedTuple):
 
 def calm(rho: float, ground: float = 0.0) -> Surroundings:
     """Return air at rest."""
-    still = jnp.asarray(np.zeros(3))
-    return Surroundings(still, still, *(jnp.asarray(x, dtype=float) for x in (rho, ground)))
+    still = np.zeros(3)
+    return Surroundings(still, still, *(np.asarray(x, dtype=float) for x in (rho, ground)))
 
 
 def windy(
@@ -72,10 +71,10 @@ def windy(
     turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
     steps = gusts.shape[1]
     return Surroundings(
-        jnp.asarray(wind + (turn @ gusts[:3]).T),
-        jnp.asarray((turn @ gusts[3:]).T),
-        jnp.asarray(np.full(steps, float(rho))),
-        jnp.asarray(np.full(steps, float(ground))),
+        wind + (turn @ gusts[:3]).T,
+        (turn @ gusts[3:]).T,
+        np.full(steps, float(rho)),
+        np.full(steps, float(ground)),
     )
 
 

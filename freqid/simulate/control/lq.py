@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from scipy.linalg import solve_continuous_are
 
@@ -109,7 +108,7 @@ def close_loop(scenario: Scenario, reference: Reference) -> ClosedLoop:
     UsageError
         Where the reference cannot be trimmed. Other conditions of the corridor that cannot are left out.
     """
-    parameters = jax.tree.map(jnp.asarray, motion.parameters(scenario))
+    parameters = jax.device_put(motion.parameters(scenario))
     trims = {}
     for at in corridor(scenario, reference):
         try:
@@ -174,16 +173,16 @@ def design_law(scenario: Scenario, parameters: motion.Parameters, trims: Sequenc
         settings.append(
             Setting(
                 at.commands,
-                jnp.asarray(np.concatenate([velocity, np.zeros(3), at.angles, np.zeros(1)])),
-                jnp.asarray(linear.centre),
-                jnp.asarray(gain),
-                jnp.asarray(share[:cut]),
-                jnp.asarray(share[cut:]),
+                np.concatenate([velocity, np.zeros(3), at.angles, np.zeros(1)]),
+                linear.centre,
+                gain,
+                share[:cut],
+                share[cut:],
             )
         )
     return Law(
-        u=jnp.asarray([at.reference.u for at in trims]),
-        settings=jax.tree.map(lambda *values: jnp.asarray(np.stack(values)), *settings),
+        u=np.array([at.reference.u for at in trims]),
+        settings=jax.tree.map(lambda *values: np.stack(values), *settings),
         low=Commands(act.surface.low, act.tilt.low, act.motor.low),
         high=Commands(act.surface.high, act.tilt.high, act.motor.high),
     )

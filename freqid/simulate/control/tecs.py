@@ -215,12 +215,12 @@ def tecs(scenario: Scenario, actuators: Actuators, start: Trim) -> Tecs:
         raise UsageError("the vehicle has no rotor that holds its energy", remedy="add a [[rotor]]")
     plain = [name for name in section.__struct_fields__ if isinstance(getattr(section, name), int | float)]
     return Tecs(
-        gains={name: jnp.asarray(float(getattr(section, name))) for name in plain},
-        surface=jnp.asarray(moves),
+        gains={name: np.asarray(float(getattr(section, name))) for name in plain},
+        surface=np.asarray(moves),
         trim=start.commands,
-        pitch=jnp.asarray(float(start.angles[1])),
-        speed=jnp.asarray(float(np.linalg.norm(start.body.velocity))),
+        pitch=np.asarray(float(start.angles[1])),
+        speed=np.asarray(float(np.linalg.norm(start.body.velocity))),
         low=Commands(actuators.surface.low, actuators.tilt.low, actuators.motor.low),
         high=Commands(actuators.surface.high, actuators.tilt.high, actuators.motor.high),
-        bounds=jnp.asarray(section.pitch_rad),
+        bounds=np.asarray(section.pitch_rad),
     )

@@ -7,7 +7,6 @@ from math import pi
 from typing import Any, TypeVar
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -78,7 +77,7 @@ def absent_effects(scenario: Scenario) -> tuple[str, ...]:
 def _strips(scenario: Scenario) -> Parameters:
     section, vehicle = read_airframe(scenario), scenario.aircraft()
     body = section.fuselage
-    described = _tree(
+    return _tree(
         Parameters,
         frames=_frames(vehicle),
         propellers=_propellers(section.propeller, vehicle),
@@ -95,7 +94,6 @@ def _strips(scenario: Scenario) -> Parameters:
         geometry=_geometry(vehicle),
         effects=_effects(scenario, vehicle),
     )
-    return jax.tree.map(jnp.asarray, described)
 
 
 def _coefficients(scenario: Scenario) -> Coefficients:

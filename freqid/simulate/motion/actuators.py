@@ -190,18 +190,18 @@ def actuators(scenario: Scenario) -> Actuators:
 
     def servos(kind: Literal["surface", "tilt"], described: ServoSection) -> Servos:
         low, high, rate = _limits([e for e in effectors if e.kind == kind])
-        frequency = jnp.full(low.size, 2 * np.pi * described.frequency_hz)
-        return Servos(frequency, jnp.full(low.size, described.damping), low, high, rate)
+        frequency = np.full(low.size, 2 * np.pi * described.frequency_hz)
+        return Servos(frequency, np.full(low.size, described.damping), low, high, rate)
 
     low, high, rate = _limits([e for e in effectors if e.kind == "rotor"])
-    rise, fall = (jnp.full(low.size, t) for t in (motor.rise_s, motor.fall_s))
+    rise, fall = (np.full(low.size, t) for t in (motor.rise_s, motor.fall_s))
     delays = (surface.delay_s, tilt.delay_s, motor.delay_s)
     return Actuators(
         surface=servos("surface", surface),
         tilt=servos("tilt", tilt),
         motor=Motors(rise, fall, low, high, rate),
         battery=battery(section.battery),
-        delay=Commands(*(jnp.asarray(d) for d in delays)),
+        delay=Commands(*(np.asarray(d) for d in delays)),
     )
 
 
@@ -210,7 +210,7 @@ def by_kind(vehicle: Vehicle, values: ArrayLike) -> Commands:
     values = np.asarray(values)
     kinds = [e.kind for e in vehicle.effectors]
     places = ([i for i, k in enumerate(kinds) if k == kind] for kind in ("surface", "tilt", "rotor"))
-    return Commands(*(jnp.asarray(values[..., np.array(p, dtype=int)]) for p in places))
+    return Commands(*(values[..., np.array(p, dtype=int)] for p in places))
 
 
 def servo_acceleration(servos: Servos, position: jax.Array, rate: jax.Array, command: jax.Array) -> jax.Array:
@@ -259,4 +259,4 @@ def _limits(effectors: list[Effector]) -> tuple[jax.Array, jax.Array, jax.Array]
     """Return stops and rate limits of effectors, shape (effector,) each."""
     low, high = np.reshape([e.limits for e in effectors], (len(effectors), 2)).T
     rate = [np.inf if e.rate_limit is None else e.rate_limit for e in effectors]
-    return jnp.asarray(low), jnp.asarray(high), jnp.asarray(rate, dtype=float)
+    return low, high, np.array(rate, dtype=float)

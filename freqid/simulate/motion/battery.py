@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from freqid.core.vehicle import Strict
 from freqid.dynamics import precision as precision
@@ -120,7 +121,7 @@ def battery(section: BatterySection | None) -> Battery:
         s.idle_w,
         s.charge,
     )
-    return Battery(*(jnp.asarray(value, dtype=float) for value in values))
+    return Battery(*(np.asarray(value, dtype=float) for value in values))
 
 
 def power(battery: Battery, charge: jax.Array, torque: jax.Array, speed: jax.Array) -> Power:

@@ -117,7 +117,7 @@ def mass_model(vehicle: Vehicle) -> MassModel:
         np.reshape([spin_on(w.name) for w in wings], (count, 3, len(rotors))),
         spin_on(None),
     )
-    return MassModel(*(jnp.asarray(part, dtype=float) for part in parts))
+    return MassModel(*(np.asarray(part, dtype=float) for part in parts))
 
 
 def momentum(

@@ -45,7 +45,8 @@ class Pchip:
         self.knots = np.asarray(knots, dtype=float)
         self.values = np.asarray(values, dtype=float)
         self._spread = None if spread is None else np.asarray(spread, dtype=float)
-        self._cubic = PchipInterpolator(self.knots, self.values, axis=1, extrapolate=False)
+        with np.errstate(over="ignore"):  # over a chord that is all but level; the slope there is zero
+            self._cubic = PchipInterpolator(self.knots, self.values, axis=1, extrapolate=False)
 
     def __call__(self, s: ArrayLike, order: int = 0) -> Array:
         """Return values, or their derivative of an order with respect to s, shape (channel, n)."""

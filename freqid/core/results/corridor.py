@@ -209,6 +209,9 @@ def _check(corridor: Corridor) -> None:
         raise ValueError("the knots do not ascend along their lines")
     if not corridor.responses:
         raise ValueError("it has no response")
+    for name, knots in corridor.responses.items():
+        if (np.diagonal(knots.covariance, axis1=1, axis2=2) < 0).any():
+            raise ValueError(f"a variance of '{name}' is negative")
 
 
 FILE = ResultFile("freqid-global", Corridor, _CORRIDOR, check=_check)

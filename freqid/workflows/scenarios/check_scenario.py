@@ -125,12 +125,16 @@ def check_scenario(scenario: Scenario | File) -> ScenarioCheck:
     }
     path = find_scenario(described.file) if described.file else None
     found = placeholders(path) if path is not None else []
+    try:
+        points = _moment_points(described)
+    except FreqidError as error:
+        raise error.at(described.file) from None
     return ScenarioCheck(
         vehicle=repr(described).strip("<>"),
         missing=missing,
         notes=_notes(described),
         placeholders=tuple(found),
-        moment_points=_moment_points(described),
+        moment_points=points,
     )
 
 

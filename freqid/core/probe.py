@@ -1,12 +1,11 @@
 """Read an HDF5 file in a process of its own first, which may hang or crash in place of ours.
 
 The HDF5 library does not survive every damage: of a thousand files with a few changed bytes
-it loops for ever over some and ends the process over others, which no Python code can catch. Files with
-freqid's own checksum need no probe.
+it loops for ever over some and ends the process over others, which no Python code can catch.
 
-This file is also what that process runs, so it imports little. It is started once, which takes half a
+This file is also what that process runs, so it imports little. It is started once, which takes a fifth of a
 second, and forks for every file, which takes milliseconds; where a system cannot fork, it is started for
-every file.
+every file, and where it is killed, once more.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from pathlib import Path
 from typing import ClassVar
 
 _SECONDS, _RATE = 1, 50_000_000  # of processor, and bytes that it reads in one more
-_WALL = 60.0  # s, where the file's disk is slow
+_WALL, _DISK = 60.0, 5_000_000  # s, where the disk is slow, and bytes that it reads in one more
 _MEMORY = 1 << 29  # bytes beside the largest data set
 _OUT_OF_MEMORY = 3
 _DOES_NOT_END = -9  # SIGKILL, as of one that does not hear SIGXCPU
@@ -47,7 +46,7 @@ def fault_of(path: Path) -> str:
 @lru_cache(maxsize=64)
 def _fault(path: str, changed: int, size: int) -> str:
     try:
-        code = _Server.mine().code_of(path) if hasattr(os, "fork") else _started_for(path)
+        code = _code(path, _WALL + size / _DISK)
     except OSError:
         return ""  # no Python to start, as inside another program
     if code in (-24, _DOES_NOT_END):  # 24 is SIGXCPU
@@ -57,7 +56,18 @@ def _fault(path: str, changed: int, size: int) -> str:
     return f"ends the process (signal {-code})" if code < 0 else ""
 
 
-def _started_for(path: str) -> int:
+def _code(path: str, longest: float) -> int:
+    """Return the exit code of a process that reads a file and may take so many seconds."""
+    for _ in range(2 if hasattr(os, "fork") else 0):
+        server = _Server.mine()
+        try:
+            return server.code_of(path, longest)
+        except (EOFError, BrokenPipeError):  # it was killed from outside
+            server.stop()
+    return _started_for(path, longest)
+
+
+def _started_for(path: str, longest: float) -> int:
     """Return the exit code of a process that is started for one file."""
     with contextlib.suppress(subprocess.TimeoutExpired):
         return subprocess.run(
@@ -65,7 +75,7 @@ def _started_for(path: str) -> int:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            timeout=_WALL,
+            timeout=longest,
         ).returncode
     return _DOES_NOT_END
 
@@ -94,36 +104,53 @@ class _Server:
                 found = cls._of_process[os.getpid()] = cls()
             return found
 
-    def code_of(self, path: str) -> int:
-        """Return the exit code of a process that reads a file."""
+    def code_of(self, path: str, longest: float) -> int:
+        """Return the exit code of a process that reads a file.
+
+        Raises
+        ------
+        EOFError, BrokenPipeError
+            Where the server has ended.
+        """
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         with self._turn:
-            self._process.stdin.write(os.fsencode(path) + b"\0")
+            self._process.stdin.write(f"{longest}\0".encode() + os.fsencode(path) + b"\0")
             self._process.stdin.flush()
             said = self._process.stdout.readline()
-        return int(said) if said else _DOES_NOT_END
+        if not said:
+            raise EOFError
+        return int(said)
+
+    def stop(self) -> None:
+        """End it, so that the next file has a new one."""
+        with self._turn:
+            if self._of_process.get(os.getpid()) is self:
+                del self._of_process[os.getpid()]
+        self._process.kill()
+        self._process.wait()
 
     def _end(self, owner: int) -> None:
         if os.getpid() == owner:
-            self._process.communicate()  # it ends when nothing more can come
+            with contextlib.suppress(BrokenPipeError):  # it was killed
+                self._process.communicate()  # it ends when nothing more can come
 
 
 def _serve() -> None:
     """Fork for every name on standard input, and write the exit code of each."""
     import h5py  # noqa: F401  before forking
 
-    names = b""
+    asked = b""
     while more := os.read(0, 65536):
-        names += more
-        while b"\0" in names:
-            name, _, names = names.partition(b"\0")
+        asked += more
+        while asked.count(b"\0") > 1:
+            longest, name, asked = asked.split(b"\0", 2)
             child = os.fork()
             if child == 0:
                 os.close(0)
                 os.close(1)
                 _try(os.fsdecode(name))
-            until = time.monotonic() + _WALL
+            until = time.monotonic() + float(longest)
             while not (ended := os.waitpid(child, os.WNOHANG))[0]:
                 if time.monotonic() > until:
                     os.kill(child, signal.SIGKILL)

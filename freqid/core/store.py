@@ -2,8 +2,9 @@
 
 The first 512 bytes of a file are text (HDF5's user block, which every HDF5 program skips): its format, and
 the SHA-256 of all bytes after them. They are compared before the HDF5 library sees the file, because a
-damaged file can make it hang or crash. What passes is looked through once more before anything is read:
-whoever means harm can compute a checksum too.
+damaged file can make it hang or crash. Whoever means harm can compute a checksum too, so what passes, and
+was not written by this process, is read by another process first, and looked through for what no honest
+file holds.
 """
 
 from __future__ import annotations
@@ -47,6 +48,7 @@ _DEPTH = 32  # groups in groups; ours are six deep
 
 _writing: set[Path] = set()  # temporary files of this process, which whoever made them moves into place
 _swept: set[Path] = set()  # folders that this process has cleared
+_written: set[bytes] = set()  # first 512 bytes, with the checksum, of what this process wrote
 
 
 @contextmanager
@@ -220,6 +222,7 @@ def _add_checksum(path: Path, kind: str) -> None:
         text = _block_text(kind, raw)
         raw.seek(0)
         raw.write(text)
+    _written.add(text)
 
 
 @contextmanager
@@ -242,9 +245,10 @@ def reading(path: Path, kind: str) -> Iterator[h5py.File]:
         found = "is a folder" if Path(path).is_dir() else "no such file"
         raise DataError(found, where=where, remedy="check the path")
     try:
-        stated = _checked(Path(path))
-        if not stated:
+        block = _checked(Path(path))
+        if block not in _written:
             refuse_fatal(path)
+        stated = _stated(block)
         file = h5py.File(path, "r")
     except DataError as error:
         raise error.at(where) from None
@@ -307,8 +311,8 @@ def _check_header(file: h5py.File, kind: str, stated: str) -> None:
         raise _damaged(f"a file of layout {version} starts with its checksum, and this one does not")
 
 
-def _checked(path: Path) -> str:
-    """Return the format that a file states before its checksum, once that is compared; empty without one.
+def _checked(path: Path) -> bytes:
+    """Return the first 512 bytes of a file, once the checksum in them is compared; empty without one.
 
     Raises
     ------
@@ -317,12 +321,18 @@ def _checked(path: Path) -> str:
     """
     with open(path, "rb") as raw:
         block = raw.read(_BLOCK)
-        stated = _SUM.match(block)
-        if stated is None and raw.read(len(_SIGNATURE)) != _SIGNATURE:
-            return ""  # no file of ours, or one of a release without checksums
-        if stated is not None and block == _block_text(stated[1].decode(), raw):
-            return stated[1].decode()
+        stated = _stated(block)
+        if not stated and raw.read(len(_SIGNATURE)) != _SIGNATURE:
+            return b""  # no file of ours, or one of a release without checksums
+        if stated and block == _block_text(stated, raw):
+            return block
     raise _damaged("its bytes do not have the checksum that it states")
+
+
+def _stated(block: bytes) -> str:
+    """Return the format that a file's first 512 bytes state beside a checksum; empty without one."""
+    found = _SUM.match(block)
+    return found[1].decode() if found else ""
 
 
 def _block_text(kind: str, raw: BufferedReader | BufferedRandom) -> bytes:
@@ -341,7 +351,7 @@ def _damaged(why: str) -> DataError:
 
 
 def refuse_fatal(path: Path) -> None:
-    """Refuse an HDF5 file without checksum that the HDF5 library hangs or crashes over.
+    """Refuse an HDF5 file that the HDF5 library hangs or crashes over.
 
     Raises
     ------
@@ -413,9 +423,9 @@ def kind_of(path: Path) -> str:
     """Return the format that a file says it has; empty where it is none of ours."""
     try:
         with open(path, "rb") as raw:
-            stated = _SUM.match(raw.read(_BLOCK))
-        if stated is not None:
-            return stated[1].decode()
+            stated = _stated(raw.read(_BLOCK))
+        if stated:
+            return stated
         if not h5py.is_hdf5(path) or probe.fault_of(path):
             return ""
         with h5py.File(path, "r") as file:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 
 from freqid.core.scenario import read_scenario
 from freqid.workflows.scenarios.new_scenario import guess_kind
 
+TILTROTOR = Path(__file__).resolve().parents[2] / "scenarios" / "tiltrotor.toml"
 MIXED = "ail_l,ail_r,rudder,nac_l,nac_r,n1,n2,thr,left:tilt,fan:thrust"
 
 
@@ -132,6 +134,16 @@ def test_check_says_what_is_missing_for_which_command(freqid, tmp_path):
     assert "no [[wing]] turns with nac" in out
     assert "Nothing is drawn" in out
     assert not (tmp_path / "a.svg").exists()
+
+
+def test_check_names_the_file_whose_wing_has_no_place(freqid, tmp_path):
+    path = tmp_path / "s.toml"
+    text = TILTROTOR.read_text()
+    assert "cg_m = [0.51, 0.95, -0.05]\n" in text
+    path.write_text(text.replace("cg_m = [0.51, 0.95, -0.05]\n", ""))
+    code, _, err = freqid("check", path, "--no-draw")
+    assert code == 2
+    assert err.startswith(f"freqid: {path}: wing 'nacelle_fr' has a mass of 2 kg but no centre of gravity")
 
 
 def test_names_as_people_write_them():

@@ -75,3 +75,11 @@ def test_with_a_spread_one_draw_tells_the_scatter_of_all(truth, spread):
     assert ratios[0][1] < 1.10
     assert ratios[1][0] < 0.88
     assert ratios[1][1] > 1.15
+
+
+def test_a_chord_that_is_all_but_level_is_taken_for_level():
+    """Weights over such slopes overflow; the suite takes warnings for errors."""
+    values = np.array([[0.0, 1e-310, 1.0, 2.0]])
+    level = np.array([[0.0, 0.0, 1.0, 2.0]])
+    s = np.linspace(0.0, 3.0, 31)
+    np.testing.assert_allclose(Pchip(KNOTS[:4], values)(s), Pchip(KNOTS[:4], level)(s), atol=1e-15)

@@ -2,6 +2,8 @@
 
 import json
 import os
+import signal
+import threading
 import time
 from pathlib import Path
 
@@ -162,6 +164,44 @@ def test_one_process_looks_through_many_files_and_survives_them(tmp_path, monkey
         file["x"] = np.arange(5)
     assert probe.fault_of(tmp_path / "more.h5") == ""  # by a new one
     assert probe._Server.mine() is not server
+
+
+@pytest.mark.parametrize("when", ["before it is asked", "while it reads"])
+def test_a_probe_that_is_killed_from_outside_is_started_again(tmp_path, monkeypatch, when):
+    """A file that nobody tried would be opened, or one that is good refused, if nothing took its place."""
+    slow = tmp_path / "probe.py"
+    wait = "import time; time.sleep(0.3)"
+    slow.write_text(Path(probe.__file__).read_text().replace("    def visit(", f"    {wait}\n\n    def visit("))
+    monkeypatch.setattr(probe, "__file__", str(slow))
+    server = probe._Server()
+    monkeypatch.setattr(probe._Server, "_of_process", {os.getpid(): server})
+    if when == "before it is asked":
+        monkeypatch.setattr(server._process, "poll", lambda: None)  # and nobody has noticed yet
+        os.kill(server._process.pid, signal.SIGKILL)
+    else:
+        threading.Timer(0.2, server._process.kill).start()
+    with h5py.File(tmp_path / "good.h5", "w") as file:
+        file["x"] = np.arange(5)
+    assert probe.fault_of(tmp_path / "good.h5") == ""
+    assert probe._Server.mine() is not server
+    fatal = "import signal; os.kill(os.getpid(), signal.SIGSEGV)"
+    slow.write_text(slow.read_text().replace(wait, fatal))
+    probe._Server.mine()._process.kill()
+    (tmp_path / "bad.h5").write_bytes((tmp_path / "good.h5").read_bytes())
+    assert probe.fault_of(tmp_path / "bad.h5") == "ends the process (signal 11)"
+
+
+def test_a_right_checksum_does_not_spare_a_file_the_probe(path, tmp_path, monkeypatch):
+    """Whoever means harm can compute one; only what this process wrote itself is opened at once."""
+    fatal = tmp_path / "probe.py"
+    code = "import signal; os.kill(os.getpid(), signal.SIGSEGV)"
+    fatal.write_text(Path(probe.__file__).read_text().replace("    def visit(", f"    {code}\n\n    def visit("))
+    monkeypatch.setattr(probe, "__file__", str(fatal))
+    monkeypatch.setattr(probe._Server, "_of_process", {})
+    read_record(path)
+    monkeypatch.setattr(store, "_written", set())
+    with pytest.raises(DataError, match="reading it as HDF5 ends the process"):
+        read_record(path)
 
 
 def test_a_toml_file_of_100_mb_is_refused_at_once(tmp_path):

@@ -55,6 +55,7 @@ def test_the_layout_is_that_of_a_point_model_with_an_axis_of_knots(written):
         (lambda f: f["reference/line"].__setitem__(..., [0, 0, 1]), "no two knots each"),
         (lambda f: f["reference/u"].__setitem__(..., [7.0, 3.0, 12.0]), "do not ascend"),
         (lambda f: f.attrs.__setitem__("responses", "[]"), "it has no response"),
+        (lambda f: f["covariance/Z"].__setitem__((0, 1, 1), -1.0), "a variance of 'Z' is negative"),
     ],
 )
 def test_a_damaged_file_is_refused(written, damage, match):

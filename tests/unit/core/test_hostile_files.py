@@ -171,7 +171,9 @@ def test_a_probe_that_is_killed_from_outside_is_started_again(tmp_path, monkeypa
     """A file that nobody tried would be opened, or one that is good refused, if nothing took its place."""
     slow = tmp_path / "probe.py"
     wait = "import time; time.sleep(0.3)"
-    slow.write_text(Path(probe.__file__).read_text().replace("    def visit(", f"    {wait}\n\n    def visit("))
+    slow.write_text(
+        Path(probe.__file__).read_text().replace("    def visit(", f"    {wait}\n\n    def visit(")
+    )
     monkeypatch.setattr(probe, "__file__", str(slow))
     server = probe._Server()
     monkeypatch.setattr(probe._Server, "_of_process", {os.getpid(): server})
@@ -195,7 +197,9 @@ def test_a_right_checksum_does_not_spare_a_file_the_probe(path, tmp_path, monkey
     """Whoever means harm can compute one; only what this process wrote itself is opened at once."""
     fatal = tmp_path / "probe.py"
     code = "import signal; os.kill(os.getpid(), signal.SIGSEGV)"
-    fatal.write_text(Path(probe.__file__).read_text().replace("    def visit(", f"    {code}\n\n    def visit("))
+    fatal.write_text(
+        Path(probe.__file__).read_text().replace("    def visit(", f"    {code}\n\n    def visit(")
+    )
     monkeypatch.setattr(probe, "__file__", str(fatal))
     monkeypatch.setattr(probe._Server, "_of_process", {})
     read_record(path)

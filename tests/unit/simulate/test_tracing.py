@@ -66,7 +66,9 @@ def test_another_process_reads_what_the_first_one_traced(folder):
         lambda content: b"",
         lambda content: content[:-1],
         lambda content: content[:400] + bytes([content[400] ^ 1]) + content[401:],
-        lambda content: (lambda form: hashlib.sha256(form).hexdigest().encode() + form)(b"of another release"),
+        lambda content: (lambda form: hashlib.sha256(form).hexdigest().encode() + form)(
+            b"of another release"
+        ),
     ],
     ids=["empty", "cut off", "one bit", "right checksum, other contents"],
 )

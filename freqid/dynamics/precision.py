@@ -6,8 +6,14 @@ Every module of the simulation that uses JAX imports this one first.
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+T = TypeVar("T")
 
 # A flight is one loop over a few thousand small array operations a step. By default each operation is
 # dispatched on its own, which costs several times its arithmetic. These flags compile the whole loop into
@@ -34,3 +40,15 @@ CACHE = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "freq
 jax.config.update("jax_compilation_cache_dir", str(CACHE))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+
+def doubles(kind: Callable[..., T], *values: Any, **fields: Any) -> T:
+    """Return a named tuple whose leaves are all numpy's arrays of doubles; a list is one of them.
+
+    Nothing is compiled for these, as it is for every shape of an array that JAX makes.
+    """
+    return jax.tree.map(
+        lambda leaf: np.asarray(leaf, dtype=float),
+        kind(*values, **fields),
+        is_leaf=lambda x: isinstance(x, list),
+    )

@@ -13,6 +13,7 @@ from freqid.core.errors import UsageError
 from freqid.core.results.design import SampledInputs
 from freqid.core.scenario import Scenario
 from freqid.core.sections.campaign import Campaign
+from freqid.dynamics.precision import doubles
 from freqid.simulate.air.atmosphere import air, altitude_of
 from freqid.simulate.control.lq import ClosedLoop
 from freqid.simulate.control.tecs import Goal, tecs
@@ -113,11 +114,12 @@ def fly_campaign(
     climbed = np.concatenate([[0.0], np.cumsum(speed * np.sin(climb) * DT)[:-1]])
     level = altitude_of(start.rho)
     ready = base._replace(
-        aim=Goal(
+        aim=doubles(
+            Goal,
             speed=speed,
             climb=climb,
             stopped=stopped,
-            held=held.astype(float),
+            held=held,
             wind=np.tile(wind, (steps, 1)),
         ),
         around=base.around._replace(

@@ -20,6 +20,7 @@ from freqid.core.errors import UsageError, nearest
 from freqid.core.results.design import SampledInputs
 from freqid.core.scenario import Reference, Scenario
 from freqid.core.units import STANDARD_GRAVITY
+from freqid.dynamics.precision import doubles
 from freqid.simulate.air.surroundings import Surroundings, windy
 from freqid.simulate.control.law import Aim
 from freqid.simulate.control.lq import ClosedLoop
@@ -200,7 +201,8 @@ def sortie(
         parameters=loop.parameters,
         law=law,
         state=_started(loop.parameters, trimmed.body, trimmed.positions, trimmed.around._replace(wind=mean)),
-        aim=Aim(
+        aim=doubles(
+            Aim,
             u=reference.u + share * ((to or reference).u - reference.u),
             altitude=np.full(steps, -trimmed.body.position[2]),
             wind=np.tile(mean, (steps, 1)),

@@ -24,14 +24,14 @@ from freqid.core import store
 from freqid.dynamics import precision
 from freqid.simulate.effects import library, shipped
 
-F = TypeVar("F", bound=Callable[..., Any])
+T = TypeVar("T")
 
 _FOLDER = precision.CACHE.with_name("traces")
 _CODE = ("core", "dynamics", "simulate")  # all that is traced stands in these folders of the package
 _SUM = 64  # hexadecimal digits that a file begins with: SHA-256 of what follows
 
 
-def stored(function: F) -> F:
+def stored(function: Callable[..., T]) -> Callable[..., T]:
     """Compile a function with `jax.jit`; its traced form is stored for other processes.
 
     The result is the same whether a file was there or not: the stored form is what is compiled in both cases.
@@ -63,7 +63,7 @@ def stored(function: F) -> F:
         except Exception:  # another release of JAX may refuse to export or to read what it exported
             return function(*arguments)
 
-    return traced  # type: ignore[return-value]
+    return traced
 
 
 def _called(form: bytes, leaves: Sequence[jax.Array]) -> Any:
@@ -71,7 +71,7 @@ def _called(form: bytes, leaves: Sequence[jax.Array]) -> Any:
     from jax import export
 
     head, _, module = form.partition(b"\n")
-    outputs = export.deserialize(bytearray(module)).call(*leaves)
+    outputs: Any = export.deserialize(bytearray(module)).call(*leaves)
     return _assembled(json.loads(head), outputs)
 
 

@@ -8,6 +8,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.dynamics.precision import doubles
 from freqid.simulate.loads.quantities import Flow
 from freqid.simulate.motion import attitude
 from freqid.simulate.motion.rigid_body import BodyState
@@ -37,7 +38,7 @@ class Surroundings(NamedTuple):
 def calm(rho: float, ground: float = 0.0) -> Surroundings:
     """Return air at rest."""
     still = np.zeros(3)
-    return Surroundings(still, still, *(np.asarray(x, dtype=float) for x in (rho, ground)))
+    return doubles(Surroundings, still, still, rho, ground)
 
 
 def windy(
@@ -70,7 +71,8 @@ def windy(
     cosine, sine = np.cos(heading), np.sin(heading)
     turn = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]])
     steps = gusts.shape[1]
-    return Surroundings(
+    return doubles(
+        Surroundings,
         wind + (turn @ gusts[:3]).T,
         (turn @ gusts[3:]).T,
         np.full(steps, float(rho)),

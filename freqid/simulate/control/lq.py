@@ -27,6 +27,7 @@ from freqid.core.scenario import Reference, Scenario
 from freqid.core.toml import convert
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.core.vehicle import Strict
+from freqid.dynamics.precision import doubles
 from freqid.simulate.control.law import AXES, Law, Setting
 from freqid.simulate.control.linearize import STATES, linearize
 from freqid.simulate.control.trim import Trim, trim
@@ -171,7 +172,8 @@ def design_law(scenario: Scenario, parameters: motion.Parameters, trims: Sequenc
         else:
             gain, share = -stated, np.eye(len(commanded))
         settings.append(
-            Setting(
+            doubles(
+                Setting,
                 at.commands,
                 np.concatenate([velocity, np.zeros(3), at.angles, np.zeros(1)]),
                 linear.centre,
@@ -180,8 +182,9 @@ def design_law(scenario: Scenario, parameters: motion.Parameters, trims: Sequenc
                 share[cut:],
             )
         )
-    return Law(
-        u=np.array([at.reference.u for at in trims]),
+    return doubles(
+        Law,
+        u=[at.reference.u for at in trims],
         settings=jax.tree.map(lambda *values: np.stack(values), *settings),
         low=Commands(act.surface.low, act.tilt.low, act.motor.low),
         high=Commands(act.surface.high, act.tilt.high, act.motor.high),

@@ -26,6 +26,7 @@ from freqid.core.scenario import Scenario
 from freqid.core.toml import convert
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.core.vehicle import Strict
+from freqid.dynamics.precision import doubles
 from freqid.simulate.control.trim import Trim
 from freqid.simulate.motion import attitude
 from freqid.simulate.motion.actuators import Actuators, Commands
@@ -214,13 +215,14 @@ def tecs(scenario: Scenario, actuators: Actuators, start: Trim) -> Tecs:
     if not actuators.motor.high.size:
         raise UsageError("the vehicle has no rotor that holds its energy", remedy="add a [[rotor]]")
     plain = [name for name in section.__struct_fields__ if isinstance(getattr(section, name), int | float)]
-    return Tecs(
-        gains={name: np.asarray(float(getattr(section, name))) for name in plain},
-        surface=np.asarray(moves),
+    return doubles(
+        Tecs,
+        gains={name: getattr(section, name) for name in plain},
+        surface=moves,
         trim=start.commands,
-        pitch=np.asarray(float(start.angles[1])),
-        speed=np.asarray(float(np.linalg.norm(start.body.velocity))),
+        pitch=start.angles[1],
+        speed=np.linalg.norm(start.body.velocity),
         low=Commands(actuators.surface.low, actuators.tilt.low, actuators.motor.low),
         high=Commands(actuators.surface.high, actuators.tilt.high, actuators.motor.high),
-        bounds=np.asarray(section.pitch_rad),
+        bounds=list(section.pitch_rad),
     )

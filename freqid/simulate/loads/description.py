@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import pi
-from typing import Any, TypeVar
 
-import jax
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +11,7 @@ from freqid.core.errors import UsageError
 from freqid.core.frames import shaft_axis
 from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Vehicle
+from freqid.dynamics.precision import doubles
 from freqid.simulate import effects
 from freqid.simulate.effects import library
 from freqid.simulate.effects.needs import unmet
@@ -42,7 +40,6 @@ from freqid.simulate.loads.tail import Tail
 from freqid.simulate.loads.wake import Wakes
 from freqid.simulate.loads.wing import Section, Wings, flap_effect, induction, strip_centres, strip_edges
 
-T = TypeVar("T")
 Floats = NDArray[np.float64]
 
 _NO_PROPELLER = PropellerSection(thrust=(0.0, 0.0, 0.0, 0.0), torque=(0.0, 0.0, 0.0, 0.0))
@@ -77,14 +74,14 @@ def absent_effects(scenario: Scenario) -> tuple[str, ...]:
 def _strips(scenario: Scenario) -> Parameters:
     section, vehicle = read_airframe(scenario), scenario.aircraft()
     body = section.fuselage
-    return _tree(
+    return doubles(
         Parameters,
         frames=_frames(vehicle),
         propellers=_propellers(section.propeller, vehicle),
         slipstreams=_slipstreams(section, vehicle),
         wings=_wings(section, vehicle),
         wakes=_wakes(section, vehicle),
-        fuselage=_tree(
+        fuselage=doubles(
             Fuselage,
             centre=np.array(body.centre_m),
             drag_area=np.array(body.drag_area_m2),
@@ -126,10 +123,10 @@ def _coefficients(scenario: Scenario) -> Coefficients:
         whole = np.zeros((*constant.shape, *(len(row) for row in points)))
         for row, column, values in tables:
             whole[row, column] += values
-        filled.append(_tree(Grid, points=tuple(np.array(row) for row in points), values=whole))
+        filled.append(doubles(Grid, points=tuple(np.array(row) for row in points), values=whole))
     nondimensional = section.form == "coefficient"
     rotors = {r.name: r.diameter_m or 0.0 for r in vehicle.rotors}
-    return _tree(
+    return doubles(
         Coefficients,
         layout=layout,
         constant=constant,
@@ -149,11 +146,11 @@ def _coefficients(scenario: Scenario) -> Coefficients:
 
 
 def _frames(vehicle: Vehicle) -> Frames:
-    return _tree(Frames, pivot=np.vstack([*(w.pivot_m for w in vehicle.wings), np.zeros(3)]))
+    return doubles(Frames, pivot=np.vstack([*(w.pivot_m for w in vehicle.wings), np.zeros(3)]))
 
 
 def _geometry(vehicle: Vehicle) -> Geometry:
-    return _tree(
+    return doubles(
         Geometry,
         area=vehicle.area_m2 or 0.0,
         chord=vehicle.chord_m or 0.0,
@@ -183,11 +180,6 @@ def _effects(scenario: Scenario, vehicle: Vehicle) -> effects.Settings:
     return found
 
 
-def _tree(kind: Callable[..., T], **values: Any) -> T:
-    """Return a NamedTuple whose leaves are all arrays of doubles."""
-    return jax.tree.map(lambda leaf: np.asarray(leaf, dtype=float), kind(**values))
-
-
 def _on_frame(vehicle: Vehicle) -> Floats:
     """Return one where a rotor (row) is on a wing, or in the last column on the body."""
     names = [*(w.name for w in vehicle.wings), None]
@@ -207,7 +199,7 @@ def _diameters(vehicle: Vehicle) -> Floats:
 
 
 def _propellers(blades: PropellerSection, vehicle: Vehicle) -> Propellers:
-    return _tree(
+    return doubles(
         Propellers,
         frame=_on_frame(vehicle),
         hub=_hubs(vehicle),
@@ -236,7 +228,7 @@ def _slipstreams(section: AirframeSection, vehicle: Vehicle) -> Slipstreams:
     for i in range(len(section.wing)):
         rotors = np.flatnonzero(on_wing[:, i])
         place[i, np.arange(len(rotors)), rotors] = 1.0
-    return _tree(
+    return doubles(
         Slipstreams,
         radius=_diameters(vehicle) / 2,
         distance=hubs[:, 0] - line[:, 0],
@@ -249,7 +241,7 @@ def _slipstreams(section: AirframeSection, vehicle: Vehicle) -> Slipstreams:
 
 
 def _section(aerofoil: AerofoilSection, slope: float, lift_drag: float) -> Section:
-    return _tree(
+    return doubles(
         Section,
         lift_slope=slope,
         stall=1 - np.cos(aerofoil.stall_rad),
@@ -286,7 +278,7 @@ def _wings(section: AirframeSection, vehicle: Vehicle) -> Wings:
     aspect = np.array([w.span_m**2 for w in section.wing]) / np.sum(chord * width, axis=1)
     # On an elliptic wing, the angle of attack exceeds the section's by CL / (pi A).
     undisturbed = aerofoil.stall_rad * (1 + aerofoil.lift_slope / (pi * aspect))
-    return _tree(
+    return doubles(
         Wings,
         section=_section(aerofoil, aerofoil.lift_slope, aerofoil.lift_drag),
         centre=centre,
@@ -315,7 +307,7 @@ def _wakes(section: AirframeSection, vehicle: Vehicle) -> Wakes:
     sides = np.array([y < 0, y >= 0]) * on_wing.T[:, None, :]
     lines = np.array([[w.quarter_chord_m[0], 0.0, w.quarter_chord_m[1]] for w in (front, rear)])
     tail = np.array(section.tail.centre_m) * [1.0, 0.0, 1.0]
-    return _tree(
+    return doubles(
         Wakes,
         halves=np.array(halves),
         rotors=sides / np.maximum(sides.sum(axis=2, keepdims=True), 1),
@@ -342,7 +334,7 @@ def _tail(section: AirframeSection, vehicle: Vehicle) -> Tail:
             flap[at] = section.surface_efficiency * angle
             flap_moment[at] = section.surface_efficiency * moment
     x, y, z = tail.centre_m
-    return _tree(
+    return doubles(
         Tail,
         section=_section(tail.aerofoil, slope, tail.aerofoil.lift_drag + slope**2 / (pi * aspect)),
         centre=np.array([[x, side * y, z] for side in sides]),

@@ -13,11 +13,13 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
+from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.core.scenario import Scenario
 from freqid.core.toml import convert
 from freqid.core.vehicle import Effector, Strict, Vehicle
 from freqid.dynamics import precision as precision
+from freqid.dynamics.precision import doubles
 from freqid.simulate.motion.battery import Battery, BatterySection, battery
 
 # A servo meets its stop as if by a bumper of this many times its own frequency, critically damped:
@@ -191,7 +193,7 @@ def actuators(scenario: Scenario) -> Actuators:
     def servos(kind: Literal["surface", "tilt"], described: ServoSection) -> Servos:
         low, high, rate = _limits([e for e in effectors if e.kind == kind])
         frequency = np.full(low.size, 2 * np.pi * described.frequency_hz)
-        return Servos(frequency, np.full(low.size, described.damping), low, high, rate)
+        return doubles(Servos, frequency, np.full(low.size, described.damping), low, high, rate)
 
     low, high, rate = _limits([e for e in effectors if e.kind == "rotor"])
     rise, fall = (np.full(low.size, t) for t in (motor.rise_s, motor.fall_s))
@@ -199,9 +201,9 @@ def actuators(scenario: Scenario) -> Actuators:
     return Actuators(
         surface=servos("surface", surface),
         tilt=servos("tilt", tilt),
-        motor=Motors(rise, fall, low, high, rate),
+        motor=doubles(Motors, rise, fall, low, high, rate),
         battery=battery(section.battery),
-        delay=Commands(*(np.asarray(d) for d in delays)),
+        delay=doubles(Commands, *delays),
     )
 
 
@@ -210,7 +212,8 @@ def by_kind(vehicle: Vehicle, values: ArrayLike) -> Commands:
     values = np.asarray(values)
     kinds = [e.kind for e in vehicle.effectors]
     places = ([i for i, k in enumerate(kinds) if k == kind] for kind in ("surface", "tilt", "rotor"))
-    return Commands(*(values[..., np.array(p, dtype=int)] for p in places))
+    parts: list[Any] = [values[..., np.array(p, dtype=int)] for p in places]
+    return Commands(*parts)
 
 
 def servo_acceleration(servos: Servos, position: jax.Array, rate: jax.Array, command: jax.Array) -> jax.Array:
@@ -255,7 +258,7 @@ def motor_acceleration(motors: Motors, speed: jax.Array, command: jax.Array, rat
     return jnp.clip(follow, -motors.rate_limit, motors.rate_limit)
 
 
-def _limits(effectors: list[Effector]) -> tuple[jax.Array, jax.Array, jax.Array]:
+def _limits(effectors: list[Effector]) -> tuple[Array, Array, Array]:
     """Return stops and rate limits of effectors, shape (effector,) each."""
     low, high = np.reshape([e.limits for e in effectors], (len(effectors), 2)).T
     rate = [np.inf if e.rate_limit is None else e.rate_limit for e in effectors]

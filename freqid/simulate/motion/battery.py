@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from freqid.core.vehicle import Strict
 from freqid.dynamics import precision as precision
+from freqid.dynamics.precision import doubles
 
 # Beyond this share of the open-circuit voltage lost inside, no current gives more power: half of it is the
 # maximum-power point, so the formula is left a little before.
@@ -121,7 +121,7 @@ def battery(section: BatterySection | None) -> Battery:
         s.idle_w,
         s.charge,
     )
-    return Battery(*(np.asarray(value, dtype=float) for value in values))
+    return doubles(Battery, *values)
 
 
 def power(battery: Battery, charge: jax.Array, torque: jax.Array, speed: jax.Array) -> Power:

@@ -19,7 +19,7 @@ import numpy as np
 
 from freqid.core.frames import shaft_axis
 from freqid.core.vehicle import Vehicle
-from freqid.dynamics import precision as precision
+from freqid.dynamics import precision
 from freqid.dynamics.mass import wing_arm, without_wings
 from freqid.simulate.motion.attitude import cross
 
@@ -117,7 +117,7 @@ def mass_model(vehicle: Vehicle) -> MassModel:
         np.reshape([spin_on(w.name) for w in wings], (count, 3, len(rotors))),
         spin_on(None),
     )
-    return MassModel(*(np.asarray(part, dtype=float) for part in parts))
+    return precision.doubles(MassModel, *parts)
 
 
 def momentum(

@@ -4,7 +4,7 @@ Each task is done at several sizes. The exponent is the slope of a straight line
 time over its upper half, where what every call costs anyway weighs least; the steepest slope stands beside
 it. Times are processor times, the least of several, in turns over the sizes, so that other work on the
 machine disturbs little. Flights in a batch are in simulation_speed.py. Writes benchmarks/growth.csv and
-docs/images/growth.png; ``growth.py gap study`` only prints these two.
+docs/images/growth.png; ``growth.py gap study`` replaces the rows of these two and leaves the figure.
 """
 
 from __future__ import annotations
@@ -179,7 +179,7 @@ def timed(task: Task, sizes: Sequence[int], repeats: int) -> np.ndarray:
 
 def main() -> None:
     """Print and write exponents, and draw time against size."""
-    asked, rows, curves = sys.argv[1:], [], {}
+    asked, rows, curves, table = sys.argv[1:], [], {}, HERE.with_suffix(".csv")
     for (what, size), (task, sizes) in TASKS.items():
         if asked and what not in asked:
             continue
@@ -203,7 +203,18 @@ def main() -> None:
         curves[f"{what}, {size} ({exponent:.2f})"] = (np.array(sizes) / sizes[0], least / least[0])
         print("  ".join(f"{v!s:<22}" for v in rows[-1].values()), flush=True)
     if asked:
-        return
+        with table.open(newline="") as file:
+            rows = [row for row in csv.DictReader(file) if row["task"] not in asked] + rows
+    else:
+        draw(curves)
+    with table.open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def draw(curves: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
+    """Draw time against size, each over its smallest."""
     figure = Figure(figsize=(6.0, 4.2), layout="constrained")
     axes = figure.subplots()
     for name, (x, y) in curves.items():
@@ -213,10 +224,6 @@ def main() -> None:
     axes.grid(alpha=0.3)
     axes.legend(frameon=False, fontsize="small")
     figure.savefig(HERE.parents[1] / "docs" / "images" / "growth.png", dpi=110)
-    with HERE.with_suffix(".csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, rows[0], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
 
 
 if __name__ == "__main__":

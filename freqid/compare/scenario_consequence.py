@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -120,7 +119,7 @@ def condition_at(scenario: Scenario, reference: Reference, settings: Settings, l
         Gains and allocation at one condition, as `design_law_at` returns them.
     """
     described = with_effects(scenario, {k: dict(v) for k, v in settings.items()})
-    parameters = jax.tree.map(jnp.asarray, motion.parameters(described))
+    parameters = jax.device_put(motion.parameters(described))
     at = trim(described, parameters, reference)
     linear = linearize(described, parameters, at)
     velocity, theta = np.asarray(at.body.velocity), float(at.angles[1])
@@ -154,7 +153,7 @@ def condition_at(scenario: Scenario, reference: Reference, settings: Settings, l
 def design_law_at(scenario: Scenario, reference: Reference, settings: Settings) -> Setting:
     """Return the control law of one condition, designed for the vehicle with these effects."""
     described = with_effects(scenario, {k: dict(v) for k, v in settings.items()})
-    parameters = jax.tree.map(jnp.asarray, motion.parameters(described))
+    parameters = jax.device_put(motion.parameters(described))
     law = design_law(described, parameters, [trim(described, parameters, reference)])
     return jax.tree.map(lambda table: np.asarray(table)[0], law.settings)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import cache
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from freqid.blend.state_space import StateSpace
@@ -69,7 +68,7 @@ def simulated_motion(scenario: Scenario) -> MotionAt:
     -----
     The returned function raises UsageError where the place cannot be trimmed.
     """
-    parameters = jax.tree.map(jnp.asarray, motion.parameters(scenario))
+    parameters = jax.device_put(motion.parameters(scenario))
     order = by_kind(scenario.aircraft(), np.arange(len(scenario.effector)))
 
     def at(place: Place) -> StateSpace:

@@ -230,15 +230,20 @@ class ScenarioSimulation:
             airframe = description.parameters(with_departures(scenario, own))
             parameters = parameters._replace(airframe=airframe)
         act = actuators_with(parameters.actuators, self.vehicle, own)
-        parameters = jax.tree.map(jnp.asarray, parameters._replace(actuators=act))
+        parameters = jax.device_put(parameters._replace(actuators=act))
         trimmed = trim(scenario, parameters, reference)
         law, at = nominal.law, int(np.argmin(np.abs(np.asarray(nominal.law.u) - reference.u)))
         table = law.settings
-        state = table.state.at[at, :3].set(trimmed.body.velocity).at[at, 6:8].set(jnp.asarray(trimmed.angles))
+        state = np.array(table.state)
+        state[at, :3], state[at, 6:8] = trimmed.body.velocity, trimmed.angles
         rows = actuation.split_by_kind(self.vehicle, np.array(list(gains(self.vehicle, own).values())))
         settings = table._replace(
-            commands=jax.tree.map(lambda x, new: x.at[at].set(new), table.commands, trimmed.commands),
-            state=state,
+            commands=jax.tree.map(
+                lambda x, new: np.where(np.arange(len(x))[:, None] == at, new, x),
+                table.commands,
+                trimmed.commands,
+            ),
+            state=jnp.asarray(state),
             surface=table.surface * rows.surface[:, None],
             speed=table.speed * rows.speed[:, None],
         )
@@ -271,7 +276,7 @@ class ScenarioSimulation:
 
     @cached_property
     def _parameters(self) -> motion.Parameters:
-        return jax.tree.map(jnp.asarray, motion.parameters(self.scenario))
+        return jax.device_put(motion.parameters(self.scenario))
 
     def _departures(self, departures: Departures | None) -> dict[str, float]:
         return checked_departures(departures, self.tolerances, self.name)

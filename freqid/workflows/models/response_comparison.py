@@ -94,7 +94,6 @@ def compared_with_simulation(
         Where it has none of the responses.
     """
     import jax
-    import jax.numpy as jnp
 
     from freqid.simulate.control.linearize import linearize
     from freqid.simulate.control.trim import trim
@@ -106,7 +105,7 @@ def compared_with_simulation(
             "linearised there",
             remedy="import them with their reference, or name it in the records",
         )
-    parameters = jax.tree.map(jnp.asarray, motion.parameters(scenario))
+    parameters = jax.device_put(motion.parameters(scenario))
     trimmed = trim(scenario, parameters, scenario.reference_of(at))
     linear = linearize(scenario, parameters, trimmed)
     states = (*STATES, "psi")

@@ -133,6 +133,7 @@ BAD = {
         "effectiveness",
     ),
     "negative amplitude": (("amplitude = 0.1", "amplitude = -0.1"), "expected it positive"),
+    "amplitude whose square is zero": (("amplitude = 0.1", "amplitude = 1e-308"), "expected it positive"),
     "more harmonics than memory": (("period_s = 20.0", "period_s = 1e9"), "expected at most 10000"),
     "too many samples": (("period_s = 20.0", "period_s = 20.0\ndt_s = 1e-9"), "expected fewer periods"),
     "no spectrum": (("amplitude = 0.1", "amplitude = 0.1\nspectrum = []"), "spectrum is empty"),

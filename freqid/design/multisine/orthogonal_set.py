@@ -32,6 +32,8 @@ from freqid.design.multisine.signals import at_least, at_most
 
 Progress = Callable[[int, int], None]
 
+SMALLEST_AMPLITUDE = 1e-12  # rad or rad/s: no actuator follows it, and correlations of smaller ones underflow
+
 
 def design_multisines(
     excitation: Excitation,
@@ -120,13 +122,14 @@ def amplitude_of(excitation: Excitation, effector: Effector) -> float:
     Raises
     ------
     UsageError
-        Where it is not positive.
+        Where it is not positive, or too small for its square.
     """
     given = excitation.amplitude
     value = given[effector.name] if isinstance(given, dict) else given
-    if not 0 < value < np.inf:
+    if not SMALLEST_AMPLITUDE <= value < np.inf:
         raise UsageError(
-            f"excitation.amplitude of '{effector.name}' is {value:g} {effector.unit}, expected it positive",
+            f"excitation.amplitude of '{effector.name}' is {value:g} {effector.unit}, expected it positive, "
+            f"{SMALLEST_AMPLITUDE:g} or more",
             remedy="leave the effector out where it shall rest",
         )
     return value

@@ -207,7 +207,7 @@ def _shared(
         unknown = [z[i] for z in record_columns(one, library, size).values()]
         own.append(np.array([z for z in unknown if np.any(z)]).reshape(-1, *scale.shape))
         for kind, terms in (("loads", load_terms(one)), ("actuators", actuator_terms(one))):
-            whole = form_columns(one, terms)[:, i]
+            whole = form_columns(one, terms)[0][:, i]
             form[kind].append(whole[np.any(whole, axis=(1, 2))])
     return SharedBlock(
         names=a.names,

@@ -14,7 +14,7 @@ from freqid.core.arrays import Array, Complex
 from freqid.gap.infer.evidence import weigh
 from freqid.gap.infer.system import SEEN, BlockMatrices, Form, Products, System
 from freqid.gap.model.candidates import Candidate
-from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms, load_errors
+from freqid.gap.model.form import form_columns, form_terms, product_columns
 from freqid.gap.model.tolerance import record_columns
 from freqid.gap.settings import FORM_ERRORS, NOISE_SCALES
 from freqid.gap.stack.block import REPEATS, Block
@@ -31,6 +31,8 @@ class Parts:
     effects, tolerances, own : ndarray of complex
     form : ndarray of complex
         Errors of form of loads, actuators and relations between sensors, of size one, each in a single row.
+    terms : tuple of str
+        That the form's columns are of.
     """
 
     block: Block
@@ -38,6 +40,7 @@ class Parts:
     tolerances: Complex
     own: Complex
     form: Complex
+    terms: tuple[str, ...]
 
     @classmethod
     def of(
@@ -65,15 +68,8 @@ class Parts:
         """
         effects = np.concatenate([c.columns[index] for c in found]) if found else _zeros(block, 0)
         own = _stacked(block, list(record_columns(block, library, sizes).values()))
-        terms = (load_errors(block), actuator_terms(block), kinematic_terms(block))
-        form = np.concatenate([form_columns(block, one) for one in terms])
-        parts = cls(block, effects, _stacked(block, shared), own, form)
+        parts = cls(block, effects, _stacked(block, shared), own, *form_columns(block, form_terms(block)))
         return parts if block.noise_from == REPEATS else parts._as_loud_as_flown(found)
-
-    @property
-    def form_row(self) -> NDArray[np.intp]:
-        """Row of the block that each column of the form is in."""
-        return np.any(self.form, axis=2).argmax(axis=1)
 
     def fewer(self, largest: Mapping[str, float]) -> Parts:
         """Return the same form in fewer columns.
@@ -81,22 +77,29 @@ class Parts:
         Parameters
         ----------
         largest : dict of float
-            By row, the largest error of form that is weighed: what it makes below the noise is left out.
+            By term, the largest error of form that is weighed: what it makes below the noise is left out.
         """
-        block, at = self.block, self.form_row
+        block, names = self.block, np.array(self.terms)
         alone = 1 / np.einsum("lii->il", np.linalg.inv(block.covariance)).real  # the others known
-        columns = []
-        for i, row in enumerate(block.rows):
-            size, root = largest.get(row.name, 0.0), np.sqrt(alone[i])
-            if not size or not np.any(at == i):
+        columns, terms = [], []
+        for term in dict.fromkeys(self.terms):
+            size, own = largest.get(term, 0.0), self.form[names == term]
+            i = int(np.any(own, axis=(0, 2)).argmax())
+            if not size:
                 continue
-            white = block.lines.real(self.form[at == i, i] / root)
-            _, seen, basis = np.linalg.svd(white, full_matrices=False)
+            root = np.sqrt(alone[i])
+            _, seen, basis = np.linalg.svd(block.lines.real(own[:, i] / root), full_matrices=False)
             kept = size * seen > SEEN
             z = _zeros(block, int(kept.sum()))
             z[:, i] = block.lines.complex(seen[kept, None] * basis[kept]) * root
             columns.append(z)
-        return replace(self, form=np.concatenate([_zeros(block, 0), *columns]))
+            terms += [term] * len(z)
+        return replace(self, form=np.concatenate([_zeros(block, 0), *columns]), terms=tuple(terms))
+
+    def second_order(self) -> Parts:
+        """Return the parts with errors of form of second order too."""
+        form, terms = product_columns(self.block)
+        return replace(self, form=np.concatenate([self.form, form]), terms=(*self.terms, *terms))
 
     def _as_loud_as_flown(self, found: Sequence[Candidate]) -> Parts:
         """Return the parts with loads as noisy as is likeliest: sensors tell nothing of gusts and buffet.
@@ -165,9 +168,9 @@ class Columns:
     sigmas : ndarray of complex, shape (tolerance, row, line)
         One sigma of each tolerance, as it is before whitening.
     form_names : tuple of str
-        Rows that have an error of form anywhere in the stack.
+        Terms of the errors of form anywhere in the stack.
     form_row : ndarray of int, shape (column,)
-        Which of these each column of the form is in.
+        Which of these each column of the form is of.
     """
 
     effects: Array
@@ -197,10 +200,16 @@ class Columns:
         sizes = np.array(form_error.loads)[self.form_row]
         return sizes[sizes > 0, None] * self.form[sizes > 0]
 
+    def with_form(self, parts: Parts, terms: Sequence[str]) -> Columns:
+        """Return these columns with another form, that of some parts."""
+        row = np.array([terms.index(name) for name in parts.terms], dtype=int)
+        return replace(self, form=parts.block.white(parts.form), form_names=tuple(terms), form_row=row)
+
     def kept(self, forms: Sequence[Form]) -> Columns:
         """Return these columns with those of the form alone that some errors of it need."""
-        needed = np.any([f.loads for f in forms], axis=0)[self.form_row]
-        new, m = replace(self, form=self.form[needed], form_row=self.form_row[needed]), self.matrices
+        m = self.matrices
+        needed = np.max([f.loads for f in forms], axis=0)[self.form_row] ** 2 * m.form_power > SEEN**2
+        new = replace(self, form=self.form[needed], form_row=self.form_row[needed])
         power = m.form_gram[np.ix_(needed, needed)]
         new.__dict__["matrices"] = replace(m, form=m.form[needed], form_gram=power, form_row=new.form_row)
         return new

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from weakref import WeakKeyDictionary
@@ -13,6 +14,7 @@ from freqid.core.arrays import Array
 from freqid.gap.infer.system import Form, System
 from freqid.gap.infer.weighing import Weighing, log_mean
 from freqid.gap.model.candidates import Candidate
+from freqid.gap.model.form import PRODUCTS, row_of
 
 _FINE = 1001  # sizes at which a posterior is drawn
 
@@ -81,10 +83,29 @@ class Evidence:
             log = self.none + np.logaddexp(0.0, gap)
         return np.exp(log - logsumexp(log))
 
-    def form_sizes(self) -> Array:
-        """Return the error of form of each row, root mean square over its posterior, shape (row,)."""
+    def form_sizes(self, terms: Sequence[str]) -> dict[str, float]:
+        """Return the error of form of each row, as share of its load or movement, by the row's name.
+
+        Root mean square over the terms of its first order, each counted by its energy in the data, and over
+        the posterior.
+
+        Parameters
+        ----------
+        terms : sequence of str
+            That have a form, in the order of the sizes.
+        """
         sizes = np.array([f.loads for f in self.system.form_errors])
-        return np.sqrt(self.form_weights() @ sizes**2)
+        power = np.zeros(len(terms))
+        for b in self.system.blocks:
+            np.add.at(power, b.form_row, b.form_power)
+        square = self.form_weights() @ sizes**2 * power
+        rows = np.array([row_of(name) for name in terms])
+        first = np.array([not name.endswith(PRODUCTS) for name in terms], dtype=bool)
+        found = {}
+        for row in dict.fromkeys(rows.tolist()):
+            at = (rows == row) & first
+            found[row] = float(np.sqrt(square[at].sum() / power[at].sum())) if power[at].any() else 0.0
+        return found
 
     def form_error(self, candidate: int | None = None) -> Form:
         """Return the likeliest error of form."""

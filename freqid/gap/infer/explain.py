@@ -53,7 +53,7 @@ Compute = Callable[[Evidence, Explanation, list[tuple[int, Estimate]]], Evidence
 def explain(
     evidence: Evidence,
     first: str,
-    rows: Sequence[str] = (),
+    terms: Sequence[str] = (),
     *,
     asked: bool = False,
     compute: Compute | None = None,
@@ -72,7 +72,7 @@ def explain(
     evidence : Evidence
     first : str
         Effect id.
-    rows : sequence of str
+    terms : sequence of str
         That have an error of form.
     asked : bool
         Whether the first effect stays whatever the others are.
@@ -88,7 +88,7 @@ def explain(
             computed, evidence = places, _settled(evidence, _explanation(evidence, places, gains), compute)
         if len(places) == most:
             break
-        evidence = _with_forms_beside(evidence, places, rows)
+        evidence = _with_forms_beside(evidence, places, terms)
         found = _finalists(evidence, places)
         if compute is not None and found:
             others = [_beside(evidence, places, i) for _, i in found]
@@ -140,12 +140,19 @@ def _beside(evidence: Evidence, places: list[int], index: int) -> tuple[int, Est
     return index, estimate(evidence, index, INTERVAL, given=weights)
 
 
-def _with_forms_beside(evidence: Evidence, places: list[int], rows: Sequence[str]) -> Evidence:
-    """Return the evidence with the errors of form too that are possible once some candidates are free."""
+def _with_forms_beside(evidence: Evidence, places: list[int], terms: Sequence[str]) -> Evidence:
+    """Return the evidence with the errors of form too that are likely beside effects and a second one."""
     system = evidence.system
-    if not rows:
+    if not terms:
         return evidence
-    forms = forms_beside(system, rows, directions(evidence, places))
+    found = np.zeros(system.columns)
+    for i, e in zip(places, joint_estimates(evidence, places), strict=True):
+        found[system.columns_of(i)] += e.weights
+    explanations = [found]
+    for _, i in _finalists(evidence, places):
+        explanations.append(found.copy())
+        explanations[-1][system.columns_of(i)] += _beside(evidence, places, i)[1].weights
+    forms = forms_beside(system, terms, explanations)
     if forms == system.form_errors:
         return evidence
     return weigh(replace(system, form_errors=forms))  # small matrices that are made stay

@@ -382,6 +382,50 @@ class System:
             return self.gram(form_error)[0][self.columns :]
         return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks])[0]
 
+    def slope(self, form_error: Form, weights: Array) -> tuple[float, Array]:
+        """Return the log evidence of no more than some effect, and its derivatives by the sizes' logarithms.
+
+        With c a column of the form of size one and C the covariance of the data y, the derivative by the
+        logarithm of its size f is ``f^2 [(c' C^-1 y)^2 - c' C^-1 c]`` (M. E. Tipping, "Sparse Bayesian
+        learning and the relevance vector machine", J. Machine Learning Research 1, 2001).
+
+        Parameters
+        ----------
+        form_error : Form
+            With a size for each term, `loads` a tuple.
+        weights : ndarray, shape (column,)
+            Of the candidates' columns that are in the data.
+
+        Returns
+        -------
+        log_evidence : float
+        slope : ndarray, shape (term,)
+        """
+        n, few = self.columns, len(self.tolerances)
+        t = slice(n, n + few)
+        gram, parts, determinant = np.zeros((few + 1, few + 1)), [], 0.0
+        for b in self.blocks:
+            inner, form = _beside(b.gram, b.form, t, weights)
+            root, at, half = b.form_root(form_error.loads)
+            taken = root @ form[at]
+            gram += inner - taken.T @ taken
+            determinant += half
+            parts.append((b, form, root @ b.form_gram[at], taken))
+        lower = cholesky(np.eye(few) + gram[:-1, :-1], lower=True, check_finite=False)
+        inverse = dtrtri(lower, lower=1)[0]
+        own = inverse @ gram[:-1, -1]
+        y = np.append(-inverse.T @ own, 1.0)  # the data less their likeliest tolerances
+        slope = np.zeros(np.size(form_error.loads) + 1)
+        for b, form, across, taken in parts:
+            power = b.form_power - (across**2).sum(axis=0)
+            shared = inverse @ (form[:, :-1] - across.T @ taken[:, :-1]).T
+            power -= (shared**2).sum(axis=0)
+            projected = form @ y - across.T @ (taken @ y)
+            np.add.at(slope, b.form_row, b.sizes(form_error.loads) ** 2 * (projected**2 - power))
+        energy = float(gram[-1, -1] - own @ own)
+        half = float(np.log(np.diag(lower)).sum())
+        return -0.5 * energy - determinant - half, slope[:-1]
+
     def _rows(self, form_error: Form, taken: Sequence[tuple[Array, float]]) -> tuple[Array, float]:
         n, count = self.columns, self.blocks[0].count
         parts = [
@@ -389,6 +433,19 @@ class System:
             for b, (across, _) in zip(self.blocks, taken, strict=True)
         ]
         return np.sum(parts, axis=0), sum(half for _, half in taken) - form_error.log_prior
+
+
+def _beside(gram: Array, form: Array, tolerances: slice, weights: Array) -> tuple[Array, Array]:
+    """Return inner products of ``[T, y]``, y the residual less candidates' columns; the form's with these."""
+    last = tolerances.stop
+    y = np.zeros(len(gram))
+    y[: weights.size], y[last] = -weights, 1.0
+    across = gram @ y
+    inner = np.empty((last - weights.size + 1,) * 2)
+    inner[:-1, :-1] = gram[tolerances, tolerances]
+    inner[:-1, -1] = inner[-1, :-1] = across[tolerances]
+    inner[-1, -1] = y @ across
+    return inner, np.column_stack([form[:, tolerances], form @ y])
 
 
 def _squared(rows: Array, columns: NDArray[np.intp]) -> Array:

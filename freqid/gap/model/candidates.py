@@ -466,11 +466,9 @@ def _other(blocks: Sequence[Block]) -> Candidate | None:
     names: list[tuple[str, int]] = []
     columns: list[Complex] = []
     for block in blocks:
-        (rows, spectra), (more, positions) = load_terms(block), actuator_terms(block)
-        rows, spectra = rows + more, np.concatenate([spectra, positions])
         kinds = [r.kind for r in block.rows]
         made, keys, seen = [], [], dict[int, int]()
-        for i, spectrum in zip(rows, spectra, strict=True):
+        for i, _, spectrum in [*load_terms(block), *actuator_terms(block)]:
             seen[i] = seen.get(i, -1) + 1
             for phase in (1, 1j) if kinds[i] == "actuator" else (1,):
                 z = np.zeros((len(block.rows), block.lines.hz.size), dtype=complex)

@@ -9,7 +9,7 @@ import numpy as np
 
 from freqid.core.arrays import Complex
 from freqid.gap.infer.columns import Columns, Parts
-from freqid.gap.infer.forms import common_form, likely_forms, reachable
+from freqid.gap.infer.forms import common_form, likely_forms, of_all, reach
 from freqid.gap.infer.linearise import likeliest_departures, relinearised
 from freqid.gap.infer.system import Form, System
 from freqid.gap.model.candidates import Candidate, candidates
@@ -32,10 +32,11 @@ def build(
     system, columns, parts, common = _straight(blocks, found, library, sizes)
     parts = side_by_side(blocks[0].trial.simulation, Parts.second_order, parts)
     terms = _terms(parts)
-    largest = reachable(terms, columns[0].form_names, common)
+    start = of_all(terms, columns[0].form_names, common)
+    largest = dict(zip(terms, reach(start).tolist(), strict=True))
     columns = [c.with_form(p.fewer(largest), terms) for c, p in zip(columns, parts, strict=True)]
     system = replace(system, blocks=[c.matrices for c in columns])
-    forms = likely_forms(system, terms, np.array([largest[t] for t in terms]))
+    forms = likely_forms(system, terms, start)
     columns = [c.kept(forms) for c in columns]
     system = replace(system, blocks=[c.matrices for c in columns], form_errors=forms, _reduced={})
     return system, not_tested, columns, [p.block for p in parts]
@@ -84,7 +85,7 @@ def _straight(
 
 
 def _terms(parts: Sequence[Parts]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(name for p in parts for name in p.terms))
+    return tuple(dict.fromkeys(c.term for p in parts for c in p.form))
 
 
 def columns_of(
@@ -123,16 +124,17 @@ def _columns(parts: Parts, terms: Sequence[str], forms: Sequence[Form]) -> Colum
     """Return the whitened columns of one block."""
     largest = np.max([f.loads for f in forms], axis=0)
     parts = parts.fewer(dict(zip(terms, largest.tolist(), strict=True)))
+    form, row = parts.white_form(terms)
     block = parts.block
     return Columns(
         effects=block.white(parts.effects),
         tolerances=block.white(parts.tolerances),
         own=block.white(parts.own),
-        form=block.white(parts.form),
+        form=form,
         residual=block.white(block.residual),
         sigmas=parts.tolerances,
         form_names=tuple(terms),
-        form_row=np.array([terms.index(name) for name in parts.terms], dtype=int),
+        form_row=row,
     )
 
 

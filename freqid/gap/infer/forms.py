@@ -61,8 +61,8 @@ def common_form(system: System, terms: Sequence[str]) -> Form:
     return Form(tuple(at[kinds].tolist()), 0.0)
 
 
-def reachable(terms: Sequence[str], first: Sequence[str], common: Form) -> dict[str, float]:
-    """Return the largest size that each term's error of form may have.
+def of_all(terms: Sequence[str], first: Sequence[str], common: Form) -> Array:
+    """Return the size of each term's error of form where it is the common one of its kind, shape (term,).
 
     Parameters
     ----------
@@ -73,10 +73,15 @@ def reachable(terms: Sequence[str], first: Sequence[str], common: Form) -> dict[
         Of these.
     """
     at = {_kind(n): max(f, _LEAST[_kind(n)]) for n, f in zip(first, np.atleast_1d(common.loads), strict=True)}
-    return {name: min(_REACH * at[_kind(name)], FORM_ERRORS[-1]) for name in terms}
+    return np.array([at[_kind(name)] for name in terms])
 
 
-def likely_forms(system: System, terms: Sequence[str], largest: Array) -> tuple[Form, ...]:
+def reach(sizes: Array) -> Array:
+    """Return the largest errors of form that terms may have, whose common one is known."""
+    return np.minimum(_REACH * sizes, FORM_ERRORS[-1])
+
+
+def likely_forms(system: System, terms: Sequence[str], start: Array) -> tuple[Form, ...]:
     """Return the likeliest errors of form, without an effect and beside each of the likeliest ones.
 
     Parameters
@@ -85,14 +90,13 @@ def likely_forms(system: System, terms: Sequence[str], largest: Array) -> tuple[
         Its own errors of form do not matter.
     terms : sequence of str
         That have a form.
-    largest : ndarray, shape (term,)
-        Sizes that they may have.
+    start : ndarray, shape (term,)
+        Sizes from which the search begins, those that are common to a kind.
     """
-    sizes = _Sizes(system, tuple(terms), largest)
-    nothing = np.zeros(system.columns)
-    first = sizes.likeliest(largest / _REACH, nothing)
-    forms = [first, *(sizes.likeliest(np.array(first.loads), w) for w in _likely_effects(system, first))]
-    return tuple(dict.fromkeys(forms))
+    sizes = _Sizes(system, tuple(terms), reach(start))
+    first = sizes.likeliest(start, np.zeros(system.columns))
+    beside = [sizes.likeliest(np.array(first.loads), w) for w in _likely_effects(system, first)]
+    return tuple(dict.fromkeys([first, *beside]))
 
 
 def forms_beside(system: System, terms: Sequence[str], explanations: Sequence[Array]) -> tuple[Form, ...]:

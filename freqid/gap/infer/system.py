@@ -209,10 +209,8 @@ class BlockMatrices:
         size = size[at]
         if not at.size:
             return np.zeros((0, 0)), at, 0.0
-        inside = np.eye(at.size) + size[:, None] * self.form_gram[np.ix_(at, at)] * size
-        lower = cholesky(inside, lower=True, check_finite=False)
-        inverse = dtrtri(lower, lower=1)[0]
-        return inverse * size, at, float(np.log(np.diag(lower)).sum())
+        root, determinant = _root(size[:, None] * self.form_gram[np.ix_(at, at)] * size)
+        return root * size, at, determinant
 
 
 @dataclass(frozen=True, eq=False)
@@ -406,13 +404,12 @@ class System:
         gram, parts, determinant = np.zeros((few + 1, few + 1)), [], 0.0
         for b in self.blocks:
             inner, form = _beside(b.gram, b.form, t, weights)
-            root, at, half = b.form_root(form_error.loads)
+            root, at, own_half = b.form_root(form_error.loads)
             taken = root @ form[at]
             gram += inner - taken.T @ taken
-            determinant += half
+            determinant += own_half
             parts.append((b, form, root @ b.form_gram[at], taken))
-        lower = cholesky(np.eye(few) + gram[:-1, :-1], lower=True, check_finite=False)
-        inverse = dtrtri(lower, lower=1)[0]
+        inverse, half = _root(gram[:-1, :-1])
         own = inverse @ gram[:-1, -1]
         y = np.append(-inverse.T @ own, 1.0)  # the data less their likeliest tolerances
         slope = np.zeros(np.size(form_error.loads) + 1)
@@ -423,7 +420,6 @@ class System:
             projected = form @ y - across.T @ (taken @ y)
             np.add.at(slope, b.form_row, b.sizes(form_error.loads) ** 2 * (projected**2 - power))
         energy = float(gram[-1, -1] - own @ own)
-        half = float(np.log(np.diag(lower)).sum())
         return -0.5 * energy - determinant - half, slope[:-1]
 
     def _rows(self, form_error: Form, taken: Sequence[tuple[Array, float]]) -> tuple[Array, float]:
@@ -454,6 +450,14 @@ def _squared(rows: Array, columns: NDArray[np.intp]) -> Array:
     return each @ each.transpose(0, 2, 1)
 
 
+def _root(gram: Array) -> tuple[Array, float]:
+    """Return ``L^-1`` with ``L L' = 1 + gram``, and half the log determinant of that."""
+    if not len(gram):
+        return gram, 0.0
+    lower = cholesky(np.eye(len(gram)) + gram, lower=True, check_finite=False)
+    return dtrtri(lower, lower=1)[0], float(np.log(np.diag(lower)).sum())
+
+
 def _without_tolerances(rows: Array, determinant: float, n: int) -> tuple[Array, Array, float]:
     """Integrate out tolerances of one sigma each.
 
@@ -474,9 +478,7 @@ def _without_tolerances(rows: Array, determinant: float, n: int) -> tuple[Array,
     log_evidence : float
     """
     inside, last = rows[:-1, n:-1], rows[-1]
-    lower = cholesky(np.eye(len(inside)) + inside, lower=True, check_finite=False)
-    inverse = dtrtri(lower, lower=1)[0]
+    inverse, half = _root(inside)
     across, own = inverse @ rows[:-1, :n], inverse @ rows[:-1, -1]
     energy = float(last[-1] - own @ own)
-    half = float(np.log(np.diag(lower)).sum())
     return across, last[:n] - across.T @ own, -0.5 * energy - determinant - half

@@ -171,49 +171,67 @@ def form_terms(block: Block) -> list[Term]:
     return [*load_errors(block), *actuator_terms(block), *kinematic_terms(block)]
 
 
-def form_columns(block: Block, terms: Iterable[Term]) -> tuple[Complex, tuple[str, ...]]:
-    """Return the columns of an error of form of size one, of visible terms.
+class FormColumns(NamedTuple):
+    """Columns of an error of form of size one, of one term: all are in its row.
+
+    Attributes
+    ----------
+    term : str
+        Its name, which the size of the error is known by.
+    row : int
+    spectra : ndarray of complex, shape (column, line)
+    """
+
+    term: str
+    row: int
+    spectra: Complex
+
+
+def form_columns(block: Block, terms: Iterable[Term]) -> list[FormColumns]:
+    """Return the columns of an error of form of visible terms, each times smooth functions of frequency.
 
     The constant of a load's term is larger than what varies with frequency: derivatives are wrong sooner than
-    dynamics. A product of two motions has a constant alone.
-
-    Returns
-    -------
-    columns : ndarray of complex, shape (column, row, line)
-    names : tuple of str
-        Of the term that each is of.
+    dynamics.
     """
     shapes = _shapes(block)
     one, derivative = np.ones((len(shapes), 1)), np.ones((len(shapes), 1))
     derivative[0] = FORM_CONSTANT
-    found = [
-        (term, (derivative if block.rows[term.row].kind == "response" else one) * shapes * term.spectrum)
+    return [
+        FormColumns(
+            term.name(block),
+            term.row,
+            (derivative if block.rows[term.row].kind == "response" else one) * shapes * term.spectrum,
+        )
         for term in terms
         if _visible(block, term)
     ]
-    return _in_rows(block, found)
 
 
-def product_columns(block: Block) -> tuple[Complex, tuple[str, ...]]:
-    """Return the columns of an error of form to second order of size one, as `form_columns` does."""
-    found = [(term, term.spectrum[None]) for term in load_products(block) if _visible(block, term)]
-    return _in_rows(block, found)
+def product_columns(block: Block) -> list[FormColumns]:
+    """Return the columns of an error of form to second order: of each load's visible products."""
+    by_row: dict[int, list[Term]] = {}
+    for term in load_products(block):
+        if _visible(block, term):
+            by_row.setdefault(term.row, []).append(term)
+    return [
+        FormColumns(terms[0].name(block), i, np.array([t.spectrum for t in terms]))
+        for i, terms in by_row.items()
+    ]
+
+
+def in_rows(block: Block, columns: Sequence[FormColumns]) -> Complex:
+    """Return columns of terms as columns of the block, shape (column, row, line)."""
+    whole = np.zeros((sum(len(c.spectra) for c in columns), len(block.rows), block.lines.hz.size), complex)
+    start = 0
+    for _, row, spectra in columns:
+        whole[start : start + len(spectra), row] = spectra
+        start += len(spectra)
+    return whole
 
 
 def _visible(block: Block, term: Term) -> bool:
     power = float((np.abs(term.spectrum) ** 2 / block.noise_power[term.row]).sum())
     return max(FORM_ERRORS) ** 2 * power >= _VISIBLE
-
-
-def _in_rows(block: Block, found: Sequence[tuple[Term, Complex]]) -> tuple[Complex, tuple[str, ...]]:
-    """Return spectra, shape (column, line), each in the row of its term, and the terms' names."""
-    count = sum(len(z) for _, z in found)
-    columns = np.zeros((count, len(block.rows), block.lines.hz.size), dtype=complex)
-    names: list[str] = []
-    for term, z in found:
-        columns[len(names) : len(names) + len(z), term.row] = z
-        names += [term.name(block)] * len(z)
-    return columns, tuple(names)
 
 
 def _shapes(block: Block) -> Complex:

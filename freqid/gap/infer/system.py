@@ -404,21 +404,25 @@ class System:
         gram, parts, determinant = np.zeros((few + 1, few + 1)), [], 0.0
         for b in self.blocks:
             inner, form = _beside(b.gram, b.form, t, weights)
-            root, at, own_half = b.form_root(form_error.loads)
+            root, at, half_own = b.form_root(form_error.loads)
             taken = root @ form[at]
             gram += inner - taken.T @ taken
-            determinant += own_half
-            parts.append((b, form, root @ b.form_gram[at], taken))
+            determinant += half_own
+            parts.append((b, form, root, at, taken))
         inverse, half = _root(gram[:-1, :-1])
         own = inverse @ gram[:-1, -1]
         y = np.append(-inverse.T @ own, 1.0)  # the data less their likeliest tolerances
         slope = np.zeros(np.size(form_error.loads) + 1)
-        for b, form, across, taken in parts:
-            power = b.form_power - (across**2).sum(axis=0)
-            shared = inverse @ (form[:, :-1] - across.T @ taken[:, :-1]).T
-            power -= (shared**2).sum(axis=0)
-            projected = form @ y - across.T @ (taken @ y)
-            np.add.at(slope, b.form_row, b.sizes(form_error.loads) ** 2 * (projected**2 - power))
+        for b, form, root, at, taken in parts:
+            size = b.sizes(form_error.loads)
+            inside = root / size[at]
+            lifted = inside.T @ taken  # products in the metric of noise and form, times the sizes
+            power = 1 - (inside**2).sum(axis=0) - ((inverse @ lifted[:, :-1].T) ** 2).sum(axis=0)
+            # those that are not seen at their size leave the metric as it is
+            projected = size * (form @ y - b.form_gram[:, at] @ (root.T @ (taken @ y)))
+            each = projected**2 - size**2 * b.form_power
+            each[at] = (lifted @ y) ** 2 - power
+            np.add.at(slope, b.form_row, each)
         energy = float(gram[-1, -1] - own @ own)
         return -0.5 * energy - determinant - half, slope[:-1]
 

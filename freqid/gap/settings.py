@@ -23,11 +23,16 @@ FORM_CONSTANT = 4.0
 Chosen, not measured: above one, because derivatives are wrong sooner than dynamics.
 """
 
-FORM_SPREAD = 1.0
+FORM_TYPICAL = 0.002
+"""Error of form of a good simulation, before the data."""
+
+FORM_KIND_SPREAD = 1.0
+"""E-foldings by which the errors of form of all loads, actuators or sensors together may differ from that."""
+
+FORM_SPREAD = 0.7
 """E-foldings by which the error of form of a term differs from its row's, and a row's from its kind's.
 
-Chosen on open cases, where .7 to 1.5 make little difference: one derivative may well be wrong by ten times as
-much as the others of its load.
+Chosen on open cases, as the two before it. Nulls do not depend on it from .7 to 1.5.
 """
 
 ACTUATOR_FORM = 0.002

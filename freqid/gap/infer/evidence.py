@@ -15,8 +15,10 @@ from freqid.gap.infer.system import Form, System
 from freqid.gap.infer.weighing import Weighing, log_mean
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.model.form import PRODUCTS, row_of
+from freqid.gap.settings import INTERVAL
 
 _FINE = 1001  # sizes at which a posterior is drawn
+_NEAR = 0.2  # of a size, on either side: how a change that is not proportional changes there
 
 NONE = "none"
 
@@ -182,6 +184,35 @@ def estimate(evidence: Evidence, index: int, level: float, given: Array | None =
         abs(mean - e) < 0.1 * abs(e) and min(abs(lo - e), abs(hi - e)) < 0.01 * abs(e) for e in edges
     )
     return Estimate(c, np.array([mean]), np.array([lo]), np.array([hi]), at_bound)
+
+
+def directions(evidence: Evidence, index: int, given: Array | None = None) -> Array:
+    """Return one sigma of a candidate's columns about its estimate, shape (direction, column).
+
+    A vector effect at its likeliest prior scale; a scalar one as it is at its size, and as it changes there:
+    beside others it has another size, which is not a share of the same change where that is not proportional.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    index : int
+        Of the candidate.
+    given : ndarray, shape (column,), optional
+        Weights of other candidates' columns that are taken as known to be in the data.
+    """
+    c, at = evidence.system.candidates[index], evidence.system.columns_of(index)
+    found = estimate(evidence, index, INTERVAL, given)
+    if c.kind == "vector":
+        rms = float(np.sqrt(np.mean(found.weights**2)))
+        own = np.eye(c.sizes.size) * c.prior[np.argmin(np.abs(np.log(c.prior / max(rms, 1e-300))))]
+    else:
+        size = float(found.size[0])
+        own = np.array([c.weights(size)])
+        if c.sizes.size > 1:
+            own = np.array([own[0], c.weights((1 + _NEAR) * size) - c.weights((1 - _NEAR) * size)])
+    block = np.zeros((len(own), evidence.system.columns))
+    block[:, at] = own
+    return block
 
 
 def _form_beside(evidence: Evidence, index: int, given: Array | None) -> tuple[Array, Array]:

@@ -22,15 +22,23 @@ from numpy.typing import NDArray
 from scipy.optimize import fmin_l_bfgs_b
 
 from freqid.core.arrays import Array
-from freqid.gap.infer.evidence import estimate, weigh
+from freqid.gap.infer.evidence import directions, weigh
 from freqid.gap.infer.system import Form, System
 from freqid.gap.model.form import row_of
-from freqid.gap.settings import ACTUATOR_FORM, FORM_ERRORS, FORM_SPREAD, INTERVAL, SEPARATE
+from freqid.gap.settings import (
+    ACTUATOR_FORM,
+    FORM_ERRORS,
+    FORM_KIND_SPREAD,
+    FORM_SPREAD,
+    FORM_TYPICAL,
+    SEPARATE,
+)
 
 _KINDS = ("", "actuator/", "kinematic/")
 _LEAST = (FORM_ERRORS[1], ACTUATOR_FORM, FORM_ERRORS[1])  # from which sizes of a kind are looked for
 _SMALLEST = (1e-5, ACTUATOR_FORM, 1e-5)
-_KIND_SPREAD = 3.0  # e-foldings by which the size of a kind is known before the data
+_TYPICAL = (0.002, 0.002, 0.002)
+_KIND_SPREAD = 3.0
 _REACH = 50.0  # by which a term may be worse than what is common to its kind
 _HOPELESS = 30.0  # nats below the best, from which larger ones are no better
 _STEPS = 25  # of the search at most
@@ -94,8 +102,11 @@ def likely_forms(system: System, terms: Sequence[str], start: Array) -> tuple[Fo
         Sizes from which the search begins, those that are common to a kind.
     """
     sizes = _Sizes(system, tuple(terms), reach(start))
-    first = sizes.likeliest(start, np.zeros(system.columns))
-    beside = [sizes.likeliest(np.array(first.loads), w) for w in _likely_effects(system, first)]
+    common = Form(tuple(start.tolist()), 0.0)
+    first = sizes.likeliest(start, np.zeros((0, system.columns)))
+    # sizes of terms may have taken the place of an effect that is likely where all have one size
+    likely = _likely_effects(system, common) | _likely_effects(system, first)
+    beside = [sizes.likeliest(np.array(first.loads), d) for d in likely.values()]
     return tuple(dict.fromkeys([first, *beside]))
 
 
@@ -110,12 +121,12 @@ def forms_beside(system: System, terms: Sequence[str], explanations: Sequence[Ar
     system : System
     terms : sequence of str
         That have a form.
-    explanations : sequence of ndarray, shape (column,)
-        Weights of candidates' columns that are in the data.
+    explanations : sequence of ndarray, shape (direction, column)
+        Weights of candidates' columns, one sigma of what is in the data.
     """
     largest = np.max([f.loads for f in system.form_errors], axis=0)
     sizes = _Sizes(system, tuple(terms), largest)
-    beside = [sizes.likeliest(largest, weights) for weights in explanations]
+    beside = [sizes.likeliest(largest, one) for one in explanations]
     return tuple(dict.fromkeys([*system.form_errors, *beside]))
 
 
@@ -125,17 +136,15 @@ def _with_any(system: System, form: Form) -> float:
     return evidence.log_none + float(np.logaddexp(0.0, evidence.statistic))
 
 
-def _likely_effects(system: System, form: Form) -> list[Array]:
-    """Return the weights of the candidates' columns for each of the likeliest effects at an error of form."""
+def _likely_effects(system: System, form: Form) -> dict[int, Array]:
+    """Return directions of the likeliest effects at an error of form, each at its best place, by candidate.
+
+    Of shape (direction, column).
+    """
     evidence = weigh(replace(system, form_errors=(form,), _reduced={}))
-    best = max(evidence.effect.values(), default=0.0)
-    found = []
-    for effect, nats in evidence.effect.items():
-        if nats > max(best - SEPARATE, 0.0):
-            i = evidence.best_place(effect)
-            found.append(np.zeros(system.columns))
-            found[-1][system.columns_of(i)] = estimate(evidence, i, INTERVAL).weights
-    return found
+    least = max(max(evidence.effect.values(), default=0.0) - SEPARATE, 0.0)
+    places = [evidence.best_place(effect) for effect, nats in evidence.effect.items() if nats > least]
+    return {i: directions(evidence, i) for i in places}
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,14 +178,17 @@ class _Sizes:
         rows = np.array([row_of(name) for name in self.terms])
         same_row, same_kind = rows[:, None] == rows, self.kinds[:, None] == self.kinds
         own = np.eye(len(rows))
-        return np.linalg.inv(FORM_SPREAD**2 * (own + same_row) + _KIND_SPREAD**2 * same_kind)
+        return np.linalg.inv(FORM_SPREAD**2 * (own + same_row) + FORM_KIND_SPREAD**2 * same_kind)
 
-    def likeliest(self, start: Array, weights: Array) -> Form:
-        """Return the likeliest sizes beside weights of the candidates' columns."""
-        mean = np.log(np.array(_LEAST))[self.kinds]
+    def likeliest(self, start: Array, beside: Array) -> Form:
+        """Return the likeliest sizes beside directions of candidates' columns, shape (direction, column).
+
+        Its prior is that of all sizes near these, by Laplace's method.
+        """
+        mean = np.log(FORM_TYPICAL)
 
         def fall(x: Array) -> tuple[float, Array]:
-            log, slope = self.system.slope(Form(tuple(np.exp(x).tolist()), 0.0), weights)
+            log, slope, _ = self.system.slope(Form(tuple(np.exp(x).tolist()), 0.0), beside)
             pull = self.precision @ (x - mean)
             return 0.5 * float((x - mean) @ pull) - log, pull - slope
 
@@ -189,8 +201,11 @@ class _Sizes:
             maxiter=_STEPS,
             factr=_NEAR / max(abs(fall(x0)[0]), 1.0) / np.finfo(float).eps,
         )
+        form = Form(tuple(np.exp(found).tolist()), 0.0)
+        _, _, information = self.system.slope(form, beside)
         prior = -0.5 * float((found - mean) @ self.precision @ (found - mean))
-        return Form(tuple(np.exp(found).tolist()), 0.0, prior)
+        known = np.linalg.slogdet(self.precision + np.diag(information))[1]
+        return form._replace(log_prior=prior + 0.5 * float(np.linalg.slogdet(self.precision)[1] - known))
 
 
 def _kind(term: str) -> int:

@@ -380,30 +380,31 @@ class System:
             return self.gram(form_error)[0][self.columns :]
         return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks])[0]
 
-    def slope(self, form_error: Form, weights: Array) -> tuple[float, Array]:
-        """Return the log evidence of no more than some effect, and its derivatives by the sizes' logarithms.
+    def slope(self, form_error: Form, beside: Array) -> tuple[float, Array, Array]:
+        """Return the log evidence beside some effects, and what it tells of the logarithms of the sizes.
 
-        With c a column of the form of size one and C the covariance of the data y, the derivative by the
-        logarithm of its size f is ``f^2 [(c' C^-1 y)^2 - c' C^-1 c]`` (M. E. Tipping, "Sparse Bayesian
-        learning and the relevance vector machine", J. Machine Learning Research 1, 2001).
+        With c a column of the form of size one and C the covariance of the data y, its derivative by the
+        logarithm of the size f is ``f^2 [(c' C^-1 y)^2 - c' C^-1 c]``, and Fisher's information of that
+        ``2 (f^2 c' C^-1 c)^2`` (M. E. Tipping, "Sparse Bayesian learning and the relevance vector machine",
+        J. Machine Learning Research 1, 2001).
 
         Parameters
         ----------
         form_error : Form
             With a size for each term, `loads` a tuple.
-        weights : ndarray, shape (column,)
-            Of the candidates' columns that are in the data.
+        beside : ndarray, shape (direction, column)
+            Weights of the candidates' columns, one sigma of what may be in the data beside tolerances.
 
         Returns
         -------
         log_evidence : float
-        slope : ndarray, shape (term,)
+        slope, information : ndarray, shape (term,)
         """
-        n, few = self.columns, len(self.tolerances)
-        t = slice(n, n + few)
-        gram, parts, determinant = np.zeros((few + 1, few + 1)), [], 0.0
+        n, count = self.columns, self.blocks[0].count
+        few = len(beside) + count - n
+        gram, parts, determinant = np.zeros((few, few)), [], 0.0
         for b in self.blocks:
-            inner, form = _beside(b.gram, b.form, t, weights)
+            inner, form = _beside(b.gram[:count, :count], b.form[:, :count], beside)
             root, at, half_own = b.form_root(form_error.loads)
             taken = root @ form[at]
             gram += inner - taken.T @ taken
@@ -412,7 +413,7 @@ class System:
         inverse, half = _root(gram[:-1, :-1])
         own = inverse @ gram[:-1, -1]
         y = np.append(-inverse.T @ own, 1.0)  # the data less their likeliest tolerances
-        slope = np.zeros(np.size(form_error.loads) + 1)
+        slope, information = np.zeros((2, np.size(form_error.loads) + 1))
         for b, form, root, at, taken in parts:
             size = b.sizes(form_error.loads)
             inside = root / size[at]
@@ -423,8 +424,9 @@ class System:
             each = projected**2 - size**2 * b.form_power
             each[at] = (lifted @ y) ** 2 - power
             np.add.at(slope, b.form_row, each)
+            np.add.at(information, b.form_row[at], 2 * power**2)
         energy = float(gram[-1, -1] - own @ own)
-        return -0.5 * energy - determinant - half, slope[:-1]
+        return -0.5 * energy - determinant - half, slope[:-1], information[:-1]
 
     def _rows(self, form_error: Form, taken: Sequence[tuple[Array, float]]) -> tuple[Array, float]:
         n, count = self.columns, self.blocks[0].count
@@ -435,17 +437,16 @@ class System:
         return np.sum(parts, axis=0), sum(half for _, half in taken) - form_error.log_prior
 
 
-def _beside(gram: Array, form: Array, tolerances: slice, weights: Array) -> tuple[Array, Array]:
-    """Return inner products of ``[T, y]``, y the residual less candidates' columns; the form's with these."""
-    last = tolerances.stop
-    y = np.zeros(len(gram))
-    y[: weights.size], y[last] = -weights, 1.0
-    across = gram @ y
-    inner = np.empty((last - weights.size + 1,) * 2)
-    inner[:-1, :-1] = gram[tolerances, tolerances]
-    inner[:-1, -1] = inner[-1, :-1] = across[tolerances]
-    inner[-1, -1] = y @ across
-    return inner, np.column_stack([form[:, tolerances], form @ y])
+def _beside(gram: Array, form: Array, directions: Array) -> tuple[Array, Array]:
+    """Return inner products of ``[directions X, T, r]`` with themselves, and the form's with these."""
+    n, few = directions.shape[1], len(directions)
+    across = directions @ gram[:n]
+    inner = np.empty((few + len(gram) - n,) * 2)
+    inner[few:, few:] = gram[n:, n:]
+    inner[:few, :few] = across[:, :n] @ directions.T
+    inner[:few, few:] = across[:, n:]
+    inner[few:, :few] = across[:, n:].T
+    return inner, np.concatenate([form[:, :n] @ directions.T, form[:, n:]], axis=1)
 
 
 def _squared(rows: Array, columns: NDArray[np.intp]) -> Array:

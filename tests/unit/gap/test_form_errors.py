@@ -72,7 +72,7 @@ def test_one_term_that_is_wrong_does_not_make_its_whole_row_uncertain():
 def test_slopes_of_the_evidence_are_those_of_the_dense_density():
     rng = np.random.default_rng(3)
     count, sizes = 40, np.array([0.3, 0.05, 1.1])
-    row, weights = np.repeat(np.arange(3), 4), np.array([0.7, -0.2])
+    row, beside = np.repeat(np.arange(3), 4), np.array([[0.7, -0.2]])
     parts = [[rng.standard_normal((k, count)) for k in (2, 3, 2, 12)] for _ in range(2)]
     residuals = [2.0 * rng.standard_normal(count) for _ in parts]
     blocks = [
@@ -82,20 +82,20 @@ def test_slopes_of_the_evidence_are_those_of_the_dense_density():
     system = System([], np.array([0, 2]), ("a", "b", "c"), blocks, ())
 
     def density(log_sizes):
-        whole = np.concatenate([t for _, t, *_ in parts], axis=1)
+        whole = np.concatenate([np.concatenate([t, beside @ x]) for x, t, *_ in parts], axis=1)
         covariance = np.eye(2 * count) + whole.T @ whole
         for k, (_, _, o, d) in enumerate(parts):
             at = slice(k * count, (k + 1) * count)
             wrong = np.exp(log_sizes)[row, None] * d
             covariance[at, at] += o.T @ o + wrong.T @ wrong
-        y = np.concatenate([r - weights @ x for (x, *_), r in zip(parts, residuals, strict=True)])
+        y = np.concatenate(residuals)
         return -0.5 * (np.linalg.slogdet(covariance)[1] + y @ np.linalg.solve(covariance, y))
 
-    log, slope = system.slope(Form(tuple(sizes), 0.0), weights)
+    log, slope, _ = system.slope(Form(tuple(sizes), 0.0), beside)
     step, at = 1e-5 * np.eye(3), np.log(sizes)
     expected = [(density(at + e) - density(at - e)) / 2e-5 for e in step]
     np.testing.assert_allclose(slope, expected, rtol=1e-5, atol=1e-6)
-    higher, _ = system.slope(Form(tuple(2 * sizes), 0.0), weights)
+    higher, *_ = system.slope(Form(tuple(2 * sizes), 0.0), beside)
     assert higher - log == pytest.approx(density(at + np.log(2)) - density(at), rel=1e-9)
 
 
@@ -129,7 +129,7 @@ def test_a_second_effect_that_hides_in_the_form_of_several_rows_is_found_beside_
     both = [Candidate(n, Place("", (n,)), "scalar", np.ones(1), prior, []) for n in ("one", "other")]
     hidden = Form((0.05, 0.05, 0.05), 0.0)
     system = replace(plain, candidates=both, start=np.arange(3), blocks=[block], form_errors=(hidden,))
-    forms = forms_beside(system, ROWS[:3], [np.array([1.0, 0.0]), np.array([1.0, 1.0])])
+    forms = forms_beside(system, ROWS[:3], [np.array([[1.0, 0.0]]), np.eye(2)])
     assert forms[0] == hidden
     left = {f: system.reduced(f).freed(np.array([[1.0, 0.0]])) for f in forms}
     second = {f: x.log_evidence + float(Weighing(system).of_place(1, x, x.g)) for f, x in left.items()}

@@ -37,8 +37,6 @@ from freqid.gap.settings import (
 _KINDS = ("", "actuator/", "kinematic/")
 _LEAST = (FORM_ERRORS[1], ACTUATOR_FORM, FORM_ERRORS[1])  # from which sizes of a kind are looked for
 _SMALLEST = (1e-5, ACTUATOR_FORM, 1e-5)
-_TYPICAL = (0.002, 0.002, 0.002)
-_KIND_SPREAD = 3.0
 _REACH = 50.0  # by which a term may be worse than what is common to its kind
 _HOPELESS = 30.0  # nats below the best, from which larger ones are no better
 _STEPS = 25  # of the search at most

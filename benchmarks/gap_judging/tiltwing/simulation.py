@@ -146,7 +146,9 @@ def loads(m, state, effector, rho, par, late=_steady):
         X, Y, Z = X + bx, Y + fy, Z + bz
         L, M, N = L + mx * c + mz * s - pz * fy, M + my + pz * bx - px * bz, N + mz * c - mx * s + px * fy
         if wing == 0:
-            wake = table["wake_constant"] * speed + table["wake_lift"] * borne / (rho * speed)
+            jet, elevon = (halves[0][i] + halves[1][i] for i in (1, 2))
+            wake = table["wake_constant"] + table["wake_jet"] * jet + table["wake_elevon"] * elevon
+            wake = wake * speed + table["wake_lift"] * borne / (rho * speed) + table["wake_angle"] * w
             down = late(wake, table["wake_lag"]) * (1 + get("rear.downwash", 0.0))
     # body and fin
     pressure = 0.5 * rho * speed * speed * g.AREA

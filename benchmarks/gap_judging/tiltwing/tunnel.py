@@ -45,8 +45,10 @@ def campaign(rng, speed, rho, angle, alpha, turns):
     inputs, loads : dict
     middles : dict
         Means that the owner takes off angle and jet.
-    wake : tuple of 3 ndarrays, shape (point,)
-        Downwash that the wing makes behind it; speed; normal force over density and speed.
+    wake : dict
+        What the wing's downwash behind it is fitted by, shape (point,) each.
+    down : ndarray, shape (point,)
+        That downwash, m/s.
     """
     around = lambda middle, wide: middle + wide * rng.uniform(-1, 1, COUNT)  # noqa: E731
     speeds = around(speed, 1.5)
@@ -90,8 +92,16 @@ def campaign(rng, speed, rho, angle, alpha, turns):
     }
     width = tilt_air.WING.width
     front = (width * made[0]).sum(axis=0) / width.sum()
-    down = tilt_air.WAKE / g.SPAN * front * (1 - 0.5 * around(alpha, 0.06))
-    return inputs, loads, middles, (down, speeds, normal[0].sum(axis=0) / (rho * speeds))
+    flown = around(alpha, 0.06)
+    down = tilt_air.WAKE / g.SPAN * front * (1 - 0.5 * flown)
+    wake = {
+        "wake_constant": speeds,
+        "wake_jet": speeds * inputs["jet"].sum(axis=0),
+        "wake_elevon": speeds * inputs["elevon"].sum(axis=0),
+        "wake_lift": normal[0].sum(axis=0) / (rho * speeds),
+        "wake_angle": speeds * flown,
+    }
+    return inputs, loads, middles, wake, down
 
 
 def columns(inputs):
@@ -143,15 +153,16 @@ def stand(rng):
 def main() -> None:
     rows = []
     for number, (name, about) in enumerate(ABOUT.items()):
-        inputs, loads, middles, (down, speeds, borne) = campaign(np.random.default_rng(number), *about)
+        inputs, loads, middles, wake, down = campaign(np.random.default_rng(number), *about)
         terms = columns(inputs)
         for load, y in loads.items():
             found, left = reduced(terms, y.ravel())
             print(f"{name} {load}: {len(found)} terms leave {100 * left:.2f} %")
             rows += [(name, load, term, f"{value:.6g}") for term, value in found.items()]
-        wake = np.linalg.lstsq(np.array([speeds, borne]).T, down, rcond=None)[0]
         way = tilt_air.WAKE_WAY / (tilt_air.WAKE_SPEED * about[0])
-        found = middles | {"wake_constant": wake[0], "wake_lift": wake[1], "wake_lag": way}
+        fit = np.linalg.lstsq(np.array(list(wake.values())).T, down, rcond=None)[0]
+        found = middles | dict(zip(wake, fit, strict=True))
+        found["wake_lag"] = way
         rows += [(name, key, "", f"{value:.6g}") for key, value in found.items()]
     for load, fit, left in stand(np.random.default_rng(2)):
         print(f"stand {load}: leaves {100 * left:.2f} %")

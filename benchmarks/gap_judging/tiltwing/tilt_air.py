@@ -50,8 +50,8 @@ class Memory:
         """Return what the front wing's wake induces at the rear one, m/s, one convection later."""
         if self.trail is None:
             return np.zeros(x.shape[1])
-        steps = WAKE_WAY / (WAKE_SPEED * x[0]) / self.h
-        steps = np.clip(steps, 0.0, MEMORY - 2.0) if np.isfinite(steps).all() else 0 * self.flights + 6.0
+        steps = WAKE_WAY / (WAKE_SPEED * np.maximum(np.nan_to_num(x[0]), 1.0)) / self.h
+        steps = np.minimum(steps, MEMORY - 2.0)
         whole = steps.astype(int)
         newer, older = (self.trail[(self.at - whole - k) % MEMORY, self.flights] for k in (0, 1))
         made = newer + (steps - whole) * (older - newer)

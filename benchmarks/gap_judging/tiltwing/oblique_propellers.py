@@ -33,7 +33,7 @@ def propellers(rho, speed, along, across, radius):
     blades = 0.5 * rho * BLADES * CHORD * LENGTH * radius
     disc = 2 * rho * np.pi * radius**2
     lifted = SLOPE * PITCH * (turn * turn + 0.5 * across * across)
-    fall = SLOPE * turn * (1 - 0.5 * PROFILE)
+    fall = (SLOPE + PROFILE) * turn
     induced = 0.25 * np.maximum(along, 3.0)
     for _ in range(NEWTON):
         through = along + induced

@@ -202,9 +202,7 @@ class Owner:
         rate = [0.0] * len(self.names)
         x = state0
         late = (_Lag(),) if self.wake else ()
-        rotors = [
-            (i, *(axis if tilt is None else turned(axis, trim[tilt]))) for i, axis, tilt in self.rotors
-        ]
+        rotors = [(i, *(axis if tilt is None else turned(axis, trim[tilt]))) for i, axis, tilt in self.rotors]
         log_state, log_position, log_command, log_felt = [], [], [], []
         for k in range(total):
             command = [c + s[k] for c, s in zip(trim, signals, strict=True)]
@@ -288,7 +286,6 @@ class Owner:
             turn,
         )
         return slope, (fx, fy, fz, pd, qd, rd)
-
 
 
 class _Lag:

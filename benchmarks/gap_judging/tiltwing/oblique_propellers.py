@@ -1,8 +1,8 @@
 """Propellers of the truth in oblique flow: a blade station goes round, momentum theory gives the inflow.
 
-A blade is one section at three quarters of the radius. Its forces at small inflow angles are averaged over the
-turn in closed form; Glauert's momentum equation for oblique flow gives the induced velocity (Leishman,
-Principles of Helicopter Aerodynamics, sections 2.14 and 3.2).
+A blade is one section at three quarters of the radius. Its forces at small inflow angles are averaged over
+the turn in closed form; Glauert's momentum equation for oblique flow gives the induced velocity (Leishman,
+Principles of Helicopter Aerodynamics, chapters 2 and 3).
 """
 
 from __future__ import annotations

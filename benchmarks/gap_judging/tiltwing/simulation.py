@@ -15,8 +15,8 @@ for folder in (HERE.parent, HERE):
 import tiltwing_numbers as g  # noqa: E402
 from owner import Owner  # noqa: E402
 
-# Of a half wing in its own flow, about the middle of the campaign: angle, jet and elevon, then the wing's turning,
-# and the other half's.
+# Of a half wing in its own flow, about the middle of the campaign: angle, jet and elevon, then the wing's
+# turning, and the other half's.
 INPUTS = ("1", "angle", "jet", "elevon", "roll", "yaw", "angle2", "jet2", "elevon2")
 LOADS = ("chordwise", "normal", "bending", "turning", "swinging")
 PROPELLER = ("thrust", "torque", "dragged", "leaning")

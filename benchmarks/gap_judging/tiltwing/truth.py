@@ -1,4 +1,4 @@
-"""The tandem tilt-wing that flies: two wings of strips that stall softly, in jets and in the front wing's wake."""
+"""The tandem tilt-wing that flies: strips that stall softly, in jets and in the front wing's wake."""
 
 from __future__ import annotations
 

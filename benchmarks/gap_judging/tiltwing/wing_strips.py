@@ -1,9 +1,9 @@
 """A wing of the truth in strips that stall softly, each in the downwash of all.
 
 Vortices trail along the chord from the edges of the strips and induce a velocity at the strips' middles (Katz
-and Plotkin, Low-Speed Aerodynamics, section 8.1); across the body the circulation is the mean of its neighbours'.
-A section follows the attached flow to the share that still is attached, and a flat plate in separated flow for
-the rest (Kirchhoff's idea; Leishman, Principles of Helicopter Aerodynamics, section 8.5, for its use).
+and Plotkin, Low-Speed Aerodynamics, section 8.1); across the body the circulation is the mean of its
+neighbours'. To the share of it that is attached, a section lifts as attached flow does, and for the rest as a
+plate in separated flow (after Leishman and Beddoes, A Semi-Empirical Model for Dynamic Stall, 1989).
 """
 
 from __future__ import annotations

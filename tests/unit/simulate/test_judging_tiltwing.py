@@ -13,7 +13,9 @@ RHO = 1.19
 
 
 def loaded(name):
-    spec = importlib.util.spec_from_file_location(f"judging_tiltwing_{Path(name).name}", FOLDER / f"{name}.py")
+    spec = importlib.util.spec_from_file_location(
+        f"judging_tiltwing_{Path(name).name}", FOLDER / f"{name}.py"
+    )
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
@@ -60,7 +62,9 @@ def test_a_stalled_wing_is_the_one_that_a_solver_finds():
     np.testing.assert_allclose(made[:, 0], exact, rtol=1e-6)
 
 
-@pytest.mark.parametrize(("speed", "along", "across"), [(550.0, 11.0, 8.5), (505.0, 19.0, 5.0), (600.0, 12.0, 0.0)])
+@pytest.mark.parametrize(
+    ("speed", "along", "across"), [(550.0, 11.0, 8.5), (505.0, 19.0, 5.0), (600.0, 12.0, 0.0)]
+)
 def test_propeller_is_the_mean_over_a_turn(speed, along, across):
     """Averaged blade by blade over the turn, with the inflow that a root finder says."""
     props, radius = loaded("oblique_propellers"), 0.22

@@ -3,8 +3,8 @@
 Samples one of the truth's wings with its propellers at random points about each flight condition, and a
 propeller about both. Loads of a half wing are fitted by polynomials of its own angle, jet and elevon to third
 degree, with the wing's turning and the other half's inputs to second; the wake by the wing's normal force,
-jets, elevons and angle. Writes `tunnel.csv`: campaign, response, term, coefficient. The owner's simulation reads
-nothing else of the truth.
+jets, elevons and angle. Writes `tunnel.csv`: campaign, response, term, coefficient. The owner's simulation
+reads nothing else of the truth.
 """
 
 from __future__ import annotations

@@ -116,7 +116,7 @@ def propulsion(flow, speeds, rho, s, names=g.ROTORS):
     return force, moment, induced * strong, around
 
 
-def wing_loads(flow, ahead, around, elevons, made, rho, s, rounds=2):
+def wing_loads(flow, ahead, around, elevons, made, rho, s, rounds=1):
     """Return forces and moments of wings about their hinges in their own frames, and circulation.
 
     Parameters

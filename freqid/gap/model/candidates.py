@@ -38,7 +38,7 @@ _UNSEEN = 0.03  # ... in standard deviations of the noise
 _GRID = 33  # sizes of the prior, either sign
 _VECTOR_SCALES = (0.3, 1.0, 3.0, 10.0)  # prior standard deviations of a vector, of each parameter's scale
 _SHARES = (1.0, -1.0, 0.1, -0.1)  # of one sigma of a vector, of which what no body can be is passed over
-_OTHER_SCALES = (0.03, 0.1, 0.3, 1.0)  # ... of free changes: share of each term
+_OTHER_SCALES = (0.1, 0.3, 1.0)  # ... of free changes: share of each term; smaller ones are of form
 
 
 @dataclass(frozen=True)

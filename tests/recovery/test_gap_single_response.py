@@ -56,7 +56,7 @@ def test_a_delay_and_a_lag_together_are_closed_and_recovered(answer):
 
 @pytest.mark.xfail(
     strict=True,
-    reason="with a size of its own for the stick's term, the lag is found with another gyro scale, not the delay",
+    reason="since the stick's term has a size of its own, another gyro scale is found, not the delay",
 )
 def test_the_pair_is_called_though_a_third_effect_explains_more_than_either(answer):
     """Of all effects, a gyro of another scale comes nearest to a delay with a lag."""

@@ -111,6 +111,9 @@ def candidates(aircraft: Any) -> list[Candidate]:
     ]
     bias = {"ax": 1.0, "ay": 1.0, "az": 1.5, "p": 0.1, "q": 0.1, "r": 0.1, "phi": 0.1, "theta": 0.1}
     bias |= {"u": 3.0, "v": 2.0, "w": 2.0, "surface": 0.08, "rotor": 20.0}
+    if hasattr(aircraft, "TILTS"):
+        bias["tilt"] = 0.2
+        out += [Candidate("wing_wake", "strength", 0.01, 3.0)]
     out += [Candidate("sensor_bias", c, top / 500, top, signed=True) for c, top in bias.items()]
     return [c for c in out if c.id not in getattr(aircraft, "ABSENT", ())]
 
@@ -135,6 +138,12 @@ def stated(aircraft: Any, c: Candidate) -> dict[str, float]:
         return {f"{c.key}@{e}": 1.0 for e in surfaces}
     if c.key == "sensor_bias.rotor":
         return {f"{c.key}@{e}": 1.0 for e in rotors}
+    if c.key == "sensor_bias.tilt":
+        return {f"{c.key}@{e}": 1.0 for e in aircraft.TILTS}
+    if c.id == "wing_wake":
+        return {"rear.downwash": 1.0}
+    if c.id == "rotor_inplane_force":
+        return {"props.inplane": 1.0}  # where the owner has it
     return {c.key.partition("@")[0]: 1.0}  # one delay is stated for every effector
 
 

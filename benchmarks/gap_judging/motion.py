@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from settings import Settings
+from shafts import shafts
 
 GRAVITY = 9.80665
 STEP = 0.01  # s
@@ -47,7 +48,7 @@ class Actuators:
     def __init__(self, aircraft: Any, start: NDArray[np.float64], s: Settings) -> None:
         names, self.surfaces = aircraft.EFFECTORS, aircraft.SURFACES
         n = len(self.surfaces)
-        self.n, self.h = n, STEP
+        self.n, self.h, self.rotors = n, STEP, len(aircraft.ROTORS)
         each = lambda end, sigma=0.0: np.array([np.zeros(s.count) + s(f"{e}.{end}") for e in names])  # noqa: E731
         self.gain = 1 + each("gain")[:n]
         zeta0, omega0 = aircraft.SERVO
@@ -114,9 +115,10 @@ class Actuators:
         self.rate = np.clip(speed, -self.limit / STEP, self.limit / STEP)
         self.x[:n] += step
         wanted = late[n:]
-        if self.has_sag:  # less voltage under load, and as the charge goes
+        if self.has_sag:  # less voltage under load, and as the charge goes; tilts stay where they are
             load = np.sum(self.x[n:] ** 3, axis=0) / np.sum(self.level**3, axis=0)
-            wanted = wanted * (1 - self.sag * (0.03 * load + 0.012 * self.elapsed / 60))
+            wanted = wanted.copy()
+            wanted[: self.rotors] *= 1 - self.sag * (0.03 * load + 0.012 * self.elapsed / 60)
         speed = self.x[n:]
         slower = np.where(wanted < speed, 1.15, 0.9)
         tau = self.tau + self.extra_tau * slower
@@ -165,7 +167,7 @@ def fly(aircraft: Any, flights: list[dict[str, Any]], s: Settings, settle: float
     ixz = aircraft.INERTIA[3] + s("inertia.xz") * np.sqrt(aircraft.INERTIA[0] * aircraft.INERTIA[2])
     spread = ixx * izz - ixz**2
     dx, dy, dz = (s(f"cg_offset.{end}") for end in "xyz")
-    hub = aircraft.ROTOR_AXIS.T * aircraft.ROTOR_MOMENTUM  # (3, rotor)
+    hub = shafts(aircraft, base)
     spun = 1 + s("gyroscopic.strength")
     actuators = Actuators(aircraft, base.copy(), s)
     memory = aircraft.Memory(x, actuators.x, s)
@@ -211,7 +213,8 @@ def fly(aircraft: Any, flights: list[dict[str, Any]], s: Settings, settle: float
         return out, (fx, fy, fz, pd, qd, rd)
 
     h = STEP
-    rotors = len(aircraft.SURFACES)
+    rotors = slice(len(aircraft.SURFACES), len(aircraft.SURFACES) + len(aircraft.ROTORS))
+    in_body = (lambda spin: hub @ spin) if hub.ndim == 2 else (lambda spin: (hub * spin).sum(axis=1))
     felt = actuators.felt()
     for i in range(steps + 1):
         command = base + gains @ (x[:9] - at[:9]) + signals[design, :, i].T
@@ -219,9 +222,8 @@ def fly(aircraft: Any, flights: list[dict[str, Any]], s: Settings, settle: float
         actuators.step(command, i)
         after = actuators.felt()
         middle = 0.5 * (felt + after)
-        spin = spun * (actuators.x[rotors:] - position[rotors:]) / h
-        pulled = hub @ spin
-        turned = hub @ (spun * position[rotors:])
+        pulled = in_body(spun * (actuators.x[rotors] - position[rotors]) / h)
+        turned = in_body(spun * position[rotors])
         k1, felt_now = slope(x, felt, turned, pulled)
         if i >= first and (i - first) % 2 == 0:
             j = (i - first) // 2

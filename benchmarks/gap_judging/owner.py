@@ -16,6 +16,7 @@ import numpy as np
 from scipy.linalg import expm
 from scipy.optimize import fsolve
 from scipy.signal import lfilter
+from shafts import turned
 
 GRAVITY = 9.80665
 STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta", "psi")
@@ -43,6 +44,8 @@ class Owner:
         Fixed commands at a speed: a tuple for all effectors, of which the trim replaces `trimmed`.
     trimmed : tuple of 2 tuples of str
         Effectors that trim pitch and speed together.
+    wake : bool
+        Whether `loads` takes ``late(value, slow)`` too: a value behind two equal lags of together `slow`, s.
     """
 
     def __init__(
@@ -55,17 +58,24 @@ class Owner:
         sensor: tuple[float, float, float],
         schedule: Callable[[float], tuple[float, ...]],
         trimmed: tuple[tuple[str, ...], tuple[str, ...]],
+        wake: bool = False,
     ) -> None:
         scenario = tomllib.loads((folder / "scenario.toml").read_text())
         self.loads, self.servo, self.motor, self.delay, self.sensor = loads, servo, motor, delay, sensor
-        self.schedule = schedule
+        self.schedule, self.wake = schedule, wake
         self.names = tuple(e["name"] for e in scenario["effector"])
-        self.surfaces = tuple(e["name"] for e in scenario["effector"] if e["kind"] == "surface")
+        self.surfaces = tuple(e["name"] for e in scenario["effector"] if e["kind"] != "rotor")
         self.trimmed = tuple([self.names.index(n) for n in group] for group in trimmed)
         self.mass = scenario["vehicle"]["mass_kg"]
         self.inertia = tuple(scenario["vehicle"]["inertia"][k] for k in ("xx", "yy", "zz", "xz"))
+        tilt = {w["name"]: self.names.index(w["tilt"]) for w in scenario.get("wing", ())}
+        # Effector, momentum by speed at zero tilt, and the effector that tilts it
         self.rotors = [
-            (self.names.index(r["name"]), *(r["spin"] * r["inertia"] * a for a in r["axis"]))
+            (
+                self.names.index(r["name"]),
+                [r["spin"] * r["inertia"] * a for a in r["axis"]],
+                tilt.get(r.get("wing")),
+            )
             for r in scenario["rotor"]
         ]
         gains = scenario["control"]["gains"]
@@ -80,7 +90,9 @@ class Owner:
             """Return forces and moments about the centre of gravity, N and N m, as the owner has them."""
             x = tuple(np.asarray(state[n]) for n in STATES[:6])
             e = tuple(np.asarray(effector[n]) for n in self.names)
-            return dict(zip(RESPONSES, self.loads(np, x, e, np.asarray(air["rho"]), parameters), strict=True))
+            late = (_series_lag(time),) if self.wake else ()
+            made = self.loads(np, x, e, np.asarray(air["rho"]), parameters, *late)
+            return dict(zip(RESPONSES, made, strict=True))
 
         wrench.responses = RESPONSES
         wrench.tolerances = {name: (sigma, "1") for name, sigma in sigmas.items()}
@@ -189,6 +201,8 @@ class Owner:
         position = [trim[i] * m[-1] for i, m in enumerate(matrices)]
         rate = [0.0] * len(self.names)
         x = state0
+        late = (_Lag(),) if self.wake else ()
+        rotors = [(i, *(axis if tilt is None else turned(axis, trim[tilt]))) for i, axis, tilt in self.rotors]
         log_state, log_position, log_command, log_felt = [], [], [], []
         for k in range(total):
             command = [c + s[k] for c, s in zip(trim, signals, strict=True)]
@@ -210,21 +224,23 @@ class Owner:
                 0.5 * (a + b) + dt / 8 * (c - d)
                 for a, b, c, d in zip(position, after, rate, rate_after, strict=True)
             ]
-            momentum = [sum(r[j] * middle[r[0]] for r in self.rotors) for j in (1, 2, 3)]
-            change = [sum(r[j] * (after[r[0]] - position[r[0]]) / dt for r in self.rotors) for j in (1, 2, 3)]
-            k1, felt = self._slope(x, position, rho, parameters, momentum, change)
+            momentum = [sum(r[j] * middle[r[0]] for r in rotors) for j in (1, 2, 3)]
+            change = [sum(r[j] * (after[r[0]] - position[r[0]]) / dt for r in rotors) for j in (1, 2, 3)]
+            k1, felt = self._slope(x, position, rho, parameters, momentum, change, late)
             if k >= ahead:
                 log_state.append(x)
                 log_position.append(position)
                 log_command.append(command)
                 log_felt.append(felt)
-            k2, _ = self._slope(_moved(x, k1, dt / 2), middle, rho, parameters, momentum, change)
-            k3, _ = self._slope(_moved(x, k2, dt / 2), middle, rho, parameters, momentum, change)
-            k4, _ = self._slope(_moved(x, k3, dt), after, rho, parameters, momentum, change)
+            k2, _ = self._slope(_moved(x, k1, dt / 2), middle, rho, parameters, momentum, change, late)
+            k3, _ = self._slope(_moved(x, k2, dt / 2), middle, rho, parameters, momentum, change, late)
+            k4, _ = self._slope(_moved(x, k3, dt), after, rho, parameters, momentum, change, late)
             x = tuple(
                 a + dt / 6 * (b + 2 * c + 2 * d + e) for a, b, c, d, e in zip(x, k1, k2, k3, k4, strict=True)
             )
             position, rate = after, rate_after
+            for lag in late:
+                lag.advance(dt)
         out = dict(zip(STATES, np.array(log_state).T, strict=True))
         felt = np.array(log_felt).T
         out |= {f"a{axis}": row for axis, row in zip("xyz", self._at_sensor(felt, out), strict=True)}
@@ -244,10 +260,10 @@ class Owner:
         arm = np.array(self.sensor)
         return (felt[:3].T + np.cross(turn, arm) + np.cross(rates, np.cross(rates, arm))).T
 
-    def _slope(self, x, position, rho, parameters, momentum, change):
+    def _slope(self, x, position, rho, parameters, momentum, change, late):
         """Return the derivative of the state, and specific force with angular acceleration."""
         u, v, w, p, q, r, phi, theta, _ = x
-        X, Y, Z, L, M, N = self.loads(math, x, position, rho, parameters)
+        X, Y, Z, L, M, N = self.loads(math, x, position, rho, parameters, *late)
         ix, iy, iz, ixz = self.inertia
         hx, hy, hz = momentum
         sp, cp, st, ct = math.sin(phi), math.cos(phi), math.sin(theta), math.cos(theta)
@@ -270,6 +286,44 @@ class Owner:
             turn,
         )
         return slope, (fx, fy, fz, pd, qd, rd)
+
+
+class _Lag:
+    """Two equal lags of one value, stepped through a flight; steady at first."""
+
+    def __init__(self) -> None:
+        self.first = self.second = None
+
+    def __call__(self, value: float, slow: float) -> float:
+        """Return the late value, and keep the one that it follows."""
+        if self.first is None:
+            self.first = self.second = value
+        self.wanted, self.slow = value, slow
+        return self.second
+
+    def advance(self, dt: float) -> None:
+        """Follow the value that was met last."""
+        share = 1 - math.exp(-2 * dt / self.slow)
+        self.first += share * (self.wanted - self.first)
+        self.second += share * (self.first - self.second)
+
+
+def _series_lag(time: Any) -> Callable[[Any, float], Any]:
+    """Return two equal lags of a series, steady at its first sample; 50 Hz where no time is given."""
+    dt = 0.02 if time is None or np.size(time) < 2 else float(time[-1] - time[0]) / (np.size(time) - 1)
+
+    def late(value, slow):
+        # exact for straight lines between samples
+        fall = 2 * dt / slow
+        decay = math.exp(-fall)
+        old, new = (1 - decay) / fall - decay, 1 - (1 - decay) / fall
+        value = np.asarray(value, dtype=float)
+        away = value - value[..., :1]
+        for _ in range(2):
+            away = lfilter([new, old], [1.0, -decay], away)
+        return value[..., :1] + away
+
+    return late
 
 
 def _moved(x: tuple, slope: tuple, by: float) -> tuple:

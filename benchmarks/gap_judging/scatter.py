@@ -50,6 +50,8 @@ def per_flight(aircraft: Any) -> dict[str, float]:
             out |= {f"{name}@{e}": sigma for e in aircraft.SURFACES}
         elif name == "sensor_bias.rotor":
             out |= {f"{name}@{e}": sigma for e in aircraft.ROTORS}
+        elif name == "sensor_bias.tilt":
+            out |= {f"{name}@{e}": sigma for e in aircraft.TILTS}
         elif name.startswith("sensor_bias."):
             out[name] = sigma
     return out

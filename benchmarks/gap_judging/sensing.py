@@ -20,6 +20,7 @@ STEP = {
     "attitude": 0.0005,
     "surface": 0.0005,
     "rotor": 0.5,
+    "tilt": 0.0005,
 }
 
 
@@ -100,7 +101,7 @@ def measure(
             out[f"state/{name}"] = read
     out["state/alt"] = attitude[3] if rng is None else attitude[3] + 0.3 * rng.standard_normal(TIME.size)
     for name, row in zip(aircraft.EFFECTORS, positions, strict=True):
-        kind = "surface" if name in aircraft.SURFACES else "rotor"
+        kind = kind_of(aircraft, name)
         read = (
             row * (1 + get(f"sensor_scale.{kind}"))
             + get(f"sensor_bias.{kind}")
@@ -113,6 +114,13 @@ def measure(
     for i, name in enumerate(aircraft.EFFECTORS):
         out[f"command/{name}"] = log.command[first : first + TIME.size, i, flight].copy()
     return out
+
+
+def kind_of(aircraft: Any, effector: str) -> str:
+    """Return whether an effector is a surface, a rotor or a wing's tilt."""
+    if effector in getattr(aircraft, "TILTS", ()):
+        return "tilt"
+    return "surface" if effector in aircraft.SURFACES else "rotor"
 
 
 def with_air(channels: dict[str, NDArray[np.float64]], rho: float) -> dict[str, NDArray[np.float64]]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from shafts import shafts
 
 LINES = np.arange(121)  # multiples of 1/60 Hz, up to 2 Hz
 PERIOD, GRAVITY = 60.0, 9.80665
@@ -57,7 +58,7 @@ def stack(aircraft: Any, simulation: Any, channels: Mapping[str, NDArray[np.floa
     specific = lines(steady) - np.cross(turn.T, arm).T
     ixx, iyy, izz, ixz = aircraft.INERTIA
     spin = np.array([effector[e] for e in aircraft.ROTORS])
-    hub = aircraft.ROTOR_AXIS.T * aircraft.ROTOR_MOMENTUM
+    hub = shafts(aircraft, np.array([np.mean(effector[e]) for e in aircraft.EFFECTORS]))
     h = hub @ spin
     change = hub @ rates_of(spin)
     products = np.array(

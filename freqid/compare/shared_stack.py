@@ -12,7 +12,7 @@ from freqid.core.arrays import Array, Complex
 from freqid.core.record import Maneuver
 from freqid.gap.infer.system import BlockMatrices, Form, System
 from freqid.gap.infer.where import gap_map
-from freqid.gap.model.form import actuator_terms, form_columns, load_terms
+from freqid.gap.model.form import actuator_terms, form_columns, in_rows, load_terms
 from freqid.gap.model.tolerance import record_columns, tolerance_columns
 from freqid.gap.simulation import Simulation
 from freqid.gap.stack.block import Block, stack_of
@@ -207,7 +207,7 @@ def _shared(
         unknown = [z[i] for z in record_columns(one, library, size).values()]
         own.append(np.array([z for z in unknown if np.any(z)]).reshape(-1, *scale.shape))
         for kind, terms in (("loads", load_terms(one)), ("actuators", actuator_terms(one))):
-            whole = form_columns(one, terms)[:, i]
+            whole = in_rows(one, form_columns(one, terms))[:, i]
             form[kind].append(whole[np.any(whole, axis=(1, 2))])
     return SharedBlock(
         names=a.names,

@@ -195,9 +195,8 @@ def diagnose(
         form_error = form_beside(joint, explanation.places, explanation.estimates)
         closing = closing_of(system, used, columns, others, explanation, library, q.tolerances, form_error)
         closed = close(closing, explanation, q.seed, library, q.tolerances)
-    sizes = evidence.form_sizes()
-    sizes = np.where(sizes < FORM_ERRORS[1], 0.0, sizes)
-    forms = dict(zip(columns[0].form_names, sizes.tolist(), strict=True))
+    forms = evidence.form_sizes(columns[0].form_names)
+    forms = {n: f if f >= FORM_ERRORS[1] else 0.0 for n, f in forms.items()}
     relations = {n.partition("/")[2]: f for n, f in forms.items() if n.startswith("kinematic/")}
     forms = {n: f for n, f in forms.items() if "/" not in n}
     existence = _existence(exists, p, threshold, q.level, evidence, used, forms)

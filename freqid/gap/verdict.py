@@ -186,7 +186,7 @@ def remarks_of(
         yield "one manoeuvre only: what is said of it was not tried on another"
     if gap.form_error:
         yield (
-            f"the records show the simulation's terms wrong in form by about {_by_row(gap, 0.0)}, "
+            f"the records show an error of form of about {_by_row(gap, 0.0)} in the simulation's terms, "
             "which is allowed for"
         )
     else:

@@ -13,6 +13,9 @@ import pytest
 import freqid as fq
 
 CONDITIONS = ("u85", "u102")
+ELEVATORS = (
+    '\n[[group]]\nname = "elevators"\neffectors = ["de1", "de2", "de3", "de4"]\nkind = "one linkage"\n'
+)
 # The shipped corridor ends at 25.9 m/s, and the example asks at 30.
 FASTER = '\n[[reference]]\nid = "u102"\nu = 31.0\nrho = 1.225\ndw1 = 0.0\ndw2 = 0.0\n\n[excitation]\n'
 
@@ -24,7 +27,9 @@ def short_la8() -> str:
     text = re.sub(r'\[\[reference\]\]\nid = "(.*)"\n(?:.+\n)*', lambda m: m[0] * (m[1] in CONDITIONS), text)
     text = re.sub(r"(net_load|power_db|residuals) = .*\n", "", text)
     text = text.replace('estimator = "instruments"', 'estimator = "least-squares"')
-    return re.sub(r"period_s = .*\nperiods = .*", "period_s = 30.0\nperiods = 1\nstarts = 1", text)
+    return (
+        re.sub(r"period_s = .*\nperiods = .*", "period_s = 30.0\nperiods = 1\nstarts = 1", text) + ELEVATORS
+    )
 
 
 MODEL = """

@@ -9,7 +9,7 @@ import numpy as np
 
 from freqid.core.arrays import Complex
 from freqid.gap.infer.columns import Columns, Parts
-from freqid.gap.infer.forms import common_form, likely_forms
+from freqid.gap.infer.forms import common_form, likely_forms, of_all, reach
 from freqid.gap.infer.linearise import likeliest_departures, relinearised
 from freqid.gap.infer.system import Form, System
 from freqid.gap.model.candidates import Candidate, candidates
@@ -29,11 +29,17 @@ def build(
     the errors of form those stay that the data leave possible.
     """
     found, not_tested = candidates(library, blocks)
-    system, columns, straight = _straight(blocks, found, library, sizes)
-    forms = likely_forms(system, columns[0].form_names)
+    system, columns, parts, common = _straight(blocks, found, library, sizes)
+    parts = side_by_side(blocks[0].trial.simulation, Parts.second_order, parts)
+    terms = _terms(parts)
+    start = of_all(terms, columns[0].form_names, common)
+    largest = dict(zip(terms, reach(start).tolist(), strict=True))
+    columns = [c.with_form(p.fewer(largest), terms) for c, p in zip(columns, parts, strict=True)]
+    system = replace(system, blocks=[c.matrices for c in columns])
+    forms = likely_forms(system, terms, start)
     columns = [c.kept(forms) for c in columns]
     system = replace(system, blocks=[c.matrices for c in columns], form_errors=forms, _reduced={})
-    return system, not_tested, columns, straight
+    return system, not_tested, columns, [p.block for p in parts]
 
 
 def flown_departures(
@@ -43,9 +49,8 @@ def flown_departures(
 
     With these it flies closer to the record than with its nominal ones.
     """
-    system, columns, straight = _straight(blocks, [], library, sizes)
-    common = common_form(system, columns[0].form_names)
-    return likeliest_departures(system, straight, sizes, common)[0]
+    system, _, parts, common = _straight(blocks, [], library, sizes)
+    return likeliest_departures(system, [p.block for p in parts], sizes, common)[0]
 
 
 def _straight(
@@ -53,8 +58,12 @@ def _straight(
     found: list[Candidate],
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
-) -> tuple[System, list[Columns], list[Block]]:
-    """Return a system with all errors of form and straight tolerances, its columns and the blocks."""
+) -> tuple[System, list[Columns], list[Parts], Form]:
+    """Return a system with errors of form of first order and straight tolerances.
+
+    And its columns, the parts that they are made of, and the likeliest error of form that is common to all
+    terms of a kind.
+    """
     simulation = blocks[0].trial.simulation
     shared = side_by_side(simulation, lambda b: tolerance_columns(b, library, sizes), blocks)
     names = tuple(dict.fromkeys(n for one in shared for n in one))
@@ -64,15 +73,19 @@ def _straight(
         return Parts.of(blocks[i], i, found, [shared[i].get(n) for n in names], library, sizes)
 
     parts = side_by_side(simulation, parts_of, range(len(blocks)))
-    rows = tuple(dict.fromkeys(p.block.rows[i].name for p in parts for i in np.unique(p.form_row).tolist()))
-    every = (Form((FORM_ERRORS[-1],) * len(rows), 0.0),)
-    columns = [_columns(p, rows, every) for p in parts]
+    terms = _terms(parts)
+    every = (Form((FORM_ERRORS[-1],) * len(terms), 0.0),)
+    columns = [_columns(p, terms, every) for p in parts]
     system = System(found, start, names, [c.matrices for c in columns], every)
+    common = common_form(system, terms)
     known = [p.block for p in parts]
-    common = common_form(system, rows)
     for _ in range(ROUNDS):
         system, columns = relinearised(system, columns, known, library, sizes, common)
-    return system, columns, known
+    return system, columns, parts, common
+
+
+def _terms(parts: Sequence[Parts]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(c.term for p in parts for c in p.form))
 
 
 def columns_of(
@@ -82,7 +95,7 @@ def columns_of(
     names: Sequence[str],
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
-    rows: Sequence[str],
+    terms: Sequence[str],
     forms: Sequence[Form],
 ) -> tuple[Columns, Block]:
     """Return the columns of one more block, and the block with its noise as it was flown.
@@ -97,31 +110,31 @@ def columns_of(
         Tolerances, in their order.
     library : dict of Effect
     sizes : dict of float
-    rows : sequence of str
-        That have a form anywhere in the stack.
+    terms : sequence of str
+        Of the errors of form anywhere in the stack.
     forms : sequence of Form
         Errors of form of the stack.
     """
     shared = tolerance_columns(block, library, sizes)
     parts = Parts.of(block, index, found, [shared.get(n) for n in names], library, sizes)
-    return _columns(parts, rows, forms), parts.block
+    return _columns(parts.second_order(), terms, forms), parts.block
 
 
-def _columns(parts: Parts, rows: Sequence[str], forms: Sequence[Form]) -> Columns:
+def _columns(parts: Parts, terms: Sequence[str], forms: Sequence[Form]) -> Columns:
     """Return the whitened columns of one block."""
     largest = np.max([f.loads for f in forms], axis=0)
-    parts = parts.fewer(dict(zip(rows, largest.tolist(), strict=True)))
+    parts = parts.fewer(dict(zip(terms, largest.tolist(), strict=True)))
+    form, row = parts.white_form(terms)
     block = parts.block
-    here = np.array([rows.index(row.name) if row.name in rows else -1 for row in block.rows], dtype=int)
     return Columns(
         effects=block.white(parts.effects),
         tolerances=block.white(parts.tolerances),
         own=block.white(parts.own),
-        form=block.white(parts.form),
+        form=form,
         residual=block.white(block.residual),
         sigmas=parts.tolerances,
-        form_names=tuple(rows),
-        form_row=here[parts.form_row],
+        form_names=tuple(terms),
+        form_row=row,
     )
 
 

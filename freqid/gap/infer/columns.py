@@ -14,7 +14,7 @@ from freqid.core.arrays import Array, Complex
 from freqid.gap.infer.evidence import weigh
 from freqid.gap.infer.system import SEEN, BlockMatrices, Form, Products, System
 from freqid.gap.model.candidates import Candidate
-from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms, load_errors
+from freqid.gap.model.form import FormColumns, form_columns, form_terms, in_rows, product_columns
 from freqid.gap.model.tolerance import record_columns
 from freqid.gap.settings import FORM_ERRORS, NOISE_SCALES
 from freqid.gap.stack.block import REPEATS, Block
@@ -23,21 +23,21 @@ from freqid.simulate.effects.effect import Effect
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """Columns of one block before whitening, each of shape (column, row, line).
+    """Columns of one block before whitening.
 
     Attributes
     ----------
     block : Block
-    effects, tolerances, own : ndarray of complex
-    form : ndarray of complex
-        Errors of form of loads, actuators and relations between sensors, of size one, each in a single row.
+    effects, tolerances, own : ndarray of complex, shape (column, row, line)
+    form : tuple of FormColumns
+        Errors of form of loads, actuators and relations between sensors.
     """
 
     block: Block
     effects: Complex
     tolerances: Complex
     own: Complex
-    form: Complex
+    form: tuple[FormColumns, ...]
 
     @classmethod
     def of(
@@ -65,15 +65,9 @@ class Parts:
         """
         effects = np.concatenate([c.columns[index] for c in found]) if found else _zeros(block, 0)
         own = _stacked(block, list(record_columns(block, library, sizes).values()))
-        terms = (load_errors(block), actuator_terms(block), kinematic_terms(block))
-        form = np.concatenate([form_columns(block, one) for one in terms])
+        form = tuple(form_columns(block, form_terms(block)))
         parts = cls(block, effects, _stacked(block, shared), own, form)
         return parts if block.noise_from == REPEATS else parts._as_loud_as_flown(found)
-
-    @property
-    def form_row(self) -> NDArray[np.intp]:
-        """Row of the block that each column of the form is in."""
-        return np.any(self.form, axis=2).argmax(axis=1)
 
     def fewer(self, largest: Mapping[str, float]) -> Parts:
         """Return the same form in fewer columns.
@@ -81,22 +75,28 @@ class Parts:
         Parameters
         ----------
         largest : dict of float
-            By row, the largest error of form that is weighed: what it makes below the noise is left out.
+            By term, the largest error of form that is weighed: what it makes below the noise is left out.
         """
-        block, at = self.block, self.form_row
+        block = self.block
         alone = 1 / np.einsum("lii->il", np.linalg.inv(block.covariance)).real  # the others known
-        columns = []
-        for i, row in enumerate(block.rows):
-            size, root = largest.get(row.name, 0.0), np.sqrt(alone[i])
-            if not size or not np.any(at == i):
+        form = []
+        for term, i, spectra in self.form:
+            size, root = largest.get(term, 0.0), np.sqrt(alone[i])
+            if not size:
                 continue
-            white = block.lines.real(self.form[at == i, i] / root)
-            _, seen, basis = np.linalg.svd(white, full_matrices=False)
+            _, seen, basis = np.linalg.svd(block.lines.real(spectra / root), full_matrices=False)
             kept = size * seen > SEEN
-            z = _zeros(block, int(kept.sum()))
-            z[:, i] = block.lines.complex(seen[kept, None] * basis[kept]) * root
-            columns.append(z)
-        return replace(self, form=np.concatenate([_zeros(block, 0), *columns]))
+            form.append(FormColumns(term, i, block.lines.complex(seen[kept, None] * basis[kept]) * root))
+        return replace(self, form=tuple(form))
+
+    def second_order(self) -> Parts:
+        """Return the parts with errors of form to second order."""
+        return replace(self, form=(*self.form, *product_columns(self.block)))
+
+    def white_form(self, terms: Sequence[str]) -> tuple[Array, NDArray[np.intp]]:
+        """Return the whitened columns of the form, and which of some terms each is of."""
+        row = [np.full(len(c.spectra), terms.index(c.term)) for c in self.form]
+        return self.block.white(in_rows(self.block, self.form)), np.concatenate([[], *row]).astype(int)
 
     def _as_loud_as_flown(self, found: Sequence[Candidate]) -> Parts:
         """Return the parts with loads as noisy as is likeliest: sensors tell nothing of gusts and buffet.
@@ -129,7 +129,8 @@ class Parts:
         moved = _in(self.effects, rows)
         few = [i for i in range(len(found)) if moved[start[i] : start[i + 1]].any()]
         effects = np.concatenate([self.effects[:0], *(self.effects[start[i] : start[i + 1]] for i in few)])
-        shared, own, form = (z[_in(z, rows)] for z in (self.tolerances, self.own, self.form))
+        form = in_rows(self.block, [c for c in self.form if c.row in rows])
+        shared, own = (z[_in(z, rows)] for z in (self.tolerances, self.own))
         columns = (effects, shared, self.block.residual, own, form, form[:0])
         products = Products.of(*(self.block.white(z, rows) for z in columns))
         begin = np.concatenate([[0], np.cumsum([len(found[i].sizes) for i in few])]).astype(int)
@@ -165,9 +166,9 @@ class Columns:
     sigmas : ndarray of complex, shape (tolerance, row, line)
         One sigma of each tolerance, as it is before whitening.
     form_names : tuple of str
-        Rows that have an error of form anywhere in the stack.
+        Terms of the errors of form anywhere in the stack.
     form_row : ndarray of int, shape (column,)
-        Which of these each column of the form is in.
+        Which of these each column of the form is of.
     """
 
     effects: Array
@@ -197,10 +198,16 @@ class Columns:
         sizes = np.array(form_error.loads)[self.form_row]
         return sizes[sizes > 0, None] * self.form[sizes > 0]
 
+    def with_form(self, parts: Parts, terms: Sequence[str]) -> Columns:
+        """Return these columns with another form, that of some parts."""
+        form, row = parts.white_form(terms)
+        return replace(self, form=form, form_names=tuple(terms), form_row=row)
+
     def kept(self, forms: Sequence[Form]) -> Columns:
         """Return these columns with those of the form alone that some errors of it need."""
-        needed = np.any([f.loads for f in forms], axis=0)[self.form_row]
-        new, m = replace(self, form=self.form[needed], form_row=self.form_row[needed]), self.matrices
+        m = self.matrices
+        needed = np.max([f.loads for f in forms], axis=0)[self.form_row] ** 2 * m.form_power > SEEN**2
+        new = replace(self, form=self.form[needed], form_row=self.form_row[needed])
         power = m.form_gram[np.ix_(needed, needed)]
         new.__dict__["matrices"] = replace(m, form=m.form[needed], form_gram=power, form_row=new.form_row)
         return new

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from weakref import WeakKeyDictionary
@@ -13,8 +14,11 @@ from freqid.core.arrays import Array
 from freqid.gap.infer.system import Form, System
 from freqid.gap.infer.weighing import Weighing, log_mean
 from freqid.gap.model.candidates import Candidate
+from freqid.gap.model.form import PRODUCTS, row_of
+from freqid.gap.settings import INTERVAL
 
 _FINE = 1001  # sizes at which a posterior is drawn
+_NEAR = 0.2  # of a size, on either side: how a change that is not proportional changes there
 
 NONE = "none"
 
@@ -81,10 +85,29 @@ class Evidence:
             log = self.none + np.logaddexp(0.0, gap)
         return np.exp(log - logsumexp(log))
 
-    def form_sizes(self) -> Array:
-        """Return the error of form of each row, root mean square over its posterior, shape (row,)."""
+    def form_sizes(self, terms: Sequence[str]) -> dict[str, float]:
+        """Return the error of form of each row, as share of its load or movement, by the row's name.
+
+        Root mean square over the terms of its first order, each counted by its energy in the data, and over
+        the posterior.
+
+        Parameters
+        ----------
+        terms : sequence of str
+            That have a form, in the order of the sizes.
+        """
         sizes = np.array([f.loads for f in self.system.form_errors])
-        return np.sqrt(self.form_weights() @ sizes**2)
+        power = np.zeros(len(terms))
+        for b in self.system.blocks:
+            np.add.at(power, b.form_row, b.form_power)
+        square = self.form_weights() @ sizes**2 * power
+        rows = np.array([row_of(name) for name in terms])
+        first = np.array([not name.endswith(PRODUCTS) for name in terms], dtype=bool)
+        found = {}
+        for row in dict.fromkeys(rows.tolist()):
+            at = (rows == row) & first
+            found[row] = float(np.sqrt(square[at].sum() / power[at].sum())) if power[at].any() else 0.0
+        return found
 
     def form_error(self, candidate: int | None = None) -> Form:
         """Return the likeliest error of form."""
@@ -97,8 +120,9 @@ def weigh(system: System) -> Evidence:
     none, places = [], []
     for f in system.form_errors:
         own = weighing.at(f)
-        none.append(own.log_evidence)
-        places.append(weighing.by_place(own, own.g[:, None])[:, 0])
+        place, log = weighing.against_none(own, own.g[:, None], np.array([own.log_evidence]))
+        none.append(log[0])
+        places.append(place[:, 0])
     return Evidence(weighing, np.array(none), np.array(places))
 
 
@@ -161,6 +185,35 @@ def estimate(evidence: Evidence, index: int, level: float, given: Array | None =
         abs(mean - e) < 0.1 * abs(e) and min(abs(lo - e), abs(hi - e)) < 0.01 * abs(e) for e in edges
     )
     return Estimate(c, np.array([mean]), np.array([lo]), np.array([hi]), at_bound)
+
+
+def directions(evidence: Evidence, index: int, given: Array | None = None) -> Array:
+    """Return one sigma of a candidate's columns about its estimate, shape (direction, column).
+
+    A vector effect at its likeliest prior scale; a scalar one as it is at its size, and as it changes there:
+    beside others it has another size, which is not a share of the same change where that is not proportional.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    index : int
+        Of the candidate.
+    given : ndarray, shape (column,), optional
+        Weights of other candidates' columns that are taken as known to be in the data.
+    """
+    c, at = evidence.system.candidates[index], evidence.system.columns_of(index)
+    found = estimate(evidence, index, INTERVAL, given)
+    if c.kind == "vector":
+        rms = float(np.sqrt(np.mean(found.weights**2)))
+        own = np.eye(c.sizes.size) * c.prior[np.argmin(np.abs(np.log(c.prior / max(rms, 1e-300))))]
+    else:
+        size = float(found.size[0])
+        own = np.array([c.weights(size)])
+        if c.sizes.size > 1:
+            own = np.array([own[0], c.weights((1 + _NEAR) * size) - c.weights((1 - _NEAR) * size)])
+    block = np.zeros((len(own), evidence.system.columns))
+    block[:, at] = own
+    return block
 
 
 def _form_beside(evidence: Evidence, index: int, given: Array | None) -> tuple[Array, Array]:

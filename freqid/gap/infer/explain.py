@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from freqid.core.arrays import Array
-from freqid.gap.infer.evidence import Estimate, Evidence, estimate, weigh
+from freqid.gap.infer.evidence import Estimate, Evidence, directions, estimate, weigh
 from freqid.gap.infer.forms import forms_beside
 from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.model.candidates import OTHER
@@ -18,7 +18,6 @@ from freqid.gap.settings import INTERVAL, SEPARATE
 _MOST = 3  # effects of one explanation
 _SETTLING = 6  # times at most that effects are computed again until their sizes stay
 _CLOSE = 0.1  # of an interval: a size that has moved less stays
-_NEAR = 0.2  # of a size, on either side: how a change that is not proportional changes there
 FINALISTS = 6  # effects that are computed again near their estimated size
 BEHIND = 10.0  # nats behind the leading one, from which an effect is no finalist
 
@@ -53,7 +52,7 @@ Compute = Callable[[Evidence, Explanation, list[tuple[int, Estimate]]], Evidence
 def explain(
     evidence: Evidence,
     first: str,
-    rows: Sequence[str] = (),
+    terms: Sequence[str] = (),
     *,
     asked: bool = False,
     compute: Compute | None = None,
@@ -72,7 +71,7 @@ def explain(
     evidence : Evidence
     first : str
         Effect id.
-    rows : sequence of str
+    terms : sequence of str
         That have an error of form.
     asked : bool
         Whether the first effect stays whatever the others are.
@@ -88,7 +87,7 @@ def explain(
             computed, evidence = places, _settled(evidence, _explanation(evidence, places, gains), compute)
         if len(places) == most:
             break
-        evidence = _with_forms_beside(evidence, places, rows)
+        evidence = _with_forms_beside(evidence, places, terms)
         found = _finalists(evidence, places)
         if compute is not None and found:
             others = [_beside(evidence, places, i) for _, i in found]
@@ -134,18 +133,27 @@ def _finalists(evidence: Evidence, places: list[int]) -> list[tuple[float, int]]
 
 def _beside(evidence: Evidence, places: list[int], index: int) -> tuple[int, Estimate]:
     """Return a candidate and its size beside others as these are estimated."""
+    return index, estimate(evidence, index, INTERVAL, given=_weights(evidence, places))
+
+
+def _weights(evidence: Evidence, places: list[int]) -> Array:
+    """Return the weights of all columns where some effects are as they are estimated together."""
     weights = np.zeros(evidence.system.columns)
     for i, e in zip(places, joint_estimates(evidence, places), strict=True):
         weights[evidence.system.columns_of(i)] += e.weights
-    return index, estimate(evidence, index, INTERVAL, given=weights)
+    return weights
 
 
-def _with_forms_beside(evidence: Evidence, places: list[int], rows: Sequence[str]) -> Evidence:
-    """Return the evidence with the errors of form too that are possible once some candidates are free."""
+def _with_forms_beside(evidence: Evidence, places: list[int], terms: Sequence[str]) -> Evidence:
+    """Return the evidence with the errors of form too that are likely beside effects and a second one."""
     system = evidence.system
-    if not rows:
+    if not terms:
         return evidence
-    forms = forms_beside(system, rows, directions(evidence, places))
+    first = free(evidence, places)
+    explanations = [first]
+    for _, i in _finalists(evidence, places):
+        explanations.append(np.concatenate([first, directions(evidence, i, _weights(evidence, places))]))
+    forms = forms_beside(system, terms, explanations)
     if forms == system.form_errors:
         return evidence
     return weigh(replace(system, form_errors=forms))  # small matrices that are made stay
@@ -165,36 +173,18 @@ def _exchanged(evidence: Evidence, places: list[int], first: int) -> list[int]:
     return places
 
 
-def directions(evidence: Evidence, places: list[int]) -> Array:
-    """Return the freed columns' weights, shape (freed, column).
-
-    A vector effect whole; a scalar one as it is at its size, and as it changes there: beside others it has
-    another size, which is not a share of the same change where that is not proportional.
-    """
-    system = evidence.system
-    found = []
-    for i in places:
-        c, at = system.candidates[i], system.columns_of(i)
-        if c.kind == "vector":
-            own = np.eye(c.sizes.size)
-        else:
-            size = float(estimate(evidence, i, INTERVAL).size[0])
-            own = np.array([c.weights(size)])
-            if c.sizes.size > 1:
-                own = np.array([own[0], c.weights(size * (1 + _NEAR)) - c.weights(size * (1 - _NEAR))])
-        block = np.zeros((len(own), system.columns))
-        block[:, at] = own
-        found.append(block)
-    return np.concatenate(found)
+def free(evidence: Evidence, places: list[int]) -> Array:
+    """Return the freed columns' weights of some effects, shape (freed, column)."""
+    return np.concatenate([directions(evidence, i) for i in places])
 
 
 def _given(evidence: Evidence, places: list[int]) -> dict[str, tuple[float, int]]:
     """Return by effect the nats that it gains once other candidates' columns are free, and its best place."""
     system, weighing = evidence.system, evidence.weighing
-    free = directions(evidence, places)
+    freed = free(evidence, places)
     none, by_place = [], []
     for f in system.form_errors:
-        left = system.reduced(f).freed(free)
+        left = system.reduced(f).freed(freed)
         none.append(left.log_evidence)
         by_place.append(weighing.by_place(left, left.g[:, None])[:, 0])
     joint = logsumexp(np.array(none)[:, None] + np.array(by_place), axis=0) - logsumexp(none)

@@ -1,182 +1,211 @@
-"""Errors of form of all rows together: which of them the data leave possible.
+"""Sizes of the errors of form: which of them the data leave likely.
 
-A simulation may be good in lift and poor in drag, so each row has a size of its own. But a simulation whose
-other rows are exact is not likely to be poor in one: the rows' sizes lie about one that they share, which is
-unknown too (A. Gelman and others, Bayesian Data Analysis, 3rd ed., chapter 5). Loads share one, actuators
-another, and relations between sensors, which need no simulation, a third.
+A simulation may be good in lift and poor in drag, and of one load most derivatives may be right and one be
+missing. So every term has a size of its own. It lies about one that its row shares, and this about one of
+the row's kind: loads, actuators, or relations between sensors, which need no simulation (A. Gelman and
+others, Bayesian Data Analysis, 3rd ed., chapter 5). Were the size of all terms of a row the same, the few
+that are wrong would be too large for it, and an effect would be the better explanation of them.
+
+The sizes that are likeliest are taken, once without an effect and once beside each of the likeliest ones
+(type-II maximum likelihood: M. E. Tipping, "Sparse Bayesian learning and the relevance vector machine",
+Journal of Machine Learning Research 1, 2001).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from itertools import product
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
+from scipy.optimize import fmin_l_bfgs_b
 
 from freqid.core.arrays import Array
-from freqid.gap.infer.system import Form, Reduced, System
-from freqid.gap.infer.weighing import Weighing
-from freqid.gap.settings import ACTUATOR_FORM, FORM_ERRORS, FORM_LIKENESS, SEPARATE
-
-Index = tuple[int, ...]
+from freqid.gap.infer.evidence import directions, weigh
+from freqid.gap.infer.system import Form, System
+from freqid.gap.model.form import row_of
+from freqid.gap.settings import (
+    ACTUATOR_FORM,
+    FORM_ERRORS,
+    FORM_KIND_SPREAD,
+    FORM_SPREAD,
+    FORM_TYPICAL,
+    SEPARATE,
+)
 
 _KINDS = ("", "actuator/", "kinematic/")
-_LEAST = tuple(FORM_ERRORS.index(f) for f in (0.0, ACTUATOR_FORM, 0.0))  # by kind
-_UNLIKELY = 0.01  # probability of an error of form, with an effect or without, below which it is left out
-_STEPS = (8, 4, 2, 1, -1, -2, -4, -8)  # by which a row is moved: in between the evidence may be lower
+_LEAST = (FORM_ERRORS[1], ACTUATOR_FORM, FORM_ERRORS[1])  # from which sizes of a kind are looked for
+_SMALLEST = (1e-5, ACTUATOR_FORM, 1e-5)
+_REACH = 50.0  # by which a term may be worse than what is common to its kind
 _HOPELESS = 30.0  # nats below the best, from which larger ones are no better
+_STEPS = 25  # of the search at most
+_NEAR = 0.1  # nats that a step gains, below which the search ends
 
 
-def likely_forms(system: System, rows: Sequence[str]) -> tuple[Form, ...]:
-    """Return the errors of form that the data leave possible, with an effect or without.
-
-    From one size for all rows, the best one, row after row up and down as long as the evidence rises.
+def common_form(system: System, terms: Sequence[str]) -> Form:
+    """Return the likeliest error of form where all terms of a kind have one size, with an effect or none.
 
     Parameters
     ----------
     system : System
         Its own errors of form do not matter.
-    rows : sequence of str
+    terms : sequence of str
         That have a form.
     """
-    search = _search(system, rows)
-    for with_effect in (True, False):
-        search.climb(with_effect)
-    return tuple(dict.fromkeys([*search.likely(), *search.behind_an_effect()]))
+    kinds = np.array([_kind(name) for name in terms], dtype=int)
+    at = np.array([FORM_ERRORS[0], ACTUATOR_FORM, FORM_ERRORS[0]])
+    for kind in range(len(_KINDS)):
+        found: list[tuple[float, float]] = []
+        for size in (f for f in FORM_ERRORS if f >= at[kind]):
+            tried = at.copy()
+            tried[kind] = size
+            found.append((_with_any(system, Form(tuple(tried[kinds].tolist()), 0.0)), size))
+            if found[-1][0] < max(found)[0] - _HOPELESS:
+                break
+        at[kind] = max(found)[1]
+    return Form(tuple(at[kinds].tolist()), 0.0)
 
 
-def forms_beside(system: System, rows: Sequence[str], free: Array) -> tuple[Form, ...]:
-    """Return the system's errors of form, with those that are possible once effects are allowed for.
+def of_all(terms: Sequence[str], first: Sequence[str], common: Form) -> Array:
+    """Return the size of each term's error of form where it is the common one of its kind, shape (term,).
 
-    What one effect leaves unexplained looks like an error of form in every row where the second one acts. So
-    with any second effect, row after row is made better as long as the evidence rises.
+    Parameters
+    ----------
+    terms : sequence of str
+    first : sequence of str
+        Terms of first order.
+    common : Form
+        Of these.
+    """
+    at = {_kind(n): max(f, _LEAST[_kind(n)]) for n, f in zip(first, np.atleast_1d(common.loads), strict=True)}
+    return np.array([at[_kind(name)] for name in terms])
+
+
+def reach(sizes: Array) -> Array:
+    """Return the largest errors of form that terms may have, whose common one is known."""
+    return np.minimum(_REACH * sizes, FORM_ERRORS[-1])
+
+
+def likely_forms(system: System, terms: Sequence[str], start: Array) -> tuple[Form, ...]:
+    """Return the likeliest errors of form, without an effect and beside each of the likeliest ones.
 
     Parameters
     ----------
     system : System
-    rows : sequence of str
+        Its own errors of form do not matter.
+    terms : sequence of str
         That have a form.
-    free : ndarray, shape (freed, column)
-        Weights of columns that are there in any case, in unknown sizes: effects that were found already.
+    start : ndarray, shape (term,)
+        Sizes from which the search begins, those that are common to a kind.
     """
-    kinds = np.array([_kind(name) for name in rows], dtype=int)
-    search = _Search(system, Weighing(system), kinds, free)
-    for form in system.form_errors:
-        search.ask(tuple(FORM_ERRORS.index(f) for f in np.atleast_1d(form.loads).tolist()))
-    search.climb(True, [step for step in _STEPS if step < 0])
-    return tuple(dict.fromkeys([*system.form_errors, *search.likely()]))
+    sizes = _Sizes(system, tuple(terms), reach(start))
+    common = Form(tuple(start.tolist()), 0.0)
+    first = sizes.likeliest(start, np.zeros((0, system.columns)))
+    # sizes of terms may have taken the place of an effect that is likely where all have one size
+    likely = _likely_effects(system, common) | _likely_effects(system, first)
+    beside = [sizes.likeliest(np.array(first.loads), d) for d in likely.values()]
+    return tuple(dict.fromkeys([first, *beside]))
 
 
-def common_form(system: System, rows: Sequence[str]) -> Form:
-    """Return the likeliest error of form where all rows of a kind have the same size."""
-    search = _search(system, rows)
-    return search.form(search.best(True))
+def forms_beside(system: System, terms: Sequence[str], explanations: Sequence[Array]) -> tuple[Form, ...]:
+    """Return the system's errors of form, with those that are likeliest beside some explanations.
+
+    What one effect leaves unexplained looks like an error of form in every row where the second one acts. So
+    sizes only fall.
+
+    Parameters
+    ----------
+    system : System
+    terms : sequence of str
+        That have a form.
+    explanations : sequence of ndarray, shape (direction, column)
+        Weights of candidates' columns, one sigma of what is in the data.
+    """
+    largest = np.max([f.loads for f in system.form_errors], axis=0)
+    sizes = _Sizes(system, tuple(terms), largest)
+    beside = [sizes.likeliest(largest, one) for one in explanations]
+    return tuple(dict.fromkeys([*system.form_errors, *beside]))
 
 
-def _search(system: System, rows: Sequence[str]) -> _Search:
-    kinds = np.array([_kind(name) for name in rows], dtype=int)
-    search = _Search(system, Weighing(system), kinds)
-    for kind in range(len(_KINDS)):
-        search.raise_together(kind)
-    return search
+def _with_any(system: System, form: Form) -> float:
+    """Return the log evidence of an error of form with no effect or any."""
+    evidence = weigh(replace(system, form_errors=(form,), _reduced={}))
+    return evidence.log_none + float(np.logaddexp(0.0, evidence.statistic))
 
 
-@dataclass(eq=False)
-class _Search:
-    """Sizes by row, as places in `FORM_ERRORS`, and what the data say of those that were asked about."""
+def _likely_effects(system: System, form: Form) -> dict[int, Array]:
+    """Return directions of the likeliest effects at an error of form, each at its best place, by candidate.
+
+    Of shape (direction, column).
+    """
+    evidence = weigh(replace(system, form_errors=(form,), _reduced={}))
+    least = max(max(evidence.effect.values(), default=0.0) - SEPARATE, 0.0)
+    places = [evidence.best_place(effect) for effect, nats in evidence.effect.items() if nats > least]
+    return {i: directions(evidence, i) for i in places}
+
+
+@dataclass(frozen=True, eq=False)
+class _Sizes:
+    """The search for the likeliest sizes, in their logarithms.
+
+    Attributes
+    ----------
+    system : System
+    terms : tuple of str
+    largest : ndarray, shape (term,)
+    """
 
     system: System
-    weighing: Weighing
-    kinds: NDArray[np.intp]
-    free: Array | None = None
-    known: dict[Index, tuple[float, float]] = field(default_factory=dict)
+    terms: tuple[str, ...]
+    largest: Array
 
-    def best(self, with_effect: bool) -> Index:
-        """Return the likeliest sizes so far."""
-        return max(self.known, key=lambda index: self.known[index][with_effect])
+    @cached_property
+    def kinds(self) -> NDArray[np.intp]:
+        """Place of each term's kind."""
+        return np.array([_kind(name) for name in self.terms], dtype=int)
 
-    def ask(self, index: Index) -> tuple[float, float]:
-        """Return the log evidence of sizes without effect, and with none or any."""
-        if index not in self.known:
-            self.known[index] = self._weighed(self.form(index))
-        return self.known[index]
+    @cached_property
+    def smallest(self) -> Array:
+        """Sizes that they have at least, shape (term,)."""
+        return np.array(_SMALLEST)[self.kinds]
 
-    def form(self, index: Index) -> Form:
-        """Return an error of form, with its prior."""
-        places = np.array(index, dtype=int)
-        prior = sum(_log_prior(places[self.kinds == kind]) for kind in range(len(_KINDS)))
-        return Form(tuple(FORM_ERRORS[i] for i in index), 0.0, prior)
+    @cached_property
+    def precision(self) -> Array:
+        """Inverse of the prior covariance of the logarithms, shape (term, term)."""
+        rows = np.array([row_of(name) for name in self.terms])
+        same_row, same_kind = rows[:, None] == rows, self.kinds[:, None] == self.kinds
+        own = np.eye(len(rows))
+        return np.linalg.inv(FORM_SPREAD**2 * (own + same_row) + FORM_KIND_SPREAD**2 * same_kind)
 
-    def raise_together(self, kind: int) -> None:
-        """Ask about one size for all rows of a kind, larger and larger."""
-        start = self.best(True) if self.known else tuple(_LEAST[k] for k in self.kinds)
-        top = [-np.inf, -np.inf]
-        for size in range(_LEAST[kind], len(FORM_ERRORS)):
-            index = tuple(size if k == kind else i for i, k in zip(start, self.kinds.tolist(), strict=True))
-            found = self.ask(index)
-            top = [max(a, b) for a, b in zip(top, found, strict=True)]
-            if all(b < a - _HOPELESS for a, b in zip(top, found, strict=True)):
-                break
+    def likeliest(self, start: Array, beside: Array) -> Form:
+        """Return the likeliest sizes beside directions of candidates' columns, shape (direction, column).
 
-    def climb(self, with_effect: bool, steps: Sequence[int] = _STEPS) -> None:
-        """Move row after row, in longer steps too, as long as the evidence rises."""
-        at = self.best(with_effect)
-        value, moved = self.ask(at)[with_effect], True
-        while moved:
-            moved = False
-            for row, step in product(range(len(at)), steps):
-                if _LEAST[self.kinds[row]] <= at[row] + step < len(FORM_ERRORS):
-                    near = (*at[:row], at[row] + step, *at[row + 1 :])
-                    found = self.ask(near)[with_effect]
-                    if found > value:
-                        at, value, moved = near, found, True
-
-    def likely(self) -> tuple[Form, ...]:
-        """Return what the data leave possible of all that was asked about."""
-        log = np.array(list(self.known.values()))
-        keep = np.any(log > logsumexp(log, axis=0) + np.log(_UNLIKELY), axis=1)
-        return tuple(self.form(index) for index, k in zip(self.known, keep, strict=True) if k)
-
-    def behind_an_effect(self) -> list[Form]:
-        """Return, where an effect is likely, each row in turn as good as the best of its kind.
-
-        A second effect may hide there: alone, either of two leaves the other one to the form.
+        Its prior is that of all sizes near these, by Laplace's method.
         """
-        at = self.best(True)
-        none, every = self.ask(at)
-        if every - none < SEPARATE:
-            return []
-        best = [min(i for i, k in zip(at, self.kinds, strict=True) if k == kind) for kind in self.kinds]
-        return [
-            self.form((*at[:row], best[row], *at[row + 1 :])) for row in range(len(at)) if at[row] > best[row]
-        ]
+        mean = np.log(FORM_TYPICAL)
 
-    def _beside(self, form: Form, free: Array) -> Reduced:
-        system = self.system
-        known = form in system.form_errors
-        return (system.reduced(form) if known else system.reduced_once(form)).freed(free)
+        def fall(x: Array) -> tuple[float, Array]:
+            log, slope, _ = self.system.slope(Form(tuple(np.exp(x).tolist()), 0.0), beside)
+            pull = self.precision @ (x - mean)
+            return 0.5 * float((x - mean) @ pull) - log, pull - slope
 
-    def _weighed(self, form: Form) -> tuple[float, float]:
-        weighing = self.weighing
-        own = weighing.at(form) if self.free is None else self._beside(form, self.free)
-        none = own.log_evidence
-        if not self.system.candidates:
-            return none, none
-        effects = weighing.by_effect(weighing.by_place(own, own.g[:, None])[:, 0])
-        return none, none + float(np.logaddexp(0.0, logsumexp(effects) - np.log(len(effects))))
-
-
-def _kind(row: str) -> int:
-    """Return which of `_KINDS` a row is of: loads, an actuator, a relation between sensors."""
-    return next((k for k, stem in enumerate(_KINDS) if stem and row.startswith(stem)), 0)
+        bounds = list(zip(np.log(self.smallest), np.log(self.largest), strict=True))
+        x0 = np.clip(np.log(start), *np.log([self.smallest, self.largest]))
+        found, *_ = fmin_l_bfgs_b(
+            fall,
+            x0,
+            bounds=bounds,
+            maxiter=_STEPS,
+            factr=_NEAR / max(abs(fall(x0)[0]), 1.0) / np.finfo(float).eps,
+        )
+        form = Form(tuple(np.exp(found).tolist()), 0.0)
+        _, _, information = self.system.slope(form, beside)
+        prior = -0.5 * float((found - mean) @ self.precision @ (found - mean))
+        known = np.linalg.slogdet(self.precision + np.diag(information))[1]
+        return form._replace(log_prior=prior + 0.5 * float(np.linalg.slogdet(self.precision)[1] - known))
 
 
-def _log_prior(index: NDArray[np.intp]) -> float:
-    """Return how likely sizes of some rows are together before the data."""
-    count = len(FORM_ERRORS)
-    steps = np.abs(np.arange(count)[:, None] - np.arange(count)) * np.log(FORM_LIKENESS)
-    steps = steps - logsumexp(steps, axis=0)  # of a row's size given the shared one, shape (size, shared)
-    return float(logsumexp(steps[index].sum(axis=0)) - np.log(count))
+def _kind(term: str) -> int:
+    """Return which of `_KINDS` a term is of: loads, an actuator, a relation between sensors."""
+    return next((k for k, stem in enumerate(_KINDS) if stem and term.startswith(stem)), 0)

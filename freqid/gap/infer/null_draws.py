@@ -122,7 +122,7 @@ def effects_of(evidence: Evidence, data: dict[Form, tuple[Array, Array]]) -> tup
     """Return log Bayes factors by error of form, effect and draw, and log evidences of no effect."""
     effects, none = [], []
     for f, (g, log) in data.items():
-        places = evidence.weighing.by_place(evidence.weighing.at(f), g)
+        places, log = evidence.weighing.against_none(evidence.weighing.at(f), g, log)
         effects.append(evidence.weighing.by_effect(places))
         none.append(log)
     return np.array(effects), np.array(none)

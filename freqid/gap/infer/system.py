@@ -209,10 +209,8 @@ class BlockMatrices:
         size = size[at]
         if not at.size:
             return np.zeros((0, 0)), at, 0.0
-        inside = np.eye(at.size) + size[:, None] * self.form_gram[np.ix_(at, at)] * size
-        lower = cholesky(inside, lower=True, check_finite=False)
-        inverse = dtrtri(lower, lower=1)[0]
-        return inverse * size, at, float(np.log(np.diag(lower)).sum())
+        root, determinant = _root(size[:, None] * self.form_gram[np.ix_(at, at)] * size)
+        return root * size, at, determinant
 
 
 @dataclass(frozen=True, eq=False)
@@ -382,6 +380,54 @@ class System:
             return self.gram(form_error)[0][self.columns :]
         return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks])[0]
 
+    def slope(self, form_error: Form, beside: Array) -> tuple[float, Array, Array]:
+        """Return the log evidence beside some effects, and what it tells of the logarithms of the sizes.
+
+        With c a column of the form of size one and C the covariance of the data y, its derivative by the
+        logarithm of the size f is ``f^2 [(c' C^-1 y)^2 - c' C^-1 c]``, and Fisher's information of that
+        ``2 (f^2 c' C^-1 c)^2`` (M. E. Tipping, "Sparse Bayesian learning and the relevance vector machine",
+        J. Machine Learning Research 1, 2001).
+
+        Parameters
+        ----------
+        form_error : Form
+            With a size for each term, `loads` a tuple.
+        beside : ndarray, shape (direction, column)
+            Weights of the candidates' columns, one sigma of what may be in the data beside tolerances.
+
+        Returns
+        -------
+        log_evidence : float
+        slope, information : ndarray, shape (term,)
+        """
+        n, count = self.columns, self.blocks[0].count
+        few = len(beside) + count - n
+        gram, parts, determinant = np.zeros((few, few)), [], 0.0
+        for b in self.blocks:
+            inner, form = _beside(b.gram[:count, :count], b.form[:, :count], beside)
+            root, at, half_own = b.form_root(form_error.loads)
+            taken = root @ form[at]
+            gram += inner - taken.T @ taken
+            determinant += half_own
+            parts.append((b, form, root, at, taken))
+        inverse, half = _root(gram[:-1, :-1])
+        own = inverse @ gram[:-1, -1]
+        y = np.append(-inverse.T @ own, 1.0)  # the data less their likeliest tolerances
+        slope, information = np.zeros((2, np.size(form_error.loads) + 1))
+        for b, form, root, at, taken in parts:
+            size = b.sizes(form_error.loads)
+            inside = root / size[at]
+            lifted = inside.T @ taken  # products in the metric of noise and form, times the sizes
+            power = 1 - (inside**2).sum(axis=0) - ((inverse @ lifted[:, :-1].T) ** 2).sum(axis=0)
+            # those that are not seen at their size leave the metric as it is
+            projected = size * (form @ y - b.form_gram[:, at] @ (root.T @ (taken @ y)))
+            each = projected**2 - size**2 * b.form_power
+            each[at] = (lifted @ y) ** 2 - power
+            np.add.at(slope, b.form_row, each)
+            np.add.at(information, b.form_row[at], 2 * power**2)
+        energy = float(gram[-1, -1] - own @ own)
+        return -0.5 * energy - determinant - half, slope[:-1], information[:-1]
+
     def _rows(self, form_error: Form, taken: Sequence[tuple[Array, float]]) -> tuple[Array, float]:
         n, count = self.columns, self.blocks[0].count
         parts = [
@@ -391,10 +437,30 @@ class System:
         return np.sum(parts, axis=0), sum(half for _, half in taken) - form_error.log_prior
 
 
+def _beside(gram: Array, form: Array, directions: Array) -> tuple[Array, Array]:
+    """Return inner products of ``[directions X, T, r]`` with themselves, and the form's with these."""
+    n, few = directions.shape[1], len(directions)
+    across = directions @ gram[:n]
+    inner = np.empty((few + len(gram) - n,) * 2)
+    inner[few:, few:] = gram[n:, n:]
+    inner[:few, :few] = across[:, :n] @ directions.T
+    inner[:few, few:] = across[:, n:]
+    inner[few:, :few] = across[:, n:].T
+    return inner, np.concatenate([form[:, :n] @ directions.T, form[:, n:]], axis=1)
+
+
 def _squared(rows: Array, columns: NDArray[np.intp]) -> Array:
     """Return inner products of some columns of rows, shape (candidate, column, column)."""
     each = rows.T[columns]  # (candidate, column, row)
     return each @ each.transpose(0, 2, 1)
+
+
+def _root(gram: Array) -> tuple[Array, float]:
+    """Return ``L^-1`` with ``L L' = 1 + gram``, and half the log determinant of that."""
+    if not len(gram):
+        return gram, 0.0
+    lower = cholesky(np.eye(len(gram)) + gram, lower=True, check_finite=False)
+    return dtrtri(lower, lower=1)[0], float(np.log(np.diag(lower)).sum())
 
 
 def _without_tolerances(rows: Array, determinant: float, n: int) -> tuple[Array, Array, float]:
@@ -417,9 +483,7 @@ def _without_tolerances(rows: Array, determinant: float, n: int) -> tuple[Array,
     log_evidence : float
     """
     inside, last = rows[:-1, n:-1], rows[-1]
-    lower = cholesky(np.eye(len(inside)) + inside, lower=True, check_finite=False)
-    inverse = dtrtri(lower, lower=1)[0]
+    inverse, half = _root(inside)
     across, own = inverse @ rows[:-1, :n], inverse @ rows[:-1, -1]
     energy = float(last[-1] - own @ own)
-    half = float(np.log(np.diag(lower)).sum())
     return across, last[:n] - across.T @ own, -0.5 * energy - determinant - half

@@ -38,7 +38,7 @@ _UNSEEN = 0.03  # ... in standard deviations of the noise
 _GRID = 33  # sizes of the prior, either sign
 _VECTOR_SCALES = (0.3, 1.0, 3.0, 10.0)  # prior standard deviations of a vector, of each parameter's scale
 _SHARES = (1.0, -1.0, 0.1, -0.1)  # of one sigma of a vector, of which what no body can be is passed over
-_OTHER_SCALES = (0.03, 0.1, 0.3, 1.0)  # ... of free changes: share of each term
+_OTHER_SCALES = (0.1, 0.3, 1.0)  # ... of free changes: share of each term; smaller ones are of form
 
 
 @dataclass(frozen=True)
@@ -466,11 +466,9 @@ def _other(blocks: Sequence[Block]) -> Candidate | None:
     names: list[tuple[str, int]] = []
     columns: list[Complex] = []
     for block in blocks:
-        (rows, spectra), (more, positions) = load_terms(block), actuator_terms(block)
-        rows, spectra = rows + more, np.concatenate([spectra, positions])
         kinds = [r.kind for r in block.rows]
         made, keys, seen = [], [], dict[int, int]()
-        for i, spectrum in zip(rows, spectra, strict=True):
+        for i, _, spectrum in [*load_terms(block), *actuator_terms(block)]:
             seen[i] = seen.get(i, -1) + 1
             for phase in (1, 1j) if kinds[i] == "actuator" else (1,):
                 z = np.zeros((len(block.rows), block.lines.hz.size), dtype=complex)

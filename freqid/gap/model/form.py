@@ -1,13 +1,18 @@
-"""Error of form: each term of the simulation times a smooth complex function of frequency.
+"""Error of form: what a simulation is wrong by beyond its parameters, to second order in the motion.
+
+A load depends on motions. To first order its error is a smooth complex function of frequency times each
+motion, to second order a number times each product of two.
 
 Tolerances move parameters; beyond these a simulation is wrong in ways that nobody lists. How much is
-learned from the record: the relative size is integrated over (M. C. Kennedy, A. O'Hagan, "Bayesian
-calibration of computer models", Journal of the Royal Statistical Society B 63, 2001: model discrepancy).
+learned from the record (M. C. Kennedy, A. O'Hagan, "Bayesian calibration of computer models", Journal of the
+Royal Statistical Society B 63, 2001: model discrepancy).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -17,6 +22,9 @@ from freqid.core.record import Maneuver
 from freqid.gap.settings import FORM_CONSTANT, FORM_ERRORS, FORM_ORDER
 from freqid.gap.stack.block import Block
 
+PRODUCTS = "products of motions"
+"""What the second order of a load's error is named by."""
+
 _STEP = 1e-3  # share by which a channel is scaled for its terms
 _KINEMATIC = tuple(
     f"state/{n}" for n in ("u", "v", "w", "p", "q", "r", "ax", "ay", "az", "phi", "theta", "psi")
@@ -24,44 +32,104 @@ _KINEMATIC = tuple(
 _VISIBLE = 0.1  # of one unit of whitened energy at the largest size: terms below it are left out
 
 
-def load_terms(block: Block) -> tuple[list[int], Complex]:
-    """Return the terms of the loads: the row that each is in, and its spectrum, shape (term, line).
+class Term(NamedTuple):
+    """What an error of form is proportional to.
 
-    Each derivative times what it acts on.
+    Attributes
+    ----------
+    row : int
+        Of the block: the one that is wrong.
+    by : str
+        What it acts on; several terms of one name share the size of their errors.
+    spectrum : ndarray of complex, shape (line,)
     """
+
+    row: int
+    by: str
+    spectrum: Complex
+
+    def name(self, block: Block) -> str:
+        """Return what the size of its error is known by."""
+        row = block.rows[self.row]
+        return row.name if row.kind == "actuator" else f"{row.name} by {self.by}"
+
+
+def row_of(term: str) -> str:
+    """Return the row that a term's name is of."""
+    return term.partition(" by ")[0]
+
+
+def load_terms(block: Block) -> list[Term]:
+    """Return the terms of the loads: each derivative times what it acts on."""
     trial = block.trial
-    rows: list[int] = []
-    spectra: list[Complex] = []
-    if trial.inputs:
-        moves = _moves(block)
-        for i in range(len(trial.predicted)):
-            rows += [i] * len(moves)
-            spectra.extend(block.grid.spectrum(trial.gradient[i] * moves))
-    return rows, np.array(spectra).reshape(len(rows), block.lines.hz.size)
+    if not trial.inputs:
+        return []
+    moves = _moves(block)
+    return [
+        Term(i, name, z)
+        for i in range(len(trial.predicted))
+        for name, z in zip(trial.inputs, block.grid.spectrum(trial.gradient[i] * moves), strict=True)
+    ]
 
 
-def load_errors(block: Block) -> tuple[list[int], Complex]:
-    """Return what an error of form of the loads is made of, as `load_terms` does.
+def load_errors(block: Block) -> list[Term]:
+    """Return what an error of form of the loads is made of to first order.
 
     Every motion in every load, as large as its own term there, or as the load's average term if that is
     larger. Whoever fits a load by a model with few terms leaves a share of the load, not of each term: what
     was left out altogether is wrong by all of it. A motion so small that it is below the average in every
     load is as much smaller in all.
     """
-    trial = block.trial
-    rows: list[int] = []
-    spectra: list[Complex] = []
-    if trial.inputs:
-        moves = _moves(block)
-        size = np.sqrt(((trial.gradient * moves) ** 2).mean(axis=2))  # by load and motion
-        average = np.sqrt((size**2).mean(axis=1, keepdims=True))
-        share = np.divide(size, average, out=np.zeros_like(size), where=average > 0).max(axis=0).clip(max=1.0)
-        acts = share > 0
-        unit = block.grid.spectrum(moves[acts] / moves[acts].std(axis=1, keepdims=True))
-        for i, own in enumerate(np.maximum(size, share * average)[:, acts]):
-            rows += [i] * len(unit)
-            spectra.extend(own[:, None] * unit)
-    return rows, np.array(spectra).reshape(len(rows), block.lines.hz.size)
+    if not block.trial.inputs:
+        return []
+    names, moves, size, average, share = _sizes(block)
+    unit = block.grid.spectrum(moves)
+    return [
+        Term(i, name, own * z)
+        for i in range(len(size))
+        for name, own, z in zip(names, np.maximum(size[i], share * average[i]), unit, strict=True)
+    ]
+
+
+def load_products(block: Block) -> list[Term]:
+    """Return what an error of form of the loads is made of to second order: products of two motions.
+
+    Each as large as the load's average term. Those of one load share the size of their errors: there are
+    hundreds of them.
+    """
+    if not block.trial.inputs:
+        return []
+    _, moves, _, average, share = _sizes(block)
+    small = moves * share[:, None]
+    one, other = np.triu_indices(len(moves))
+    products = block.grid.spectrum(small[one] * small[other])
+    return [Term(i, PRODUCTS, own * z) for i, own in enumerate(average.tolist()) for z in products]
+
+
+def _sizes(block: Block) -> tuple[list[str], Array, Array, Array, Array]:
+    """Return the motions that move any load, and how large their terms are.
+
+    Returns
+    -------
+    names : list of str
+    moves : ndarray, shape (motion, sample)
+        Of unit standard deviation.
+    size : ndarray, shape (load, motion)
+        Root mean square of each term.
+    average : ndarray, shape (load,)
+        Of a load's terms.
+    share : ndarray, shape (motion,)
+        By which a motion is smaller than an average term in whatever load it is largest; one at most.
+    """
+    trial, moves = block.trial, _moves(block)
+    size = np.sqrt(((trial.gradient * moves) ** 2).mean(axis=2))
+    average = np.sqrt((size**2).mean(axis=1))
+    share = np.divide(size, average[:, None], out=np.zeros_like(size), where=average[:, None] > 0)
+    share = share.max(axis=0).clip(max=1.0)
+    acts = share > 0
+    names = [n for n, moved in zip(trial.inputs, acts.tolist(), strict=True) if moved]
+    unit = moves[acts] / moves[acts].std(axis=1, keepdims=True)
+    return names, unit, size[:, acts], average, share[acts]
 
 
 def _moves(block: Block) -> Array:
@@ -70,25 +138,23 @@ def _moves(block: Block) -> Array:
     return np.array([record[n] - record[n].mean() for n in block.trial.inputs])
 
 
-def actuator_terms(block: Block) -> tuple[list[int], Complex]:
+def actuator_terms(block: Block) -> list[Term]:
     """Return the terms of the actuators: the simulated movement of each, in its own row."""
-    rows: list[int] = []
-    spectra: list[Complex] = []
+    found = []
     for i, row in enumerate(block.rows):
         if row.kind == "actuator":
-            position = block.trial.positions[row.name.partition("/")[2]]
-            rows.append(i)
-            spectra.append(block.grid.spectrum(position - position.mean()))
-    return rows, np.array(spectra).reshape(len(rows), block.lines.hz.size)
+            name = row.name.partition("/")[2]
+            position = block.trial.positions[name]
+            found.append(Term(i, name, block.grid.spectrum(position - position.mean())))
+    return found
 
 
-def kinematic_terms(block: Block) -> tuple[list[int], Complex]:
+def kinematic_terms(block: Block) -> list[Term]:
     """Return the terms of the kinematic relations: each channel's movement as every relation has it."""
     trial = block.trial
     record = trial.maneuver.record
     at = [i for i, row in enumerate(block.rows) if row.kind == "kinematic"]
-    rows: list[int] = []
-    spectra: list[Complex] = []
+    found = []
     for name in _KINEMATIC if at else ():
         if name not in record or not np.ptp(record[name]) > 0:
             continue
@@ -96,34 +162,76 @@ def kinematic_terms(block: Block) -> tuple[list[int], Complex]:
         channel = replace(record.channel(name), values=values + _STEP * (values - values.mean()))
         moved = trial.measured_on(Maneuver(record.with_channels(channel), trial.maneuver.vehicle))
         z = block.transform(moved - trial.measured) / _STEP
-        for i in at:
-            if np.any(z[i]):
-                rows.append(i)
-                spectra.append(z[i])
-    return rows, np.array(spectra).reshape(len(rows), block.lines.hz.size)
+        found += [Term(i, name, z[i]) for i in at if np.any(z[i])]
+    return sorted(found, key=lambda term: term.row)
 
 
-def form_columns(block: Block, terms: tuple[list[int], Complex]) -> Complex:
-    """Return the columns of an error of form of size one, shape (column, row, line), of visible terms.
+def form_terms(block: Block) -> list[Term]:
+    """Return all terms of first order: of loads, actuators and relations between sensors."""
+    return [*load_errors(block), *actuator_terms(block), *kinematic_terms(block)]
+
+
+class FormColumns(NamedTuple):
+    """Columns of an error of form of size one, of one term: all are in its row.
+
+    Attributes
+    ----------
+    term : str
+        Its name, which the size of the error is known by.
+    row : int
+    spectra : ndarray of complex, shape (column, line)
+    """
+
+    term: str
+    row: int
+    spectra: Complex
+
+
+def form_columns(block: Block, terms: Iterable[Term]) -> list[FormColumns]:
+    """Return the columns of an error of form of visible terms, each times smooth functions of frequency.
 
     The constant of a load's term is larger than what varies with frequency: derivatives are wrong sooner than
     dynamics.
     """
-    rows, spectra = terms
-    hz = block.lines.hz
     shapes = _shapes(block)
-    constant = np.ones(len(shapes))
-    constant[0] = FORM_CONSTANT
-    largest = max(FORM_ERRORS)
-    kept = []
-    for i, spectrum in zip(rows, spectra, strict=True):
-        if largest**2 * float((np.abs(spectrum) ** 2 / block.noise_power[i]).sum()) < _VISIBLE:
-            continue
-        z = np.zeros((len(shapes), len(block.rows), hz.size), dtype=complex)
-        own = constant if block.rows[i].kind == "response" else np.ones(len(shapes))
-        z[:, i] = own[:, None] * shapes * spectrum
-        kept.append(z)
-    return np.concatenate(kept) if kept else np.zeros((0, len(block.rows), hz.size), dtype=complex)
+    one, derivative = np.ones((len(shapes), 1)), np.ones((len(shapes), 1))
+    derivative[0] = FORM_CONSTANT
+    return [
+        FormColumns(
+            term.name(block),
+            term.row,
+            (derivative if block.rows[term.row].kind == "response" else one) * shapes * term.spectrum,
+        )
+        for term in terms
+        if _visible(block, term)
+    ]
+
+
+def product_columns(block: Block) -> list[FormColumns]:
+    """Return the columns of an error of form to second order: of each load's visible products."""
+    by_row: dict[int, list[Term]] = {}
+    for term in load_products(block):
+        if _visible(block, term):
+            by_row.setdefault(term.row, []).append(term)
+    return [
+        FormColumns(terms[0].name(block), i, np.array([t.spectrum for t in terms]))
+        for i, terms in by_row.items()
+    ]
+
+
+def in_rows(block: Block, columns: Sequence[FormColumns]) -> Complex:
+    """Return columns of terms as columns of the block, shape (column, row, line)."""
+    whole = np.zeros((sum(len(c.spectra) for c in columns), len(block.rows), block.lines.hz.size), complex)
+    start = 0
+    for _, row, spectra in columns:
+        whole[start : start + len(spectra), row] = spectra
+        start += len(spectra)
+    return whole
+
+
+def _visible(block: Block, term: Term) -> bool:
+    power = float((np.abs(term.spectrum) ** 2 / block.noise_power[term.row]).sum())
+    return max(FORM_ERRORS) ** 2 * power >= _VISIBLE
 
 
 def _shapes(block: Block) -> Complex:

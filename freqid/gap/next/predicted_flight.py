@@ -18,7 +18,7 @@ from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.system import BlockMatrices
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.model.changes import change
-from freqid.gap.model.form import actuator_terms, form_columns, kinematic_terms, load_errors
+from freqid.gap.model.form import form_columns, form_terms, in_rows, product_columns
 from freqid.gap.model.testable import in_force_of, untestable
 from freqid.gap.model.tolerance import record_columns, tolerance_columns
 from freqid.gap.next.rivals import RivalExplanations
@@ -256,12 +256,9 @@ def _columns(around: FlightContext, block: Block, like: Block) -> PredictedFligh
     own += [z for n, z in shared.items() if n not in rivals.system.tolerances]  # of what did not move before
     before = around.columns[list(around.blocks).index(like)]
     share = dict(zip(before.form_names, np.array(rivals.form_error.loads).tolist(), strict=True))
-    sizes = np.array([share.get(row.name, 0.0) for row in block.rows])
-    terms = [
-        form_columns(block, one)
-        for one in (load_errors(block), actuator_terms(block), kinematic_terms(block))
-    ]
-    form = [z for z in np.concatenate(terms) * sizes[:, None] if np.any(z)]
+    terms = [*form_columns(block, form_terms(block)), *product_columns(block)]
+    form = in_rows(block, [c._replace(spectra=share.get(c.term, 0.0) * c.spectra) for c in terms])
+    form = [z for z in form if np.any(z)]
     tolerances = [shared.get(n, none) for n in rivals.system.tolerances]
     return PredictedFlight(
         block.trial.maneuver.record, *(_white(block, z) for z in (effects, tolerances, own, form))

@@ -16,7 +16,8 @@ def block():
 
 
 def test_every_motion_may_be_missing_from_every_load_as_large_as_the_average_one_at_least(block):
-    rows, spectra = load_errors(block)
+    terms = load_errors(block)
+    rows, spectra = [t.row for t in terms], np.array([t.spectrum for t in terms])
     size = np.sqrt((np.abs(spectra[:, 1:]) ** 2).sum(axis=1)).reshape(len(SLOPES), -1)
     record = block.trial.maneuver.record
     assert rows == [i for i in range(len(SLOPES)) for _ in INPUTS]

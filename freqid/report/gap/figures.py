@@ -34,6 +34,7 @@ from freqid.report.kit.drawing import (
 )
 
 _HEAT = LinearSegmentedColormap.from_list("white-orange", ["#ffffff", "#f7c9a8", ORANGE, "#7a3300"])
+_NARROW = 12  # columns, from which a cell is narrower than three digits
 _CELL = 0.24  # inches, of a row
 _STRETCH = 12.0  # s of a manoeuvre that are drawn
 
@@ -83,7 +84,17 @@ def heat_panels(
         for i, j in zip(*np.nonzero(table >= 0.005), strict=True):
             dark = table[i, j] > 0.55 * highest
             text = f"{100 * table[i, j]:.0f}"
-            axes.text(j, i, text, ha="center", va="center", color="white" if dark else ON_COLOUR)
+            # three digits are wider than one of many cells
+            around = {"facecolor": _HEAT(table[i, j] / highest), "edgecolor": "none", "pad": 0.6}
+            axes.text(
+                j,
+                i,
+                text,
+                ha="center",
+                va="center",
+                color="white" if dark else ON_COLOUR,
+                bbox=around if len(text) > 2 and len(columns) > _NARROW else None,
+            )
         axes.set_title(literal(title, 60))
         axes.set_yticks(range(len(rows)), [literal(r, 18) for r in rows])
         axes.set_xticks(range(len(columns)), [literal(c, 14) for c in columns], rotation=90 if steep else 0)

@@ -16,7 +16,7 @@ from freqid.report.gap import tables as gap_tables
 from freqid.report.gap.tables import with_si
 from freqid.report.kit.drawing import WIDTH
 from freqid.report.kit.findings import Finding, finding
-from freqid.report.kit.notation import NONE, percent, short
+from freqid.report.kit.notation import NONE, percent, sentence, short
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.kit.rendering import render
 
@@ -150,12 +150,12 @@ def build_gap_page(result: GapResult) -> str:
 
 def _findings(result: GapResult) -> list[Finding]:
     d = result.diagnosis
-    findings = [finding("bad" if d.gap.exists else "good", "{}", d.verdict)]
+    findings = [finding("bad" if d.gap.exists else "good", "{}", sentence(d.verdict))]
     findings += [finding("note", "Withdrawn: {}, {}.", name, why) for name, why in d.which.withdrawn.items()]
     findings += [
         finding("note", "These data cannot separate {}.", ", ".join(group)) for group in d.which.aliases
     ]
-    findings += [finding("note", "{}.", remark) for remark in d.remarks]
+    findings += [finding("note", "{}.", sentence(remark)) for remark in d.remarks]
     return findings
 
 

@@ -177,3 +177,14 @@ def _signed(text: str) -> str:
     if text.startswith("-") and not text.strip("-0."):
         text = text[1:]
     return text.replace("-", "−")
+
+
+def sentence(text: str) -> str:
+    """Return a text of a result as a page writes sentences: a capital first, true minus signs.
+
+    Examples
+    --------
+    >>> sentence("mass -0.16 (-0.18 to -0.14), mostly 0-0.12 Hz")
+    'Mass −0.16 (−0.18 to −0.14), mostly 0-0.12 Hz'
+    """
+    return text[:1].upper() + re.sub(r"(?<!\w)-(?=\d)", "−", text[1:])

@@ -255,7 +255,7 @@ def margins_along(found: LoopMargins, figure: str, axes: list[str]) -> Figure:
             here = np.flatnonzero(np.abs(found.rho - level) < 0.006)
             here = here[np.argsort(found.u[here])]
             bars = np.abs(np.nan_to_num(np.array([estimate - low, high - estimate])[:, here]))
-            label = f"{level:g} kg/m3"
+            label = f"{level:g} kg/m³"
             lines[label] = panel.errorbar(
                 found.u[here],
                 estimate[here],
@@ -320,6 +320,7 @@ def modes_along(found: LoopMargins) -> Figure:
     name_panel(panels[0], "Frequency", "rad/s")
     panels[1].set_title("Damping ratio")
     panels[1].axhline(0.0, color=PALE, linewidth=0.8, zorder=0)
+    panels[1].margins(y=0.12)  # many modes are at a damping ratio of one
     for panel in panels:
         few_ticks(panel)
     _by_speed(panels, found)

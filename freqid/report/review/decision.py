@@ -18,6 +18,7 @@ from freqid.report.kit.notation import (
     number,
     percent,
     pretty_unit,
+    sentence,
     short,
     shown_unit,
     tenths,
@@ -57,6 +58,11 @@ _LABELS: dict[Answer, str] = {
     "not decided": "Open",
 }
 _ROLES = ("System identification", "Flight test", "Control laws", "Approval")
+_KIND_TEXTS = {
+    "freqid-loop-margins": "margins",
+    "freqid-trial": "sealed trial",
+    "freqid-rivals": "comparison",
+}
 _MOST_RISKS = 12  # listed before the rest is folded
 
 
@@ -74,7 +80,7 @@ def decision_findings(review: Review) -> list[Finding]:
 
 
 def _because(decision: Decision) -> str:
-    return _sentence(decision.because.rstrip("."))
+    return sentence(decision.because.rstrip("."))
 
 
 def _worst_fit(review: Review) -> list[Finding]:
@@ -176,7 +182,7 @@ def decision_values(review: Review) -> dict[str, Any]:
         "sources": [
             {
                 "name": s.name,
-                "kind": s.kind.removeprefix("freqid-"),
+                "kind": kind_text(s.kind),
                 "sha256": s.sha256,
                 "version": s.freqid_version or NONE,
                 "created": s.created or NONE,
@@ -212,18 +218,18 @@ def _terms(review: Review) -> list[tuple[str, str]]:
     return terms
 
 
+def kind_text(kind: str) -> str:
+    """Return what a file is, in words, from its format: ``freqid-loop-margins``."""
+    return _KIND_TEXTS.get(kind, kind.removeprefix("freqid-").replace("-", " "))
+
+
 def _row(ground: Ground) -> dict[str, Any]:
     return {
         "kind": {"stop": "bad", "risk": "note", "good": "good"}[ground.weight],
         "subject": ground.subject,
-        "text": _sentence(ground.text),
+        "text": sentence(ground.text),
         "source": ground.source,
     }
-
-
-def _sentence(text: str) -> str:
-    """Return a ground as a sentence begins."""
-    return text[:1].upper() + text[1:]
 
 
 def _limit(name: str, unit: str, low: float, high: float) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 from freqid import __version__
 from freqid.core.results.judged.review import Review
 from freqid.report.kit.rendering import Part, Sheet, render
-from freqid.report.review.decision import decision_findings, decision_values
+from freqid.report.review.decision import decision_findings, decision_values, kind_text
 
 SECTIONS = {
     "vehicle": "Vehicle and envelope",
@@ -106,7 +106,7 @@ def _facts(review: Review) -> list[tuple[str, str]]:
     facts = [("Conditions", ", ".join(review.conditions) or "none")]
     counts: dict[str, int] = {}
     for source in review.sources:
-        kind = source.kind.removeprefix("freqid-")
+        kind = kind_text(source.kind)
         counts[kind] = counts.get(kind, 0) + 1
     facts.append(("Files", ", ".join(f"{n} {kind}" for kind, n in counts.items())))
     stops = sum(g.weight == "stop" for g in review.grounds)

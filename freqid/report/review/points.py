@@ -296,26 +296,14 @@ def _cause(miss: Miss) -> Markup:
 
 
 def truth_summary(points: Sequence[StudiedPoint]) -> dict[str, Any] | None:
-    """Return how far estimates are from both truths over all conditions, and by which cause."""
+    """Return the parameters that are farthest off the linearisation, with the parts of the difference."""
     known = [p for p in points if p.truth]
     if not known:
         return None
     misses = [(p, r, m) for p in known for r in p.model.responses for m in p.misses(r)]
-    total = sum(len(r.regressors) for p in known for r in p.model.responses.values())
-    away = [abs(x) for p in known for r in p.model.responses for x in p.from_noise_free(r).tolist()]
-    away = [x for x in away if math.isfinite(x)]
     off = [m for m in misses if m[2].of != "noise-free estimate"]
-    causes: dict[str, int] = {}
-    for _, _, m in off:
-        causes[m.cause] = causes.get(m.cause, 0) + 1
     farthest = sorted(off, key=lambda x: -abs(x[2].sigmas))[:_FARTHEST]
     return {
-        "total": total,
-        "near_linear": total - len(off),
-        "near_noise_free": sum(x <= BEYOND for x in away),
-        "of_noise_free": len(away),
-        "rms_noise_free": number(math.sqrt(sum(x * x for x in away) / len(away)), 3) if away else NONE,
-        "causes": sorted(causes.items(), key=lambda item: -item[1]),
         "farthest": [
             {
                 "at": p.id,

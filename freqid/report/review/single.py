@@ -21,7 +21,16 @@ from freqid.report.design.page import build_design_page, flight_plan
 from freqid.report.design.test_card import build_card, test_card_text
 from freqid.report.kit import figures
 from freqid.report.kit.findings import Finding, finding
-from freqid.report.kit.notation import NONE, exact, measured_values, number, percent, pretty_unit, share
+from freqid.report.kit.notation import (
+    NONE,
+    exact,
+    measured_values,
+    number,
+    percent,
+    pretty_unit,
+    sentence,
+    share,
+)
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.kit.rendering import Sheet, render
 from freqid.report.point.tables import channel_table
@@ -154,7 +163,7 @@ def build_trial_sheet(outcome: TrialOutcome) -> Sheet:
         what="An effect was drawn by a seed, flown, and named in a sealed file alone; the diagnosis came "
         "before the seal was opened.",
         version=__version__,
-        findings=[finding(kind, "{}", outcome.sentence)],
+        findings=[finding(kind, "{}", sentence(outcome.sentence))],
         facts=[
             ("Sealed", f"{outcome.effect}, {outcome.parameter}"),
             (
@@ -173,7 +182,7 @@ def build_trial_sheet(outcome: TrialOutcome) -> Sheet:
             ("Likeliest place", outcome.place or NONE),
             ("Seed", str(outcome.seed)),
         ],
-        verdict=outcome.verdict,
+        verdict=sentence(outcome.verdict),
         provenance={"checksum of the seal": outcome.checksum},
     )
 

@@ -216,7 +216,7 @@ def build_study_page(results: StudyResults, parts: Collection[str] = PARTS) -> S
         title=results.vehicle.name or "Unnamed vehicle",
         count=len(results.points),
         version=__version__,
-        findings=study_verdict(results) if length else [],  # a report says it once
+        findings=study_verdict(results, truth=len(parts) == len(PARTS)) if length else [],
         facts=study_facts(results) if length else [],
         heads=heads(results),
         conditions=condition_rows(results) if "conditions" in parts else [],

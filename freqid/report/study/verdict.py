@@ -34,15 +34,17 @@ PROMISED = 0.9545
 """Share of normal errors within two standard errors."""
 
 
-def study_verdict(results: StudyResults) -> tuple[Finding, ...]:
+def study_verdict(results: StudyResults, *, truth: bool = True) -> tuple[Finding, ...]:
     """Return the findings, the headline first.
 
     Parameters
     ----------
     results : StudyResults
+    truth : bool
+        Whether the simulation's truth is among them; a report says it with its point models.
     """
     findings = [*_held_out(results), *_settled(results), *_separable(results)]
-    findings += [*_low(results), *_noise(results), *truth_findings(results.points)]
+    findings += [*_low(results), *_noise(results), *(truth_findings(results.points) if truth else [])]
     findings.sort(key=lambda f: ("bad", "note", "good").index(f.kind))
     return (_headline(results), *findings)
 
@@ -247,11 +249,10 @@ def truth_findings(points: Sequence[StudiedPoint]) -> list[Finding]:
     kind = _promised(apart)
     linear = finding(
         "note" if kind == "bad" and away.size else kind,
-        "{}{} of {} parameters lie within 2σ of the linearised simulation, where 2σ promises {}; the "
+        "{}{} of {} parameters ({}) lie within 2σ of the linearised simulation, where 2σ promises {}; the "
         "distance is {}σ in root mean square.{}",
         "" if kind == "good" else "Only ",
-        percent(float(np.mean(np.abs(apart) <= BEYOND))),
-        apart.size,
+        *_within(apart),
         percent(PROMISED),
         number(float(np.sqrt(np.mean(apart**2))), 2),
         _why_off(points),
@@ -259,28 +260,35 @@ def truth_findings(points: Sequence[StudiedPoint]) -> list[Finding]:
     if not away.size:
         return [linear]
     kind = _promised(away)
-    words = {"good": "as noise alone would leave", "note": "fewer than noise alone would leave"}
+    words = {"good": "as many as noise alone would leave", "note": "fewer than noise alone would leave"}
     return [
         finding(
             kind,
-            "{} of {} parameters lie within 2σ of the noise-free estimates of the same flights, {}: 2σ "
-            "promises {}, {} to {} by chance.",
-            percent(float(np.mean(np.abs(away) <= BEYOND))),
-            away.size,
+            "{} of {} parameters ({}) lie within 2σ of the noise-free estimates of the same flights, {} "
+            "({}, {} to {} by chance); the distance is {}σ in root mean square.",
+            *_within(away),
             words.get(kind, "far fewer than noise alone would leave"),
             percent(PROMISED),
             percent(max(PROMISED - _scatter(away.size), 0.0)),
             percent(min(PROMISED + _scatter(away.size), 1.0)),
+            number(float(np.sqrt(np.mean(away**2))), 3),
         ),
         linear,
     ]
+
+
+def _within(distances: np.ndarray) -> tuple[int, int, str]:
+    """Return how many distances, in standard errors, are within 2σ, of how many, and the share."""
+    within = int((np.abs(distances) <= BEYOND).sum())
+    return within, distances.size, percent(within / distances.size)
 
 
 def _why_off(points: Sequence[StudiedPoint]) -> Markup:
     """Return the causes of what is off the linearisation, most frequent first."""
     causes = causes_of(points)
     why = listed(Markup("{} for {}").format(cause, n) for cause, n in causes.most_common())
-    return Markup(" The largest part of the others' difference is {}.").format(why) if causes else Markup()
+    sentence = Markup(" Of the others, the largest part of the difference comes from {}.")
+    return sentence.format(why) if causes else Markup()
 
 
 def _scatter(count: int) -> float:

@@ -292,7 +292,8 @@ function prepareTables() {
       const cell = event.target.closest("td");
       if (cell && !event.target.closest("a, button") && !String(getSelection())) pick(cell);
     });
-    table.after(button("Copy as CSV", () => copy(csvOf(table), "Table copied as CSV."), { class: "plain csv" }));
+    if (!table.classList.contains("signs")) // lines to sign on
+      table.after(button("Copy as CSV", () => copy(csvOf(table), "Table copied as CSV."), { class: "plain csv" }));
   }
 }
 

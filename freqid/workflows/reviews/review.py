@@ -243,7 +243,7 @@ def _reversals(files: Sequence[ReviewedFile], points: Sequence[StudiedPoint]) ->
     if ratios:
         worst = max(ratios, key=lambda at: ratios[at])
         yield Reversal(
-            "A new flight is predicted with more times the error of the fit",
+            "The error on a new flight, over that of the fit, rises above",
             ratios[worst],
             MOST_VALIDATION if ratios[worst] <= MOST_VALIDATION else FAILED_VALIDATION,
             f"{worst[0]} at {worst[1]}",
@@ -259,20 +259,20 @@ def _reversals(files: Sequence[ReviewedFile], points: Sequence[StudiedPoint]) ->
             ]
             if each:
                 ratio, allowed, where = max(each, key=lambda e: e[0] / e[1])
-                text = "A flight between conditions errs by more than a point model there"
+                text = "The error of the global model between conditions, over a point model's, rises above"
                 yield Reversal(text, ratio, allowed, where)
         if isinstance(result, LoopMargins):
             for figure, wanted, unit in MARGINS:
                 least = least_margin(result, figure)
                 if least is not None:
-                    text = f"The {figure.split('_')[0]} margin is less"
+                    text = f"The least {figure.split('_')[0]} margin in {one.source.name} falls below"
                     yield Reversal(text, least[0], wanted, least[2], unit)
         if isinstance(result, GapResult):
-            text = "The probability of no gap passes the level of the test"
+            text = "The probability that there is no gap rises above"
             yield Reversal(text, result.gap.p, result.gap.level, one.source.name)
             if result.gap.exists and result.how_far and math.isfinite(result.how_far[0].wrench.G):
                 yield Reversal(
-                    "Another flight closes less of the gap with the same effect",
+                    "The share of the gap that the effect closes on another flight falls below",
                     result.how_far[0].wrench.G,
                     WANTED_G,
                     ", ".join(map(base_name, result.how_far[0].held_out)),

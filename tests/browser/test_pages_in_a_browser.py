@@ -361,6 +361,20 @@ def test_figures_are_legible_and_nothing_overlaps_or_leaves_the_screen(visit, na
     assert max(captions) <= width
 
 
+def test_page_one_is_read_on_a_phone_without_a_sideways_scroll(visit):
+    seen = visit("report", PHONE)
+    seen.open_all()
+    wide = seen.page.evaluate(
+        "[...document.querySelectorAll('#verdict .scroll, #provenance .scroll')]"
+        ".filter(box => box.scrollWidth > box.clientWidth + 1).map(box => box.innerText.slice(0, 60))"
+    )
+    assert wide == []
+    card = seen.page.locator("#overturn + .scroll tbody tr").first
+    assert card.locator("th").bounding_box()["width"] > 0.9 * (PHONE - 20)
+    place = card.locator("td").first
+    assert place.evaluate("cell => getComputedStyle(cell, '::before').content") == '"Now" " "'
+
+
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("colours", ["light", "dark"])
 def test_axe_finds_nothing_serious(visit, name, colours):

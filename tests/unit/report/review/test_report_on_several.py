@@ -158,6 +158,12 @@ def test_a_share_within_two_sigma_is_called_what_it_is(study):
     assert len(truth_findings(bare)) == 1
 
 
+def test_how_many_are_within_two_sigma_is_said_once(both):
+    text = re.sub(r"<[^>]+>", "", both.html)
+    for truth in ("the noise-free estimates of the same flights", "the linearised simulation, where"):
+        assert text.count(f"lie within 2σ of {truth}") == 1
+
+
 def test_what_was_written_at_another_time_gives_the_same_page_but_for_hashes(study, tmp_path):
     pages = []
     for created in ("2020-01-01T00:00:00+00:00", "2021-02-02T00:00:00+00:00"):

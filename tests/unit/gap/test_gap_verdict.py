@@ -103,7 +103,7 @@ def test_without_a_gap_the_sizes_that_would_have_been_seen_are_said():
 def test_error_of_form_and_noise_are_said_in_words():
     simulation = SimpleNamespace(name="sim", tolerances={})
     remarks = list(remarks_of([], simulation, replace(GAP, form_errors={"Z": 0.02}), {"w": 0.3}))
-    assert any("wrong in form by about 2 % in Z" in r for r in remarks)
+    assert any("error of form of about 2 % in Z" in r for r in remarks)
     assert any("30 % of dw/dt" in r for r in remarks)
     assert "noise learned from repeats of the manoeuvre" in remarks
     assert any("no error of form" in r for r in remarks_of([], simulation, GAP, {}))

@@ -23,6 +23,7 @@ for folder in (HERE.parent, HERE):
 
 import blown_air  # noqa: E402
 import blownwing_numbers as g  # noqa: E402
+from polynomials import reduced  # noqa: E402
 from propellers import propeller  # noqa: E402
 from settings import Settings  # noqa: E402
 
@@ -39,7 +40,6 @@ SCALED = (
     "jets.swirl",
 )
 ODD = ("p", "roll", "slip", "beta", "r")  # change sign on the other half
-NEGLIGIBLE = 0.002  # share of a load's variation; terms that matter less are left out
 TRIMMED = {"alpha": (0.09, 0.04), "speed": (710.0, 910.0)}  # slow and fast, rad and rad/s
 ADVANCES = np.linspace(0.10, 0.42, 9)  # of the table: speed over tip speed
 
@@ -118,23 +118,6 @@ def columns(inputs, stations, odd):
             out[name, " ".join(term)] = made.sum(axis=0)
         out[name, "jet"] = (sign * jet * jet).sum(axis=0)
     return {n: values for n, values in out.items() if np.abs(values).max() > 1e-9}
-
-
-def reduced(terms, y):
-    """Return coefficients of the terms that matter, the least one left out after the other."""
-    names = list(terms)
-    matrix = np.array([terms[n] for n in names]).T
-    products, onto = matrix.T @ matrix / len(y), matrix.T @ y / len(y)
-    kept = np.arange(len(names))
-    while True:
-        inverse = np.linalg.pinv(products[np.ix_(kept, kept)], hermitian=True)
-        fit = inverse @ onto[kept]
-        # What the fit loses without a term, the others fitted anew
-        loss = np.abs(fit) / np.sqrt(np.maximum(np.diag(inverse), 1e-30)) / np.std(y)
-        if loss.min() > NEGLIGIBLE:
-            left = np.std(y - matrix[:, kept] @ fit) / np.std(y)
-            return {names[i]: float(c) for i, c in zip(kept, fit, strict=True)}, left
-        kept = np.delete(kept, np.argmin(loss))
 
 
 def stand():

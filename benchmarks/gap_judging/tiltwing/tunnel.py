@@ -24,10 +24,10 @@ for folder in (HERE.parent, HERE):
 import tilt_air  # noqa: E402
 import tiltwing_numbers as g  # noqa: E402
 from oblique_propellers import propellers  # noqa: E402
+from polynomials import reduced  # noqa: E402
 from settings import Settings  # noqa: E402
 
 COUNT = 3000
-NEGLIGIBLE = 0.002  # share of a load's variation; terms that matter less are left out
 # Speed, density, angle of the wing to its flow, tangent of the vehicle's angle, propellers' speed
 ABOUT = {
     "slow front": (14.0, 1.19, 0.63, 0.0, 553.0),
@@ -114,23 +114,6 @@ def columns(inputs):
     terms += [(n,) for n in rest]
     terms += [(n, m) for n in main for m in rest]
     return {" ".join(t): np.prod([inputs[n] for n in t], axis=0).ravel() for t in terms}
-
-
-def reduced(terms, y):
-    """Return coefficients of the terms that matter, the least one left out after the other."""
-    names = list(terms)
-    matrix = np.array([terms[n] for n in names]).T
-    products, onto = matrix.T @ matrix / len(y), matrix.T @ y / len(y)
-    kept = np.arange(len(names))
-    while True:
-        inverse = np.linalg.pinv(products[np.ix_(kept, kept)], hermitian=True)
-        fit = inverse @ onto[kept]
-        # What the fit loses without a term, the others fitted anew
-        loss = np.abs(fit) / np.sqrt(np.maximum(np.diag(inverse), 1e-30)) / np.std(y)
-        if loss.min() > NEGLIGIBLE:
-            left = np.std(y - matrix[:, kept] @ fit) / np.std(y)
-            return {names[i]: float(c) for i, c in zip(kept, fit, strict=True)}, left
-        kept = np.delete(kept, np.argmin(loss))
 
 
 def stand(rng):

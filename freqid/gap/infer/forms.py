@@ -36,7 +36,7 @@ from freqid.gap.settings import (
 
 _KINDS = ("", "actuator/", "kinematic/")
 _LEAST = (FORM_ERRORS[1], ACTUATOR_FORM, FORM_ERRORS[1])  # from which sizes of a kind are looked for
-_SMALLEST = (1e-5, ACTUATOR_FORM, 1e-5)
+_SMALLEST = (1e-5, ACTUATOR_FORM, 1e-5)  # of a kind: what is below a hundred-thousandth is nothing
 _REACH = 50.0  # by which a term may be worse than what is common to its kind
 _HOPELESS = 30.0  # nats below the best, from which larger ones are no better
 _STEPS = 25  # of the search at most
@@ -112,7 +112,7 @@ def forms_beside(system: System, terms: Sequence[str], explanations: Sequence[Ar
     """Return the system's errors of form, with those that are likeliest beside some explanations.
 
     What one effect leaves unexplained looks like an error of form in every row where the second one acts. So
-    sizes only fall.
+    no size may be larger than the largest that the system has.
 
     Parameters
     ----------

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from freqid.gap.infer.evidence import Weighing
+from freqid.gap.infer.evidence import Weighing, weigh
 from freqid.gap.infer.forms import common_form, forms_beside, likely_forms
 from freqid.gap.infer.system import BlockMatrices, Form, System
-from freqid.gap.model.candidates import Candidate, Place
-from freqid.gap.settings import ACTUATOR_FORM, FORM_ERRORS, SEPARATE
+from freqid.gap.model.candidates import OTHER, Candidate, Place
+from freqid.gap.settings import ACTUATOR_FORM, FORM_ALIKE, FORM_ERRORS, SEPARATE
 
 ROWS = ("X", "Z", "M", "actuator/de", "kinematic/u", "kinematic/w")
 NUMBERS, TERMS = 240, 12  # of each row
 LARGEST = FORM_ERRORS[-1]
-UNSEEN = 0.0021  # an error that makes as much as the noise on one term: 1 / (30 sqrt(240))
+UNSEEN = 0.002  # an error that makes as much as the noise on one term: 1 / (30 sqrt(240))
 LEAST = tuple(1.01 * ACTUATOR_FORM if name.startswith("actuator/") else UNSEEN for name in ROWS)
 
 
@@ -138,3 +138,31 @@ def test_a_second_effect_that_hides_in_the_form_of_several_rows_is_found_beside_
     assert max(second.values()) - max(x.log_evidence for x in left.values()) > SEPARATE
     known = second[hidden] - left[hidden].log_evidence
     assert known < max(second.values()) - left[hidden].log_evidence - SEPARATE
+
+
+def test_without_an_effect_terms_may_be_wrong_alike_in_all_blocks():
+    """The evidence of no effect is the mean of that of noise and of terms off by 3 % of one draw."""
+    rng = np.random.default_rng(5)
+    terms, count = 4, 60
+    columns = [30.0 * rng.standard_normal((terms, count)) for _ in range(2)]
+    off = 0.03 * rng.standard_normal(terms)
+    residuals = [rng.standard_normal(count) + off @ x for x in columns]
+    none = np.zeros((0, count))
+    blocks = [
+        BlockMatrices.of(x, none, r, none, none, none, form_row=np.zeros(0, int))
+        for x, r in zip(columns, residuals, strict=True)
+    ]
+    labels = tuple(f"Z:{k}" for k in range(terms))
+    free = Candidate(OTHER, Place("", labels), "vector", np.ones(terms), np.array([0.3]), [])
+    system = System([free], np.array([0, terms]), (), blocks, (Form((), 0.0),))
+    found = weigh(system)
+    x, y = np.concatenate(columns, axis=1), np.concatenate(residuals)
+
+    def density(size):
+        covariance = np.eye(y.size) + size**2 * x.T @ x
+        return -0.5 * (np.linalg.slogdet(covariance)[1] + y @ np.linalg.solve(covariance, y))
+
+    expected = np.logaddexp(density(0.0), density(FORM_ALIKE)) - np.log(2)
+    assert found.none[0] == pytest.approx(expected, rel=1e-9)
+    assert found.places[0, 0] == pytest.approx(density(0.3) - expected, rel=1e-6)
+    assert found.places[0, 0] < 0  # an error of form, not a gap

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from linear_flight import INPUTS, SLOPES, Linear, Truth, fly
 
-from freqid.gap.model.form import load_errors
+from freqid.gap.model.form import load_errors, load_products
 from freqid.gap.stack.block import stack_of
 
 
@@ -27,3 +27,18 @@ def test_every_motion_may_be_missing_from_every_load_as_large_as_the_average_one
     heard = np.minimum((own / average).max(axis=0), 1.0)  # a motion that is small everywhere
     wanted = np.maximum(own, heard * average)
     np.testing.assert_allclose(size / size[:1], wanted / wanted[:1], rtol=0.02)
+
+
+def test_second_order_is_every_product_of_two_motions_as_large_as_the_average_term(block):
+    products = load_products(block)
+    pairs = len(INPUTS) * (len(INPUTS) + 1) // 2
+    assert [t.row for t in products] == [i for i in range(len(SLOPES)) for _ in range(pairs)]
+    record = block.trial.maneuver.record
+    moved = np.array([record[n] - record[n].mean() for n in INPUTS])
+    rms = np.abs(SLOPES) * moved.std(axis=1)
+    average = np.sqrt((rms**2).mean(axis=1))
+    heard = np.minimum((rms / average[:, None]).max(axis=0), 1.0)
+    unit = heard[:, None] * moved / moved.std(axis=1, keepdims=True)
+    wanted = average[-1] * block.grid.spectrum((unit[0] * unit[1])[None])[0]
+    second = products[(len(SLOPES) - 1) * pairs + 1]  # of the last load, by the first motion and the next
+    np.testing.assert_allclose(second.spectrum, wanted, rtol=1e-6, atol=1e-9)

@@ -2,6 +2,7 @@
 
 import importlib.util
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -124,8 +125,8 @@ def test_the_wake_meets_the_rear_wing_one_convection_later(truth):
     np.testing.assert_allclose(seen, 1 + np.clip(np.arange(12) - late + 1, 0, 1), atol=1e-9)
 
 
-def test_owners_wake_has_the_gain_and_phase_of_two_lags():
-    owner = loaded("../owner")
+def test_owners_wake_has_the_gain_and_phase_of_two_lags(simulation):
+    owner = sys.modules[simulation.Owner.__module__]
     slow, dt = 0.07, 0.02
     time = dt * np.arange(1501)
     turn = 2 * np.pi * 1.0

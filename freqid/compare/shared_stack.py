@@ -285,9 +285,9 @@ def form_of(blocks: Sequence[SharedBlock]) -> SharedForm:
     assert isinstance(b.loads, float)
     return SharedForm(
         (a.loads, b.loads),
-        (a.actuators, b.actuators),
+        (a.shared, b.shared),
         int((b.loads, -log_b) < (a.loads, -log_a)),
-        int((b.actuators, -log_b) < (a.actuators, -log_a)),
+        int((b.shared, -log_b) < (a.shared, -log_a)),
     )
 
 

@@ -36,7 +36,7 @@ Chosen on open cases, as the two before it. Nulls do not depend on it from .7 to
 """
 
 FORM_ALIKE = 0.03
-"""Share of its terms by which a simulation may be wrong in the same way everywhere and still have no gap."""
+"""Share of each of its terms by which a simulation may be wrong in the same way everywhere: no gap."""
 
 ACTUATOR_FORM = 0.005
 """Least error of form of an actuator, as share of its movement.

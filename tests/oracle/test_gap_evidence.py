@@ -75,13 +75,13 @@ class Dense:
         self.columns, self.residual = np.concatenate(self.x, axis=1), np.concatenate(self.r)
 
     def covariance(self, f):
-        """Of noise, own unknowns, form and tolerances; tolerances and actuators' form are in all blocks."""
+        """Of noise, own unknowns, form and tolerances; these and shared errors of form are in all blocks."""
         own = [
             np.eye(u.shape[1]) + u.T @ u + f.loads**2 * z.T @ z
             for u, z in zip(self.u, self.form, strict=True)
         ]
         t, servos = np.concatenate(self.t, axis=1), np.concatenate(self.servos, axis=1)
-        return block_diag(*own) + t.T @ t + f.actuators**2 * servos.T @ servos
+        return block_diag(*own) + t.T @ t + f.shared**2 * servos.T @ servos
 
     def log_density(self, f, mean=0.0, more=0.0):
         return multivariate_normal(np.zeros(self.residual.size), self.covariance(f) + more).logpdf(

@@ -100,11 +100,11 @@ def closing_of(
         added = [recomputed(c, library, held_out) for c in few]
         few = [replace(c, columns=[*c.columns, *more]) for c, more in zip(few, added, strict=True)]
         at = range(len(used), len(used) + len(held_out))
-        rows, forms = columns[0].form_names, system.form_errors
+        rows, forms, labels = columns[0].form_names, system.form_errors, columns[0].shared_names
         acting = settings_of(explanation, library, held_out[0].trial.simulation)
         flown = acted_on(held_out, acting, library)
         made = [
-            columns_of(b, i, few, system.tolerances, library, tolerances, rows, forms)
+            columns_of(b, i, few, system.tolerances, library, tolerances, rows, forms, labels)
             for b, i in zip(flown, at, strict=True)
         ]
         departures, fitted = likeliest_departures(
@@ -143,6 +143,7 @@ def _only(columns: Columns, numbers: NDArray[np.bool_]) -> Columns:
         effects=c.effects[:, numbers],
         tolerances=c.tolerances[:, numbers],
         own=c.own[:, numbers],
+        shared=c.shared[:, numbers],
         form=c.form[:, numbers],
         residual=c.residual[numbers],
     )

@@ -12,7 +12,7 @@ from freqid.gap.infer.columns import Columns, Parts
 from freqid.gap.infer.forms import common_form, likely_forms, of_all, reach
 from freqid.gap.infer.linearise import likeliest_departures, relinearised
 from freqid.gap.infer.system import Form, System
-from freqid.gap.model.candidates import Candidate, candidates
+from freqid.gap.model.candidates import OTHER, Candidate, candidates, free_changes
 from freqid.gap.model.tolerance import tolerance_columns
 from freqid.gap.settings import FORM_ERRORS, ROUNDS
 from freqid.gap.simulation import side_by_side
@@ -65,17 +65,19 @@ def _straight(
     terms of a kind.
     """
     simulation = blocks[0].trial.simulation
-    shared = side_by_side(simulation, lambda b: tolerance_columns(b, library, sizes), blocks)
-    names = tuple(dict.fromkeys(n for one in shared for n in one))
+    stated = side_by_side(simulation, lambda b: tolerance_columns(b, library, sizes), blocks)
+    names = tuple(dict.fromkeys(n for one in stated for n in one))
+    labels = next((c.place.parameters for c in found if c.effect == OTHER), ())
     start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
 
     def parts_of(i: int) -> Parts:
-        return Parts.of(blocks[i], i, found, [shared[i].get(n) for n in names], library, sizes)
+        tolerances, alike = [stated[i].get(n) for n in names], free_changes(blocks[i], labels)
+        return Parts.of(blocks[i], i, found, tolerances, alike, library, sizes)
 
     parts = side_by_side(simulation, parts_of, range(len(blocks)))
     terms = _terms(parts)
     every = (Form((FORM_ERRORS[-1],) * len(terms), 0.0),)
-    columns = [_columns(p, terms, every) for p in parts]
+    columns = [_columns(p, terms, every, labels) for p in parts]
     system = System(found, start, names, [c.matrices for c in columns], every)
     common = common_form(system, terms)
     known = [p.block for p in parts]
@@ -97,6 +99,7 @@ def columns_of(
     sizes: Mapping[str, float],
     terms: Sequence[str],
     forms: Sequence[Form],
+    labels: Sequence[str],
 ) -> tuple[Columns, Block]:
     """Return the columns of one more block, and the block with its noise as it was flown.
 
@@ -114,13 +117,16 @@ def columns_of(
         Of the errors of form anywhere in the stack.
     forms : sequence of Form
         Errors of form of the stack.
+    labels : sequence of str
+        Of those that are the same in all blocks.
     """
-    shared = tolerance_columns(block, library, sizes)
-    parts = Parts.of(block, index, found, [shared.get(n) for n in names], library, sizes)
-    return _columns(parts.second_order(), terms, forms), parts.block
+    stated = tolerance_columns(block, library, sizes)
+    tolerances, alike = [stated.get(n) for n in names], free_changes(block, labels)
+    parts = Parts.of(block, index, found, tolerances, alike, library, sizes)
+    return _columns(parts.second_order(), terms, forms, labels), parts.block
 
 
-def _columns(parts: Parts, terms: Sequence[str], forms: Sequence[Form]) -> Columns:
+def _columns(parts: Parts, terms: Sequence[str], forms: Sequence[Form], labels: Sequence[str]) -> Columns:
     """Return the whitened columns of one block."""
     largest = np.max([f.loads for f in forms], axis=0)
     parts = parts.fewer(dict(zip(terms, largest.tolist(), strict=True)))
@@ -130,11 +136,13 @@ def _columns(parts: Parts, terms: Sequence[str], forms: Sequence[Form]) -> Colum
         effects=block.white(parts.effects),
         tolerances=block.white(parts.tolerances),
         own=block.white(parts.own),
+        shared=block.white(parts.shared),
         form=form,
         residual=block.white(block.residual),
         sigmas=parts.tolerances,
         form_names=tuple(terms),
         form_row=row,
+        shared_names=tuple(labels),
     )
 
 

@@ -29,6 +29,8 @@ class Parts:
     ----------
     block : Block
     effects, tolerances, own : ndarray of complex, shape (column, row, line)
+    shared : ndarray of complex, shape (column, row, line)
+        Errors of form of size one that are the same in all blocks.
     form : tuple of FormColumns
         Errors of form of loads, actuators and relations between sensors.
     """
@@ -37,6 +39,7 @@ class Parts:
     effects: Complex
     tolerances: Complex
     own: Complex
+    shared: Complex
     form: tuple[FormColumns, ...]
 
     @classmethod
@@ -45,7 +48,8 @@ class Parts:
         block: Block,
         index: int,
         found: Sequence[Candidate],
-        shared: Sequence[Complex | None],
+        tolerances: Sequence[Complex | None],
+        alike: Complex,
         library: Mapping[str, Effect],
         sizes: Mapping[str, float],
     ) -> Parts:
@@ -57,8 +61,10 @@ class Parts:
         index : int
             Of the block among those that the candidates have columns for.
         found : sequence of Candidate
-        shared : sequence of ndarray of complex, shape (row, line), optional
-            Tolerances; None where the block has none of a name.
+        tolerances : sequence of ndarray of complex, shape (row, line), optional
+            None where the block has none of a name.
+        alike : ndarray of complex, shape (column, row, line)
+            Errors of form of size one that are the same in all blocks.
         library : dict of Effect
         sizes : dict of float
             One sigma by name.
@@ -66,7 +72,7 @@ class Parts:
         effects = np.concatenate([c.columns[index] for c in found]) if found else _zeros(block, 0)
         own = _stacked(block, list(record_columns(block, library, sizes).values()))
         form = tuple(form_columns(block, form_terms(block)))
-        parts = cls(block, effects, _stacked(block, shared), own, form)
+        parts = cls(block, effects, _stacked(block, tolerances), own, alike, form)
         return parts if block.noise_from == REPEATS else parts._as_loud_as_flown(found)
 
     def fewer(self, largest: Mapping[str, float]) -> Parts:
@@ -160,8 +166,9 @@ class Columns:
 
     Attributes
     ----------
-    effects, tolerances, own, form : ndarray
-        The last are errors of form of size one: of loads, actuators and relations between sensors.
+    effects, tolerances, own, shared, form : ndarray
+        The last two are errors of form of size one: those that are the same in all blocks, and those that
+        each block has of its own, of loads, actuators and relations between sensors.
     residual : ndarray, shape (number,)
     sigmas : ndarray of complex, shape (tolerance, row, line)
         One sigma of each tolerance, as it is before whitening.
@@ -169,16 +176,20 @@ class Columns:
         Terms of the errors of form anywhere in the stack.
     form_row : ndarray of int, shape (column,)
         Which of these each column of the form is of.
+    shared_names : tuple of str
+        Of the shared errors of form.
     """
 
     effects: Array
     tolerances: Array
     own: Array
+    shared: Array
     form: Array
     residual: Array
     sigmas: Complex
     form_names: tuple[str, ...]
     form_row: NDArray[np.intp]
+    shared_names: tuple[str, ...]
 
     @cached_property
     def matrices(self) -> BlockMatrices:
@@ -189,7 +200,7 @@ class Columns:
             self.residual,
             self.own,
             self.form,
-            self.own[:0],
+            self.shared,
             form_row=self.form_row,
         )
 
@@ -228,7 +239,7 @@ class Columns:
         kept = [np.arange(count)[p] if isinstance(p, slice) else np.full(len(p), -1) for p in parts]
         source = np.concatenate([*kept, np.arange(count, len(m.gram))]).astype(int)
         fresh = np.flatnonzero(source < 0)
-        z = np.concatenate([effects, self.tolerances, self.residual[None]])
+        z = np.concatenate([effects, self.tolerances, self.residual[None], self.shared])
         inner, across = z[fresh] @ z.T, self.form @ z[fresh].T
         if len(self.own):
             factor = cho_factor(np.eye(len(self.own)) + self.own @ self.own.T)
@@ -243,13 +254,14 @@ class Columns:
     def with_residual(self, residual: Array) -> Columns:
         """Return these columns beside another residual, shape (number,); most of the matrices stay."""
         new, m = replace(self, residual=residual), self.matrices
-        z = np.concatenate([self.effects, self.tolerances, residual[None]])
+        z = np.concatenate([self.effects, self.tolerances, residual[None], self.shared])
         inner, across = z @ residual, self.form @ residual
         if len(self.own):
             factor = cho_factor(np.eye(len(self.own)) + self.own @ self.own.T)
             solved = cho_solve(factor, self.own @ residual)
             inner, across = inner - z @ (self.own.T @ solved), across - self.form @ (self.own.T @ solved)
         gram, form = m.gram.copy(), m.form.copy()
-        gram[-1], gram[:, -1], form[:, -1] = inner, inner, across
+        last = m.count - 1
+        gram[last], gram[:, last], form[:, last] = inner, inner, across
         new.__dict__["matrices"] = replace(m, gram=gram, form=form)
         return new

@@ -120,9 +120,8 @@ def weigh(system: System) -> Evidence:
     none, places = [], []
     for f in system.form_errors:
         own = weighing.at(f)
-        place, log = weighing.against_none(own, own.g[:, None], np.array([own.log_evidence]))
-        none.append(log[0])
-        places.append(place[:, 0])
+        none.append(own.log_evidence)
+        places.append(weighing.by_place(own, own.g[:, None])[:, 0])
     return Evidence(weighing, np.array(none), np.array(places))
 
 

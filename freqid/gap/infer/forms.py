@@ -27,6 +27,7 @@ from freqid.gap.infer.system import Form, System
 from freqid.gap.model.form import row_of
 from freqid.gap.settings import (
     ACTUATOR_FORM,
+    FORM_ALIKE,
     FORM_ERRORS,
     FORM_KIND_SPREAD,
     FORM_SPREAD,
@@ -60,7 +61,8 @@ def common_form(system: System, terms: Sequence[str]) -> Form:
         for size in (f for f in FORM_ERRORS if f >= at[kind]):
             tried = at.copy()
             tried[kind] = size
-            found.append((_with_any(system, Form(tuple(tried[kinds].tolist()), 0.0)), size))
+            loads = tuple(tried[kinds].tolist())
+            found.append((_with_any(system, [Form(loads, alike) for alike in _alike(system)]), size))
             if found[-1][0] < max(found)[0] - _HOPELESS:
                 break
         at[kind] = max(found)[1]
@@ -90,6 +92,8 @@ def reach(sizes: Array) -> Array:
 def likely_forms(system: System, terms: Sequence[str], start: Array) -> tuple[Form, ...]:
     """Return the likeliest errors of form, without an effect and beside each of the likeliest ones.
 
+    All of these twice: drawn anew in each condition, and with errors that are the same everywhere beside.
+
     Parameters
     ----------
     system : System
@@ -100,12 +104,15 @@ def likely_forms(system: System, terms: Sequence[str], start: Array) -> tuple[Fo
         Sizes from which the search begins, those that are common to a kind.
     """
     sizes = _Sizes(system, tuple(terms), reach(start))
-    common = Form(tuple(start.tolist()), 0.0)
-    first = sizes.likeliest(start, np.zeros((0, system.columns)))
-    # sizes of terms may have taken the place of an effect that is likely where all have one size
-    likely = _likely_effects(system, common) | _likely_effects(system, first)
-    beside = [sizes.likeliest(np.array(first.loads), d) for d in likely.values()]
-    return tuple(dict.fromkeys([first, *beside]))
+    none = np.zeros((0, system.columns))
+    found = []
+    for alike in _alike(system):
+        first = sizes.likeliest(start, none, alike)
+        # sizes of terms may have taken the place of an effect that is likely where all have one size
+        likely = _likely_effects(system, Form(tuple(start.tolist()), alike)) | _likely_effects(system, first)
+        beside = [sizes.likeliest(np.array(first.loads), d, alike) for d in likely.values()]
+        found += [first, *beside]
+    return tuple(dict.fromkeys(found))
 
 
 def forms_beside(system: System, terms: Sequence[str], explanations: Sequence[Array]) -> tuple[Form, ...]:
@@ -124,13 +131,18 @@ def forms_beside(system: System, terms: Sequence[str], explanations: Sequence[Ar
     """
     largest = np.max([f.loads for f in system.form_errors], axis=0)
     sizes = _Sizes(system, tuple(terms), largest)
-    beside = [sizes.likeliest(largest, one) for one in explanations]
+    beside = [sizes.likeliest(largest, one, alike) for alike in _alike(system) for one in explanations]
     return tuple(dict.fromkeys([*system.form_errors, *beside]))
 
 
-def _with_any(system: System, form: Form) -> float:
-    """Return the log evidence of an error of form with no effect or any."""
-    evidence = weigh(replace(system, form_errors=(form,), _reduced={}))
+def _alike(system: System) -> tuple[float, ...]:
+    """Return the sizes of errors of form that are the same everywhere, at even odds."""
+    return (0.0, FORM_ALIKE) if system.blocks[0].shared else (0.0,)
+
+
+def _with_any(system: System, forms: Sequence[Form]) -> float:
+    """Return the log evidence of errors of form with no effect or any."""
+    evidence = weigh(replace(system, form_errors=tuple(forms), _reduced={}))
     return evidence.log_none + float(np.logaddexp(0.0, evidence.statistic))
 
 
@@ -178,15 +190,16 @@ class _Sizes:
         own = np.eye(len(rows))
         return np.linalg.inv(FORM_SPREAD**2 * (own + same_row) + FORM_KIND_SPREAD**2 * same_kind)
 
-    def likeliest(self, start: Array, beside: Array) -> Form:
+    def likeliest(self, start: Array, beside: Array, alike: float) -> Form:
         """Return the likeliest sizes beside directions of candidates' columns, shape (direction, column).
 
-        Its prior is that of all sizes near these, by Laplace's method.
+        And beside errors of a size that are the same everywhere. Its prior is that of all sizes near these,
+        by Laplace's method.
         """
         mean = np.log(FORM_TYPICAL)
 
         def fall(x: Array) -> tuple[float, Array]:
-            log, slope, _ = self.system.slope(Form(tuple(np.exp(x).tolist()), 0.0), beside)
+            log, slope, _ = self.system.slope(Form(tuple(np.exp(x).tolist()), alike), beside)
             pull = self.precision @ (x - mean)
             return 0.5 * float((x - mean) @ pull) - log, pull - slope
 
@@ -199,7 +212,7 @@ class _Sizes:
             maxiter=_STEPS,
             factr=_NEAR / max(abs(fall(x0)[0]), 1.0) / np.finfo(float).eps,
         )
-        form = Form(tuple(np.exp(found).tolist()), 0.0)
+        form = Form(tuple(np.exp(found).tolist()), alike)
         _, _, information = self.system.slope(form, beside)
         prior = -0.5 * float((found - mean) @ self.precision @ (found - mean))
         known = np.linalg.slogdet(self.precision + np.diag(information))[1]

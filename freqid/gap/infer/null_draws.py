@@ -69,7 +69,7 @@ def drawn(
     n, few, count = system.columns, len(system.tolerances), len(chosen)
     own = [system.form_errors[k] for k in chosen]
     tolerance = rng.standard_normal((few, count))
-    wrong = rng.standard_normal((system.blocks[0].actuators, count)) * [f.actuators for f in own]
+    wrong = rng.standard_normal((system.blocks[0].shared, count)) * [f.shared for f in own]
     shared = np.concatenate([tolerance, wrong])
     sampled = [_sampled(b, own, shared, n, rng, mean) for b in system.blocks]
     seen = {}
@@ -79,9 +79,7 @@ def drawn(
     found = {}
     for f in system.form_errors:
         z, log = seen[f.loads]
-        inside = z[n:] if f.actuators else z[n : n + few]
-        if f.actuators:
-            inside = np.concatenate([inside[:few], f.actuators * inside[few:]])
+        inside = np.concatenate([z[n : n + few], f.shared * z[n + few :]]) if f.shared else z[n : n + few]
         rows = system.tolerance_rows(f)[:-1]
         factor = cho_factor(np.eye(len(inside)) + rows[:, n:-1])
         solved = cho_solve(factor, inside)
@@ -122,7 +120,7 @@ def effects_of(evidence: Evidence, data: dict[Form, tuple[Array, Array]]) -> tup
     """Return log Bayes factors by error of form, effect and draw, and log evidences of no effect."""
     effects, none = [], []
     for f, (g, log) in data.items():
-        places, log = evidence.weighing.against_none(evidence.weighing.at(f), g, log)
+        places = evidence.weighing.by_place(evidence.weighing.at(f), g)
         effects.append(evidence.weighing.by_effect(places))
         none.append(log)
     return np.array(effects), np.array(none)
@@ -138,8 +136,8 @@ def _sampled(
 ) -> tuple[Array, Array]:
     """Return inner products with drawn data of ``[X, T, A]``, and of the form's columns.
 
-    `own` is each draw's error of form; `shared` are the tolerances and the actuators' errors of form, the
-    same in all blocks.
+    `own` is each draw's error of form; `shared` are the tolerances and the errors of form that are the same
+    in all blocks.
     """
     gram = _without_residual(block, _without_residual(block, block.gram).T)
     form, count = _without_residual(block, block.form), shared.shape[1]

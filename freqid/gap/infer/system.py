@@ -31,14 +31,14 @@ class Form(NamedTuple):
     ----------
     loads : float or tuple of float
         Share of each term of all rows, or of each row that has a form.
-    actuators : float
-        Share of each actuator's movement.
+    shared : float
+        Size of the errors that are the same in all blocks, see `BlockMatrices`.
     log_prior : float
         Logarithm of how likely it is before the data.
     """
 
     loads: float | tuple[float, ...]
-    actuators: float
+    shared: float
     log_prior: float = 0.0
 
 
@@ -60,7 +60,7 @@ class Products:
         Of the own unknowns.
     own : ndarray, shape (own, n)
     own_form : ndarray, shape (own, direction)
-    actuators, number : int
+    shared, number : int
         As in `BlockMatrices`.
     """
 
@@ -70,15 +70,15 @@ class Products:
     own_gram: Array
     own: Array
     own_form: Array
-    actuators: int
+    shared: int
     number: int
 
     @classmethod
     def of(
-        cls, columns: Array, tolerances: Array, residual: Array, own: Array, form: Array, actuators: Array
+        cls, columns: Array, tolerances: Array, residual: Array, own: Array, form: Array, shared: Array
     ) -> Products:
         """Return the products of whitened rows, each of shape (column, number)."""
-        z = np.concatenate([columns, tolerances, residual[None], actuators])
+        z = np.concatenate([columns, tolerances, residual[None], shared])
         return cls(
             z @ z.T,
             form @ z.T,
@@ -86,7 +86,7 @@ class Products:
             own @ own.T,
             own @ z.T,
             own @ form.T,
-            len(actuators),
+            len(shared),
             residual.size,
         )
 
@@ -105,15 +105,15 @@ class Products:
             keep = values > _EMPTY * max(values.max(initial=0.0), 1e-300)
             across, power = vectors[:, keep].T @ across, np.diag(values[keep])
             form_row = np.full(len(power), -1)
-        return BlockMatrices(inner, across, power, form_row, self.actuators, self.number)
+        return BlockMatrices(inner, across, power, form_row, self.shared, self.number)
 
 
 @dataclass(frozen=True, eq=False)
 class BlockMatrices:
     """Inner products of one block in the metric of its noise and its own unknowns.
 
-    ``[X, T, r, A]`` are the candidates' columns, the tolerances', the residual and the errors of actuators'
-    form, which all blocks share: a servo is the same in every condition.
+    ``[X, T, r, A]`` are the candidates' columns, the tolerances', the residual and errors of form that all
+    blocks share: what a simulation leaves out in one condition it leaves out in the next.
 
     Attributes
     ----------
@@ -124,8 +124,8 @@ class BlockMatrices:
         Of these columns with each other; diagonal where they are of no row.
     form_row : ndarray of int, shape (direction,)
         Row of each, among those that have a form; -1 where one share holds for all.
-    actuators : int
-        Number of columns of the actuators' form, the last ones.
+    shared : int
+        Number of columns of the shared errors of form, the last ones.
     number : int
         Real numbers in the stack.
     """
@@ -134,7 +134,7 @@ class BlockMatrices:
     form: Array
     form_gram: Array
     form_row: NDArray[np.intp]
-    actuators: int
+    shared: int
     number: int
 
     @classmethod
@@ -145,12 +145,12 @@ class BlockMatrices:
         residual: Array,
         own: Array,
         form: Array,
-        actuators: Array,
+        shared: Array,
         *,
         form_row: NDArray[np.intp] | None = None,
     ) -> BlockMatrices:
         """Return the matrices of whitened rows, each of shape (column, number)."""
-        products = Products.of(columns, tolerances, residual, own, form, actuators)
+        products = Products.of(columns, tolerances, residual, own, form, shared)
         return products.matrices(form_row=form_row)
 
     @property
@@ -167,29 +167,25 @@ class BlockMatrices:
     @property
     def count(self) -> int:
         """Columns of candidates, tolerances and the residual."""
-        return len(self.gram) - self.actuators
+        return len(self.gram) - self.shared
 
     def at_loads(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
-        """Return all inner products less the loads' error of form, and half its log determinant."""
-        root, at, determinant = self.form_root(error)
-        if not at.size:
-            return self.gram, 0.0
-        across = root @ self.form[at]
-        taken = across.T @ across
-        return np.subtract(self.gram, taken, out=taken), determinant
+        """Return all inner products less an error of form, and half its log determinant."""
+        across, determinant = self.taken(error)
+        return self.gram - across.T @ across, determinant
 
     def taken(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
-        """Return what the loads' error of form takes off all products but the actuators', as a root.
+        """Return what an error of form takes off all products, as a root.
 
         Returns
         -------
-        across : ndarray, shape (kept, count)
+        across : ndarray, shape (kept, n)
             Its square is taken off.
         determinant : float
             Half its log determinant.
         """
         root, at, determinant = self.form_root(error)
-        return root @ self.form[at, : self.count], determinant
+        return root @ self.form[at], determinant
 
     def form_root(self, error: float | tuple[float, ...]) -> tuple[Array, NDArray[np.intp], float]:
         """Return what integrating out an error of form takes, S the sizes of its columns and P their Gram.
@@ -319,24 +315,26 @@ class System:
         """Return the stack of some blocks."""
         return self.without([i for i in range(len(self.blocks)) if i not in blocks])
 
+    def inside(self, form_error: Form) -> tuple[NDArray[np.intp], Array]:
+        """Return which products an error of form needs, of ``[X, T, A, r]``, and how large each column is.
+
+        Shared errors of form are one more kind of tolerances.
+        """
+        block = self.blocks[0]
+        last = block.count - 1
+        if not form_error.shared:
+            return np.arange(block.count), np.ones(block.count)
+        at = np.concatenate([np.arange(last), np.arange(block.count, len(block.gram)), [last]])
+        size = np.ones(len(at))
+        size[last:-1] = form_error.shared
+        return at, size
+
     def gram(self, form_error: Form) -> tuple[Array, float]:
         """Return the inner products of all blocks before tolerances, and the log determinant of the form.
 
-        Of ``[X, T, r]``; errors of the actuators' form stand behind the tolerances, as one more kind of
-        these.
+        Of ``[X, T, A, r]``, shared errors at their size; without A where they have none.
         """
-        first, *others = [b.at_loads(form_error.loads) for b in self.blocks]
-        gram, determinant = first
-        for more, part in others:
-            gram, determinant = gram + more, determinant + part
-        determinant -= form_error.log_prior
-        count = self.blocks[0].count
-        if form_error.actuators == 0:
-            return gram[:count, :count], determinant
-        order = np.concatenate([np.arange(count - 1), np.arange(count, len(gram)), [count - 1]])
-        scale = np.ones(len(gram))
-        scale[count - 1 : -1] = form_error.actuators
-        return gram[np.ix_(order, order)] * scale[:, None] * scale, determinant
+        return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks], 0)
 
     def reduced(self, form_error: Form) -> Reduced:
         """Return the small matrices at one error of form, made once."""
@@ -362,11 +360,11 @@ class System:
         layout : sequence of ndarray of int, shape (candidate, column)
             Columns of the candidates, those of the same number of columns together.
         """
-        if form_error in self._reduced or form_error.actuators:
+        if form_error in self._reduced:
             reduced = self.reduced(form_error)
             return OwnProducts(reduced.own(layout), reduced.g, reduced.log_evidence)
         taken = [b.taken(form_error.loads) for b in self.blocks]
-        rows, determinant = self._rows(form_error, taken)
+        rows, determinant = self._rows(form_error, taken, self.columns)
         across, g, log_evidence = _without_tolerances(rows, determinant, self.columns)
         own = []
         for c in layout:
@@ -375,10 +373,8 @@ class System:
         return OwnProducts(own, g, log_evidence)
 
     def tolerance_rows(self, form_error: Form) -> Array:
-        """Return inner products of the tolerances, then the residual, with ``[X, T, r]``."""
-        if form_error.actuators:
-            return self.gram(form_error)[0][self.columns :]
-        return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks])[0]
+        """Return inner products of ``[T, A, r]`` with ``[X, T, A, r]``; see `gram`."""
+        return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks], self.columns)[0]
 
     def slope(self, form_error: Form, beside: Array) -> tuple[float, Array, Array]:
         """Return the log evidence beside some effects, and what it tells of the logarithms of the sizes.
@@ -400,11 +396,12 @@ class System:
         log_evidence : float
         slope, information : ndarray, shape (term,)
         """
-        n, count = self.columns, self.blocks[0].count
-        few = len(beside) + count - n
+        kept, scale = self.inside(form_error)
+        few = len(beside) + len(kept) - self.columns
         gram, parts, determinant = np.zeros((few, few)), [], 0.0
         for b in self.blocks:
-            inner, form = _beside(b.gram[:count, :count], b.form[:, :count], beside)
+            inner = b.gram[np.ix_(kept, kept)] * scale[:, None] * scale
+            inner, form = _beside(inner, b.form[:, kept] * scale, beside)
             root, at, half_own = b.form_root(form_error.loads)
             taken = root @ form[at]
             gram += inner - taken.T @ taken
@@ -428,13 +425,17 @@ class System:
         energy = float(gram[-1, -1] - own @ own)
         return -0.5 * energy - determinant - half, slope[:-1], information[:-1]
 
-    def _rows(self, form_error: Form, taken: Sequence[tuple[Array, float]]) -> tuple[Array, float]:
-        n, count = self.columns, self.blocks[0].count
-        parts = [
-            b.gram[n:count, :count] - across[:, n:].T @ across
-            for b, (across, _) in zip(self.blocks, taken, strict=True)
-        ]
-        return np.sum(parts, axis=0), sum(half for _, half in taken) - form_error.log_prior
+    def _rows(
+        self, form_error: Form, taken: Sequence[tuple[Array, float]], first: int
+    ) -> tuple[Array, float]:
+        """Return inner products of ``[X, T, A, r]``, rows from a first one on, and half a log determinant."""
+        at, size = self.inside(form_error)
+        rows = at[first:]
+        whole = np.zeros((rows.size, at.size))
+        for b, (across, _) in zip(self.blocks, taken, strict=True):
+            whole += b.gram[np.ix_(rows, at)] - across[:, rows].T @ across[:, at]
+        whole *= size[first:, None] * size
+        return whole, sum(half for _, half in taken) - form_error.log_prior
 
 
 def _beside(gram: Array, form: Array, directions: Array) -> tuple[Array, Array]:

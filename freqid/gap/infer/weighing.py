@@ -16,8 +16,6 @@ from scipy.special import log_ndtr
 
 from freqid.core.arrays import Array
 from freqid.gap.infer.system import Form, OwnProducts, Reduced, System
-from freqid.gap.model.candidates import OTHER
-from freqid.gap.settings import FORM_ALIKE
 
 Index = NDArray[np.intp]
 
@@ -171,40 +169,6 @@ class Weighing:
         for i, G in zip(self.vectors, own[len(self.alike) :], strict=True):
             found[i] = _of_vector(self._candidate(i).prior, G[0], g[self.system.columns_of(i)])
         return found
-
-    def against_none(self, reduced: Reduced | OwnProducts, g: Array, none: Array) -> tuple[Array, Array]:
-        """Return log Bayes factors of every candidate, and the log evidence of no effect.
-
-        Errors of form are drawn anew in each condition. But what a simulation leaves out at one speed it
-        leaves out at the next. So with no effect, at even odds, all its terms may also be wrong by a share of
-        `FORM_ALIKE` that is the same everywhere. Else an effect that acts everywhere, or free changes of all
-        terms, would be the better explanation of every such error.
-
-        Parameters
-        ----------
-        reduced : Reduced or OwnProducts
-            Whose inner products are used.
-        g : ndarray, shape (column, draw)
-        none : ndarray, shape (draw,)
-            Log evidence of no effect without such errors.
-
-        Returns
-        -------
-        places : ndarray, shape (candidate, draw)
-        none : ndarray, shape (draw,)
-        """
-        places = self.by_place(reduced, g)
-        if OTHER not in self.effects:
-            return places, none
-        (index,) = self.places_of(OTHER)
-        at = self.system.columns_of(index)
-        if isinstance(reduced, Reduced):
-            G = reduced.G[at, at]
-        else:
-            G = reduced.products[len(self.alike) + self.vectors.index(index)][0]
-        alike = _of_vector(np.array([FORM_ALIKE]), G, g[at])
-        more = np.logaddexp(0.0, alike) - np.log(2)
-        return places - more, none + more
 
     def of_place(self, index: int, reduced: Reduced, g: Array) -> float:
         """Return the log Bayes factor of one candidate against no effect; `g` of shape (column,)."""

@@ -16,7 +16,7 @@ from freqid.core.results.design import MultisineDesign, SampledInputs
 from freqid.design.multisine.orthogonal_set import sampled
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.system import BlockMatrices
-from freqid.gap.model.candidates import Candidate
+from freqid.gap.model.candidates import Candidate, free_changes
 from freqid.gap.model.changes import change
 from freqid.gap.model.form import form_columns, form_terms, in_rows, product_columns
 from freqid.gap.model.testable import in_force_of, untestable
@@ -85,14 +85,16 @@ class PredictedFlight:
     ----------
     record : FlightRecord
         Without noise.
-    effects, tolerances, own, form : ndarray, shape (column, number)
-        `own` are unknowns of this flight alone; `form` at the size that the data give.
+    effects, tolerances, own, shared, form : ndarray, shape (column, number)
+        `own` are unknowns of this flight alone, `shared` errors of form of size one that are the same in
+        all flights; `form` at the size that the data give.
     """
 
     record: FlightRecord
     effects: Array
     tolerances: Array
     own: Array
+    shared: Array
     form: Array
 
     def matrices(self, flights: int = 1) -> BlockMatrices:
@@ -109,7 +111,7 @@ class PredictedFlight:
             np.zeros(number),
             unknown,
             np.zeros((0, number)),
-            np.zeros((0, number)),
+            root * self.shared,
         )
 
 
@@ -251,17 +253,18 @@ def _columns(around: FlightContext, block: Block, like: Block) -> PredictedFligh
     effects = [
         z for c in rivals.system.candidates for z in _columns_of(c, around.candidates[c.effect], block)
     ]
-    shared = tolerance_columns(block, around.candidates, around.allowed)
+    stated = tolerance_columns(block, around.candidates, around.allowed)
     own = list(record_columns(block, around.candidates, around.sizes).values())
-    own += [z for n, z in shared.items() if n not in rivals.system.tolerances]  # of what did not move before
+    own += [z for n, z in stated.items() if n not in rivals.system.tolerances]  # of what did not move before
     before = around.columns[list(around.blocks).index(like)]
     share = dict(zip(before.form_names, np.array(rivals.form_error.loads).tolist(), strict=True))
     terms = [*form_columns(block, form_terms(block)), *product_columns(block)]
     form = in_rows(block, [c._replace(spectra=share.get(c.term, 0.0) * c.spectra) for c in terms])
     form = [z for z in form if np.any(z)]
-    tolerances = [shared.get(n, none) for n in rivals.system.tolerances]
+    tolerances = [stated.get(n, none) for n in rivals.system.tolerances]
+    alike = list(free_changes(block, before.shared_names))
     return PredictedFlight(
-        block.trial.maneuver.record, *(_white(block, z) for z in (effects, tolerances, own, form))
+        block.trial.maneuver.record, *(_white(block, z) for z in (effects, tolerances, own, alike, form))
     )
 
 

@@ -241,9 +241,7 @@ def _with_tolerances(system: System, chosen: Index) -> System:
 
 
 def _kept(block: BlockMatrices, at: Index) -> BlockMatrices:
-    at = np.concatenate(
-        [at, np.arange(block.count, len(block.gram))]
-    )  # and the errors of the actuators' form
+    at = np.concatenate([at, np.arange(block.count, len(block.gram))])  # and the shared errors of form
     return replace(block, gram=block.gram[np.ix_(at, at)], form=block.form[:, at])
 
 

@@ -157,8 +157,8 @@ class Weighed:
         """Weigh drawn data by every candidate."""
         system, weighing = evidence.system, evidence.weighing
         n, sizes = system.columns, system.form_errors
-        each = [weighing.against_none(system.reduced(f), data[f][0][:n], data[f][1]) for f in sizes]
-        return cls(evidence, data, np.array([p for p, _ in each]), np.array([x for _, x in each]))
+        places = np.array([weighing.by_place(system.reduced(f), data[f][0][:n]) for f in sizes])
+        return cls(evidence, data, places, np.array([data[f][1] for f in sizes]))
 
     def effects(self) -> Array:
         """Return log Bayes factors of effects, the error of form integrated out, shape (effect, draw)."""

@@ -140,8 +140,8 @@ def test_a_second_effect_that_hides_in_the_form_of_several_rows_is_found_beside_
     assert known < max(second.values()) - left[hidden].log_evidence - SEPARATE
 
 
-def test_without_an_effect_terms_may_be_wrong_alike_in_all_blocks():
-    """The evidence of no effect is the mean of that of noise and of terms off by 3 % of one draw."""
+def test_terms_may_be_wrong_alike_in_all_blocks():
+    """The evidence is the mean of that of noise and of terms off by 3 % of one draw."""
     rng = np.random.default_rng(5)
     terms, count = 4, 60
     columns = [30.0 * rng.standard_normal((terms, count)) for _ in range(2)]
@@ -149,12 +149,12 @@ def test_without_an_effect_terms_may_be_wrong_alike_in_all_blocks():
     residuals = [rng.standard_normal(count) + off @ x for x in columns]
     none = np.zeros((0, count))
     blocks = [
-        BlockMatrices.of(x, none, r, none, none, none, form_row=np.zeros(0, int))
+        BlockMatrices.of(x, none, r, none, none, x, form_row=np.zeros(0, int))
         for x, r in zip(columns, residuals, strict=True)
     ]
     labels = tuple(f"Z:{k}" for k in range(terms))
     free = Candidate(OTHER, Place("", labels), "vector", np.ones(terms), np.array([0.3]), [])
-    system = System([free], np.array([0, terms]), (), blocks, (Form((), 0.0),))
+    system = System([free], np.array([0, terms]), (), blocks, (Form((), 0.0), Form((), FORM_ALIKE)))
     found = weigh(system)
     x, y = np.concatenate(columns, axis=1), np.concatenate(residuals)
 
@@ -162,7 +162,9 @@ def test_without_an_effect_terms_may_be_wrong_alike_in_all_blocks():
         covariance = np.eye(y.size) + size**2 * x.T @ x
         return -0.5 * (np.linalg.slogdet(covariance)[1] + y @ np.linalg.solve(covariance, y))
 
-    expected = np.logaddexp(density(0.0), density(FORM_ALIKE)) - np.log(2)
-    assert found.none[0] == pytest.approx(expected, rel=1e-9)
-    assert found.places[0, 0] == pytest.approx(density(0.3) - expected, rel=1e-6)
-    assert found.places[0, 0] < 0  # an error of form, not a gap
+    both = np.array([density(0.0), density(FORM_ALIKE)])
+    expected = np.logaddexp(*both) - np.log(2)
+    assert found.log_none == pytest.approx(expected, rel=1e-9)
+    wider = [density(0.3), density(np.hypot(0.3, FORM_ALIKE))]  # free changes beside them
+    assert found.places[:, 0] == pytest.approx(wider - both, rel=1e-6)
+    assert found.candidate[0] < 0  # an error of form, not a gap

@@ -12,7 +12,8 @@ from freqid.gap.infer.columns import Columns, Parts
 from freqid.gap.infer.forms import common_form, likely_forms, of_all, reach
 from freqid.gap.infer.linearise import likeliest_departures, relinearised
 from freqid.gap.infer.system import Form, System
-from freqid.gap.model.candidates import OTHER, Candidate, candidates, free_changes
+from freqid.gap.model.candidates import Candidate, candidates
+from freqid.gap.model.form import shared_columns
 from freqid.gap.model.tolerance import tolerance_columns
 from freqid.gap.settings import FORM_ERRORS, ROUNDS
 from freqid.gap.simulation import side_by_side
@@ -67,12 +68,13 @@ def _straight(
     simulation = blocks[0].trial.simulation
     stated = side_by_side(simulation, lambda b: tolerance_columns(b, library, sizes), blocks)
     names = tuple(dict.fromkeys(n for one in stated for n in one))
-    labels = next((c.place.parameters for c in found if c.effect == OTHER), ())
+    alike = side_by_side(simulation, shared_columns, blocks)
+    labels = tuple(dict.fromkeys(n for one in alike for n in one))
     start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
 
     def parts_of(i: int) -> Parts:
-        tolerances, alike = [stated[i].get(n) for n in names], free_changes(blocks[i], labels)
-        return Parts.of(blocks[i], i, found, tolerances, alike, library, sizes)
+        tolerances, shared = [stated[i].get(n) for n in names], [alike[i].get(n) for n in labels]
+        return Parts.of(blocks[i], i, found, tolerances, shared, library, sizes)
 
     parts = side_by_side(simulation, parts_of, range(len(blocks)))
     terms = _terms(parts)
@@ -99,7 +101,7 @@ def columns_of(
     sizes: Mapping[str, float],
     terms: Sequence[str],
     forms: Sequence[Form],
-    labels: Sequence[str],
+    labels: Sequence[tuple[str, str]],
 ) -> tuple[Columns, Block]:
     """Return the columns of one more block, and the block with its noise as it was flown.
 
@@ -117,16 +119,18 @@ def columns_of(
         Of the errors of form anywhere in the stack.
     forms : sequence of Form
         Errors of form of the stack.
-    labels : sequence of str
+    labels : sequence of (str, str)
         Of those that are the same in all blocks.
     """
-    stated = tolerance_columns(block, library, sizes)
-    tolerances, alike = [stated.get(n) for n in names], free_changes(block, labels)
-    parts = Parts.of(block, index, found, tolerances, alike, library, sizes)
+    stated, alike = tolerance_columns(block, library, sizes), shared_columns(block)
+    tolerances, shared = [stated.get(n) for n in names], [alike.get(n) for n in labels]
+    parts = Parts.of(block, index, found, tolerances, shared, library, sizes)
     return _columns(parts.second_order(), terms, forms, labels), parts.block
 
 
-def _columns(parts: Parts, terms: Sequence[str], forms: Sequence[Form], labels: Sequence[str]) -> Columns:
+def _columns(
+    parts: Parts, terms: Sequence[str], forms: Sequence[Form], labels: Sequence[tuple[str, str]]
+) -> Columns:
     """Return the whitened columns of one block."""
     largest = np.max([f.loads for f in forms], axis=0)
     parts = parts.fewer(dict(zip(terms, largest.tolist(), strict=True)))

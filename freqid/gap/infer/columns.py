@@ -49,7 +49,7 @@ class Parts:
         index: int,
         found: Sequence[Candidate],
         tolerances: Sequence[Complex | None],
-        alike: Complex,
+        shared: Sequence[Complex | None],
         library: Mapping[str, Effect],
         sizes: Mapping[str, float],
     ) -> Parts:
@@ -61,10 +61,9 @@ class Parts:
         index : int
             Of the block among those that the candidates have columns for.
         found : sequence of Candidate
-        tolerances : sequence of ndarray of complex, shape (row, line), optional
-            None where the block has none of a name.
-        alike : ndarray of complex, shape (column, row, line)
-            Errors of form of size one that are the same in all blocks.
+        tolerances, shared : sequence of ndarray of complex, shape (row, line), optional
+            And errors of form of size one that are the same in all blocks; None where the block has none of
+            a name.
         library : dict of Effect
         sizes : dict of float
             One sigma by name.
@@ -72,7 +71,7 @@ class Parts:
         effects = np.concatenate([c.columns[index] for c in found]) if found else _zeros(block, 0)
         own = _stacked(block, list(record_columns(block, library, sizes).values()))
         form = tuple(form_columns(block, form_terms(block)))
-        parts = cls(block, effects, _stacked(block, tolerances), own, alike, form)
+        parts = cls(block, effects, _stacked(block, tolerances), own, _stacked(block, shared), form)
         return parts if block.noise_from == REPEATS else parts._as_loud_as_flown(found)
 
     def fewer(self, largest: Mapping[str, float]) -> Parts:
@@ -176,8 +175,8 @@ class Columns:
         Terms of the errors of form anywhere in the stack.
     form_row : ndarray of int, shape (column,)
         Which of these each column of the form is of.
-    shared_names : tuple of str
-        Of the shared errors of form.
+    shared_names : tuple of (str, str)
+        Of the shared errors of form, see `shared_columns`.
     """
 
     effects: Array
@@ -189,7 +188,7 @@ class Columns:
     sigmas: Complex
     form_names: tuple[str, ...]
     form_row: NDArray[np.intp]
-    shared_names: tuple[str, ...]
+    shared_names: tuple[tuple[str, str], ...]
 
     @cached_property
     def matrices(self) -> BlockMatrices:
@@ -202,6 +201,9 @@ class Columns:
             self.form,
             self.shared,
             form_row=self.form_row,
+            shared_row=np.array(
+                [self.form_names.index(term) for term, _ in self.shared_names], dtype=np.intp
+            ),
         )
 
     def form_at(self, form_error: Form) -> Array:

@@ -137,7 +137,7 @@ def forms_beside(system: System, terms: Sequence[str], explanations: Sequence[Ar
 
 def _alike(system: System) -> tuple[float, ...]:
     """Return the sizes of errors of form that are the same everywhere, at even odds."""
-    return (0.0, FORM_ALIKE) if system.blocks[0].shared else (0.0,)
+    return (0.0, FORM_ALIKE) if len(system.blocks[0].shared_row) else (0.0,)
 
 
 def _with_any(system: System, forms: Sequence[Form]) -> float:
@@ -196,10 +196,10 @@ class _Sizes:
         And beside errors of a size that are the same everywhere. Its prior is that of all sizes near these,
         by Laplace's method.
         """
-        mean = np.log(FORM_TYPICAL)
+        mean, system = np.log(FORM_TYPICAL), self.system.beside(beside)
 
         def fall(x: Array) -> tuple[float, Array]:
-            log, slope, _ = self.system.slope(Form(tuple(np.exp(x).tolist()), alike), beside)
+            log, slope, _ = system.slope(Form(tuple(np.exp(x).tolist()), alike))
             pull = self.precision @ (x - mean)
             return 0.5 * float((x - mean) @ pull) - log, pull - slope
 
@@ -213,7 +213,7 @@ class _Sizes:
             factr=_NEAR / max(abs(fall(x0)[0]), 1.0) / np.finfo(float).eps,
         )
         form = Form(tuple(np.exp(found).tolist()), alike)
-        _, _, information = self.system.slope(form, beside)
+        _, _, information = system.slope(form)
         prior = -0.5 * float((found - mean) @ self.precision @ (found - mean))
         known = np.linalg.slogdet(self.precision + np.diag(information))[1]
         return form._replace(log_prior=prior + 0.5 * float(np.linalg.slogdet(self.precision)[1] - known))

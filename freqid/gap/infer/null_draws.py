@@ -69,7 +69,10 @@ def drawn(
     n, few, count = system.columns, len(system.tolerances), len(chosen)
     own = [system.form_errors[k] for k in chosen]
     tolerance = rng.standard_normal((few, count))
-    wrong = rng.standard_normal((system.blocks[0].shared, count)) * [f.shared for f in own]
+    alike = {f: system.blocks[0].shared_sizes(f) for f in dict.fromkeys(own)}
+    wrong = (
+        rng.standard_normal((len(system.blocks[0].shared_row), count)) * np.array([alike[f] for f in own]).T
+    )
     shared = np.concatenate([tolerance, wrong])
     sampled = [_sampled(b, own, shared, n, rng, mean) for b in system.blocks]
     seen = {}
@@ -79,7 +82,9 @@ def drawn(
     found = {}
     for f in system.form_errors:
         z, log = seen[f.loads]
-        inside = np.concatenate([z[n : n + few], f.shared * z[n + few :]]) if f.shared else z[n : n + few]
+        inside = z[n : n + few]
+        if f.shared:
+            inside = np.concatenate([inside, system.blocks[0].shared_sizes(f)[:, None] * z[n + few :]])
         rows = system.tolerance_rows(f)[:-1]
         factor = cho_factor(np.eye(len(inside)) + rows[:, n:-1])
         solved = cho_solve(factor, inside)

@@ -7,7 +7,7 @@ each and are integrated out there; tolerances are shared by all blocks and come 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +32,8 @@ class Form(NamedTuple):
     loads : float or tuple of float
         Share of each term of all rows, or of each row that has a form.
     shared : float
-        Size of the errors that are the same in all blocks, see `BlockMatrices`.
+        Size of the errors that are the same in all blocks, see `BlockMatrices`: over that of their term's
+        own errors in each, where they are of a term.
     log_prior : float
         Logarithm of how likely it is before the data.
     """
@@ -105,7 +106,8 @@ class Products:
             keep = values > _EMPTY * max(values.max(initial=0.0), 1e-300)
             across, power = vectors[:, keep].T @ across, np.diag(values[keep])
             form_row = np.full(len(power), -1)
-        return BlockMatrices(inner, across, power, form_row, self.shared, self.number)
+        none = np.full(self.shared, -1)
+        return BlockMatrices(inner, across, power, form_row, none, self.number)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +126,8 @@ class BlockMatrices:
         Of these columns with each other; diagonal where they are of no row.
     form_row : ndarray of int, shape (direction,)
         Row of each, among those that have a form; -1 where one share holds for all.
-    shared : int
-        Number of columns of the shared errors of form, the last ones.
+    shared_row : ndarray of int, shape (shared,)
+        Term of each column of the shared errors of form, the last ones; -1 where it is of none.
     number : int
         Real numbers in the stack.
     """
@@ -134,7 +136,7 @@ class BlockMatrices:
     form: Array
     form_gram: Array
     form_row: NDArray[np.intp]
-    shared: int
+    shared_row: NDArray[np.intp]
     number: int
 
     @classmethod
@@ -148,10 +150,12 @@ class BlockMatrices:
         shared: Array,
         *,
         form_row: NDArray[np.intp] | None = None,
+        shared_row: NDArray[np.intp] | None = None,
     ) -> BlockMatrices:
         """Return the matrices of whitened rows, each of shape (column, number)."""
         products = Products.of(columns, tolerances, residual, own, form, shared)
-        return products.matrices(form_row=form_row)
+        made = products.matrices(form_row=form_row)
+        return made if shared_row is None else replace(made, shared_row=shared_row)
 
     @property
     def form_power(self) -> Array:
@@ -164,10 +168,17 @@ class BlockMatrices:
             return np.array([*error, 0.0])[self.form_row]
         return np.full(len(self.form_row), error)
 
+    def shared_sizes(self, form_error: Form) -> Array:
+        """Return the size of each of the shared errors' columns, shape (shared,)."""
+        if not isinstance(form_error.loads, tuple):
+            return np.full(len(self.shared_row), form_error.shared)
+        each = np.where(self.shared_row >= 0, np.array([*form_error.loads, 0.0])[self.shared_row], 1.0)
+        return form_error.shared * each
+
     @property
     def count(self) -> int:
         """Columns of candidates, tolerances and the residual."""
-        return len(self.gram) - self.shared
+        return len(self.gram) - len(self.shared_row)
 
     def at_loads(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
         """Return all inner products less an error of form, and half its log determinant."""
@@ -326,7 +337,7 @@ class System:
             return np.arange(block.count), np.ones(block.count)
         at = np.concatenate([np.arange(last), np.arange(block.count, len(block.gram)), [last]])
         size = np.ones(len(at))
-        size[last:-1] = form_error.shared
+        size[last:-1] = block.shared_sizes(form_error)
         return at, size
 
     def gram(self, form_error: Form) -> tuple[Array, float]:
@@ -376,8 +387,21 @@ class System:
         """Return inner products of ``[T, A, r]`` with ``[X, T, A, r]``; see `gram`."""
         return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks], self.columns)[0]
 
-    def slope(self, form_error: Form, beside: Array) -> tuple[float, Array, Array]:
-        """Return the log evidence beside some effects, and what it tells of the logarithms of the sizes.
+    def beside(self, directions: Array) -> System:
+        """Return the stack without candidates, some effects one more kind of tolerances.
+
+        Parameters
+        ----------
+        directions : ndarray, shape (direction, column)
+            Weights of the candidates' columns, one sigma of what may be in the data.
+        """
+        n = self.columns
+        names = (*map(str, range(len(directions))), *self.tolerances)
+        blocks = [replace(b, **_moved(b.gram, b.form, directions, n)) for b in self.blocks]
+        return System([], np.zeros(1, dtype=np.intp), names, blocks, self.form_errors)
+
+    def slope(self, form_error: Form) -> tuple[float, Array, Array]:
+        """Return the log evidence without an effect, and what it tells of the logarithms of the sizes.
 
         With c a column of the form of size one and C the covariance of the data y, its derivative by the
         logarithm of the size f is ``f^2 [(c' C^-1 y)^2 - c' C^-1 c]``, and Fisher's information of that
@@ -388,28 +412,26 @@ class System:
         ----------
         form_error : Form
             With a size for each term, `loads` a tuple.
-        beside : ndarray, shape (direction, column)
-            Weights of the candidates' columns, one sigma of what may be in the data beside tolerances.
 
         Returns
         -------
         log_evidence : float
         slope, information : ndarray, shape (term,)
         """
-        kept, scale = self.inside(form_error)
-        few = len(beside) + len(kept) - self.columns
-        gram, parts, determinant = np.zeros((few, few)), [], 0.0
+        n = self.columns
+        kept, scale = (part[n:] for part in self.inside(form_error))
+        gram, parts, determinant = np.zeros((len(kept),) * 2), [], 0.0
         for b in self.blocks:
-            inner = b.gram[np.ix_(kept, kept)] * scale[:, None] * scale
-            inner, form = _beside(inner, b.form[:, kept] * scale, beside)
+            form = b.form[:, kept] * scale
             root, at, half_own = b.form_root(form_error.loads)
             taken = root @ form[at]
-            gram += inner - taken.T @ taken
+            gram += b.gram[np.ix_(kept, kept)] * scale[:, None] * scale - taken.T @ taken
             determinant += half_own
             parts.append((b, form, root, at, taken))
         inverse, half = _root(gram[:-1, :-1])
         own = inverse @ gram[:-1, -1]
-        y = np.append(-inverse.T @ own, 1.0)  # the data less their likeliest tolerances
+        fitted = inverse.T @ own
+        y = np.append(-fitted, 1.0)  # the data less their likeliest tolerances
         slope, information = np.zeros((2, np.size(form_error.loads) + 1))
         for b, form, root, at, taken in parts:
             size = b.sizes(form_error.loads)
@@ -422,6 +444,11 @@ class System:
             each[at] = (lifted @ y) ** 2 - power
             np.add.at(slope, b.form_row, each)
             np.add.at(information, b.form_row[at], 2 * power**2)
+        if form_error.shared:  # columns beside the tolerances, of which W' C^-1 W = 1 - (1 + W' W)^-1
+            alike, row = slice(len(self.tolerances), len(kept) - 1), self.blocks[0].shared_row
+            power = 1 - (inverse[:, alike] ** 2).sum(axis=0)
+            np.add.at(slope, row, fitted[alike] ** 2 - power)
+            np.add.at(information, row, 2 * power**2)
         energy = float(gram[-1, -1] - own @ own)
         return -0.5 * energy - determinant - half, slope[:-1], information[:-1]
 
@@ -438,16 +465,16 @@ class System:
         return whole, sum(half for _, half in taken) - form_error.log_prior
 
 
-def _beside(gram: Array, form: Array, directions: Array) -> tuple[Array, Array]:
-    """Return inner products of ``[directions X, T, r]`` with themselves, and the form's with these."""
-    n, few = directions.shape[1], len(directions)
+def _moved(gram: Array, form: Array, directions: Array, n: int) -> dict[str, Array]:
+    """Return inner products where directions of the first n columns stand in place of these."""
+    few = len(directions)
     across = directions @ gram[:n]
     inner = np.empty((few + len(gram) - n,) * 2)
     inner[few:, few:] = gram[n:, n:]
     inner[:few, :few] = across[:, :n] @ directions.T
     inner[:few, few:] = across[:, n:]
     inner[few:, :few] = across[:, n:].T
-    return inner, np.concatenate([form[:, :n] @ directions.T, form[:, n:]], axis=1)
+    return {"gram": inner, "form": np.concatenate([form[:, :n] @ directions.T, form[:, n:]], axis=1)}
 
 
 def _squared(rows: Array, columns: NDArray[np.intp]) -> Array:

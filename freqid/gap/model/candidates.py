@@ -426,7 +426,7 @@ def recomputed(candidate: Candidate, library: Mapping[str, Effect], blocks: Sequ
     """Return a candidate's columns on other blocks, shape (column, row, line) each."""
     c = candidate
     if c.effect == OTHER:
-        return [free_changes(b, c.place.parameters) for b in blocks]
+        return [_free_changes(b, c.place.parameters) for b in blocks]
     vehicle = blocks[0].trial.maneuver.vehicle
     effect, others = library[c.effect].of(vehicle), [(library[n].of(vehicle), x) for n, x in c.beside]
     found = []
@@ -449,7 +449,7 @@ def recomputed(candidate: Candidate, library: Mapping[str, Effect], blocks: Sequ
     return found
 
 
-def free_changes(block: Block, labels: Sequence[str]) -> Complex:
+def _free_changes(block: Block, labels: Sequence[str]) -> Complex:
     """Return the columns of `OTHER` on one block in the order of some labels; zero where it has none."""
     own = _other([block])
     shape = (len(labels), len(block.rows), block.lines.hz.size)

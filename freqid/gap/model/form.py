@@ -10,7 +10,7 @@ Royal Statistical Society B 63, 2001: model discrepancy).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -169,6 +169,43 @@ def kinematic_terms(block: Block) -> list[Term]:
 def form_terms(block: Block) -> list[Term]:
     """Return all terms of first order: of loads, actuators and relations between sensors."""
     return [*load_errors(block), *actuator_terms(block), *kinematic_terms(block)]
+
+
+def shared_columns(block: Block) -> dict[tuple[str, str], Complex]:
+    """Return errors of form of size one that are the same in all conditions, shape (row, line) each.
+
+    What a simulation leaves out at one speed it leaves out at the next. A load's derivative is wrong by a
+    share of itself, or of the load's average term: what is a small difference of large numbers, as the
+    pitching moment by angle of attack, is wrong by a share of these. An actuator or a sensor errs in phase
+    and out of it.
+
+    Returns
+    -------
+    dict
+        By the term's name, which the size of the error is known by, and which of its two columns it is.
+    """
+    found = {}
+    for term, (one, other) in _shared(block):
+        if _visible(block, term):
+            name = term.name(block)
+            for which, spectrum in (("one", one), ("other", other)):
+                z = np.zeros((len(block.rows), block.lines.hz.size), dtype=complex)
+                z[term.row] = spectrum
+                found[name, which] = z
+    return found
+
+
+def _shared(block: Block) -> Iterator[tuple[Term, tuple[Complex, Complex]]]:
+    """Yield terms of first order, each with its two columns."""
+    if block.trial.inputs:
+        names, moves, size, average, share = _sizes(block)
+        sign = np.sign(block.trial.gradient.mean(axis=2))[:, [n in names for n in block.trial.inputs]]
+        unit = block.grid.spectrum(moves)
+        for i, (own, mean) in enumerate(zip(sign * size, average, strict=True)):
+            for name, a, b, z in zip(names, own, share * mean, unit, strict=True):
+                yield Term(i, name, max(abs(a), b) * z), (FORM_CONSTANT * a * z, FORM_CONSTANT * b * z)
+    for term in [*actuator_terms(block), *kinematic_terms(block)]:
+        yield term, (term.spectrum, 1j * term.spectrum)
 
 
 class FormColumns(NamedTuple):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.channels import VELOCITY
@@ -16,9 +17,9 @@ from freqid.core.results.design import MultisineDesign, SampledInputs
 from freqid.design.multisine.orthogonal_set import sampled
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.system import BlockMatrices
-from freqid.gap.model.candidates import Candidate, free_changes
+from freqid.gap.model.candidates import Candidate
 from freqid.gap.model.changes import change
-from freqid.gap.model.form import form_columns, form_terms, in_rows, product_columns
+from freqid.gap.model.form import form_columns, form_terms, in_rows, product_columns, shared_columns
 from freqid.gap.model.testable import in_force_of, untestable
 from freqid.gap.model.tolerance import record_columns, tolerance_columns
 from freqid.gap.next.rivals import RivalExplanations
@@ -88,6 +89,8 @@ class PredictedFlight:
     effects, tolerances, own, shared, form : ndarray, shape (column, number)
         `own` are unknowns of this flight alone, `shared` errors of form of size one that are the same in
         all flights; `form` at the size that the data give.
+    shared_row : ndarray of int, shape (column,)
+        Term of each of the shared.
     """
 
     record: FlightRecord
@@ -96,6 +99,7 @@ class PredictedFlight:
     own: Array
     shared: Array
     form: Array
+    shared_row: NDArray[np.intp]
 
     def matrices(self, flights: int = 1) -> BlockMatrices:
         """Return the inner products of so many of these flights.
@@ -112,6 +116,7 @@ class PredictedFlight:
             unknown,
             np.zeros((0, number)),
             root * self.shared,
+            shared_row=self.shared_row,
         )
 
 
@@ -262,10 +267,10 @@ def _columns(around: FlightContext, block: Block, like: Block) -> PredictedFligh
     form = in_rows(block, [c._replace(spectra=share.get(c.term, 0.0) * c.spectra) for c in terms])
     form = [z for z in form if np.any(z)]
     tolerances = [stated.get(n, none) for n in rivals.system.tolerances]
-    alike = list(free_changes(block, before.shared_names))
-    return PredictedFlight(
-        block.trial.maneuver.record, *(_white(block, z) for z in (effects, tolerances, own, alike, form))
-    )
+    same = shared_columns(block)
+    alike = [same.get(n, none) for n in before.shared_names]
+    white = [_white(block, z) for z in (effects, tolerances, own, alike, form)]
+    return PredictedFlight(block.trial.maneuver.record, *white, before.matrices.shared_row)
 
 
 def _white(block: Block, columns: Sequence[Complex]) -> Array:

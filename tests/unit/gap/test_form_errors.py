@@ -11,7 +11,7 @@ from freqid.gap.infer.evidence import Weighing, weigh
 from freqid.gap.infer.forms import common_form, forms_beside, likely_forms
 from freqid.gap.infer.system import BlockMatrices, Form, System
 from freqid.gap.model.candidates import OTHER, Candidate, Place
-from freqid.gap.settings import ACTUATOR_FORM, FORM_ALIKE, FORM_ERRORS, SEPARATE
+from freqid.gap.settings import ACTUATOR_FORM, FORM_ERRORS, SEPARATE
 
 ROWS = ("X", "Z", "M", "actuator/de", "kinematic/u", "kinematic/w")
 NUMBERS, TERMS = 240, 12  # of each row
@@ -71,33 +71,37 @@ def test_one_term_that_is_wrong_does_not_make_its_whole_row_uncertain():
 
 
 def test_slopes_of_the_evidence_are_those_of_the_dense_density():
+    """Of errors of form that each block has of its own, and of those that are the same in both."""
     rng = np.random.default_rng(3)
     count, sizes = 40, np.array([0.3, 0.05, 1.1])
-    row, beside = np.repeat(np.arange(3), 4), np.array([[0.7, -0.2]])
-    parts = [[rng.standard_normal((k, count)) for k in (2, 3, 2, 12)] for _ in range(2)]
+    row, beside, alike = np.repeat(np.arange(3), 4), np.array([[0.7, -0.2]]), np.array([2, 0, 2])
+    parts = [[rng.standard_normal((k, count)) for k in (2, 3, 2, 12, 3)] for _ in range(2)]
     residuals = [2.0 * rng.standard_normal(count) for _ in parts]
     blocks = [
-        BlockMatrices.of(x, t, r, o, d, o[:0], form_row=row)
-        for (x, t, o, d), r in zip(parts, residuals, strict=True)
+        BlockMatrices.of(x, t, r, o, d, a, form_row=row, shared_row=alike)
+        for (x, t, o, d, a), r in zip(parts, residuals, strict=True)
     ]
-    system = System([], np.array([0, 2]), ("a", "b", "c"), blocks, ())
+    system = System([], np.array([0, 2]), ("a", "b", "c"), blocks, ()).beside(beside)
 
-    def density(log_sizes):
-        whole = np.concatenate([np.concatenate([t, beside @ x]) for x, t, *_ in parts], axis=1)
+    def density(log_sizes, shared):
+        form, same = np.exp(log_sizes)[row, None], shared * np.exp(log_sizes)[alike, None]
+        whole = np.concatenate([np.concatenate([t, beside @ x, same * a]) for x, t, _, _, a in parts], axis=1)
         covariance = np.eye(2 * count) + whole.T @ whole
-        for k, (_, _, o, d) in enumerate(parts):
+        for k, (_, _, o, d, _) in enumerate(parts):
             at = slice(k * count, (k + 1) * count)
-            wrong = np.exp(log_sizes)[row, None] * d
+            wrong = form * d
             covariance[at, at] += o.T @ o + wrong.T @ wrong
         y = np.concatenate(residuals)
         return -0.5 * (np.linalg.slogdet(covariance)[1] + y @ np.linalg.solve(covariance, y))
 
-    log, slope, _ = system.slope(Form(tuple(sizes), 0.0), beside)
     step, at = 1e-5 * np.eye(3), np.log(sizes)
-    expected = [(density(at + e) - density(at - e)) / 2e-5 for e in step]
-    np.testing.assert_allclose(slope, expected, rtol=1e-5, atol=1e-6)
-    higher, *_ = system.slope(Form(tuple(2 * sizes), 0.0), beside)
-    assert higher - log == pytest.approx(density(at + np.log(2)) - density(at), rel=1e-9)
+    for shared in (0.0, 1.5):
+        log, slope, _ = system.slope(Form(tuple(sizes), shared))
+        expected = [(density(at + e, shared) - density(at - e, shared)) / 2e-5 for e in step]
+        np.testing.assert_allclose(slope, expected, rtol=1e-5, atol=1e-6)
+        higher, *_ = system.slope(Form(tuple(2 * sizes), shared))
+        change = density(at + np.log(2), shared) - density(at, shared)
+        assert higher - log == pytest.approx(change, rel=1e-9)
 
 
 def test_the_common_error_is_one_for_each_kind_of_row():
@@ -141,20 +145,22 @@ def test_a_second_effect_that_hides_in_the_form_of_several_rows_is_found_beside_
 
 
 def test_terms_may_be_wrong_alike_in_all_blocks():
-    """The evidence is the mean of that of noise and of terms off by 3 % of one draw."""
+    """The evidence is the mean of that of noise and of terms off by shares of one draw."""
     rng = np.random.default_rng(5)
     terms, count = 4, 60
     columns = [30.0 * rng.standard_normal((terms, count)) for _ in range(2)]
     off = 0.03 * rng.standard_normal(terms)
     residuals = [rng.standard_normal(count) + off @ x for x in columns]
-    none = np.zeros((0, count))
+    none, none_at = np.zeros((0, count)), np.zeros(0, dtype=int)
     blocks = [
-        BlockMatrices.of(x, none, r, none, none, x, form_row=np.zeros(0, int))
+        BlockMatrices.of(x, none, r, none, none, x, form_row=none_at, shared_row=np.arange(terms))
         for x, r in zip(columns, residuals, strict=True)
     ]
     labels = tuple(f"Z:{k}" for k in range(terms))
     free = Candidate(OTHER, Place("", labels), "vector", np.ones(terms), np.array([0.3]), [])
-    system = System([free], np.array([0, terms]), (), blocks, (Form((), 0.0), Form((), FORM_ALIKE)))
+    system = System(
+        [free], np.array([0, terms]), (), blocks, tuple(Form((0.03,) * terms, alike) for alike in (0.0, 1.0))
+    )
     found = weigh(system)
     x, y = np.concatenate(columns, axis=1), np.concatenate(residuals)
 
@@ -162,9 +168,9 @@ def test_terms_may_be_wrong_alike_in_all_blocks():
         covariance = np.eye(y.size) + size**2 * x.T @ x
         return -0.5 * (np.linalg.slogdet(covariance)[1] + y @ np.linalg.solve(covariance, y))
 
-    both = np.array([density(0.0), density(FORM_ALIKE)])
+    both = np.array([density(0.0), density(0.03)])
     expected = np.logaddexp(*both) - np.log(2)
     assert found.log_none == pytest.approx(expected, rel=1e-9)
-    wider = [density(0.3), density(np.hypot(0.3, FORM_ALIKE))]  # free changes beside them
+    wider = [density(0.3), density(np.hypot(0.3, 0.03))]  # free changes beside them
     assert found.places[:, 0] == pytest.approx(wider - both, rel=1e-6)
     assert found.candidate[0] < 0  # an error of form, not a gap

@@ -144,6 +144,6 @@ def _only(columns: Columns, numbers: NDArray[np.bool_]) -> Columns:
         tolerances=c.tolerances[:, numbers],
         own=c.own[:, numbers],
         shared=c.shared[:, numbers],
-        form=c.form[:, numbers],
+        form=c.form.only(numbers[: c.form.seen.size]),
         residual=c.residual[numbers],
     )

@@ -134,7 +134,7 @@ def _columns(
     """Return the whitened columns of one block."""
     largest = np.max([f.loads for f in forms], axis=0)
     parts = parts.fewer(dict(zip(terms, largest.tolist(), strict=True)))
-    form, row = parts.white_form(terms)
+    form, row = parts.row_columns(terms)
     block = parts.block
     return Columns(
         effects=block.white(parts.effects),

@@ -12,9 +12,10 @@ from scipy.linalg import cho_factor, cho_solve
 
 from freqid.core.arrays import Array, Complex
 from freqid.gap.infer.evidence import weigh
+from freqid.gap.infer.row_columns import RowColumns
 from freqid.gap.infer.system import SEEN, BlockMatrices, Form, Products, System
 from freqid.gap.model.candidates import Candidate
-from freqid.gap.model.form import FormColumns, form_columns, form_terms, in_rows, product_columns
+from freqid.gap.model.form import FormColumns, form_columns, form_terms, product_columns
 from freqid.gap.model.tolerance import record_columns
 from freqid.gap.settings import FORM_ERRORS, NOISE_SCALES
 from freqid.gap.stack.block import REPEATS, Block
@@ -98,10 +99,10 @@ class Parts:
         """Return the parts with errors of form to second order."""
         return replace(self, form=(*self.form, *product_columns(self.block)))
 
-    def white_form(self, terms: Sequence[str]) -> tuple[Array, NDArray[np.intp]]:
-        """Return the whitened columns of the form, and which of some terms each is of."""
+    def row_columns(self, terms: Sequence[str]) -> tuple[RowColumns, NDArray[np.intp]]:
+        """Return the columns of the form, and which of some terms each is of."""
         row = [np.full(len(c.spectra), terms.index(c.term)) for c in self.form]
-        return self.block.white(in_rows(self.block, self.form)), np.concatenate([[], *row]).astype(int)
+        return RowColumns.of(self.block, self.form), np.concatenate([[], *row]).astype(int)
 
     def _as_loud_as_flown(self, found: Sequence[Candidate]) -> Parts:
         """Return the parts with loads as noisy as is likeliest: sensors tell nothing of gusts and buffet.
@@ -134,10 +135,10 @@ class Parts:
         moved = _in(self.effects, rows)
         few = [i for i in range(len(found)) if moved[start[i] : start[i + 1]].any()]
         effects = np.concatenate([self.effects[:0], *(self.effects[start[i] : start[i + 1]] for i in few)])
-        form = in_rows(self.block, [c for c in self.form if c.row in rows])
         shared, own = (z[_in(z, rows)] for z in (self.tolerances, self.own))
-        columns = (effects, shared, self.block.residual, own, form, form[:0])
-        products = Products.of(*(self.block.white(z, rows) for z in columns))
+        columns = (effects, shared, self.block.residual, own)
+        white = [self.block.white(z, rows) for z in columns]
+        products = Products.of(*white, RowColumns.of(self.block, self.form, rows), white[0][:0])
         begin = np.concatenate([[0], np.cumsum([len(found[i].sizes) for i in few])]).astype(int)
         names = tuple(map(str, range(len(shared))))
         forms = tuple(Form(f, 0.0) for f in FORM_ERRORS)
@@ -165,9 +166,10 @@ class Columns:
 
     Attributes
     ----------
-    effects, tolerances, own, shared, form : ndarray
-        The last two are errors of form of size one: those that are the same in all blocks, and those that
-        each block has of its own, of loads, actuators and relations between sensors.
+    effects, tolerances, own, shared : ndarray
+        The last are errors of form of size one that are the same in all blocks.
+    form : RowColumns
+        Those that each block has of its own, of loads, actuators and relations between sensors.
     residual : ndarray, shape (number,)
     sigmas : ndarray of complex, shape (tolerance, row, line)
         One sigma of each tolerance, as it is before whitening.
@@ -183,7 +185,7 @@ class Columns:
     tolerances: Array
     own: Array
     shared: Array
-    form: Array
+    form: RowColumns
     residual: Array
     sigmas: Complex
     form_names: tuple[str, ...]
@@ -207,20 +209,22 @@ class Columns:
         )
 
     def form_at(self, form_error: Form) -> Array:
-        """Return the columns of the form at an error of it."""
+        """Return the whitened columns of the form at an error of it, those that blocks share among them."""
         sizes = np.array(form_error.loads)[self.form_row]
-        return sizes[sizes > 0, None] * self.form[sizes > 0]
+        used, alike = sizes > 0, self.matrices.shared_sizes(form_error)
+        own = sizes[used, None] * self.form.some(used).white()
+        return np.concatenate([own, alike[alike > 0, None] * self.shared[alike > 0]])
 
     def with_form(self, parts: Parts, terms: Sequence[str]) -> Columns:
         """Return these columns with another form, that of some parts."""
-        form, row = parts.white_form(terms)
+        form, row = parts.row_columns(terms)
         return replace(self, form=form, form_names=tuple(terms), form_row=row)
 
     def kept(self, forms: Sequence[Form]) -> Columns:
         """Return these columns with those of the form alone that some errors of it need."""
         m = self.matrices
         needed = np.max([f.loads for f in forms], axis=0)[self.form_row] ** 2 * m.form_power > SEEN**2
-        new = replace(self, form=self.form[needed], form_row=self.form_row[needed])
+        new = replace(self, form=self.form.some(needed), form_row=self.form_row[needed])
         power = m.form_gram[np.ix_(needed, needed)]
         new.__dict__["matrices"] = replace(m, form=m.form[needed], form_gram=power, form_row=new.form_row)
         return new
@@ -242,12 +246,12 @@ class Columns:
         source = np.concatenate([*kept, np.arange(count, len(m.gram))]).astype(int)
         fresh = np.flatnonzero(source < 0)
         z = np.concatenate([effects, self.tolerances, self.residual[None], self.shared])
-        inner, across = z[fresh] @ z.T, self.form @ z[fresh].T
+        inner, across = z[fresh] @ z.T, self.form.across(z[fresh])
         if len(self.own):
             factor = cho_factor(np.eye(len(self.own)) + self.own @ self.own.T)
             solved = cho_solve(factor, self.own @ z[fresh].T)
             inner = inner - solved.T @ (self.own @ z.T)
-            across = across - (self.form @ self.own.T) @ solved
+            across = across - self.form.across(self.own) @ solved
         gram, form = m.gram[np.ix_(source, source)], m.form[:, source]
         gram[fresh], gram[:, fresh], form[:, fresh] = inner, inner.T, across
         new.__dict__["matrices"] = replace(m, gram=gram, form=form)
@@ -257,11 +261,12 @@ class Columns:
         """Return these columns beside another residual, shape (number,); most of the matrices stay."""
         new, m = replace(self, residual=residual), self.matrices
         z = np.concatenate([self.effects, self.tolerances, residual[None], self.shared])
-        inner, across = z @ residual, self.form @ residual
+        inner, across = z @ residual, self.form.across(residual[None])[:, 0]
         if len(self.own):
             factor = cho_factor(np.eye(len(self.own)) + self.own @ self.own.T)
             solved = cho_solve(factor, self.own @ residual)
-            inner, across = inner - z @ (self.own.T @ solved), across - self.form @ (self.own.T @ solved)
+            fitted = self.own.T @ solved
+            inner, across = inner - z @ fitted, across - self.form.across(fitted[None])[:, 0]
         gram, form = m.gram.copy(), m.form.copy()
         last = m.count - 1
         gram[last], gram[:, last], form[:, last] = inner, inner, across

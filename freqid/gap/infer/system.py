@@ -16,6 +16,7 @@ from scipy.linalg import cho_factor, cho_solve, cholesky
 from scipy.linalg.lapack import dtrtri
 
 from freqid.core.arrays import Array
+from freqid.gap.infer.row_columns import RowColumns
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS
 
@@ -76,17 +77,27 @@ class Products:
 
     @classmethod
     def of(
-        cls, columns: Array, tolerances: Array, residual: Array, own: Array, form: Array, shared: Array
+        cls,
+        columns: Array,
+        tolerances: Array,
+        residual: Array,
+        own: Array,
+        form: Array | RowColumns,
+        shared: Array,
     ) -> Products:
         """Return the products of whitened rows, each of shape (column, number)."""
         z = np.concatenate([columns, tolerances, residual[None], shared])
+        if isinstance(form, RowColumns):
+            across, power = form.across(np.concatenate([z, own])), form.gram()
+        else:
+            across, power = form @ np.concatenate([z, own]).T, form @ form.T
         return cls(
             z @ z.T,
-            form @ z.T,
-            form @ form.T,
+            across[:, : len(z)],
+            power,
             own @ own.T,
             own @ z.T,
-            own @ form.T,
+            across[:, len(z) :].T,
             len(shared),
             residual.size,
         )
@@ -146,7 +157,7 @@ class BlockMatrices:
         tolerances: Array,
         residual: Array,
         own: Array,
-        form: Array,
+        form: Array | RowColumns,
         shared: Array,
         *,
         form_row: NDArray[np.intp] | None = None,

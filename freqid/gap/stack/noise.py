@@ -92,6 +92,7 @@ def covariance_of(draws: Draws, scale: Array, least: Array) -> Complex:
     correlation = correlation / (size[:, :, None] * size[:, None, :])
     at = np.arange(power.shape[1])
     correlation[:, at, at] = 1.0  # of a row without noise too
+    correlation[0] = correlation[0].real  # as the zero line is, whatever lines beside it say
     more = power * (np.clip(scale.T, _QUIETER, _LOUDER) - 1)
     quieter = power + np.minimum(more, 0.0)  # than the sensors say: rows and correlations alike
     root = np.sqrt(quieter)

@@ -18,7 +18,7 @@ from freqid.gap.infer.build import build, flown_departures, rebuilt
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate, weigh
 from freqid.gap.infer.explain import BEHIND, FINALISTS, Explanation, explain
-from freqid.gap.infer.joint_replay import about_explanation
+from freqid.gap.infer.joint_replay import about_explanation, settings_of
 from freqid.gap.infer.joint_sizes import form_beside
 from freqid.gap.infer.linearise import likelier_without
 from freqid.gap.infer.null_draws import null_statistics, threshold_of
@@ -34,6 +34,7 @@ from freqid.gap.verdict import remarks_of, tolerances_used, verdict
 from freqid.simulate.effects.effect import Effect
 
 _STRAINED = 3  # tolerances whose strain is said
+_NEAR = 0.2  # of a size of an effect: what tolerances do beside it changes by less than a tenth
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,17 +264,37 @@ def _explanation(
     tolerances: Mapping[str, float],
 ) -> tuple[Explanation, Evidence, list[Columns]]:
     """Return the explanation that a leading effect begins, its effects and what they change made together."""
-    kept = [columns]
+    kept, beside = [columns], dict[str, dict[str, float]]()
 
     def compute(evidence: Evidence, explanation: Explanation, others: list[tuple[int, Estimate]]) -> Evidence:
         form_error = form_beside(evidence, explanation.places, explanation.estimates)
+        acting = dict(settings_of(explanation, library, blocks[0].trial.simulation))
+        moved = not _alike(acting, beside)
+        if moved:
+            beside.clear()
+            beside.update(acting)
         system, kept[0] = about_explanation(
-            evidence.system, kept[0], blocks, explanation, others, library, tolerances, form_error
+            evidence.system,
+            kept[0],
+            blocks,
+            explanation,
+            others,
+            library,
+            tolerances,
+            form_error,
+            anew=moved,
         )
         return evidence if system is evidence.system else weigh(system)
 
     explanation, evidence = explain(evidence, leading, columns[0].form_names, asked=asked, compute=compute)
     return explanation, evidence, kept[0]
+
+
+def _alike(one: dict[str, dict[str, float]], other: dict[str, dict[str, float]]) -> bool:
+    """Return whether the same effects act, at sizes so near that tolerances do the same beside them."""
+    if {n: set(s) for n, s in one.items()} != {n: set(s) for n, s in other.items()}:
+        return False
+    return all(abs(x - other[n][k]) <= _NEAR * abs(x) for n, s in one.items() for k, x in s.items())
 
 
 def _leading(named: Sequence[str], ranking: Ranking, evidence: Evidence) -> str:

@@ -177,11 +177,8 @@ def rebuilt(
             system.columns_of(i) if c is system.candidates[i] else block.white(c.columns[b])
             for i, c in enumerate(candidates)
         ]
-        if tolerances:
-            sigmas, white = old.sigmas.copy(), old.tolerances.copy()
-            at = [k for k, name in enumerate(system.tolerances) if name in tolerances[b]]
-            sigmas[at] = np.array([tolerances[b][system.tolerances[k]] for k in at])
-            white[at] = block.white(sigmas[at])
-            old = replace(old, sigmas=sigmas, tolerances=white)
-        new.append(old.with_effects(parts))
+        here = tolerances[b] if tolerances else {}
+        other = [k for k, name in enumerate(system.tolerances) if name in here]
+        sigmas = np.array([here[system.tolerances[k]] for k in other]) if other else old.sigmas[:0]
+        new.append(old.with_columns(parts, other, block.white(sigmas), sigmas))
     return System(candidates, start, system.tolerances, [c.matrices for c in new], system.form_errors), new

@@ -229,23 +229,35 @@ class Columns:
         new.__dict__["matrices"] = replace(m, form=m.form[needed], form_gram=power, form_row=new.form_row)
         return new
 
-    def with_effects(self, parts: Sequence[Array | slice]) -> Columns:
-        """Return these columns with others of effects; inner products of those that stay are not made again.
+    def with_columns(
+        self, parts: Sequence[Array | slice], other: Sequence[int], tolerances: Array, sigmas: Complex
+    ) -> Columns:
+        """Return these columns with others; inner products of those that stay are not made again.
 
         Parameters
         ----------
         parts : sequence of ndarray, shape (column, number), or slice
             What the columns of effects are made of, in order: new ones, or places of those that are there.
+        other : sequence of int
+            Places of the tolerances that are another.
+        tolerances : ndarray, shape (tolerance, number)
+            These, whitened.
+        sigmas : ndarray of complex, shape (tolerance, row, line)
+            These before whitening.
         """
         effects = np.concatenate([self.effects[p] if isinstance(p, slice) else p for p in parts])
-        new = replace(self, effects=effects)
+        at = np.array(other, dtype=int)
+        white, whole = self.tolerances.copy(), self.sigmas.copy()
+        white[at], whole[at] = tolerances, sigmas
+        new = replace(self, effects=effects, tolerances=white, sigmas=whole)
         if "matrices" not in self.__dict__:
             return new
         m, count = self.matrices, len(self.effects)
         kept = [np.arange(count)[p] if isinstance(p, slice) else np.full(len(p), -1) for p in parts]
         source = np.concatenate([*kept, np.arange(count, len(m.gram))]).astype(int)
+        source[len(effects) + at] = -1
         fresh = np.flatnonzero(source < 0)
-        z = np.concatenate([effects, self.tolerances, self.residual[None], self.shared])
+        z = np.concatenate([effects, white, self.residual[None], self.shared])
         inner, across = z[fresh] @ z.T, self.form.across(z[fresh])
         if len(self.own):
             factor = cho_factor(np.eye(len(self.own)) + self.own @ self.own.T)

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from freqid.core.arrays import Array
+from freqid.core.arrays import Array, Complex
 from freqid.gap.infer.build import rebuilt
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import Estimate
@@ -22,7 +22,7 @@ from freqid.gap.model.changes import beside
 from freqid.gap.model.refine import refined
 from freqid.gap.model.testable import in_force_of
 from freqid.gap.model.tolerance import tolerance_columns
-from freqid.gap.simulation import Simulation
+from freqid.gap.simulation import Simulation, side_by_side
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
 
@@ -69,6 +69,8 @@ def about_explanation(
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
     form_error: Form,
+    *,
+    anew: bool = True,
 ) -> tuple[System, list[Columns]]:
     """Return a system about an explanation: its effects near their sizes, tolerances beside them.
 
@@ -87,6 +89,8 @@ def about_explanation(
         Tolerances, one sigma by name.
     form_error : Form
         At which the tolerances' departures are fitted.
+    anew : bool
+        Whether tolerances' columns beside the effects are computed, or stay those of the system.
     """
     acting = settings_of(explanation, library, blocks[0].trial.simulation)
     new = list(system.candidates)
@@ -101,8 +105,11 @@ def about_explanation(
     alone = len(explanation.places) == 1 and flown[0] is blocks[0]
     if alone and all(a is b for a, b in zip(new, system.candidates, strict=True)):
         return system, list(columns)  # tolerances are straight about it already
-    anew = [tolerance_columns(b, library, sizes) for b in flown] if flown[0] is not blocks[0] else []
-    system, columns = rebuilt(system, new, columns, blocks, anew)
+    beside: list[dict[str, Complex]] = []
+    if anew and flown[0] is not blocks[0]:
+        simulation = blocks[0].trial.simulation
+        beside = side_by_side(simulation, lambda b: tolerance_columns(b, library, sizes), flown)
+    system, columns = rebuilt(system, new, columns, blocks, beside)
     return relinearised(system, columns, flown, library, sizes, form_error, weights_of(system, explanation))
 
 

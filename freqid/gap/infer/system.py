@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -390,7 +391,7 @@ class System:
         across, g, log_evidence = _without_tolerances(rows, determinant, self.columns)
         own = []
         for c in layout:
-            products = sum(b.gram[c[:, :, None], c[:, None, :]] for b in self.blocks)
+            products = self._before_form[c[:, :, None], c[:, None, :]]
             own.append(products - sum(_squared(t, c) for t, _ in taken) - _squared(across, c))
         return OwnProducts(own, g, log_evidence)
 
@@ -463,15 +464,20 @@ class System:
         energy = float(gram[-1, -1] - own @ own)
         return -0.5 * energy - determinant - half, slope[:-1], information[:-1]
 
+    @cached_property
+    def _before_form(self) -> Array:
+        """Inner products of all blocks before any error of form is integrated out."""
+        return np.sum([b.gram for b in self.blocks], axis=0)
+
     def _rows(
         self, form_error: Form, taken: Sequence[tuple[Array, float]], first: int
     ) -> tuple[Array, float]:
         """Return inner products of ``[X, T, A, r]``, rows from a first one on, and half a log determinant."""
         at, size = self.inside(form_error)
         rows = at[first:]
-        whole = np.zeros((rows.size, at.size))
-        for b, (across, _) in zip(self.blocks, taken, strict=True):
-            whole += b.gram[np.ix_(rows, at)] - across[:, rows].T @ across[:, at]
+        whole = self._before_form[np.ix_(rows, at)]
+        for across, _ in taken:
+            whole -= across[:, rows].T @ across[:, at]
         whole *= size[first:, None] * size
         return whole, sum(half for _, half in taken) - form_error.log_prior
 

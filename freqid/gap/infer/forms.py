@@ -19,7 +19,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import fmin_l_bfgs_b
 
 from freqid.core.arrays import Array
 from freqid.gap.infer.evidence import directions, weigh
@@ -40,7 +39,9 @@ _LEAST = (FORM_ERRORS[1], ACTUATOR_FORM, FORM_ERRORS[1])  # from which sizes of 
 _SMALLEST = (1e-5, ACTUATOR_FORM, 1e-5)  # of a kind: what is below a hundred-thousandth is nothing
 _REACH = 50.0  # by which a term may be worse than what is common to its kind
 _HOPELESS = 30.0  # nats below the best, from which larger ones are no better
-_STEPS = 25  # of the search at most
+_STEPS = 50  # of the search at most
+_FARTHEST = 2.0  # e-foldings of a size in one step
+_SHORTER = (1.0, 0.5, 0.25, 0.1, 0.03)  # shares of a step that are tried until one leads uphill
 _NEAR = 0.1  # nats that a step gains, below which the search ends
 
 
@@ -197,23 +198,32 @@ class _Sizes:
         by Laplace's method.
         """
         mean, system = np.log(FORM_TYPICAL), self.system.beside(beside)
+        low, high = np.log(self.smallest), np.log(self.largest)
 
-        def fall(x: Array) -> tuple[float, Array]:
-            log, slope, _ = system.slope(Form(tuple(np.exp(x).tolist()), alike))
+        def at(x: Array) -> tuple[float, Array, Array]:
+            log, slope, information = system.slope(Form(tuple(np.exp(x).tolist()), alike))
             pull = self.precision @ (x - mean)
-            return 0.5 * float((x - mean) @ pull) - log, pull - slope
+            return log - 0.5 * float((x - mean) @ pull), slope - pull, information
 
-        bounds = list(zip(np.log(self.smallest), np.log(self.largest), strict=True))
-        x0 = np.clip(np.log(start), *np.log([self.smallest, self.largest]))
-        found, *_ = fmin_l_bfgs_b(
-            fall,
-            x0,
-            bounds=bounds,
-            maxiter=_STEPS,
-            factr=_NEAR / max(abs(fall(x0)[0]), 1.0) / np.finfo(float).eps,
-        )
+        found = np.clip(np.log(start), low, high)
+        value, slope, information = at(found)
+        for _ in range(_STEPS):
+            inside = ~(((found <= low) & (slope < 0)) | ((found >= high) & (slope > 0)))
+            curve = self.precision[np.ix_(inside, inside)] + np.diag(information[inside])
+            step = np.zeros(len(found))
+            step[inside] = np.clip(np.linalg.solve(curve, slope[inside]), -_FARTHEST, _FARTHEST)
+            for share in _SHORTER:
+                moved = np.clip(found + share * step, low, high)
+                there = at(moved)
+                if there[0] > value:
+                    break
+            else:
+                break
+            gained = there[0] - value
+            found, (value, slope, information) = moved, there
+            if gained < _NEAR:
+                break
         form = Form(tuple(np.exp(found).tolist()), alike)
-        _, _, information = system.slope(form)
         prior = -0.5 * float((found - mean) @ self.precision @ (found - mean))
         known = np.linalg.slogdet(self.precision + np.diag(information))[1]
         return form._replace(log_prior=prior + 0.5 * float(np.linalg.slogdet(self.precision)[1] - known))

@@ -138,7 +138,9 @@ class Actuators:
         return out
 
 
-def fly(aircraft: Any, flights: list[dict[str, Any]], s: Settings, settle: float = 16.0) -> Log:
+def fly(
+    aircraft: Any, flights: list[dict[str, Any]], s: Settings, settle: float = 16.0, lasting: float = 61.0
+) -> Log:
     """Fly the truth.
 
     Parameters
@@ -151,6 +153,8 @@ def fly(aircraft: Any, flights: list[dict[str, Any]], s: Settings, settle: float
         Departures from the nominal truth, for each flight.
     settle : float
         Time flown before the recorded period, s.
+    lasting : float
+        Time flown from its start, s.
     """
     count = len(flights)
     trims = [aircraft.TRIM[f["condition"]] for f in flights]
@@ -172,7 +176,7 @@ def fly(aircraft: Any, flights: list[dict[str, Any]], s: Settings, settle: float
     actuators = Actuators(aircraft, base.copy(), s)
     memory = aircraft.Memory(x, actuators.x, s)
     gains = aircraft.GAINS
-    steps = round((settle + 61) / STEP)
+    steps = round((settle + lasting) / STEP)
     time = -settle + STEP * np.arange(steps + 1)
     signals = aircraft.excitation(time)  # (design, effector, step)
     first = round((settle - 1) / STEP)

@@ -22,6 +22,7 @@ LOADS = ("chordwise", "normal", "bending", "turning", "swinging")
 PROPELLER = ("thrust", "torque", "dragged", "leaning")
 DISC = math.pi * g.PROP_R**2
 SIDES, WINGS = (-1.0, 1.0), ("front", "rear")
+BETWEEN = tuple(sum(tilts) / len(tilts) for tilts in zip(*g.TILTS.values(), strict=True))  # rad, of each wing
 CAMPAIGNS = tuple(f"{about} {wing}" for about in ("slow", "fast") for wing in WINGS)
 
 
@@ -84,7 +85,7 @@ def loads(m, state, effector, rho, par, late=_steady):
     down = 0.0
     for wing, (name, (px, pz)) in enumerate(zip(WINGS, g.PIVOTS, strict=True)):
         tilt = effector[8 + wing]
-        about = "slow" if (tilt if m is math else float(tilt.mean())) > 0.45 else "fast"
+        about = "slow" if (tilt if m is math else float(tilt.mean())) > BETWEEN[wing] else "fast"
         table = TABLE[f"{about} {name}"]
         c, s = m.cos(tilt), m.sin(tilt)
         hx, hz = px + g.AHEAD * c, pz - g.AHEAD * s

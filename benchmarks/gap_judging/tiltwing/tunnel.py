@@ -30,10 +30,10 @@ from settings import Settings  # noqa: E402
 COUNT = 3000
 # Speed, density, angle of the wing to its flow, tangent of the vehicle's angle, propellers' speed
 ABOUT = {
-    "slow front": (14.0, 1.19, 0.63, 0.0, 553.0),
-    "slow rear": (14.0, 1.19, 0.49, 0.0, 553.0),
-    "fast front": (20.0, 1.16, 0.27, 0.0, 505.0),
-    "fast rear": (20.0, 1.16, 0.255, 0.0, 505.0),
+    "slow front": (19.0, 1.17, 0.315, 0.0, 507.0),
+    "slow rear": (19.0, 1.17, 0.291, 0.0, 507.0),
+    "fast front": (22.0, 1.15, 0.212, 0.0, 529.0),
+    "fast rear": (22.0, 1.15, 0.204, 0.0, 529.0),
 }
 SIDE = np.array([[-1.0], [1.0]])
 
@@ -53,11 +53,11 @@ def campaign(rng, speed, rho, angle, alpha, turns):
     """
     around = lambda middle, wide: middle + wide * rng.uniform(-1, 1, COUNT)  # noqa: E731
     speeds = around(speed, 1.5)
-    bent = around(angle, 0.07)
+    bent = around(angle, 0.09)
     along, through = speeds * np.cos(bent), speeds * np.sin(bent)
     p, r = around(0.0, 0.5), around(0.0, 0.5)
     across = around(0.0, 1.2)
-    elevons = rng.uniform(-0.16, 0.16, (1, 2, COUNT))
+    elevons = rng.uniform(-0.20, 0.20, (1, 2, COUNT))
     turn = turns + rng.uniform(-60, 60, (1, 2, COUNT))
     s = Settings([{}] * COUNT)
     at = np.zeros((1, 2, COUNT))
@@ -93,7 +93,7 @@ def campaign(rng, speed, rho, angle, alpha, turns):
     }
     width = tilt_air.WING.width
     front = (width * made[0]).sum(axis=0) / width.sum()
-    flown = around(alpha, 0.06)
+    flown = around(alpha, 0.09)
     down = tilt_air.WAKE / g.SPAN * front * (1 - 0.5 * flown)
     wake = {
         "wake_constant": speeds,
@@ -118,10 +118,9 @@ def columns(inputs):
 
 def stand(rng):
     """Return coefficients of a propeller by response, over both advances, and what they leave."""
-    speed = rng.uniform(460.0, 680.0, COUNT)
+    speed = rng.uniform(440.0, 600.0, COUNT)
     tip = g.PROP_R * speed
-    along, across = rng.uniform(0.07, 0.19, (2, COUNT))
-    across = across - 0.07
+    along, across = rng.uniform(0.12, 0.22, COUNT), rng.uniform(0.0, 0.10, COUNT)
     rho = np.full(COUNT, 1.17)
     made = propellers(rho, speed, along * tip, across * tip, g.PROP_R)
     disc = rho * np.pi * g.PROP_R**2 * tip**2

@@ -17,7 +17,7 @@ from freqid.blend.campaign import (
     most_allowed,
 )
 from freqid.core.channels import WRENCH_MEANING
-from freqid.core.results.diagnosis import Closure
+from freqid.core.results.diagnosis import Closure, Which
 from freqid.core.results.gap import GapResult
 from freqid.core.results.judged.review import Ground
 from freqid.core.results.judged.sealed_trial import TrialOutcome
@@ -166,7 +166,7 @@ def _of_gap(result: GapResult, source: str) -> Iterator[Ground]:
         named = which.pair or which.named
         closed = closures[0] if closures and named else None
         if closed is not None and closed.wrench.G >= WANTED_G and closed.wrench.lo > 0:
-            yield Ground("simulation", "risk", _explained(named, closed), source)
+            yield Ground("simulation", "risk", _explained(which, named, closed), source)
         else:
             yield Ground("simulation", "stop", result.verdict.rstrip("."), source)
         if not closures:
@@ -185,11 +185,11 @@ def _of_gap(result: GapResult, source: str) -> Iterator[Ground]:
         yield Ground("model", "risk", text, source)
 
 
-def _explained(named: Sequence[str], closure: Closure) -> str:
+def _explained(which: Which, named: Sequence[str], closure: Closure) -> str:
     """Return what explains a gap, in words, and how much of the gap goes with it."""
     from freqid.simulate.effects import library  # loads jax
 
-    meant = [library()[n].meaning.rstrip(".") for n in named if n in library()]
+    meant = [library()[n].signed_meaning(which.changes(n)) for n in named if n in library()]
     words = f" ({'; '.join(m[:1].lower() + m[1:] for m in meant)})" if meant else ""
     g = closure.wrench
     return (

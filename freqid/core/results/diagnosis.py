@@ -213,7 +213,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Closure:
-    """How far the gap shrinks where effects were not fitted, once they are added; `scored` says where that is.
+    """How far the gap shrinks once effects are added, where they were not fitted: see `scored`.
 
     Attributes
     ----------
@@ -241,8 +241,8 @@ class Closure:
     consequence : dict
         Margins and modes before and after, where a control law is known.
     scored : {"", "held out", "turns", "lines"}
-        Flights that were held out from the whole diagnosis; all flights in turn, each with sizes fitted to the
-        others; or every other line of the only flight. Empty in files that do not say so.
+        Flights that were held out from the whole diagnosis; all flights in turn, each with sizes fitted to
+        the others; or every other line of the only flight. Empty in files that do not say so.
     """
 
     effects: tuple[str, ...]

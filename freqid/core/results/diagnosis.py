@@ -293,6 +293,8 @@ class Closure:
         between sensors count in none of them: nothing is simulated there.
         """
         one = asdict(self)
+        if not self.scored:  # of a file that does not say so
+            del one["scored"]
         for name in _CLASSICAL:
             every: dict[str, Change] = getattr(self, name)
             changes = {k: c for k, c in every.items() if not k.startswith(_SENSORS)}

@@ -138,9 +138,9 @@ def _off_text(trust: Trust) -> str:
     if not trust.missing:
         return ""
     return (
-        f" The {trust.missing} off the simulation's own value by more than {BEYOND:g}σ are {trust.off_linear} "
-        f"off its linearisation and {trust.off_noise_free} off the estimate from the same flight without "
-        f"noise, less {trust.off_both} that are off both."
+        f" Off the simulation's truth by more than {BEYOND:g}σ are {trust.missing} in all: "
+        f"{trust.off_linear} off its linearisation and {trust.off_noise_free} off the estimate from the same "
+        f"flight without noise, of which {trust.off_both} are off both."
     )
 
 
@@ -219,6 +219,11 @@ _TERMS = (
         "What simulation and flights differ by, beyond noise and the tolerances that the simulation states.",
     ),
     ("interval", "Range that holds the true value in the stated share of cases, as far as noise goes."),
+    (
+        "cost J",
+        "How unlike two frequency responses are, in gain and phase: 0 is alike, below 50 is hard to tell "
+        "from flight, up to 100 is acceptable (Tischler & Remple).",
+    ),
     ("closed", "What of the gap disappears when the simulation has the effect that was named."),
 )
 

@@ -180,12 +180,12 @@ def reasons_text(reasons: Mapping[str, int]) -> str:
     reasons : mapping of str to int
         By the kinds of doubt, joined by `` and ``, as `Trust.reasons`.
     """
-    each = [
-        f"{count} for {' and '.join(_KINDS[k] for k in kinds.split(' and '))}"
-        + (" alone" if " and " not in kinds and len(reasons) > 1 else "")
+    several = len(reasons) > 1
+    return ", ".join(
+        f"{count} {'only ' if several and ' and ' not in kinds else ''}for "
+        + " and ".join(_KINDS[kind] for kind in kinds.split(" and "))
         for kinds, count in reasons.items()
-    ]
-    return ", ".join(each)
+    )
 
 
 def _sheet(results: StudyResults, point: StudiedPoint, place: int) -> dict[str, Any]:

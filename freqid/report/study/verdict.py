@@ -265,8 +265,8 @@ def truth_findings(points: Sequence[StudiedPoint]) -> list[Finding]:
     return [
         finding(
             kind,
-            "{} of {} parameters ({}) lie within 2σ of the noise-free estimates of the same flights and {} are "
-            "off them, {} ({} within, {} to {} by chance); the distance is {}σ in root mean square.",
+            "{} of {} parameters ({}) lie within 2σ of the noise-free estimates of the same flights and {} "
+            "are off them, {} ({} within, {} to {} by chance); the distance is {}σ in root mean square.",
             *_within(away),
             _off(away),
             words.get(kind, "far fewer than noise alone would leave"),

@@ -46,18 +46,22 @@ def rules() -> tuple[str, ...]:
         f"a response in which the model leaves more than {DISTORTED:g} times the power of noise",
         f"an error on a new flight above {MOST_VALIDATION:g} times that of the fit; above "
         f"{FAILED_VALIDATION:g} times it forbids use",
-        f"an error of the global model at a condition that was held out above {MOST_HELD_OUT:g} times that of "
-        f"a model made there, {MOST_NEW_DENSITY:g} at another air density: this forbids use",
+        f"an error of the global model at a condition that was held out above {MOST_HELD_OUT:g} times that "
+        f"of a model made there, {MOST_NEW_DENSITY:g} at another air density: this forbids use",
         "parameters that the flights cannot separate, and what a model remarks of itself",
+        "an output error that did not converge, which forbids use; its residuals that are not white, and a "
+        "parameter at its bound",
         f"a margin below {phase} of phase or {gain}, with the identified model or with the effect of the "
         "gap: this forbids use; an interval that reaches below is a risk",
         "margins of another aircraft outside the model's interval, more of them than chance would put there",
         f"a gap: it forbids use unless its effect closes {100 * WANTED_G:g} % of it, with an interval above "
         "zero, and is a risk then",
+        "a name of the gap's cause that is withdrawn, effects that cannot be told apart, a fault of a sensor",
         f"a cost J above {ACCEPTABLE:g} of the simulation's own flight with the effect",
         "a gate of the scenario that is missed, a flight to be repeated, a sealed prediction that fails, and "
         "a sealed trial in which the diagnosis was wrong: each forbids use",
-        "what was not tried: no new flight, no condition held out, no flight held out from the diagnosis",
+        "what was not tried: no new flight, no condition held out, no flight held out from the diagnosis, a "
+        "study that is not finished",
     )
 
 

@@ -155,7 +155,7 @@ def _inputs(points: Sequence[StudiedPoint], vehicle: Vehicle | None) -> Iterator
         every = [factor * x for values in each.values() for x in values]
         share = max(max(values) / _half_range(known[n]) for n, values in each.items())
         yield (
-            f"{_PLURAL[kind]} {min(every):.2g} to {max(every):.2g} {unit} rms "
+            f"{_PLURAL[kind]} {min(every):.3g} to {max(every):.3g} {unit} rms "
             f"({100 * share:.2g} % of half their range at most)"
         )
 
@@ -188,8 +188,8 @@ def _amplitude(points: Sequence[StudiedPoint]) -> str:
     if not count:
         return ""
     return (
-        f"; {depends} of {count} parameters differ by more than {BEYOND:g}σ from those at {scale:.3g} of "
-        "these inputs, so the model is that of this size"
+        f"; {depends} of {count} parameters differ by more than {BEYOND:g}σ from those at {scale:.3g} "
+        "times these inputs, so the model is that of this size"
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from freqid.core.results.diagnosis import Change, Closure, GapDiagnosis, Interval, Share
-from freqid.report.kit.notation import NONE, exact, number, percent, pretty_unit, short
+from freqid.report.kit.notation import NONE, exact, number, percent, pretty_unit, sentence, short
 
 _SHOWN = 0.005  # probability from which an effect has a row
 _FEW_SETTINGS = 12  # more are free changes of terms, which have no names
@@ -126,7 +126,7 @@ _CHOSEN = {
 
 def _scored(c: Closure) -> str:
     """Return what a closure was scored on, and what of it was chosen there."""
-    return f"{c.scored_text}; {_CHOSEN[c.scored]}" if c.scored else c.scored_text
+    return sentence(f"{c.scored_text}; {_CHOSEN[c.scored]}" if c.scored else c.scored_text)
 
 
 def interval(x: Interval) -> str:

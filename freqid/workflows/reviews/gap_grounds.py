@@ -104,7 +104,10 @@ def _of_own_flight(closure: Closure, source: str) -> Iterator[Ground]:
         return
     worst = max(costs, key=lambda n: costs[n].after)
     figure = Reversal(
-        "Cost J of the simulation's own flight, with the effect", costs[worst].after, ACCEPTABLE, worst
+        "Cost J of the simulation's own flight, with the effect",
+        costs[worst].after,
+        ACCEPTABLE,
+        f"state {worst}",
     )
     names = " and ".join(closure.effects)
     if not over:

@@ -8,11 +8,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from freqid.blend.campaign import GOOD_R2, MOST_VALIDATION, StudiedPoint, StudyResults
+from freqid.core.channels import AIR, STATE
 from freqid.core.results.gap import GapResult
 from freqid.core.results.judged.review import Use
 from freqid.core.results.judged.truth import BEYOND
 from freqid.core.results.loop_margins import LoopMargins
 from freqid.core.results.point import ResponseModel
+from freqid.core.sections.identification import factors_of
 from freqid.core.vehicle import Effector, Vehicle
 from freqid.workflows.reviews.gap_grounds import least_flown, listed
 from freqid.workflows.reviews.grounds import said
@@ -40,6 +42,7 @@ def uses_of(files: Sequence[ReviewedFile], points: Sequence[StudiedPoint]) -> It
         All point models among them.
     """
     if points:
+        yield Use("Model: what for", _what_for(points))
         yield Use("Model: speeds and tilts", _where(files, points))
         yield Use("Model: axes", _axes(points))
         if band := _band(points):
@@ -51,6 +54,20 @@ def uses_of(files: Sequence[ReviewedFile], points: Sequence[StudiedPoint]) -> It
             yield Use("Simulation", _simulation(one.result))
     if known := _margins(files):
         yield Use("Margins of the control law", known)
+
+
+def _what_for(points: Sequence[StudiedPoint]) -> str:
+    """Return what the terms of the models can say, and what they cannot."""
+    every = {n: None for p in points for r in p.model.responses.values() for n in r.regressors}
+    products = [n for n in every if len(factors_of(n)) > 1]
+    motions = [n for n in every if (n in STATE or n in AIR) and n not in products]
+    others = len(every) - len(motions) - len(products)
+    terms = [listed(motions)] if motions else []
+    terms += [f"{others} inputs" if others != 1 else "1 input"] if others else []
+    on = f"changes of the loads with {' and '.join(terms)}"
+    if products:
+        return f"stability, margins and responses to inputs, as {on}, with {len(products)} products of them"
+    return f"stability, margins and responses to inputs, as linear {on}; not large manoeuvres"
 
 
 def _where(files: Sequence[ReviewedFile], points: Sequence[StudiedPoint]) -> str:

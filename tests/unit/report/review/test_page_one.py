@@ -279,4 +279,6 @@ def test_the_rule_for_risks_and_the_uses_stand_on_the_page(tmp_path):
     for rule in values["rules"]:
         assert f"{rule[:1].upper()}{rule[1:]}." in text.replace("&#39;", "'")
     assert "cost J above 100" in text
-    assert text.index("What it may be used for") < text.index("Listed is every figure of the files that is beyond its bound")
+    assert text.index("What it may be used for") < text.index(
+        "Listed is every figure of the files that is beyond its bound"
+    )

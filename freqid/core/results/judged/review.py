@@ -275,7 +275,7 @@ class Review:
     grounds : tuple of Ground
         All reasons, those that forbid first.
     reversals : tuple of Reversal
-        Each figure that is beyond its bound, and of the others of each kind the nearest to it.
+        The worst figure of each ground where it is beyond its bound; of the others of each kind the nearest.
     missing : dict of str
         What there is no file of, by section; the command that makes it.
     sources : tuple of Source

@@ -154,7 +154,7 @@ def _why(doubt: Doubt) -> Markup:
         of = {"both": "linearisation and the noise-free estimate"}.get(doubt.miss.of, doubt.miss.of)
         text = Markup("outside 2σ of the {}: {}").format(of, _cause(doubt.miss))
         if "wide interval" not in doubt.kinds:
-            text += Markup("; as a number it is known to ±{}").format(percent(doubt.half_width))
+            text += Markup("; known to ±{}").format(percent(doubt.half_width))
         reasons.append(text)
     return Markup("; ").join(reasons)
 

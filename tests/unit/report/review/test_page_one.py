@@ -266,7 +266,7 @@ def test_the_table_of_doubts_is_sorted_by_reason_and_says_how_well_each_is_known
     assert reasons[-1] == "off the truth" or "wide interval" in reasons[0]
     for row in table[1:]:
         if row[at["Reason"]][0] == "off the truth":
-            assert re.search(r"outside 2σ of the .*; as a number it is known to ±", row[at["Why not"]][0])
+            assert re.search(r"outside 2σ of the .*; known to ±", row[at["Why not"]][0])
 
 
 def test_the_rule_for_risks_and_the_uses_stand_on_the_page(tmp_path):

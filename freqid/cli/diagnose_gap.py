@@ -78,8 +78,8 @@ def command(
     """Diagnose the gap between a simulation and the flights RECORD....
 
     Says whether there is a gap beyond noise and tolerances, where it is, which effect of the library makes
-    it, and how much of it goes on flights that were not used once that effect is added. Looks for mistakes
-    of bookkeeping first and stops there with exit code 4 where it finds any.
+    it, and how much of it goes once that effect is added: on flights held out, or on the flights in turn.
+    Looks for mistakes of bookkeeping first and stops there with exit code 4 where it finds any.
 
     With two simulations, --sim A --sim B or --sim A --predictions B.h5, says which of them is nearer to the
     flights, where, and whether that is beyond noise and tolerances.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -60,7 +59,7 @@ def verdict(
 def _closed(closure: Closure) -> str:
     """Return what goes with the effect, and what tolerances would have to do without it."""
     alone = closure.tolerances_only.G
-    text = f"; with it {100 * closure.wrench.G:.0f} % of the gap is closed on {_held(closure)}"
+    text = f"; with it {100 * closure.wrench.G:.0f} % of the gap is closed {closure.scored_text}"
     if not np.isfinite(alone):
         return text
     strained = _strained(closure)
@@ -75,10 +74,6 @@ def _strained(closure: Closure) -> str:
     """Return the tolerance that is off most without the effect, where that is strained."""
     strain = next(((n, x) for n, x in closure.strained.items() if abs(x) >= _STRAINED), None)
     return f"{strain[0]} off by {abs(strain[1]):.0f} times its stated tolerance" if strain else ""
-
-
-def _held(closure: Closure) -> str:
-    return Path(closure.held_out[0]).name if len(closure.held_out) == 1 else "manoeuvres that were not used"
 
 
 def _larger_than(gap: Existence) -> str:
@@ -133,7 +128,7 @@ def _name(which: Which, faults: Sequence[str], library: Mapping[str, Effect]) ->
             return f"one of {', '.join(which.named)}, which these data cannot separate"
         chance = which.probabilities.get(rest[0], 0.0)
         effect = library.get(rest[0])
-        meaning = f" ({effect.meaning.rstrip('.')})" if effect else ""
+        meaning = f" ({effect.signed_meaning(which.changes(effect.id))})" if effect else ""
         return f"{_said(rest[0], which)}{meaning}, probability {chance:.2f}"
     name, chance = next((n, p) for n, p in which.probabilities.items() if n != NONE)
     if name == OTHER:

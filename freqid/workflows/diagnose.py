@@ -163,7 +163,7 @@ def diagnose_gap(
     -------
     DiagnosedGap
         ``gap.verdict`` is one line, ``gap.which.probabilities`` is by effect id, and ``gap.how_far`` says how
-        much of the gap is closed on flights that were not used.
+        much of the gap is closed on what was left out: flights held out, or the flights in turn.
 
     Raises
     ------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
@@ -15,6 +15,7 @@ from freqid.core.viewable import Viewable
 
 _SENSORS = "kinematic/"
 _CHANGES = 0.02  # of an error, from which a relation between sensors is listed
+ScoredOn = Literal["", "held out", "turns", "lines"]
 _CLASSICAL = {"rmse": "rms of the response", "theil": "1", "J": "1"}
 
 
@@ -123,7 +124,7 @@ class Which:
         The effect that is given as the answer, with those that it cannot be told from; empty where none is
         likely enough for that. The set may hold more.
     withdrawn : dict of str
-        Names that manoeuvres which were not used do not bear out, with the reason.
+        Names that manoeuvres which were left out do not bear out, with the reason.
     places : dict of str
         By effect id: the likeliest place, such as an effector.
     groups : dict of tuple of str
@@ -142,6 +143,10 @@ class Which:
     withdrawn: dict[str, str] = field(default_factory=dict)
     places: dict[str, str] = field(default_factory=dict)
     groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def changes(self, effect: str) -> dict[str, tuple[float, float]]:
+        """Return the ends of the interval of each parameter of an effect; empty where none was estimated."""
+        return {name: (x.lo, x.hi) for name, x in self.parameters.get(effect, {}).items()}
 
 
 @dataclass(frozen=True)
@@ -208,7 +213,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Closure:
-    """How far the gap shrinks on manoeuvres that were not used, once effects are added.
+    """How far the gap shrinks once effects are added, where they were not fitted: see `scored`.
 
     Attributes
     ----------
@@ -223,7 +228,7 @@ class Closure:
     response_effect_only : Share
         Of the simulation's own flight with the effect at nominal tolerances.
     log_score : float
-        Nats by which the effect predicts manoeuvres that were not used better than tolerances alone do.
+        Nats by which the effect predicts what was left out better than tolerances alone do.
     strained : dict of float
         Tolerances that would have to be off most without the effect, by name, in sigmas.
     rmse, theil, J : dict of Change
@@ -235,6 +240,9 @@ class Closure:
         Where a parameter is not determined, or what helps here does not transfer.
     consequence : dict
         Margins and modes before and after, where a control law is known.
+    scored : {"", "held out", "turns", "lines"}
+        Flights that were held out from the whole diagnosis; all flights in turn, each with sizes fitted to
+        the others; or every other line of the only flight. Empty in files that do not say so.
     """
 
     effects: tuple[str, ...]
@@ -252,6 +260,21 @@ class Closure:
     response_effect_only: Share = field(default_factory=lambda: Share(math.nan, math.nan, math.nan))
     log_score: float = math.nan
     strained: dict[str, float] = field(default_factory=dict)
+    scored: ScoredOn = ""
+
+    @property
+    def scored_text(self) -> str:
+        """What it was scored on, and what of that was left out of the fit, as the end of a sentence."""
+        names = [name.rpartition("/")[2] for name in self.held_out]
+        on = f"on {' and '.join(filter(None, [', '.join(names[:-1]), *names[-1:]]))}"
+        if self.scored == "held out":
+            return f"{on}, which {'were' if len(names) > 1 else 'was'} held out"
+        if self.scored == "turns":
+            others = "the other" if len(names) == 2 else "others"
+            return f"{on} in turn, each with the size fitted to {others} (no manoeuvre was held out)"
+        if self.scored == "lines":
+            return f"{on}, with the size fitted to the lines between (no manoeuvre was held out)"
+        return on
 
     @property
     def listed(self) -> tuple[str, ...]:
@@ -270,6 +293,8 @@ class Closure:
         between sensors count in none of them: nothing is simulated there.
         """
         one = asdict(self)
+        if not self.scored:  # of a file that does not say so
+            del one["scored"]
         for name in _CLASSICAL:
             every: dict[str, Change] = getattr(self, name)
             changes = {k: c for k, c in every.items() if not k.startswith(_SENSORS)}

@@ -235,7 +235,7 @@ class GapResult:
 
     @property
     def how_far(self) -> tuple[Closure, ...]:
-        """How much of it goes on flights that were not used."""
+        """How much of it goes on flights that were left out."""
         return self.diagnosis.how_far
 
     @property

@@ -146,17 +146,26 @@ class LoopMargins(Viewable):
             texts.append(
                 f"the closed loop may be unstable, as far as the model knows, at {', '.join(doubtful)}"
             )
+        return [*texts, *(text for text, _ in self.differing.values())]
+
+    @property
+    def differing(self) -> dict[str, tuple[str, float]]:
+        """Those beside of whose margins more lie outside the model's interval than chance would put there.
+
+        By name: a sentence, and the share that lies outside.
+        """
+        found = {}
         for name in self.beside:
-            off = self.outside(name)
-            if off:
+            off, count = self.outside(name), int(self._compared(name).sum())
+            if len(off) > (1 - self.level) * count:
                 conditions = {condition for _, condition in off}
                 places = [one for one in self.ids if one in conditions]
-                texts.append(
-                    f"{len(off)} of {self._compared(name).sum()} margins of {name} lie outside the model's "
-                    f"interval, where chance alone would put {100 * (1 - self.level):.0f} %, at "
-                    f"{', '.join(places)}"
+                found[name] = (
+                    f"{len(off)} of {count} margins of {name} lie outside the model's interval, where chance "
+                    f"alone would put {100 * (1 - self.level):.0f} %, at {', '.join(places)}",
+                    len(off) / count,
                 )
-        return texts
+        return found
 
     def outside(self, name: str) -> list[tuple[str, str]]:
         """Return margins of axes, and conditions, whose interval does not hold that of `name` beside."""

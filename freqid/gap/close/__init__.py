@@ -1,1 +1,1 @@
-"""How far a gap shrinks on manoeuvres that were not used, once an effect and tolerances are fitted."""
+"""How far a gap shrinks on what was left out, once an effect and tolerances are fitted."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.results.diagnosis import ScoredOn
 from freqid.gap.infer.build import columns_of
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.explain import Explanation
@@ -58,6 +59,13 @@ class Closing:
     source: list[int]
     folds: list[Fold]
     held_out: tuple[str, ...]
+
+    @property
+    def scored(self) -> ScoredOn:
+        """How what is scored was left out of what is fitted."""
+        if self.by_lines:
+            return "lines"
+        return "turns" if len(self.folds) > 1 else "held out"
 
     @property
     def by_lines(self) -> bool:

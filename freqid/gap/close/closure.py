@@ -1,4 +1,4 @@
-"""Closures: which explanation holds on data that were not used, and how much of the gap goes with it."""
+"""Closures: which explanation holds on data that were left out, and how much of the gap goes with it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from freqid.core.results.diagnosis import Closure, Interval, Share
+from freqid.core.results.diagnosis import Closure, Interval, ScoredOn, Share
 from freqid.gap.close.closing import Closing
 from freqid.gap.close.fit import Fit, fit, joint_evidence, likeliest_form_error
 from freqid.gap.close.flown import Flown, motions
@@ -20,7 +20,7 @@ from freqid.simulate.effects.effect import Effect
 
 @dataclass(frozen=True, eq=False)
 class Closed:
-    """One explanation on manoeuvres that were not used.
+    """One explanation on what was left out of its fit.
 
     Attributes
     ----------
@@ -47,7 +47,7 @@ def close(
 ) -> list[Closed]:
     """Return the closure of an explanation, then of each of its effects alone where it has several.
 
-    A second effect stays only where it raises the score of what was not used.
+    A second effect stays only where it raises the score of what was left out.
 
     Parameters
     ----------
@@ -141,14 +141,15 @@ def _closed(
         theil=figures.theil,
         J=moved.cost,
         held_out=closing.held_out,
-        note=_note(share, figures),
+        note=_note(share, figures, closing.scored),
         effect_only=share["effect"],
         tolerances_only=share["tolerances"],
         response_effect_only=moved.effect_only,
         log_score=score,
+        scored=closing.scored,
     )
     whole = fit(fitted, explanation, likeliest_form_error(fitted, best))
-    return Closed(explanation, closure, whole, _withdrawn(explanation, score, figures))
+    return Closed(explanation, closure, whole, _withdrawn(explanation, score, figures, closing.scored))
 
 
 def _again(evidence: Evidence, explanation: Explanation) -> Explanation:
@@ -184,23 +185,30 @@ def _settings(explanation: Explanation) -> dict[str, dict[str, Interval]]:
     return found
 
 
-def _note(share: dict[str, Share], figures: Responses) -> str:
+_LEFT_OUT: dict[ScoredOn, str] = {
+    "held out": "manoeuvres that were held out",
+    "turns": "manoeuvres that were left out in turn",
+    "lines": "lines that were left out in turn",
+}
+
+
+def _note(share: dict[str, Share], figures: Responses, scored: ScoredOn) -> str:
     both, alone = share["both"].G, share["tolerances"].G
     if np.isfinite(both) and both < 0:
         return "what helps where it was fitted does not transfer"
     if np.isfinite(both) and both < alone:
         return "tolerances alone leave less than the effect with them"
     if not figures.acting:
-        return "the effect changes nothing in manoeuvres that were not used"
+        return f"the effect changes nothing in {_LEFT_OUT[scored]}"
     return ""
 
 
-def _withdrawn(explanation: Explanation, score: float, figures: Responses) -> str:
+def _withdrawn(explanation: Explanation, score: float, figures: Responses, scored: ScoredOn) -> str:
     """Return why a name does not hold, or nothing."""
     if score < 0:
-        return f"it predicts manoeuvres that were not used worse than tolerances alone do ({score:.1f} nats)"
+        return f"it predicts {_LEFT_OUT[scored]} worse than tolerances alone do ({score:.1f} nats)"
     if figures.rises:
-        return f"with it the error of {', '.join(figures.acting[:3])} grows on manoeuvres that were not used"
+        return f"with it the error of {', '.join(figures.acting[:3])} grows on {_LEFT_OUT[scored]}"
     bound = [e.candidate.name for e in explanation.estimates if e.at_bound]
     if bound:
         return f"the size of {bound[0]} is at the end of what is physical"

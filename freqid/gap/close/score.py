@@ -1,4 +1,4 @@
-"""How far a gap shrinks on manoeuvres that were not used: effect alone, tolerances alone, both."""
+"""How far a gap shrinks on what was left out: effect alone, tolerances alone, both."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _CLEAR = 1.0  # of the noise's energy: a gap below it leaves no share to speak o
 
 @dataclass(frozen=True, eq=False)
 class Scored:
-    """One block that was not used, with what a fit to others makes of it.
+    """One block that was left out, with what a fit to others makes of it.
 
     Attributes
     ----------
@@ -133,7 +133,7 @@ def responses(
     candidates: Sequence[Candidate],
     tolerances: Sequence[Complex],
 ) -> Responses:
-    """Return classical figures of replays on blocks that were not used.
+    """Return classical figures of replays on blocks that were left out.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ def self_test(
 
     Noise, tolerances and error of form are drawn; an answer is what `infer.which` makes of them, as of the
     records. Three steps of a diagnosis are not taken: columns are not computed again near an estimated
-    size, no second effect is looked for, and nothing is closed on manoeuvres that were not used, which may
+    size, no second effect is looked for, and nothing is closed on manoeuvres that were left out, which may
     withdraw a name.
 
     Parameters

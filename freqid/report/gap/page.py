@@ -167,7 +167,7 @@ def _facts(result: GapResult) -> list[tuple[str, str]]:
     facts = [
         ("p of no gap", f"{d.gap.p:.2g} (level {short(d.gap.level)})"),
         ("p by chi-square, blind to tolerances", f"{d.gap.naive_p:.2g}"),
-        ("Records", f"{used} used, in {len(result.spectra)} conditions; {held_out} held out"),
+        ("Records", f"{used} used, in {len(result.spectra)} conditions; {held_out or 'none'} held out"),
         (
             "Error of form of the simulation's terms",
             ", ".join(f"{percent(f)} in {row}" for row, f in d.gap.form_errors.items() if f) or "none",

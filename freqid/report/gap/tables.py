@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from freqid.core.results.diagnosis import Change, Closure, GapDiagnosis, Interval, Share
-from freqid.report.kit.notation import NONE, exact, number, percent, pretty_unit, short
+from freqid.report.kit.notation import NONE, exact, number, percent, pretty_unit, sentence, short
 
 _SHOWN = 0.005  # probability from which an effect has a row
 _FEW_SETTINGS = 12  # more are free changes of terms, which have no names
@@ -106,7 +106,7 @@ def closures(d: GapDiagnosis) -> list[dict[str, Any]]:
                 for n, x in c.J.items()
                 if n not in c.rmse
             ),
-            "held_out": ", ".join(c.held_out),
+            "scored": _scored(c),
             "note": c.note,
             "cost": c.consequence.get("sentence", ""),
             "costs": _costs(c),
@@ -114,6 +114,19 @@ def closures(d: GapDiagnosis) -> list[dict[str, Any]]:
         }
         for c in d.how_far
     ]
+
+
+_CHOSEN = {
+    "held out": "neither which effect it is nor its size was chosen on what is scored",
+    "turns": "which effect it is was chosen on all of them",
+    "lines": "which effect it is was chosen on all lines",
+    "": "",
+}
+
+
+def _scored(c: Closure) -> str:
+    """Return what a closure was scored on, and what of it was chosen there."""
+    return sentence(f"{c.scored_text}; {_CHOSEN[c.scored]}" if c.scored else c.scored_text)
 
 
 def interval(x: Interval) -> str:

@@ -8,8 +8,8 @@ from typing import Any, Literal
 from markupsafe import Markup
 
 from freqid.core.channels import WRENCH_MEANING
-from freqid.core.results.judged.doubt import WIDE
-from freqid.core.results.judged.review import Answer, Decision, Ground, Review
+from freqid.core.results.judged.review import Answer, Decision, Ground, Review, Trust
+from freqid.core.results.judged.truth import BEYOND
 from freqid.report.kit.findings import Finding, code, finding
 from freqid.report.kit.notation import (
     NONE,
@@ -23,7 +23,7 @@ from freqid.report.kit.notation import (
     shown_unit,
     tenths,
 )
-from freqid.report.review.points import band_text
+from freqid.report.review.points import band_text, reasons_text
 
 _SAID = {
     "model": {
@@ -63,6 +63,7 @@ _KIND_TEXTS = {
     "freqid-trial": "sealed trial",
     "freqid-rivals": "comparison",
 }
+_BEYOND_BOUND = {"stop": "forbids use", "risk": "a risk", "good": "no gap is called"}
 _MOST_RISKS = 12  # listed before the rest is folded
 
 
@@ -117,22 +118,30 @@ def _trust(review: Review) -> list[Finding]:
         return []
     if not trust.doubtful:
         return [finding("good", "All {} parameters can be read as numbers.", trust.parameters)]
-    reasons = (
-        (trust.wide, f"are known to no better than half of their value (±{percent(WIDE)})"),
-        (trust.collinear, "cannot be told from another"),
-        (trust.missing, "are off the simulation's own value by more than their stated error allows"),
-    )
     return [
         finding(
             "note",
-            "{} of {} parameters cannot be read as numbers: {}. {} of them matter for their response. "
+            "{} of {} parameters cannot be read as numbers: {}.{} {} of the {} matter for their response. "
             '<a href="#points">Point models</a> lists each with its reason.',
             trust.doubtful,
             trust.parameters,
-            "; ".join(f"{count} {what}" for count, what in reasons if count),
+            reasons_text(trust.reasons),
+            _off_text(trust),
             trust.matter,
+            trust.doubtful,
         )
     ]
+
+
+def _off_text(trust: Trust) -> str:
+    """Return what the parameters that are off the simulation's truth are off, so that the counts add up."""
+    if not trust.missing:
+        return ""
+    return (
+        f" Off the simulation's truth by more than {BEYOND:g}σ are {trust.missing} in all: "
+        f"{trust.off_linear} off its linearisation and {trust.off_noise_free} off the estimate from the same "
+        f"flight without noise, of which {trust.off_both} are off both."
+    )
 
 
 def decision_values(review: Review) -> dict[str, Any]:
@@ -145,12 +154,21 @@ def decision_values(review: Review) -> dict[str, Any]:
         "reversals": [
             {
                 "text": r.text,
+                "subject": r.subject,
                 "now": _with_unit(r.now, r.unit),
-                "bound": _with_unit(r.bound, r.unit),
+                "bound": Markup("{} {}").format(r.side, _with_unit(r.bound, r.unit)),
+                "room": Markup("{} {}").format(
+                    _with_unit(abs(r.room), r.unit), "to spare" if r.room >= 0 else "beyond"
+                ),
+                "beyond": r.room < 0,
+                "weight": _BEYOND_BOUND[r.weight],
                 "where": r.where,
             }
             for r in review.reversals
         ],
+        "uses": [{"label": u.label, "text": sentence(u.text)} for u in review.uses],
+        "model_use": next((d.answer for d in review.decisions if d.subject == "model"), ""),
+        "rules": review.rules,
         "envelope": [_limit(side.name, side.unit, side.low, side.high) for side in review.envelope],
         "conditions": review.conditions,
         "loops": [
@@ -201,6 +219,11 @@ _TERMS = (
         "What simulation and flights differ by, beyond noise and the tolerances that the simulation states.",
     ),
     ("interval", "Range that holds the true value in the stated share of cases, as far as noise goes."),
+    (
+        "cost J",
+        "How unlike two frequency responses are, in gain and phase: 0 is alike, below 50 is hard to tell "
+        "from flight, up to 100 is acceptable (Tischler & Remple).",
+    ),
     ("closed", "What of the gap disappears when the simulation has the effect that was named."),
 )
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from markupsafe import Markup
@@ -34,9 +35,14 @@ from freqid.report.study.pictures import fitted_conditions
 from freqid.report.study.verdict import truth_findings
 
 _KINDS = {
-    "wide interval": "an interval that is too wide",
+    "wide interval": f"an interval wider than ±{100 * WIDE:g} % of the value",
     "collinear": "regressors that moved together",
-    "misses the truth": "a simulation's truth that is missed",
+    "misses the truth": "being off the simulation's truth",
+}
+_REASONS = {
+    "wide interval": "wide interval",
+    "collinear": "collinear",
+    "misses the truth": "off the truth",
 }
 _MISSED = {
     "linearisation": "linearisation",
@@ -105,9 +111,15 @@ def band_text(low_hz: float, high_hz: float, over_noise: float, part: float) -> 
 
 
 def _doubt_rows(doubts: Sequence[tuple[StudiedPoint, Doubt]]) -> list[dict[str, Any]]:
-    """Return the parameters that cannot be trusted, those that move their response most first."""
+    """Return the parameters that cannot be trusted, by reason, those that move their response most first.
+
+    Those that hardly matter come last.
+    """
     rows = []
-    for p, d in sorted(doubts, key=lambda one: (one[1].matters, one[1].weight), reverse=True):
+    order = {kind: k for k, kind in enumerate(DOUBT_KINDS)}
+    for p, d in sorted(
+        doubts, key=lambda one: (not one[1].matters, [order[k] for k in one[1].kinds], -one[1].weight)
+    ):
         error, estimate = measured_values(d.std_error, d.estimate)
         rows.append(
             {
@@ -124,6 +136,7 @@ def _doubt_rows(doubts: Sequence[tuple[StudiedPoint, Doubt]]) -> list[dict[str, 
                 "off": exact(d.miss.sigmas, tenths(d.miss.sigmas)) if d.miss is not None else NONE,
                 "weight": exact(100 * d.weight, number(100 * d.weight, 2)),
                 "small": not d.matters,
+                "reason": " and ".join(_REASONS[k] for k in d.kinds),
                 "why": _why(d),
             }
         )
@@ -139,7 +152,10 @@ def _why(doubt: Doubt) -> Markup:
         reasons.append(Markup("cannot be told from {}").format(", ".join(doubt.companions)))
     if doubt.miss is not None:
         of = {"both": "linearisation and the noise-free estimate"}.get(doubt.miss.of, doubt.miss.of)
-        reasons.append(Markup("outside 2σ of the {}: {}").format(of, _cause(doubt.miss)))
+        text = Markup("outside 2σ of the {}: {}").format(of, _cause(doubt.miss))
+        if "wide interval" not in doubt.kinds:
+            text += Markup("; known to ±{}").format(percent(doubt.half_width))
+        reasons.append(text)
     return Markup("; ").join(reasons)
 
 
@@ -149,11 +165,27 @@ def _doubt_counts(points: Sequence[StudiedPoint], doubts: Sequence[Doubt]) -> di
         "total": sum(len(r.regressors) for p in points for r in p.model.responses.values()),
         "doubtful": len(doubts),
         "matter": sum(d.matters for d in doubts),
-        "kinds": [(_KINDS[k], n) for k in DOUBT_KINDS if (n := sum(k in d.kinds for d in doubts))],
+        "kinds": reasons_text(dict(Counter(" and ".join(d.kinds) for d in doubts).most_common())),
         "wide": f"{100 * WIDE:g} %",
         "inflation": f"{HIGH_INFLATION:g}",
         "small": f"{100 * MATTERS:g} %",
     }
+
+
+def reasons_text(reasons: Mapping[str, int]) -> str:
+    """Return how many parameters cannot be trusted for which reasons; the numbers add up to all of them.
+
+    Parameters
+    ----------
+    reasons : mapping of str to int
+        By the kinds of doubt, joined by `` and ``, as `Trust.reasons`.
+    """
+    several = len(reasons) > 1
+    return ", ".join(
+        f"{count} {'only ' if several and ' and ' not in kinds else ''}for "
+        + " and ".join(_KINDS[kind] for kind in kinds.split(" and "))
+        for kinds, count in reasons.items()
+    )
 
 
 def _sheet(results: StudyResults, point: StudiedPoint, place: int) -> dict[str, Any]:

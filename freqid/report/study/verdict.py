@@ -249,10 +249,11 @@ def truth_findings(points: Sequence[StudiedPoint]) -> list[Finding]:
     kind = _promised(apart)
     linear = finding(
         "note" if kind == "bad" and away.size else kind,
-        "{}{} of {} parameters ({}) lie within 2σ of the linearised simulation, where 2σ promises {}; the "
-        "distance is {}σ in root mean square.{}",
+        "{}{} of {} parameters ({}) lie within 2σ of the linearised simulation and {} are off it, where 2σ "
+        "promises {} within; the distance is {}σ in root mean square.{}",
         "" if kind == "good" else "Only ",
         *_within(apart),
+        _off(apart),
         percent(PROMISED),
         number(float(np.sqrt(np.mean(apart**2))), 2),
         _why_off(points),
@@ -264,9 +265,10 @@ def truth_findings(points: Sequence[StudiedPoint]) -> list[Finding]:
     return [
         finding(
             kind,
-            "{} of {} parameters ({}) lie within 2σ of the noise-free estimates of the same flights, {} "
-            "({}, {} to {} by chance); the distance is {}σ in root mean square.",
+            "{} of {} parameters ({}) lie within 2σ of the noise-free estimates of the same flights and {} "
+            "are off them, {} ({} within, {} to {} by chance); the distance is {}σ in root mean square.",
             *_within(away),
+            _off(away),
             words.get(kind, "far fewer than noise alone would leave"),
             percent(PROMISED),
             percent(max(PROMISED - _scatter(away.size), 0.0)),
@@ -283,12 +285,16 @@ def _within(distances: np.ndarray) -> tuple[int, int, str]:
     return within, distances.size, percent(within / distances.size)
 
 
+def _off(distances: np.ndarray) -> int:
+    return int((np.abs(distances) > BEYOND).sum())
+
+
 def _why_off(points: Sequence[StudiedPoint]) -> Markup:
     """Return the causes of what is off the linearisation, most frequent first."""
     causes = causes_of(points)
     why = listed(Markup("{} for {}").format(cause, n) for cause, n in causes.most_common())
-    sentence = Markup(" Of the others, the largest part of the difference comes from {}.")
-    return sentence.format(why) if causes else Markup()
+    sentence = Markup(" Of the {} that are off it, the largest part of the difference comes from {}.")
+    return sentence.format(causes.total(), why) if causes else Markup()
 
 
 def _scatter(count: int) -> float:

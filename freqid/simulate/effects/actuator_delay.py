@@ -68,7 +68,18 @@ EFFECT = Effect(
     stage="command",
     meaning="Commands reach servos, tilt drives and motors late.",
     parameters={
-        "extra": Parameter(0.0, "s", "delay beyond those that are described", 0.05, -0.1, 0.5),
+        "extra": Parameter(
+            0.0,
+            "s",
+            "delay beyond those that are described",
+            0.05,
+            -0.1,
+            0.5,
+            signs=(
+                "Commands reach their actuators later than described",
+                "Commands reach their actuators sooner than described",
+            ),
+        ),
         "strength": Parameter(1.0, "1", "factor of the delays of [simulation.actuators]", 0.0),
     },
     needs=("command",),

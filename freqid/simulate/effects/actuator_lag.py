@@ -62,7 +62,16 @@ EFFECT = Effect(
     meaning="A control surface or a tilting wing follows its command with the dynamics of its servo.",
     parameters={
         "extra": Parameter(
-            0.0, "s", "time constant of a first-order lag that no one described", 0.03, 0.0, 0.5
+            0.0,
+            "s",
+            "time constant of a first-order lag that no one described",
+            0.03,
+            0.0,
+            0.5,
+            signs=(
+                "A control surface or a tilting wing follows its command later than described",
+                "A control surface or a tilting wing follows its command sooner than described",
+            ),
         ),
         "strength": Parameter(1.0, "1", "share of the distance between command and described servo", 0.0),
     },

@@ -44,6 +44,10 @@ EFFECT = Effect(
             "share of the change from the nominal voltage, or of 3 % of speed at the mean load",
             0.5,
             0.0,
+            signs=(
+                "Motors lose more speed to the voltage of the battery than described",
+                "Motors lose less speed to the voltage of the battery than described",
+            ),
         )
     },
     needs=("command", "rotor"),

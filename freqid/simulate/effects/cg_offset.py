@@ -34,9 +34,36 @@ EFFECT = Effect(
     stage="mass",
     meaning="The centre of gravity is not where it is described.",
     parameters={
-        "x": Parameter(0.0, "m", "forward of the described one; scale 3 % of the chord", 0.01),
-        "y": Parameter(0.0, "m", "to the right of it", 0.01),
-        "z": Parameter(0.0, "m", "below it", 0.01),
+        "x": Parameter(
+            0.0,
+            "m",
+            "forward of the described one; scale 3 % of the chord",
+            0.01,
+            signs=(
+                "The centre of gravity is farther forward than it is described",
+                "The centre of gravity is farther aft than it is described",
+            ),
+        ),
+        "y": Parameter(
+            0.0,
+            "m",
+            "to the right of it",
+            0.01,
+            signs=(
+                "The centre of gravity is farther to the right than it is described",
+                "The centre of gravity is farther to the left than it is described",
+            ),
+        ),
+        "z": Parameter(
+            0.0,
+            "m",
+            "below it",
+            0.01,
+            signs=(
+                "The centre of gravity is lower than it is described",
+                "The centre of gravity is higher than it is described",
+            ),
+        ),
     },
     load=_load,
     for_vehicle=_for_vehicle,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from math import inf
 from typing import Any, Literal
@@ -33,6 +33,9 @@ class Parameter:
     looked_at : tuple of float
         Of one that says nothing while the effect's size is zero: values beside the default at which the size
         is looked for; two scales to either side where none are named.
+    signs : tuple of 2 str
+        What is so where a simulation's number has to be raised, and where it has to be lowered: two
+        sentences without a full stop; empty where only one sign is physical.
     """
 
     default: float
@@ -42,6 +45,7 @@ class Parameter:
     low: float = -inf
     high: float = inf
     looked_at: tuple[float, ...] = ()
+    signs: tuple[str, str] = ("", "")
 
 
 @dataclass(frozen=True)
@@ -140,6 +144,27 @@ class Effect:
     def size(self) -> str:
         """Name of the parameter that switches and scales the effect."""
         return next(iter(self.parameters))
+
+    def signed_meaning(self, changes: Mapping[str, tuple[float, float]]) -> str:
+        """Return what the effect means, without a full stop, by the signs that are known of its changes.
+
+        Parameters
+        ----------
+        changes : mapping of str to (float, float)
+            Ends of the interval of each parameter's change; a place where it acts, such as an effector, has
+            the words of the effect's size. An interval that holds zero, or is a point, says nothing.
+
+        Returns
+        -------
+        str
+            `meaning` where no interval says more.
+        """
+        words = []
+        for name, (low, high) in changes.items():
+            signs = self.parameters.get(name, self.parameters[self.size]).signs
+            if low < high and (low > 0 or high < 0) and any(signs):
+                words.append(signs[0] if low > 0 else signs[1])
+        return "; ".join(dict.fromkeys(words)) or self.meaning.rstrip(".")
 
     def of(self, vehicle: Vehicle | None) -> Effect:
         """Return the effect with the parameters that it has on a vehicle."""

@@ -38,7 +38,20 @@ EFFECT = Effect(
     id="extra_drag",
     stage="airframe",
     meaning="The air holds the vehicle back more than described, at its centre of gravity.",
-    parameters={"coefficient": Parameter(0.0, "1", "of that drag, on the reference area", 0.02, -1.0, 1.0)},
+    parameters={
+        "coefficient": Parameter(
+            0.0,
+            "1",
+            "of that drag, on the reference area",
+            0.02,
+            -1.0,
+            1.0,
+            signs=(
+                "The air holds the vehicle back more than described",
+                "The air holds the vehicle back less than described",
+            ),
+        )
+    },
     needs=("vehicle.area_m2", "state/u", "state/v", "state/w", "air/rho"),
     add=_add,
     replay=_replay,

@@ -59,7 +59,16 @@ EFFECT = Effect(
     stage="sensor",
     meaning="The structure's first bending mode moves the accelerometer and the gyro.",
     parameters={
-        "strength": Parameter(0.0, "1", "share of the normal force that drives the mode at the sensors", 0.1),
+        "strength": Parameter(
+            0.0,
+            "1",
+            "share of the normal force that drives the mode at the sensors",
+            0.1,
+            signs=(
+                "The first bending mode moves the sensors against the normal force that drives it",
+                "The first bending mode moves the sensors along with the normal force that drives it",
+            ),
+        ),
         "frequency": Parameter(5.0, "Hz", "of the mode", 1.0, 0.1, 100.0),
         "damping": Parameter(0.02, "1", "ratio", 0.01, 0.001, 1.0),
     },

@@ -27,8 +27,30 @@ EFFECT = Effect(
     stage="sensor",
     meaning="The vehicle bends the flow at the sensors of flow angles and of velocity relative to the air.",
     parameters={
-        "alpha": Parameter(0.0, "1", "share by which the angle of attack reads too much", 0.05, -0.9, 9.0),
-        "beta": Parameter(0.0, "1", "the same of sideslip", 0.05, -0.9, 9.0),
+        "alpha": Parameter(
+            0.0,
+            "1",
+            "share by which the angle of attack reads too much",
+            0.05,
+            -0.9,
+            9.0,
+            signs=(
+                "The angle of attack reads too much in proportion",
+                "The angle of attack reads too little in proportion",
+            ),
+        ),
+        "beta": Parameter(
+            0.0,
+            "1",
+            "the same of sideslip",
+            0.05,
+            -0.9,
+            9.0,
+            signs=(
+                "The angle of sideslip reads too much in proportion",
+                "The angle of sideslip reads too little in proportion",
+            ),
+        ),
     },
     distort=_distort,
     inverse=lambda share: -share / (1 + share),

@@ -36,7 +36,19 @@ EFFECT = Effect(
     id="gyroscopic",
     stage="airframe",
     meaning="Spinning rotors resist being turned, and push back when they are sped up.",
-    parameters={"strength": Parameter(1.0, "1", "share of the rotors' angular momentum", 0.5, 0.0)},
+    parameters={
+        "strength": Parameter(
+            1.0,
+            "1",
+            "share of the rotors' angular momentum",
+            0.5,
+            0.0,
+            signs=(
+                "Spinning rotors resist being turned more than described",
+                "Spinning rotors resist being turned less than described",
+            ),
+        )
+    },
     needs=("rotor.inertia", "effector", "state/p", "state/q", "state/r"),
     states={"speed": "rad/s"},  # its moment is in the motion, not in the loads at one instant
     replay=_replay,

@@ -30,10 +30,54 @@ EFFECT = Effect(
     stage="mass",
     meaning="The vehicle's moments of inertia are not those of its description.",
     parameters={
-        "xx": Parameter(0.0, "1", "fraction of the described Ixx that comes on top", 0.1, -0.5, 1.0),
-        "yy": Parameter(0.0, "1", "the same of Iyy", 0.1, -0.5, 1.0),
-        "zz": Parameter(0.0, "1", "the same of Izz", 0.1, -0.5, 1.0),
-        "xz": Parameter(0.0, "1", "added to Ixz, over the root of Ixx Izz", 0.03, -0.5, 0.5),
+        "xx": Parameter(
+            0.0,
+            "1",
+            "fraction of the described Ixx that comes on top",
+            0.1,
+            -0.5,
+            1.0,
+            signs=(
+                "The moment of inertia in roll is larger than it is described",
+                "The moment of inertia in roll is smaller than it is described",
+            ),
+        ),
+        "yy": Parameter(
+            0.0,
+            "1",
+            "the same of Iyy",
+            0.1,
+            -0.5,
+            1.0,
+            signs=(
+                "The moment of inertia in pitch is larger than it is described",
+                "The moment of inertia in pitch is smaller than it is described",
+            ),
+        ),
+        "zz": Parameter(
+            0.0,
+            "1",
+            "the same of Izz",
+            0.1,
+            -0.5,
+            1.0,
+            signs=(
+                "The moment of inertia in yaw is larger than it is described",
+                "The moment of inertia in yaw is smaller than it is described",
+            ),
+        ),
+        "xz": Parameter(
+            0.0,
+            "1",
+            "added to Ixz, over the root of Ixx Izz",
+            0.03,
+            -0.5,
+            0.5,
+            signs=(
+                "The product of inertia Ixz is above what is described",
+                "The product of inertia Ixz is below what is described",
+            ),
+        ),
     },
     load=_load,
 )

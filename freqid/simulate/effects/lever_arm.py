@@ -36,9 +36,36 @@ EFFECT = Effect(
     stage="sensor",
     meaning="The accelerometer is not where the log has it.",
     parameters={
-        "x": Parameter(0.0, "m", "true position forward of the stated one", 0.05),
-        "y": Parameter(0.0, "m", "to the right of it", 0.05),
-        "z": Parameter(0.0, "m", "below it", 0.05),
+        "x": Parameter(
+            0.0,
+            "m",
+            "true position forward of the stated one",
+            0.05,
+            signs=(
+                "The accelerometer is farther forward than the log has it",
+                "The accelerometer is farther aft than the log has it",
+            ),
+        ),
+        "y": Parameter(
+            0.0,
+            "m",
+            "to the right of it",
+            0.05,
+            signs=(
+                "The accelerometer is farther to the right than the log has it",
+                "The accelerometer is farther to the left than the log has it",
+            ),
+        ),
+        "z": Parameter(
+            0.0,
+            "m",
+            "below it",
+            0.05,
+            signs=(
+                "The accelerometer is lower than the log has it",
+                "The accelerometer is higher than the log has it",
+            ),
+        ),
     },
     needs=("state/ax", "state/ay", "state/az", "state/p", "state/q", "state/r"),
     distort=_distort,

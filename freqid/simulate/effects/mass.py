@@ -21,6 +21,19 @@ EFFECT = Effect(
     id="mass",
     stage="mass",
     meaning="The vehicle is heavier or lighter than it is described.",
-    parameters={"fraction": Parameter(0.0, "1", "of the described mass that comes on top", 0.05, -0.5, 1.0)},
+    parameters={
+        "fraction": Parameter(
+            0.0,
+            "1",
+            "of the described mass that comes on top",
+            0.05,
+            -0.5,
+            1.0,
+            signs=(
+                "The vehicle is heavier than it is described",
+                "The vehicle is lighter than it is described",
+            ),
+        )
+    },
     load=_load,
 )

@@ -41,7 +41,18 @@ EFFECT = Effect(
     stage="sensor",
     meaning="A triad of sensors is mounted askew.",
     parameters={
-        f"{sensor}_{axis}": Parameter(0.0, "rad", f"turn of the {label} about {axis}", 0.02, -0.5, 0.5)
+        f"{sensor}_{axis}": Parameter(
+            0.0,
+            "rad",
+            f"turn of the {label} about {axis}",
+            0.02,
+            -0.5,
+            0.5,
+            signs=(
+                f"The mounting of the {label} is turned clockwise about {axis}, seen along it",
+                f"The mounting of the {label} is turned anticlockwise about {axis}, seen along it",
+            ),
+        )
         for sensor, label in (("imu", "gyros and accelerometers"), ("velocity", "velocity sensor"))
         for axis in "xyz"
     },

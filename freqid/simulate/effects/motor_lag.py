@@ -34,7 +34,20 @@ EFFECT = Effect(
     id="motor_lag",
     stage="command",
     meaning="Motors follow their commands later than described, by a first-order lag.",
-    parameters={"extra": Parameter(0.0, "s", "time constant of that lag", 0.04, 0.0, 0.5)},
+    parameters={
+        "extra": Parameter(
+            0.0,
+            "s",
+            "time constant of that lag",
+            0.04,
+            0.0,
+            0.5,
+            signs=(
+                "Motors follow their commands later than described",
+                "Motors follow their commands sooner than described",
+            ),
+        )
+    },
     needs=("command", "rotor"),
     states={"speed": "rad/s"},
     alternatives=True,

@@ -46,7 +46,19 @@ EFFECT = Effect(
     id="rotor_inplane_force",
     stage="airframe",
     meaning="A propeller in oblique flow is pushed along with it and thrusts more on its advancing side.",
-    parameters={"strength": Parameter(1.0, "1", "share of the in-plane force and hub moment", 0.3, 0.0)},
+    parameters={
+        "strength": Parameter(
+            1.0,
+            "1",
+            "share of the in-plane force and hub moment",
+            0.3,
+            0.0,
+            signs=(
+                "A propeller in oblique flow is pushed along with it more than described",
+                "A propeller in oblique flow is pushed along with it less than described",
+            ),
+        )
+    },
     needs=("rotor.diameter_m", "effector", "state/u", "state/v", "state/w", "air/rho"),
     replay=_replay,
 )

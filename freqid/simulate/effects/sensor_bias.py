@@ -19,7 +19,16 @@ EFFECT = Effect(
     stage="sensor",
     meaning="A sensor reads too much or too little by a constant.",
     parameters={
-        name: Parameter(0.0, unit, f"what {name} reads too much", scale)
+        name: Parameter(
+            0.0,
+            unit,
+            f"what {name} reads too much",
+            scale,
+            signs=(
+                f"The sensor of {name} reads too much by a constant",
+                f"The sensor of {name} reads too little by a constant",
+            ),
+        )
         for name, (scale, unit) in BIAS.items()
     },
     alternatives=True,

@@ -19,7 +19,18 @@ EFFECT = Effect(
     stage="sensor",
     meaning="A sensor reads too much or too little in proportion to what there is.",
     parameters={
-        name: Parameter(0.0, "1", f"share by which {name} reads too much", 0.03, -0.9, 9.0)
+        name: Parameter(
+            0.0,
+            "1",
+            f"share by which {name} reads too much",
+            0.03,
+            -0.9,
+            9.0,
+            signs=(
+                f"The sensor of {name} reads too much in proportion",
+                f"The sensor of {name} reads too little in proportion",
+            ),
+        )
         for name in BIAS
         if name not in ("phi", "psi")  # no sensor scales a heading or a bank angle
     },

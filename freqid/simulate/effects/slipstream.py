@@ -72,7 +72,17 @@ EFFECT = Effect(
     stage="airframe",
     meaning="Propellers accelerate the air over the wing strips behind them.",
     parameters={
-        "strength": Parameter(1.0, "1", "share of the added velocity that the strips feel", 0.3, 0.0)
+        "strength": Parameter(
+            1.0,
+            "1",
+            "share of the added velocity that the strips feel",
+            0.3,
+            0.0,
+            signs=(
+                "Propellers accelerate the air over the wing strips behind them more than described",
+                "Propellers accelerate the air over the wing strips behind them less than described",
+            ),
+        )
     },
     needs=("rotor.diameter_m", "vehicle.chord_m", "effector", "state/u", "state/v", "state/w", "air/rho"),
     replay=_replay,

@@ -28,9 +28,36 @@ EFFECT = Effect(
     stage="environment",
     meaning="Velocities that are taken for relative to the air are over the ground, or their wind is wrong.",
     parameters={
-        "north": Parameter(0.0, "m/s", "velocity of the air to the north that was not taken out", 1.0),
-        "east": Parameter(0.0, "m/s", "the same to the east", 1.0),
-        "down": Parameter(0.0, "m/s", "the same downwards", 0.3),
+        "north": Parameter(
+            0.0,
+            "m/s",
+            "velocity of the air to the north that was not taken out",
+            1.0,
+            signs=(
+                "The air moves to the north, which was not taken out of the velocities",
+                "The air moves to the south, which was not taken out of the velocities",
+            ),
+        ),
+        "east": Parameter(
+            0.0,
+            "m/s",
+            "the same to the east",
+            1.0,
+            signs=(
+                "The air moves to the east, which was not taken out of the velocities",
+                "The air moves to the west, which was not taken out of the velocities",
+            ),
+        ),
+        "down": Parameter(
+            0.0,
+            "m/s",
+            "the same downwards",
+            0.3,
+            signs=(
+                "The air moves downwards, which was not taken out of the velocities",
+                "The air moves upwards, which was not taken out of the velocities",
+            ),
+        ),
     },
     needs=(*VELOCITY, *ATTITUDE),
     distort=_distort,

@@ -43,7 +43,18 @@ EFFECT = Effect(
     stage="command",
     meaning="The air feels less of a control surface than its measured deflection.",
     parameters={
-        "loss": Parameter(0.0, "1", "share of every surface's deflection that is lost", 0.1, -1.0, 1.0)
+        "loss": Parameter(
+            0.0,
+            "1",
+            "share of every surface's deflection that is lost",
+            0.1,
+            -1.0,
+            1.0,
+            signs=(
+                "The air feels less of a control surface than its measured deflection",
+                "The air feels more of a control surface than its measured deflection",
+            ),
+        )
     },
     needs=("surface", "effector"),
     alternatives=True,

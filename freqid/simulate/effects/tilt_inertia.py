@@ -30,7 +30,18 @@ EFFECT = Effect(
     stage="mass",
     meaning="The wings carry more or less of the vehicle's mass along when they tilt than is described.",
     parameters={
-        "fraction": Parameter(0.0, "1", "of the wings' described mass and inertia on top", 0.1, -1.0, 1.0)
+        "fraction": Parameter(
+            0.0,
+            "1",
+            "of the wings' described mass and inertia on top",
+            0.1,
+            -1.0,
+            1.0,
+            signs=(
+                "The wings carry more of the vehicle's mass along when they tilt than is described",
+                "The wings carry less of the vehicle's mass along when they tilt than is described",
+            ),
+        )
     },
     needs=("wing",),
     load=_load,

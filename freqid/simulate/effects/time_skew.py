@@ -54,7 +54,18 @@ EFFECT = Effect(
     stage="sensor",
     meaning="A group of sensors logs values that are older than their time stamps.",
     parameters={
-        group: Parameter(0.0, "s", f"age of what is logged of {group}", 0.05, -0.5, 0.5)
+        group: Parameter(
+            0.0,
+            "s",
+            f"age of what is logged of {group}",
+            0.05,
+            -0.5,
+            0.5,
+            signs=(
+                "A group of sensors logs values that are older than their time stamps",
+                "A group of sensors logs values that are newer than their time stamps",
+            ),
+        )
         for group in (*_GROUPS, "effectors")
     },
     alternatives=True,

@@ -43,7 +43,20 @@ EFFECT = Effect(
     id="weak_rotor",
     stage="airframe",
     meaning="A propeller thrusts less than its measured speed says.",
-    parameters={"loss": Parameter(0.0, "1", "share of every rotor's thrust that is lost", 0.05, -1.0, 1.0)},
+    parameters={
+        "loss": Parameter(
+            0.0,
+            "1",
+            "share of every rotor's thrust that is lost",
+            0.05,
+            -1.0,
+            1.0,
+            signs=(
+                "A propeller thrusts less than its measured speed says",
+                "A propeller thrusts more than its measured speed says",
+            ),
+        )
+    },
     needs=("rotor", "effector"),
     alternatives=True,
     feel=_feel,

@@ -50,7 +50,19 @@ EFFECT = Effect(
     id="wing_wake",
     stage="airframe",
     meaning="The wake of a wing and its rotors turns and blows the flow at what lies behind it.",
-    parameters={"strength": Parameter(1.0, "1", "share of the wake's velocity that is felt", 0.3, 0.0)},
+    parameters={
+        "strength": Parameter(
+            1.0,
+            "1",
+            "share of the wake's velocity that is felt",
+            0.3,
+            0.0,
+            signs=(
+                "The wake of a wing and its rotors turns and blows the flow behind it more than described",
+                "The wake of a wing and its rotors turns and blows the flow behind it less than described",
+            ),
+        )
+    },
     needs=("wing", "vehicle.area_m2", "effector", "state/u", "state/v", "state/w", "air/rho"),
     replay=_replay,
 )

@@ -11,32 +11,58 @@ import numpy as np
 from freqid.blend.campaign import (
     FAILED_VALIDATION,
     GOOD_R2,
+    MOST_HELD_OUT,
+    MOST_NEW_DENSITY,
     MOST_VALIDATION,
     StudiedPoint,
     StudyResults,
     most_allowed,
 )
 from freqid.core.channels import WRENCH_MEANING
-from freqid.core.results.diagnosis import Closure
 from freqid.core.results.gap import GapResult
-from freqid.core.results.judged.review import Ground
+from freqid.core.results.judged.review import Ground, Reversal
 from freqid.core.results.judged.sealed_trial import TrialOutcome
 from freqid.core.results.loop_margins import LoopMargins, least_of
 from freqid.core.results.output_error import OutputErrorModel
-from freqid.core.results.point import PointModel, ResponseModel, gate_sentences
+from freqid.core.results.point import MissedGate, PointModel, ResponseModel, missed_gates, unjudged_gates
 from freqid.core.results.prediction import Score
 from freqid.core.results.quicklook import Quicklook
 from freqid.core.results.rivals import Rivals
 from freqid.core.scenario import Gates
+from freqid.gap.fidelity import ACCEPTABLE
 from freqid.identify.model.selection import DISTORTED
+from freqid.workflows.reviews.gap_grounds import MARGINS, WANTED_G, base_name, grounds_of_gap, listed
 from freqid.workflows.reviews.read_together import ReviewedFile
 
-_PHASE_DEG, _GAIN_DB = 45.0, 6.0
-MARGINS = (("phase_deg", _PHASE_DEG, "deg"), ("gain_up_db", _GAIN_DB, "dB"))
-"""Margins asked of a loop before it is flown: MIL-DTL-9490E and SAE AS94900, rigid-body modes."""
-WANTED_G = 0.5
-"""Share of a gap that must go with its effect, on flights not used, for use of the corrected simulation."""
 _WEIGHTS: dict[str, Literal["good", "risk", "stop"]] = {"right": "good", "wrong": "stop", "undecided": "risk"}
+
+
+def rules() -> tuple[str, ...]:
+    """Return what is an open risk or forbids use: one phrase for each kind of figure."""
+    phase, gain = (f"{wanted:g} {unit}" for _, wanted, unit in MARGINS)
+    return (
+        f"a response of which the model explains less than {100 * GOOD_R2:g} % (R²), whether the model or "
+        "noise is why",
+        f"a response in which the model leaves more than {DISTORTED:g} times the power of noise",
+        f"an error on a new flight above {MOST_VALIDATION:g} times that of the fit; above "
+        f"{FAILED_VALIDATION:g} times it forbids use",
+        f"an error of the global model at a condition that was held out above {MOST_HELD_OUT:g} times that "
+        f"of a model made there, {MOST_NEW_DENSITY:g} at another air density: this forbids use",
+        "parameters that the flights cannot separate, and what a model remarks of itself",
+        "an output error that did not converge, which forbids use; its residuals that are not white, and a "
+        "parameter at its bound",
+        f"a margin below {phase} of phase or {gain}, with the identified model or with the effect of the "
+        "gap: this forbids use; an interval that reaches below is a risk",
+        "margins of another aircraft outside the model's interval, more of them than chance would put there",
+        f"a gap: it forbids use unless its effect closes {100 * WANTED_G:g} % of it, with an interval above "
+        "zero, and is a risk then",
+        "a name of the gap's cause that is withdrawn, effects that cannot be told apart, a fault of a sensor",
+        f"a cost J above {ACCEPTABLE:g} of the simulation's own flight with the effect",
+        "a gate of the scenario that is missed, a flight to be repeated, a sealed prediction that fails, and "
+        "a sealed trial in which the diagnosis was wrong: each forbids use",
+        "what was not tried: no new flight, no condition held out, no flight held out from the diagnosis, a "
+        "study that is not finished",
+    )
 
 
 def grounds_of(files: Sequence[ReviewedFile], gates: Gates | None) -> Iterator[Ground]:
@@ -63,7 +89,7 @@ def grounds_of(files: Sequence[ReviewedFile], gates: Gates | None) -> Iterator[G
         elif isinstance(result, PointModel):
             yield from _of_point(StudiedPoint(result, {}, {}, np.zeros(0), {}), gates, name)
         elif isinstance(result, GapResult):
-            yield from _of_gap(result, name)
+            yield from grounds_of_gap(result, name)
         elif isinstance(result, LoopMargins):
             yield from _of_margins(result, name)
         elif isinstance(result, Score):
@@ -78,20 +104,18 @@ def grounds_of(files: Sequence[ReviewedFile], gates: Gates | None) -> Iterator[G
 
 def _of_point(point: StudiedPoint, gates: Gates | None, source: str) -> Iterator[Ground]:
     model, at = point.model, f"at {point.id}" if point.id else f"in {source}"
-    missed = gate_sentences(model, gates) if gates is not None else []
-    for text in missed:
-        yield Ground("model", "stop", f"{at} {text}", source)
+    for miss in missed_gates(model, gates) if gates is not None else ():
+        if not miss.unjudged:
+            yield Ground("model", "stop", f"{at} {miss}", source, tuple(_gate(miss, at)))
+    if gates is not None and (unjudged := unjudged_gates(model, gates)):
+        yield Ground("model", "stop", f"{at} {unjudged}", source)
     for response in model.responses.values():
         for group in response.inseparable:
             text = (
                 f"{at} the flights cannot separate what {listed(group)} do to the {said(response.response)}"
             )
             yield Ground("model", "risk", text, source)
-    poor = [r for r in model.responses.values() if not (r.r2 >= GOOD_R2 or r.reaches_ceiling)]
-    if poor:
-        each = listed([f"the {said(r.response)} ({100 * r.r2:.1f} %{_allowed(r)})" for r in poor])
-        text = f"{at} the model explains too little of {each}"
-        yield Ground("model", "risk", text, source)
+    yield from _of_fit(point, at, source)
     bent = [r for r in model.responses.values() if r.distortion is not None and not r.distortion <= DISTORTED]
     if bent:
         worst = max(bent, key=lambda r: r.distortion or 0.0)
@@ -100,7 +124,13 @@ def _of_point(point: StudiedPoint, gates: Gates | None, source: str) -> Iterator
             f"(most in {worst.response}: {worst.distortion:.3g} times the power of noise), so that the true "
             "errors of their parameters are larger than stated"
         )
-        yield Ground("model", "risk", text, source)
+        figure = Reversal(
+            "Power that the model leaves, over that of noise",
+            worst.distortion or math.nan,
+            DISTORTED,
+            f"{worst.response} {at}",
+        )
+        yield Ground("model", "risk", text, source, (figure,))
     ratios = {r: point.validation_ratio(r) for r in model.responses}
     known = {r: v for r, v in ratios.items() if math.isfinite(v)}
     if not known:
@@ -115,9 +145,48 @@ def _of_point(point: StudiedPoint, gates: Gates | None, source: str) -> Iterator
             f"{at}, on a flight that it was not made from, the model's error is at most {known[worst]:.3g} "
             f"times that on its own flight ({said(worst)})"
         )
-        yield Ground("model", weight, text, source)
+        where, what = f"{worst} {at}", "Error on a new flight, over that of the fit"
+        bounds: list[tuple[float, Literal["risk", "stop"]]] = [(MOST_VALIDATION, "risk")]
+        if weight != "good":
+            bounds.append((FAILED_VALIDATION, "stop"))
+        figures = tuple(Reversal(what, known[worst], bound, where, weight=w) for bound, w in bounds)
+        yield Ground("model", weight, text, source, figures)
     for remark in model.remarks:
         yield Ground("model", "risk", f"{at}: {remark.rstrip('.')}", source)
+
+
+def _of_fit(point: StudiedPoint, at: str, source: str) -> Iterator[Ground]:
+    """Yield the responses of which too little is explained, by whether the model or noise is why."""
+    low = [r for r in point.model.responses.values() if not r.r2 >= GOOD_R2]
+    hidden = [r for r in low if r.reaches_ceiling]
+    poor = [r for r in low if not r.reaches_ceiling]
+    for responses, text in (
+        (poor, "the model explains too little of {}"),
+        (
+            hidden,
+            "the flight does not show whether the model is good enough in {}: they hardly move beside noise",
+        ),
+    ):
+        if responses:
+            each = listed([f"the {said(r.response)} ({100 * r.r2:.1f} %{_allowed(r)})" for r in responses])
+            worst = min(responses, key=lambda r: r.r2 if math.isfinite(r.r2) else -math.inf)
+            figure = Reversal(
+                "Share of a response that the model explains (R²)",
+                worst.r2,
+                GOOD_R2,
+                f"{worst.response} {at}",
+                side="at least",
+            )
+            words = text if len(responses) > 1 else text.replace("they hardly move", "it hardly moves")
+            yield Ground("model", "risk", f"{at} {words.format(each)}", source, (figure,))
+
+
+def _gate(miss: MissedGate, at: str) -> Iterator[Reversal]:
+    """Yield the figure of a gate that is missed, where it is a number."""
+    if math.isfinite(miss.value):
+        side = "at least" if miss.figure in ("R2", "coherence") else "at most"
+        text = f"Gate of the scenario: {miss.figure}"
+        yield Reversal(text, miss.value, miss.gate, f"{miss.response} {at}", side=side, weight="stop")
 
 
 def _of_study(results: StudyResults, source: str) -> Iterator[Ground]:
@@ -141,7 +210,14 @@ def _of_study(results: StudyResults, source: str) -> Iterator[Ground]:
         f"at conditions that it was not made from, the global model errs at most {ratio:.3g} times as much "
         f"as a model made there ({said(worst[0])} at {worst[1]}; {allowed:g} is allowed)"
     )
-    yield Ground("model", "good" if ratio <= allowed else "stop", text, source)
+    figure = Reversal(
+        "Error of the global model between conditions, over a point model's there",
+        ratio,
+        allowed,
+        f"{worst[0]} at {worst[1]}",
+        weight="stop",
+    )
+    yield Ground("model", "good" if ratio <= allowed else "stop", text, source, (figure,))
 
 
 def _of_output_error(result: OutputErrorModel, source: str) -> Iterator[Ground]:
@@ -158,102 +234,10 @@ def _of_output_error(result: OutputErrorModel, source: str) -> Iterator[Ground]:
         yield Ground("model", "risk", remark.rstrip("."), source)
 
 
-def _of_gap(result: GapResult, source: str) -> Iterator[Ground]:
-    which, closures = result.which, result.how_far
-    if not result.gap.exists:
-        yield Ground("simulation", "good", result.verdict.rstrip("."), source)
-    else:
-        named = which.pair or which.named
-        closed = closures[0] if closures and named else None
-        if closed is not None and closed.wrench.G >= WANTED_G and closed.wrench.lo > 0:
-            yield Ground("simulation", "risk", _explained(named, closed), source)
-        else:
-            yield Ground("simulation", "stop", result.verdict.rstrip("."), source)
-        if not closures:
-            text = "how far the gap closes was not tried on any flight"
-            yield Ground("simulation", "risk", text, source)
-        if closures and (cost := _cost(closures[0])):
-            weight = "stop" if _short_margins(closures[0], "after") else "risk"
-            yield Ground("next flight", weight, cost, source)
-    for name, why in which.withdrawn.items():
-        yield Ground("simulation", "risk", f"{name} fits best and is withdrawn: {why}", source)
-    for group in which.aliases:
-        text = f"these flights cannot tell {', '.join(group)} apart"
-        yield Ground("simulation", "risk", text, source)
-    for fault in result.sensors:
-        text = f"the sensors show {fault.fault} in {fault.channel}: {fault.estimate:.3g} {fault.unit}"
-        yield Ground("model", "risk", text, source)
-
-
-def _explained(named: Sequence[str], closure: Closure) -> str:
-    """Return what explains a gap, in words, and how much of the gap goes with it."""
-    from freqid.simulate.effects import library  # loads jax
-
-    meant = [library()[n].meaning.rstrip(".") for n in named if n in library()]
-    words = f" ({'; '.join(m[:1].lower() + m[1:] for m in meant)})" if meant else ""
-    g = closure.wrench
-    return (
-        f"flights and simulation differ, and {' and '.join(named)} explains it{words}: with that change "
-        f"{100 * g.G:.0f} % of the difference disappears ({100 * g.lo:.0f} to {100 * g.hi:.0f} %) on "
-        f"{listed(list(map(base_name, closure.held_out)))}. Use the simulation with this change only"
-    )
-
-
-def _cost(closure: Closure) -> str:
-    """Return what the effect of a gap does to the margins, in a sentence; empty where no law is known."""
-    sentence = str(closure.consequence.get("sentence", "")).rstrip(".")
-    least = least_flown(closure)
-    if least is None:
-        return f"the gap's effect: {sentence}" if sentence else ""
-    at, axis, before, after = least
-    asked = next(wanted for figure, wanted, _ in MARGINS if figure == "phase_deg")
-    where = f"axis {axis} at {at}" if at else f"axis {axis}"
-    text = (
-        f"with the effect that was found ({' and '.join(closure.effects)}) the control loop keeps "
-        f"{after:.1f} deg of phase margin ({where}), {'at least' if after >= asked else 'less than'} the "
-        f"{asked:g} deg asked for; the simulation without it has {before:.1f} deg"
-    )
-    if before < asked:
-        text += ", which is too little as well"
-    others = [s for s in _short_margins(closure, "after") if "deg" not in s]
-    return text + (f"; {listed(others)} asked for, and missed" if others else "")
-
-
-def least_flown(closure: Closure) -> tuple[str, str, float, float] | None:
-    """Return condition and axis of the least phase margin with an effect; the margin without and with it."""
-    found = [
-        (float(change["after"]), path.split("/")[1], float(change["before"]))
-        for path, change in closure.consequence.get("figures", {}).items()
-        if path.startswith("margins/") and path.endswith("/phase_deg") and math.isfinite(change["after"])
-    ]
-    if not found:
-        return None
-    after, axis, before = min(found)
-    return str(closure.consequence.get("reference", "")), axis, before, after
-
-
-def _short_margins(closure: Closure, when: str) -> list[str]:
-    """Return the bounds that margins are below, ``before`` or ``after`` the effect of a gap is added."""
-    figures = closure.consequence.get("figures", {})
-    return [
-        f"{wanted:g} {unit} is"
-        for figure, wanted, unit in MARGINS
-        if any(
-            path.startswith("margins/") and path.endswith(f"/{figure}") and change.get(when, wanted) < wanted
-            for path, change in figures.items()
-        )
-    ]
-
-
 def said(response: str) -> str:
     """Return a response with what it is, as ``yawing moment N``; its name alone where it is no load."""
     meaning = WRENCH_MEANING.get(response, "")
     return f"{meaning} {response}" if meaning else response
-
-
-def listed(names: Sequence[str]) -> str:
-    """Join names as a sentence does: a, b and c."""
-    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 def _allowed(response: ResponseModel) -> str:
@@ -262,15 +246,16 @@ def _allowed(response: ResponseModel) -> str:
     return "" if most is None else f", where noise allows {100 * most:.1f} %"
 
 
-def base_name(record: str) -> str:
-    """Return the name of a file without its folder."""
-    return record.rpartition("/")[2]
-
-
 def _of_margins(found: LoopMargins, source: str) -> Iterator[Ground]:
+    apart = dict(found.differing.values())
     for text in found.warnings:
         weight = "stop" if "is unstable" in text else "risk"
-        yield Ground("next flight", weight, text, source)
+        figures = (
+            (Reversal("Share of margins outside the model's interval", apart[text], 1 - found.level, source),)
+            if text in apart
+            else ()
+        )
+        yield Ground("next flight", weight, text, source, figures)
     for figure, wanted, unit in MARGINS:
         least = least_margin(found, figure)
         if least is None:
@@ -280,7 +265,15 @@ def _of_margins(found: LoopMargins, source: str) -> Iterator[Ground]:
         sure = f"; {100 * found.level:.0f} % sure: {lower:.1f} {unit} or more" if math.isfinite(lower) else ""
         text += f" ({where}{sure}); {wanted:g} {unit} is asked for"
         weight = "stop" if value < wanted else "risk" if lower < wanted else "good"
-        yield Ground("next flight", weight, text, source)
+        name = f"{figure.split('_')[0]} margin of the identified model"
+        figures = [Reversal(f"Least {name}", value, wanted, where, unit, "at least", "stop")]
+        if math.isfinite(lower):
+            figures.append(
+                Reversal(
+                    f"Lower end of the interval of the least {name}", lower, wanted, where, unit, "at least"
+                )
+            )
+        yield Ground("next flight", weight, text, source, tuple(figures))
 
 
 def least_margin(found: LoopMargins, figure: str) -> tuple[float, float, str] | None:
@@ -300,7 +293,19 @@ def _of_score(score: Score, source: str) -> Iterator[Ground]:
         f"of what was predicted before the flight, the 95 % bands hold {shares} of the samples; "
         f"{100 * score.gate:.0f} % is asked for"
     )
-    yield Ground("model", "good" if score.passed else "stop", text, source)
+    figures = tuple(
+        Reversal(
+            f"Share of the samples that the 95 % bands hold, {kind}",
+            share,
+            score.gate,
+            source,
+            "1",
+            "at least",
+            "stop",
+        )
+        for kind, share in score.coverage.items()
+    )
+    yield Ground("model", "good" if score.passed else "stop", text, source, figures)
     for name in score.failed:
         yield Ground("model", "risk", f"the assumption '{name}' of the prediction did not hold", source)
 

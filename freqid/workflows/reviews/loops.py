@@ -10,7 +10,7 @@ from freqid.blend.campaign import StudiedPoint, causes_of
 from freqid.core.results.gap import GapResult
 from freqid.core.results.judged.review import LoopCompared
 from freqid.core.results.loop_margins import LoopMargins, least_of
-from freqid.workflows.reviews.grounds import least_flown, listed
+from freqid.workflows.reviews.gap_grounds import least_flown, listed
 from freqid.workflows.reviews.read_together import ReviewedFile
 
 _FIGURE = "phase_deg"
@@ -112,16 +112,25 @@ def _form(models: Sequence[LoopCompared], points: Sequence[StudiedPoint]) -> Ite
     if not off:
         yield f"{text}, within the model's interval: noise can be why"
     else:
-        why = _causes([p for p in points if p.id in off])
+        why, there, count = _causes([p for p in points if p.id in off]), listed(off), _off(points)
         yield (
             f"{text}, at {listed(off)} by more than the model's interval, so that noise alone is not why"
-            + (f". Parameters of the model that are off the simulation's there: {why}" if why else "")
+            + (
+                f". Of the {count} parameters of all conditions that are off the simulation's linearisation, "
+                f"{_off([p for p in points if p.id in off])} are at {there}: {why}"
+                if why
+                else ""
+            )
         )
 
 
 def _causes(points: Sequence[StudiedPoint]) -> str:
     """Return how many parameters are off the linearised simulation, by computed cause."""
     return listed([f"{count} by {cause}" for cause, count in causes_of(points).most_common()])
+
+
+def _off(points: Sequence[StudiedPoint]) -> int:
+    return causes_of(points).total()
 
 
 def _holds(row: LoopCompared) -> bool:

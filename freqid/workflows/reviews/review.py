@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from freqid.blend.campaign import (
-    FAILED_VALIDATION,
-    MOST_VALIDATION,
-    StudiedPoint,
-    StudyResults,
-    most_allowed,
-)
+from freqid.blend.campaign import StudiedPoint, StudyResults
 from freqid.core.errors import DataError, UsageError
 from freqid.core.results.gap import GapResult
 from freqid.core.results.judged.doubt import DOUBT_KINDS
@@ -35,9 +30,10 @@ from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
 from freqid.core.scenario import Scenario
 from freqid.workflows.inputs import File, scenario_of
-from freqid.workflows.reviews.grounds import MARGINS, WANTED_G, base_name, grounds_of, least_margin
+from freqid.workflows.reviews.grounds import grounds_of, rules
 from freqid.workflows.reviews.loops import loops_compared, why_loops_differ
 from freqid.workflows.reviews.read_together import ReviewedFile, read_together, vehicle_of
+from freqid.workflows.reviews.use import uses_of
 
 _NO_MARGINS = "no margins of the control law are among the files"
 _SUBJECTS: tuple[Subject, ...] = ("model", "simulation", "next flight")
@@ -119,7 +115,7 @@ def review(
         envelope=tuple(_envelope(points)),
         conditions=conditions,
         grounds=tuple(grounds),
-        reversals=tuple(_reversals(every, points)),
+        reversals=tuple(_reversals(grounds)),
         missing=_missing(every),
         sources=tuple(one.source for one in every),
         quantities=dict(_quantities(every, points)),
@@ -127,6 +123,8 @@ def review(
         trust=_trust(points),
         loops=loops,
         loops_text=why_loops_differ(loops, every, points),
+        uses=tuple(uses_of(every, points)),
+        rules=rules(),
     )
     old = [against] if isinstance(against, str) or not isinstance(against, Sequence) else list(against)
     return _compared(found, old) if old else found
@@ -165,7 +163,20 @@ def _trust(points: Sequence[StudiedPoint]) -> Trust | None:
     if not count:
         return None
     wide, collinear, missing = (sum(k in d.kinds for d in doubts) for k in DOUBT_KINDS)
-    return Trust(count, len(doubts), sum(d.matters for d in doubts), wide, collinear, missing)
+    off = [d.miss.of for d in doubts if d.miss is not None]
+    both = off.count("both")
+    return Trust(
+        count,
+        len(doubts),
+        sum(d.matters for d in doubts),
+        wide,
+        collinear,
+        missing,
+        dict(Counter(" and ".join(d.kinds) for d in doubts).most_common()),
+        off.count("linearisation") + both,
+        off.count("noise-free estimate") + both,
+        both,
+    )
 
 
 def _decide(subject: Subject, grounds: Sequence[Ground], files: Sequence[ReviewedFile]) -> Decision:
@@ -232,51 +243,15 @@ def _envelope(points: Sequence[StudiedPoint]) -> Iterator[Limit]:
             yield Limit(name, min(known), max(known), unit)
 
 
-def _reversals(files: Sequence[ReviewedFile], points: Sequence[StudiedPoint]) -> Iterator[Reversal]:
-    """Yield the figures that would overturn an answer, where each stands and what it may not pass."""
-    ratios = {
-        (r, p.id): p.validation_ratio(r)
-        for p in points
-        for r in p.model.responses
-        if math.isfinite(p.validation_ratio(r))
-    }
-    if ratios:
-        worst = max(ratios, key=lambda at: ratios[at])
-        yield Reversal(
-            "The error on a new flight, over that of the fit, rises above",
-            ratios[worst],
-            MOST_VALIDATION if ratios[worst] <= MOST_VALIDATION else FAILED_VALIDATION,
-            f"{worst[0]} at {worst[1]}",
-        )
-    for one in files:
-        result = one.result
-        if isinstance(result, StudyResults) and result.held_out:
-            each = [
-                (h.ratio(r), most_allowed(result, h), f"{r} at {h.reference.id}")
-                for h in result.held_out
-                for r in result.responses
-                if math.isfinite(h.ratio(r))
-            ]
-            if each:
-                ratio, allowed, where = max(each, key=lambda e: e[0] / e[1])
-                text = "The error of the global model between conditions, over a point model's, rises above"
-                yield Reversal(text, ratio, allowed, where)
-        if isinstance(result, LoopMargins):
-            for figure, wanted, unit in MARGINS:
-                least = least_margin(result, figure)
-                if least is not None:
-                    text = f"The least {figure.split('_')[0]} margin in {one.source.name} falls below"
-                    yield Reversal(text, least[0], wanted, least[2], unit)
-        if isinstance(result, GapResult):
-            text = "The probability that there is no gap rises above"
-            yield Reversal(text, result.gap.p, result.gap.level, one.source.name)
-            if result.gap.exists and result.how_far and math.isfinite(result.how_far[0].wrench.G):
-                yield Reversal(
-                    "The share of the gap that the effect closes on another flight falls below",
-                    result.how_far[0].wrench.G,
-                    WANTED_G,
-                    ", ".join(map(base_name, result.how_far[0].held_out)),
-                )
+def _reversals(grounds: Sequence[Ground]) -> Iterator[Reversal]:
+    """Yield each figure beyond its bound, what forbids use first; then of each kind the nearest to it."""
+    every = [replace(f, subject=g.subject) for g in grounds for f in g.figures if math.isfinite(f.now)]
+    beyond = [f for f in every if f.room < 0]
+    yield from sorted(beyond, key=lambda f: (("stop", "risk", "good").index(f.weight), f.room_share))
+    nearest: dict[tuple[str, str, float], Reversal] = {}
+    for f in sorted((f for f in every if f.room >= 0), key=lambda f: f.room_share):
+        nearest.setdefault((f.subject, f.text, f.bound), f)
+    yield from nearest.values()
 
 
 def _missing(files: Sequence[ReviewedFile]) -> dict[str, str]:

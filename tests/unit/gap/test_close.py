@@ -40,7 +40,8 @@ def test_a_lost_surface_is_named_sized_and_closed_to_the_noise(worn):
     interval = closure.settings["worn"]["share"]
     assert interval.lo < 0.1 < interval.hi
     assert closure.wrench.G > 0.95
-    assert closure.held_out == ("manoeuvre 3",)
+    assert (closure.held_out, closure.scored) == (("manoeuvre 3",), "held out")
+    assert "is closed on manoeuvre 3, which was held out" in worn.diagnosis.verdict
     assert closure.rmse["M"].after < closure.rmse["M"].before
 
 
@@ -68,6 +69,20 @@ def test_a_name_is_withdrawn_where_the_held_out_score_falls():
     assert found.diagnosis.which.named == ()
     assert "worn" in found.diagnosis.which.withdrawn
     assert closure.note
+
+
+@pytest.mark.parametrize(
+    ("flights", "scored", "words"),
+    [
+        (2, "turns", "on manoeuvre 1 and manoeuvre 2 in turn, each with the size fitted to the other (no"),
+        (1, "lines", "on every other line of manoeuvre 1, with the size fitted to the lines between (no"),
+    ],
+)
+def test_without_a_flight_held_out_the_verdict_says_what_took_turns(flights, scored, words):
+    found = diagnose(Linear(), [flight(WORN, s) for s in range(1, flights + 1)], QUESTION).diagnosis
+    assert found.how_far[0].scored == scored
+    assert f"{words} manoeuvre was held out)" in found.verdict
+    assert "not used" not in found.verdict
 
 
 def test_a_second_effect_stays_only_where_it_predicts_what_was_not_used(worn):

@@ -55,6 +55,8 @@ def test_what_goes_stands_beside_what_tolerances_would_have_to_do():
         "simulation would close 90 % of it, but only with derivatives.M.de off by 9 times its stated "
         "tolerance." in text
     )
+    held = said(closures=(replace(CLOSURE, scored="held out"),))
+    assert "closed on c.h5, which was held out. Without it" in held
     near = replace(CLOSURE, strained={"derivatives.M.de": 1.2})
     assert said(closures=(near,)).endswith("would close 90 % of it.")
 
@@ -130,3 +132,21 @@ def test_a_withdrawn_name_says_what_tolerances_would_have_to_be():
         "; without any effect it takes derivatives.M.de off by 9 times its stated tolerance to close it."
     )
     assert "it takes" not in said(which, (replace(CLOSURE, strained={"mass.fraction": 1.2}),))
+
+
+def test_the_words_of_an_effect_have_the_sign_that_its_interval_leaves():
+    def words(lo, hi):
+        size = Interval((lo + hi) / 2, lo, hi, "1")
+        return said(
+            replace(
+                WORN,
+                probabilities={"mass": 0.99},
+                parameters={"mass": {"fraction": size}},
+                named=("mass",),
+                places={},
+            )
+        )
+
+    assert "(The vehicle is lighter than it is described)" in words(-0.18, -0.14)
+    assert "(The vehicle is heavier than it is described)" in words(0.14, 0.18)
+    assert "(The vehicle is heavier or lighter than it is described)" in words(-0.1, 0.2)

@@ -96,7 +96,10 @@ def test_where_the_interval_is_left_the_computed_causes_are_counted():
     files = reviewed(margins(simulation=((44.0, 43.0), (52.0, 58.0))), gap())
     text = why_loops_differ(loops_compared(files), files, [point("u20", late, late, noisy)])[-1]
     assert "by at most 2.2 deg (u20), at u20 by more than the model's interval" in text
-    assert text.endswith("off the simulation's there: 2 by wake delay")
+    assert text.endswith(
+        "Of the 2 parameters of all conditions that are off the simulation's linearisation, 2 are at u20: "
+        "2 by wake delay"
+    )
 
 
 def test_margins_of_another_condition_say_what_to_run_and_one_aircraft_alone_is_not_compared():

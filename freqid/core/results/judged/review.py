@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import msgspec
@@ -41,6 +41,45 @@ class Source:
 
 
 @dataclass(frozen=True)
+class Reversal:
+    """A figure that decides an answer: where it stands, and the bound beyond which the answer is another.
+
+    Attributes
+    ----------
+    text, unit : str
+    now, bound : float
+    where : str
+        Condition or response that the figure is of.
+    side : {"at most", "at least"}
+        Which side of the bound speaks for use.
+    weight : {"good", "risk", "stop"}
+        What it is beyond the bound: a risk, or what forbids use; ``good`` of one that speaks against use as
+        long as it is within.
+    subject : {"", "model", "simulation", "next flight"}
+        Of the answer.
+    """
+
+    text: str
+    now: float
+    bound: float
+    where: str = ""
+    unit: str = "1"
+    side: Literal["at most", "at least"] = "at most"
+    weight: Literal["good", "risk", "stop"] = "risk"
+    subject: Literal["", "model", "simulation", "next flight"] = ""
+
+    @property
+    def room(self) -> float:
+        """How far it is within its bound, in its unit; negative beyond."""
+        return self.bound - self.now if self.side == "at most" else self.now - self.bound
+
+    @property
+    def room_share(self) -> float:
+        """`room` over the size of the bound; of a bound at zero, over that of the figure."""
+        return self.room / (abs(self.bound) or abs(self.now) or 1.0)
+
+
+@dataclass(frozen=True)
 class Ground:
     """One reason for an answer.
 
@@ -53,12 +92,15 @@ class Ground:
         One sentence.
     source : str
         Name of the file that says so.
+    figures : tuple of Reversal
+        The numbers that its weight follows from.
     """
 
     subject: Subject
     weight: Literal["good", "risk", "stop"]
     text: str
     source: str = ""
+    figures: tuple[Reversal, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -96,22 +138,17 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class Reversal:
-    """What would overturn an answer: a figure, where it stands, and the bound that it may not pass.
+class Use:
+    """One side of what the results may be used for.
 
     Attributes
     ----------
-    text, unit : str
-    now, bound : float
-    where : str
-        Condition or response that is nearest to the bound.
+    label, text : str
+        Such as ``Axes``, and a sentence without the full stop.
     """
 
+    label: str
     text: str
-    now: float
-    bound: float
-    where: str = ""
-    unit: str = "1"
 
 
 @dataclass(frozen=True)
@@ -184,6 +221,10 @@ class Trust:
         Of the doubtful ones, those whose error can be seen in the response.
     wide, collinear, missing : int
         By reason: a wide interval, regressors that moved together, off the simulation's truth.
+    reasons : dict of str to int
+        By all the reasons that a parameter has, joined by `` and ``: these add up to `doubtful`.
+    off_linear, off_noise_free, off_both : int
+        Of `missing`: off the linearisation, off the noise-free estimate, off both (counted in either).
     """
 
     parameters: int
@@ -192,6 +233,10 @@ class Trust:
     wide: int
     collinear: int
     missing: int
+    reasons: dict[str, int] = field(default_factory=dict)
+    off_linear: int = 0
+    off_noise_free: int = 0
+    off_both: int = 0
 
 
 @dataclass(frozen=True)
@@ -230,6 +275,7 @@ class Review:
     grounds : tuple of Ground
         All reasons, those that forbid first.
     reversals : tuple of Reversal
+        The worst figure of each ground where it is beyond its bound; of the others of each kind the nearest.
     missing : dict of str
         What there is no file of, by section; the command that makes it.
     sources : tuple of Source
@@ -247,6 +293,10 @@ class Review:
         Where margins of an identified model and of a simulation are known.
     loops_text : tuple of str
         Why these differ, in sentences; without the full stop.
+    uses : tuple of Use
+        What the model, the simulation and the margins may be used for.
+    rules : tuple of str
+        What is an open risk, one phrase for each kind.
     """
 
     vehicle: str
@@ -265,6 +315,8 @@ class Review:
     trust: Trust | None = None
     loops: tuple[LoopCompared, ...] = ()
     loops_text: tuple[str, ...] = ()
+    uses: tuple[Use, ...] = ()
+    rules: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         said = ", ".join(f"{d.subject}: {d.answer}" for d in self.decisions)

@@ -131,7 +131,7 @@ def test_the_table_of_doubts_has_a_row_for_each_with_its_reason(both, study):
     page = Page(both.html)
     table = next(t for t in page.cells if any(cell[0] == "Why not" for cell in t[0]))
     assert len(table) - 1 == both.review.trust.doubtful
-    reasons = [row[2][0] for row in table[1:]]
+    reasons = [row[3][0] for row in table[1:]]
     assert all(re.search("interval of ±|cannot be told from|outside 2σ of the", why) for why in reasons)
     assert any("wake delay" in why for why in reasons)
     sections = [both.html.index(f'-{name}"') for name in ("doubts", "truth", "point-0")]
@@ -160,7 +160,7 @@ def test_a_share_within_two_sigma_is_called_what_it_is(study):
 
 def test_how_many_are_within_two_sigma_is_said_once(both):
     text = re.sub(r"<[^>]+>", "", both.html)
-    for truth in ("the noise-free estimates of the same flights", "the linearised simulation, where"):
+    for truth in ("the noise-free estimates of the same flights", "the linearised simulation and"):
         assert text.count(f"lie within 2σ of {truth}") == 1
 
 

@@ -187,7 +187,7 @@ def diagnose(
     closing: Closing | None = None
     closed: list[Closed] = []
     if q.close and explanation and joint:
-        tell("closing the gap on manoeuvres that were not used")
+        tell("closing the gap")
         others = (
             stack_of(simulation, held_out, names[count:], q.band_hz, seed=q.seed + 500, departures=departures)
             if held_out

@@ -37,7 +37,7 @@ def test_a_late_and_slow_stick_is_a_gap_that_mostly_goes_on_a_flight_that_was_no
     assert {place.input for place in found.where} == {"stick"}
     first = found.how_far[0]
     assert first.effects[0] in EFFECTS  # of the second: the test of the pair, below
-    assert first.log_score > 100
+    assert first.log_score > 90
     assert first.rmse["q"].after < 0.3 * first.rmse["q"].before
 
 
@@ -54,10 +54,6 @@ def test_a_delay_and_a_lag_together_are_closed_and_recovered(answer):
     assert both.rmse["q"].after < 0.15 * both.rmse["q"].before
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="since the stick's term has a size of its own, another gyro scale is found, not the delay",
-)
 def test_the_pair_is_called_though_a_third_effect_explains_more_than_either(answer):
     """Of all effects, a gyro of another scale comes nearest to a delay with a lag."""
     which = answer(0.07, 0.10, shipped(), (), (1, 2, 3, 4)).which

@@ -136,9 +136,8 @@ class Parts:
         few = [i for i in range(len(found)) if moved[start[i] : start[i + 1]].any()]
         effects = np.concatenate([self.effects[:0], *(self.effects[start[i] : start[i + 1]] for i in few)])
         shared, own = (z[_in(z, rows)] for z in (self.tolerances, self.own))
-        columns = (effects, shared, self.block.residual, own)
-        white = [self.block.white(z, rows) for z in columns]
-        products = Products.of(*white, RowColumns.of(self.block, self.form, rows), white[0][:0])
+        x, t, r, o = (self.block.white(z, rows) for z in (effects, shared, self.block.residual, own))
+        products = Products.of(x, t, r, o, RowColumns.of(self.block, self.form, rows), x[:0])
         begin = np.concatenate([[0], np.cumsum([len(found[i].sizes) for i in few])]).astype(int)
         names = tuple(map(str, range(len(shared))))
         forms = tuple(Form(f, 0.0) for f in FORM_ERRORS)

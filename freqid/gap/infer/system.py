@@ -431,7 +431,8 @@ class System:
         slope, information : ndarray, shape (term,)
         """
         n = self.columns
-        kept, scale = (part[n:] for part in self.inside(form_error))
+        columns, sizes = self.inside(form_error)
+        kept, scale = columns[n:], sizes[n:]
         gram, parts, determinant = np.zeros((len(kept),) * 2), [], 0.0
         for b in self.blocks:
             form = b.form[:, kept] * scale

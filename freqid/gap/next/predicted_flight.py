@@ -269,8 +269,8 @@ def _columns(around: FlightContext, block: Block, like: Block) -> PredictedFligh
     tolerances = [stated.get(n, none) for n in rivals.system.tolerances]
     same = shared_columns(block)
     alike = [same.get(n, none) for n in before.shared_names]
-    white = [_white(block, z) for z in (effects, tolerances, own, alike, form)]
-    return PredictedFlight(block.trial.maneuver.record, *white, before.matrices.shared_row)
+    x, t, o, a, d = (_white(block, z) for z in (effects, tolerances, own, alike, form))
+    return PredictedFlight(block.trial.maneuver.record, x, t, o, a, d, before.matrices.shared_row)
 
 
 def _white(block: Block, columns: Sequence[Complex]) -> Array:

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from linear_flight import INPUTS, SLOPES, Linear, Truth, fly
 
-from freqid.gap.model.form import load_errors, load_products
+from freqid.gap.model.form import load_errors, load_products, shared_columns
+from freqid.gap.settings import FORM_CONSTANT
 from freqid.gap.stack.block import stack_of
 
 
@@ -42,3 +43,22 @@ def test_second_order_is_every_product_of_two_motions_as_large_as_the_average_te
     wanted = average[-1] * block.grid.spectrum((unit[0] * unit[1])[None])[0]
     second = products[(len(SLOPES) - 1) * pairs + 1]  # of the last load, by the first motion and the next
     np.testing.assert_allclose(second.spectrum, wanted, rtol=1e-6, atol=1e-9)
+
+
+def test_what_is_the_same_everywhere_is_a_share_of_the_derivative_and_of_the_average_term(block):
+    """The last load by each motion: its own term with its sign, and the load's average term."""
+    record, last = block.trial.maneuver.record, len(SLOPES) - 1
+    moved = np.array([record[n] - record[n].mean() for n in INPUTS])
+    rms = np.abs(SLOPES) * moved.std(axis=1)
+    average = np.sqrt((rms**2).mean(axis=1))
+    heard = np.minimum((rms / average[:, None]).max(axis=0), 1.0)
+    found = shared_columns(block)
+    assert found
+    name = block.rows[last].name
+    for k, motion in enumerate(INPUTS):
+        z = block.grid.spectrum(moved[k][None])[0]
+        own, other = (found[f"{name} by {motion}", which] for which in ("one", "other"))
+        np.testing.assert_allclose(own[last], FORM_CONSTANT * SLOPES[last][k] * z, rtol=1e-6, atol=1e-9)
+        wanted = FORM_CONSTANT * heard[k] * average[last] / moved[k].std() * z
+        np.testing.assert_allclose(other[last], wanted, rtol=1e-6, atol=1e-9)
+        assert not np.delete(own, last, axis=0).any()

@@ -1,9 +1,10 @@
 """How long a diagnosis takes, step by step, beside one prediction of the simulation.
 
-Run: python benchmarks/gap_timing.py
-Prints a table. Ten manoeuvres of 60 s of the LA-8 class vehicle with an actuator 30 ms late, compared, named
-and closed, all of it fresh; then one case of two of them. Beside every time stands this process's time on the
-processors: where others use the machine too, that grows less.
+Run: python benchmarks/gap_timing.py [CONDITIONS ...]
+Prints a table; of conditions that are named, their diagnosis alone, and its verdict. Ten manoeuvres of 60 s
+of the LA-8 class vehicle with an actuator 30 ms late, compared, named and closed, all of it fresh; then one
+case of two of them. Beside every time stands this process's time on the processors: where others use the
+machine too, that grows less.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import sys
 import time
 from collections.abc import Callable
 
@@ -74,6 +76,12 @@ def main() -> None:
     band = SCENARIO.excitation.band_hz if SCENARIO.excitation else (0.05, 2.0)
     question = Question(effects, tolerances, band)
     simulation.predict(flown[0])  # compiled
+    if sys.argv[1:]:
+        clock = Clock("some manoeuvres")
+        found = diagnose(simulation, [maneuvers[AT.index(at)] for at in sys.argv[1:]], question, tell=clock)
+        clock.end()
+        print(found.diagnosis.verdict)
+        return
     timed("one record", lambda tell: (tell("one prediction of 60 s"), simulation.predict(flown[0])))
     some = [maneuvers[k] for k in CASE]
     for label, of in (("ten manoeuvres", maneuvers), ("two, a case", some), ("the case again", some)):

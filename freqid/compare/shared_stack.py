@@ -10,7 +10,8 @@ import numpy as np
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.record import Maneuver
-from freqid.gap.infer.system import BlockMatrices, Form, System
+from freqid.gap.infer.block_matrices import Form, Products
+from freqid.gap.infer.system import System
 from freqid.gap.infer.where import gap_map
 from freqid.gap.model.form import actuator_terms, form_columns, in_rows, load_terms
 from freqid.gap.model.tolerance import record_columns, tolerance_columns
@@ -300,7 +301,7 @@ def _likeliest(blocks: Sequence[SharedBlock], simulation: int) -> tuple[Form, fl
         columns = b.stacked([b.tolerances[i].get(n) for n in names])
         parts = (columns, b.residuals[i], b.own[i], b.form[i], b.actuators[i])
         white = [b.white(z) for z in parts]
-        matrices.append(BlockMatrices.of(white[0][:0], *white))
+        matrices.append(Products.of(white[0][:0], *white).matrices())
     system = System([], np.zeros(1, dtype=np.intp), names, matrices)
     log = [system.reduced(form).log_evidence for form in system.form_errors]
     at = int(np.argmax(log))

@@ -28,7 +28,7 @@ from freqid.core.arrays import Array, Complex
 from freqid.core.errors import UsageError
 from freqid.core.record import Maneuver
 from freqid.core.results.rivals import Contest, Rivals, Span
-from freqid.gap.infer.system import BlockMatrices
+from freqid.gap.infer.block_matrices import BlockMatrices, Products
 from freqid.gap.model.tolerance import stated
 from freqid.gap.settings import INTERVAL, LEVEL
 from freqid.gap.simulation import Simulation
@@ -301,7 +301,7 @@ def _contest(blocks: Sequence[SharedBlock], cell: Cell, form: SharedForm) -> Con
         )
         unknown, shape = (x[np.any(x, axis=1)] for x in (unknown, shape if form.size else shape[:0]))
         none = columns[:0]
-        matrices.append(BlockMatrices.of(columns, none, rest, unknown, shape, none))
+        matrices.append(Products.of(columns, none, rest, unknown, shape, none).matrices())
     draws = len(blocks[0].louder)
     w = difference_of(matrices, len(names[0]) + len(names[1]), draws, form.size, wrong)
     same = all(

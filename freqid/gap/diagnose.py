@@ -264,15 +264,14 @@ def _explanation(
     tolerances: Mapping[str, float],
 ) -> tuple[Explanation, Evidence, list[Columns]]:
     """Return the explanation that a leading effect begins, its effects and what they change made together."""
-    kept, beside = [columns], dict[str, dict[str, float]]()
+    kept, beside = [columns], [dict[str, dict[str, float]]()]  # what tolerances' columns were made beside
 
     def compute(evidence: Evidence, explanation: Explanation, others: list[tuple[int, Estimate]]) -> Evidence:
         form_error = form_beside(evidence, explanation.places, explanation.estimates)
         acting = dict(settings_of(explanation, library, blocks[0].trial.simulation))
-        moved = not _alike(acting, beside)
+        moved = not _as_near(acting, beside[0])
         if moved:
-            beside.clear()
-            beside.update(acting)
+            beside[0] = acting
         system, kept[0] = about_explanation(
             evidence.system,
             kept[0],
@@ -290,7 +289,7 @@ def _explanation(
     return explanation, evidence, kept[0]
 
 
-def _alike(one: dict[str, dict[str, float]], other: dict[str, dict[str, float]]) -> bool:
+def _as_near(one: dict[str, dict[str, float]], other: dict[str, dict[str, float]]) -> bool:
     """Return whether the same effects act, at sizes so near that tolerances do the same beside them."""
     if {n: set(s) for n, s in one.items()} != {n: set(s) for n, s in other.items()}:
         return False

@@ -11,11 +11,12 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from freqid.gap.close.fit import fit
+from freqid.gap.infer.block_matrices import Form, Products
 from freqid.gap.infer.evidence import estimate, separation, weigh
 from freqid.gap.infer.explain import Explanation, explain
 from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.infer.null_draws import drawn, effects_of
-from freqid.gap.infer.system import BlockMatrices, Form, System
+from freqid.gap.infer.system import System
 from freqid.gap.model.candidates import Candidate, Place
 from freqid.gap.self_test.answers import DrawnData
 
@@ -65,7 +66,7 @@ class Dense:
         weights = np.zeros(count) if effect is None else np.asarray(effect)
         self.r = [rng.standard_normal(n) + weights @ x for n, x in zip(NUMBERS, self.x, strict=True)]
         blocks = [
-            BlockMatrices.of(x, t, r, u, form, servos)
+            Products.of(x, t, r, u, form, servos).matrices()
             for x, t, r, u, form, servos in zip(
                 self.x, self.t, self.r, self.u, self.form, self.servos, strict=True
             )
@@ -165,9 +166,9 @@ def test_rows_with_errors_of_form_of_their_own_are_as_if_each_column_had_that_si
     f = Form(sizes, 0.1, -1.5)
     scale = np.array(sizes)[row]
     parts = list(zip(dense.x, dense.t, dense.r, dense.u, dense.form, dense.servos, strict=True))
-    blocks = [BlockMatrices.of(*one, form_row=row) for one in parts]
+    blocks = [Products.of(*one).matrices(form_row=row) for one in parts]
     here = System(dense.candidates, dense.start, dense.system.tolerances, blocks, (f, NONE))
-    scaled = [BlockMatrices.of(*one[:4], scale[:, None] * one[4], one[5]) for one in parts]
+    scaled = [Products.of(*one[:4], scale[:, None] * one[4], one[5]).matrices() for one in parts]
     there = System(dense.candidates, dense.start, dense.system.tolerances, scaled, (Form(1.0, 0.1), NONE))
     own, other = here.reduced(f), there.reduced(Form(1.0, 0.1))
     np.testing.assert_allclose(own.G, other.G, rtol=1e-8, atol=1e-9)

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.results.diagnosis import ScoredOn
+from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.build import columns_of
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.joint_replay import acted_on, settings_of, weights_of
 from freqid.gap.infer.linearise import likeliest_departures, straightened
-from freqid.gap.infer.system import Form, System
+from freqid.gap.infer.system import System
 from freqid.gap.model.candidates import Candidate, recomputed
 from freqid.gap.settings import FOLDS
 from freqid.gap.stack.block import Block

@@ -9,9 +9,10 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.special import logsumexp
 
 from freqid.core.arrays import Array
+from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.evidence import Evidence
 from freqid.gap.infer.explain import Explanation
-from freqid.gap.infer.system import Form, System
+from freqid.gap.infer.system import System
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from freqid.core.arrays import Complex
+from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.columns import Columns, Parts
 from freqid.gap.infer.forms import common_form, likely_forms, of_all, reach
 from freqid.gap.infer.linearise import likeliest_departures, relinearised
-from freqid.gap.infer.system import Form, System
+from freqid.gap.infer.system import System
 from freqid.gap.model.candidates import Candidate, candidates
 from freqid.gap.model.form import shared_columns
 from freqid.gap.model.tolerance import tolerance_columns

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from freqid.core.arrays import Array, Complex
+from freqid.gap.infer.block_matrices import SEEN, BlockMatrices, Form, Products
 from freqid.gap.infer.evidence import weigh
 from freqid.gap.infer.row_columns import RowColumns
-from freqid.gap.infer.system import SEEN, BlockMatrices, Form, Products, System
+from freqid.gap.infer.system import System
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.model.form import FormColumns, form_columns, form_terms, product_columns
 from freqid.gap.model.tolerance import record_columns
@@ -194,13 +195,9 @@ class Columns:
     @cached_property
     def matrices(self) -> BlockMatrices:
         """Their inner products."""
-        return BlockMatrices.of(
-            self.effects,
-            self.tolerances,
-            self.residual,
-            self.own,
-            self.form,
-            self.shared,
+        return Products.of(
+            self.effects, self.tolerances, self.residual, self.own, self.form, self.shared
+        ).matrices(
             form_row=self.form_row,
             shared_row=np.array(
                 [self.form_names.index(term) for term, _ in self.shared_names], dtype=np.intp

@@ -11,7 +11,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from freqid.core.arrays import Array
-from freqid.gap.infer.system import Form, System
+from freqid.gap.infer.block_matrices import Form
+from freqid.gap.infer.system import System
 from freqid.gap.infer.weighing import Weighing, log_mean
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.model.form import PRODUCTS, row_of

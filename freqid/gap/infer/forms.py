@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
+from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.evidence import directions, weigh
-from freqid.gap.infer.system import Form, System
+from freqid.gap.infer.system import System
 from freqid.gap.model.form import row_of
 from freqid.gap.settings import (
     ACTUATOR_FORM,

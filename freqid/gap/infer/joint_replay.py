@@ -12,12 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from freqid.core.arrays import Array, Complex
+from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.build import rebuilt
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import Estimate
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.linearise import relinearised
-from freqid.gap.infer.system import Form, System
+from freqid.gap.infer.system import System
 from freqid.gap.model.changes import beside
 from freqid.gap.model.refine import refined
 from freqid.gap.model.testable import in_force_of

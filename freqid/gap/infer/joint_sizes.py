@@ -9,8 +9,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from freqid.core.arrays import Array
+from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.evidence import Estimate, Evidence, estimate
-from freqid.gap.infer.system import Form
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.settings import INTERVAL
 

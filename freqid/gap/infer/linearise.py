@@ -11,9 +11,10 @@ from scipy.linalg import cho_factor, cho_solve
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.errors import ImpossibleSettings
+from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import estimate, weigh
-from freqid.gap.infer.system import Form, System
+from freqid.gap.infer.system import System
 from freqid.gap.model.changes import change_together
 from freqid.gap.model.testable import in_force_of
 from freqid.gap.model.tolerance import of_effects

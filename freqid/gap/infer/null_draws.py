@@ -10,8 +10,9 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpstrf
 
 from freqid.core.arrays import Array
+from freqid.gap.infer.block_matrices import BlockMatrices, Form
 from freqid.gap.infer.evidence import Evidence
-from freqid.gap.infer.system import BlockMatrices, Form, System
+from freqid.gap.infer.system import System
 
 
 def null_statistics(evidence: Evidence, count: int, seed: int) -> Array:

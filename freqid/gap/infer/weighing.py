@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from freqid.core.arrays import Array
-from freqid.gap.infer.system import Form, OwnProducts, Reduced, System
+from freqid.gap.infer.block_matrices import Form
+from freqid.gap.infer.system import OwnProducts, Reduced, System
 
 Index = NDArray[np.intp]
 

@@ -15,8 +15,8 @@ from freqid.core.errors import DataError, ImpossibleSettings, UsageError
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.results.design import MultisineDesign, SampledInputs
 from freqid.design.multisine.orthogonal_set import sampled
+from freqid.gap.infer.block_matrices import BlockMatrices, Products
 from freqid.gap.infer.columns import Columns
-from freqid.gap.infer.system import BlockMatrices
 from freqid.gap.model.candidates import Candidate
 from freqid.gap.model.changes import change
 from freqid.gap.model.form import form_columns, form_terms, in_rows, product_columns, shared_columns
@@ -109,15 +109,14 @@ class PredictedFlight:
         root = np.sqrt(flights)
         number = self.effects.shape[1]
         unknown = np.concatenate([self.own, root * self.form])
-        return BlockMatrices.of(
+        return Products.of(
             root * self.effects,
             root * self.tolerances,
             np.zeros(number),
             unknown,
             np.zeros((0, number)),
             root * self.shared,
-            shared_row=self.shared_row,
-        )
+        ).matrices(shared_row=self.shared_row)
 
 
 def fly_alone(simulation: Simulation, design: MultisineDesign, at: str, like: Block) -> FlightRecord | None:

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
 from freqid.gap.diagnose import Findings
+from freqid.gap.infer.block_matrices import BlockMatrices, Form
 from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate
-from freqid.gap.infer.system import BlockMatrices, Form, System
+from freqid.gap.infer.system import System
 from freqid.gap.model.candidates import OTHER, Candidate
 from freqid.gap.settings import INTERVAL
 

@@ -17,9 +17,10 @@ from scipy.special import logsumexp
 
 from freqid.core.arrays import Array
 from freqid.core.results.gap_self_test import SEVERAL
+from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.evidence import NONE, Evidence
 from freqid.gap.infer.null_draws import drawn
-from freqid.gap.infer.system import Form, Reduced, System
+from freqid.gap.infer.system import Reduced, System
 from freqid.gap.infer.weighing import Weighing
 from freqid.gap.infer.which import Ranking, probability_of_none, rank
 from freqid.gap.model.candidates import OTHER

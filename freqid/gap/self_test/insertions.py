@@ -13,9 +13,10 @@ import numpy as np
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.errors import ImpossibleSettings
+from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import Evidence
-from freqid.gap.infer.system import Form, System
+from freqid.gap.infer.system import System
 from freqid.gap.model.candidates import OTHER, Candidate, Place
 from freqid.gap.model.changes import change
 from freqid.gap.model.testable import in_force_of

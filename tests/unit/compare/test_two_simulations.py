@@ -10,7 +10,7 @@ from scipy.stats import false_discovery_control
 from freqid.compare.two_simulations import compare_two, difference_of, holm
 from freqid.core.errors import UsageError
 from freqid.core.results.rivals import Rivals
-from freqid.gap.infer.system import BlockMatrices
+from freqid.gap.infer.block_matrices import Products
 from freqid.simulate.effects import library
 
 BAND_HZ = (0.1, 2.0)
@@ -40,7 +40,7 @@ def _matrices(numbers, tolerances=3, own=2, form=4, draws=5, seed=0):
 
 def _difference(columns, own, form, tolerances=3, draws=5, size=0.5, wrong=None):
     wrong = np.zeros((tolerances, tolerances)) if wrong is None else wrong
-    made = BlockMatrices.of(columns[:-1], columns[:0], columns[-1], own, form, columns[:0])
+    made = Products.of(columns[:-1], columns[:0], columns[-1], own, form, columns[:0]).matrices()
     return difference_of([made], tolerances, draws, size, wrong)
 
 

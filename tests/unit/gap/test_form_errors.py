@@ -6,12 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
+from freqid.gap.infer.block_matrices import Form, Products
 from freqid.gap.infer.evidence import Weighing, weigh
 from freqid.gap.infer.forms import common_form, forms_beside, likely_forms
-from freqid.gap.infer.system import BlockMatrices, Form, System
+from freqid.gap.infer.system import System
 from freqid.gap.model.candidates import OTHER, Candidate, Place
-from freqid.gap.settings import ACTUATOR_FORM, FORM_ERRORS, SEPARATE
+from freqid.gap.settings import (
+    ACTUATOR_FORM,
+    FORM_ALIKE,
+    FORM_ERRORS,
+    FORM_KIND_SPREAD,
+    FORM_SPREAD,
+    FORM_TYPICAL,
+    SEPARATE,
+)
 
 ROWS = ("X", "Z", "M", "actuator/de", "kinematic/u", "kinematic/w")
 NUMBERS, TERMS = 240, 12  # of each row
@@ -30,8 +40,8 @@ def stack(errors, seed=4):
         form[at, numbers] = 30.0 * rng.standard_normal((TERMS, NUMBERS))
         residual += error * rng.standard_normal(TERMS) @ form[at]
     none = np.zeros((0, residual.size))
-    block = BlockMatrices.of(
-        none, none, residual, none, form, none, form_row=np.repeat(np.arange(len(ROWS)), TERMS)
+    block = Products.of(none, none, residual, none, form, none).matrices(
+        form_row=np.repeat(np.arange(len(ROWS)), TERMS)
     )
     return System([], np.zeros(1, int), (), [block], (Form((LARGEST,) * len(ROWS), 0.0),))
 
@@ -61,7 +71,7 @@ def test_one_term_that_is_wrong_does_not_make_its_whole_row_uncertain():
     there = np.where(np.arange(12) == 5, 0.3, 0.003)
     residual = rng.standard_normal(NUMBERS) + np.repeat(there, 4) * rng.standard_normal(48) @ form
     none = np.zeros((0, NUMBERS))
-    block = BlockMatrices.of(none, none, residual, none, form, none, form_row=np.repeat(np.arange(12), 4))
+    block = Products.of(none, none, residual, none, form, none).matrices(form_row=np.repeat(np.arange(12), 4))
     system = System([], np.zeros(1, int), (), [block], ())
     found = np.array(likely_forms(system, names, np.full(12, 0.01))[0].loads)
     assert 0.1 < found[5] < 0.9
@@ -78,7 +88,7 @@ def test_slopes_of_the_evidence_are_those_of_the_dense_density():
     parts = [[rng.standard_normal((k, count)) for k in (2, 3, 2, 12, 3)] for _ in range(2)]
     residuals = [2.0 * rng.standard_normal(count) for _ in parts]
     blocks = [
-        BlockMatrices.of(x, t, r, o, d, a, form_row=row, shared_row=alike)
+        Products.of(x, t, r, o, d, a).matrices(form_row=row, shared_row=alike)
         for (x, t, o, d, a), r in zip(parts, residuals, strict=True)
     ]
     system = System([], np.array([0, 2]), ("a", "b", "c"), blocks, ()).beside(beside)
@@ -104,6 +114,39 @@ def test_slopes_of_the_evidence_are_those_of_the_dense_density():
         assert higher - log == pytest.approx(change, rel=1e-9)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("alike", [0.0, FORM_ALIKE])
+def test_the_search_ends_at_the_largest_evidence(seed, alike):
+    """Which another search finds that takes its time: within .2 nats, prior of the sizes and all."""
+    rng = np.random.default_rng(seed)
+    names = tuple(f"{load} by {k}" for load in "YLN" for k in range(8))
+    row, there = np.repeat(np.arange(24), 3), np.exp(rng.normal(np.log(0.01), 1.5, 24))
+    blocks, same = [], rng.standard_normal(24)
+    for _ in range(2):
+        form, alone = 30.0 * rng.standard_normal((72, NUMBERS)), 30.0 * rng.standard_normal((24, NUMBERS))
+        residual = rng.standard_normal(NUMBERS) + (there[row] * rng.standard_normal(72)) @ form
+        residual += alike * (there * same) @ alone
+        none = np.zeros((0, NUMBERS))
+        products = Products.of(none, none, residual, none, form, alone)
+        blocks.append(products.matrices(form_row=row, shared_row=np.arange(24)))
+    system = System([], np.zeros(1, int), (), blocks, ())
+    largest = np.full(24, LARGEST)
+    found = next(f for f in likely_forms(system, names, np.full(24, 0.05)) if f.shared == alike)
+    load = np.repeat(np.arange(3), 8)
+    spread = FORM_SPREAD**2 * (np.eye(24) + (load[:, None] == load)) + FORM_KIND_SPREAD**2
+    precision = np.linalg.inv(spread)
+
+    def fall(x):
+        log, slope, _ = system.slope(Form(tuple(np.exp(x)), alike))
+        pull = precision @ (x - np.log(FORM_TYPICAL))
+        return 0.5 * (x - np.log(FORM_TYPICAL)) @ pull - log, pull - slope
+
+    bounds = [(np.log(1e-5), x) for x in np.log(largest)]
+    slow = minimize(fall, np.full(24, np.log(0.01)), jac=True, method="L-BFGS-B", bounds=bounds, tol=1e-10)
+    assert slow.success
+    assert fall(np.log(found.loads))[0] < slow.fun + 0.2
+
+
 def test_the_common_error_is_one_for_each_kind_of_row():
     found = common_form(stack((0.1, 0.1, 0.1, 0.0, 0.02, 0.02)), ROWS).loads
     assert found[0] == found[1] == found[2] == pytest.approx(0.1, rel=0.6)
@@ -127,8 +170,8 @@ def test_a_second_effect_that_hides_in_the_form_of_several_rows_is_found_beside_
     effects = np.stack([0.05 * rng.standard_normal(3 * TERMS) @ form for _ in range(2)])
     residual = rng.standard_normal(3 * NUMBERS) + effects.sum(axis=0)
     none = np.zeros((0, residual.size))
-    block = BlockMatrices.of(
-        effects, none, residual, none, form, none, form_row=np.repeat(np.arange(3), TERMS)
+    block = Products.of(effects, none, residual, none, form, none).matrices(
+        form_row=np.repeat(np.arange(3), TERMS)
     )
     prior = np.geomspace(0.05, 10.0, 33)
     both = [Candidate(n, Place("", (n,)), "scalar", np.ones(1), prior, []) for n in ("one", "other")]
@@ -153,7 +196,7 @@ def test_terms_may_be_wrong_alike_in_all_blocks():
     residuals = [rng.standard_normal(count) + off @ x for x in columns]
     none, none_at = np.zeros((0, count)), np.zeros(0, dtype=int)
     blocks = [
-        BlockMatrices.of(x, none, r, none, none, x, form_row=none_at, shared_row=np.arange(terms))
+        Products.of(x, none, r, none, none, x).matrices(form_row=none_at, shared_row=np.arange(terms))
         for x, r in zip(columns, residuals, strict=True)
     ]
     labels = tuple(f"Z:{k}" for k in range(terms))

@@ -12,7 +12,8 @@ from scipy.stats import norm
 from freqid.core.results.design import read_design, read_inputs
 from freqid.core.scenario import Reference
 from freqid.gap.diagnose import Question, diagnose
-from freqid.gap.infer.system import BlockMatrices, Form, System
+from freqid.gap.infer.block_matrices import Form, Products
+from freqid.gap.infer.system import System
 from freqid.gap.model.candidates import Candidate, Place
 from freqid.gap.next.excitations import STRONGEST, largest_scale, unflown
 from freqid.gap.next.ground_tests import TESTS, UNTESTABLE, distance
@@ -32,7 +33,7 @@ def rivals(columns, estimates, tolerances=()):
     x = np.array(list(columns.values()))
     t = np.array(tolerances).reshape(-1, x.shape[1])
     none = np.zeros((0, x.shape[1]))
-    block = BlockMatrices.of(x, t, np.zeros(x.shape[1]), none, none, none)
+    block = Products.of(x, t, np.zeros(x.shape[1]), none, none, none).matrices()
     names = tuple(columns)
     found = [scalar(n) for n in names]
     system = System(found, np.arange(len(x) + 1), tuple(f"t{i}" for i in range(len(t))), [block])

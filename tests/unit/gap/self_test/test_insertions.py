@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from freqid.gap.infer.system import BlockMatrices, Form, System
+from freqid.gap.infer.block_matrices import Form, Products
+from freqid.gap.infer.system import System
 from freqid.gap.model.changes import change
 from freqid.gap.self_test.insertions import insert, size_at
 
@@ -47,15 +48,9 @@ def test_an_insertion_is_what_the_full_formula_makes_of_the_stack(findings, used
         settings = dict.fromkeys(c.place.parameters, float(one.size[0]))
         fresh = [b.white(b.transform(change(effect, b.trial, settings)))[None] for b in blocks]
         matrices = [
-            BlockMatrices.of(
-                np.concatenate([k.effects, z]),
-                k.tolerances,
-                k.residual,
-                k.own,
-                k.form,
-                k.own[:0],
-                form_row=k.form_row,
-            )
+            Products.of(
+                np.concatenate([k.effects, z]), k.tolerances, k.residual, k.own, k.form, k.own[:0]
+            ).matrices(form_row=k.form_row)
             for k, z in zip(columns, fresh, strict=True)
         ]
         start = np.append(system.start[:-1], system.columns + 1)

@@ -1,0 +1,227 @@
+"""Inner products of one block: all that is asked of its columns once they are made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, cholesky
+from scipy.linalg.lapack import dtrtri
+
+from freqid.core.arrays import Array
+from freqid.gap.infer.row_columns import RowColumns
+from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS
+
+SEEN = 0.1  # standard deviations of the noise: directions of a form below it are left out
+_EMPTY = 1e-10  # of the largest eigenvalue of the form's columns: directions below it are none
+
+
+class Form(NamedTuple):
+    """Relative sizes of the errors of form.
+
+    Attributes
+    ----------
+    loads : float or tuple of float
+        Share of each term of all rows, or of each row that has a form.
+    shared : float
+        Size of the errors that are the same in all blocks, see `BlockMatrices`: over that of their term's
+        own errors in each, where they are of a term.
+    log_prior : float
+        Logarithm of how likely it is before the data.
+    """
+
+    loads: float | tuple[float, ...]
+    shared: float
+    log_prior: float = 0.0
+
+
+FORMS = tuple(Form(a, b) for a in FORM_ERRORS for b in ACTUATOR_FORM_ERRORS)
+"""Where one share holds for all rows."""
+
+
+@dataclass(frozen=True, eq=False)
+class Products:
+    """Inner products of one block in the metric of its noise, before its own unknowns are integrated out.
+
+    Attributes
+    ----------
+    gram : ndarray, shape (n, n)
+        Of ``[X, T, r, A]``, as in `BlockMatrices`.
+    form : ndarray, shape (direction, n)
+    form_gram : ndarray, shape (direction, direction)
+    own_gram : ndarray, shape (own, own)
+        Of the own unknowns.
+    own : ndarray, shape (own, n)
+    own_form : ndarray, shape (own, direction)
+    shared, number : int
+        As in `BlockMatrices`.
+    """
+
+    gram: Array
+    form: Array
+    form_gram: Array
+    own_gram: Array
+    own: Array
+    own_form: Array
+    shared: int
+    number: int
+
+    @classmethod
+    def of(
+        cls,
+        columns: Array,
+        tolerances: Array,
+        residual: Array,
+        own: Array,
+        form: Array | RowColumns,
+        shared: Array,
+    ) -> Products:
+        """Return the products of whitened rows, each of shape (column, number)."""
+        z = np.concatenate([columns, tolerances, residual[None], shared])
+        if isinstance(form, RowColumns):
+            across, power = form.across(np.concatenate([z, own])), form.gram()
+        else:
+            across, power = form @ np.concatenate([z, own]).T, form @ form.T
+        return cls(
+            z @ z.T,
+            across[:, : len(z)],
+            power,
+            own @ own.T,
+            own @ z.T,
+            across[:, len(z) :].T,
+            len(shared),
+            residual.size,
+        )
+
+    def matrices(
+        self,
+        noise: float = 1.0,
+        form_row: NDArray[np.intp] | None = None,
+        shared_row: NDArray[np.intp] | None = None,
+    ) -> BlockMatrices:
+        """Return the matrices where noise is so many times as large as that of the metric.
+
+        Parameters
+        ----------
+        noise : float
+        form_row, shared_row : ndarray of int, optional
+            As in `BlockMatrices`; where they are absent one size holds for all columns.
+        """
+        inner, across, power = self.gram, self.form, self.form_gram
+        if len(self.own):
+            factor = cho_factor(noise**2 * np.eye(len(self.own)) + self.own_gram)
+            solved = cho_solve(factor, self.own)
+            inner = inner - self.own.T @ solved
+            across = across - self.own_form.T @ solved
+            power = power - self.own_form.T @ cho_solve(factor, self.own_form)
+        inner, across, power = (part / noise**2 for part in (inner, across, power))
+        if form_row is None:
+            values, vectors = np.linalg.eigh(power) if len(power) else (np.zeros(0), np.zeros((0, 0)))
+            keep = values > _EMPTY * max(values.max(initial=0.0), 1e-300)
+            across, power = vectors[:, keep].T @ across, np.diag(values[keep])
+            form_row = np.full(len(power), -1)
+        if shared_row is None:
+            shared_row = np.full(self.shared, -1)
+        return BlockMatrices(inner, across, power, form_row, shared_row, self.number)
+
+
+@dataclass(frozen=True, eq=False)
+class BlockMatrices:
+    """Inner products of one block in the metric of its noise and its own unknowns.
+
+    ``[X, T, r, A]`` are the candidates' columns, the tolerances', the residual and errors of form that all
+    blocks share: what a simulation leaves out in one condition it leaves out in the next.
+
+    Attributes
+    ----------
+    gram : ndarray, shape (n, n)
+    form : ndarray, shape (direction, n)
+        Inner products with the columns of the form.
+    form_gram : ndarray, shape (direction, direction)
+        Of these columns with each other; diagonal where they are of no row.
+    form_row : ndarray of int, shape (direction,)
+        Row of each, among those that have a form; -1 where one share holds for all.
+    shared_row : ndarray of int, shape (shared,)
+        Term of each column of the shared errors of form, the last ones; -1 where it is of none.
+    number : int
+        Real numbers in the stack.
+    """
+
+    gram: Array
+    form: Array
+    form_gram: Array
+    form_row: NDArray[np.intp]
+    shared_row: NDArray[np.intp]
+    number: int
+
+    @property
+    def form_power(self) -> Array:
+        """Energy of each of the form's columns."""
+        return np.diag(self.form_gram)
+
+    def sizes(self, error: float | tuple[float, ...]) -> Array:
+        """Return the size of each of the form's columns at an error of form, shape (direction,)."""
+        if isinstance(error, tuple):
+            return np.array([*error, 0.0])[self.form_row]
+        return np.full(len(self.form_row), error)
+
+    def shared_sizes(self, form_error: Form) -> Array:
+        """Return the size of each of the shared errors' columns, shape (shared,)."""
+        if not isinstance(form_error.loads, tuple):
+            return np.full(len(self.shared_row), form_error.shared)
+        each = np.where(self.shared_row >= 0, np.array([*form_error.loads, 0.0])[self.shared_row], 1.0)
+        return form_error.shared * each
+
+    @property
+    def count(self) -> int:
+        """Columns of candidates, tolerances and the residual."""
+        return len(self.gram) - len(self.shared_row)
+
+    def at_loads(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
+        """Return all inner products less an error of form, and half its log determinant."""
+        across, determinant = self.taken(error)
+        return self.gram - across.T @ across, determinant
+
+    def taken(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
+        """Return what an error of form takes off all products, as a root.
+
+        Returns
+        -------
+        across : ndarray, shape (kept, n)
+            Its square is taken off.
+        determinant : float
+            Half its log determinant.
+        """
+        root, at, determinant = self.form_root(error)
+        return root @ self.form[at], determinant
+
+    def form_root(self, error: float | tuple[float, ...]) -> tuple[Array, NDArray[np.intp], float]:
+        """Return what integrating out an error of form takes, S the sizes of its columns and P their Gram.
+
+        Returns
+        -------
+        root : ndarray, shape (kept, kept)
+            ``L^-1 S`` with ``L L' = 1 + S P S``.
+        at : ndarray of int, shape (kept,)
+            Columns of the form that stand out of the noise at their size.
+        determinant : float
+            Half the log determinant of ``1 + S P S``.
+        """
+        size = self.sizes(error)
+        seen = size**2 * self.form_power > SEEN**2 if isinstance(error, tuple) else size > 0
+        at = np.flatnonzero(seen)
+        size = size[at]
+        if not at.size:
+            return np.zeros((0, 0)), at, 0.0
+        root, determinant = rooted(size[:, None] * self.form_gram[np.ix_(at, at)] * size)
+        return root * size, at, determinant
+
+
+def rooted(gram: Array) -> tuple[Array, float]:
+    """Return ``L^-1`` with ``L L' = 1 + gram``, and half the log determinant of that."""
+    if not len(gram):
+        return gram, 0.0
+    lower = cholesky(np.eye(len(gram)) + gram, lower=True, check_finite=False)
+    return dtrtri(lower, lower=1)[0], float(np.log(np.diag(lower)).sum())

@@ -50,7 +50,7 @@ def positions(
     act : Actuators
         Before effects.
     settings : mapping of mapping of float
-        Of the effects of actuators.
+        Of the effects of actuators; here, other than in flight, those of single effectors count too.
     ratio : ndarray, shape (sample,)
         Voltage over nominal voltage as the motors feel it.
     gain : dict of float
@@ -66,7 +66,9 @@ def positions(
     time = record.time - record.time[0]
     steps = int(np.ceil(time[-1] / STEP - 1e-9)) + 1
     fine = STEP * np.arange(steps + 1, dtype=float)
-    limits = rate_limit.limits(leaves(settings["rate_limit"]), act.surface.rate_limit)
+    slow = settings["rate_limit"]
+    of_each = [slow["slowness"] + slow.get(e.name, 0.0) for e in vehicle.effectors if e.kind == "surface"]
+    limits = rate_limit.limits({"slowness": jnp.array(of_each)}, act.surface.rate_limit)
     act = act._replace(surface=act.surface._replace(rate_limit=limits))
     sent, rest = np.zeros((len(names), steps)), np.zeros(len(names))
     ratio = CubicSpline(time, ratio)(np.minimum(fine, time[-1]))
@@ -76,8 +78,11 @@ def positions(
     for name, values in zip(commanded, _on_steps(record, commanded, fine), strict=True):
         row, kind = names.index(name), kinds[name]
         first = _split(record, name)[0][0]
-        lag = settings["motor_lag" if kind == "rotor" else "actuator_lag"]["extra"]
-        sent[row] = gain[name] * _arriving(first, values, delays[kind], lag)
+        lag = settings["motor_lag" if kind == "rotor" else "actuator_lag"]
+        extra = settings["actuator_delay"].get(name, 0.0)
+        sent[row] = gain[name] * _arriving(
+            first, values, delays[kind] + extra, lag["extra"] + lag.get(name, 0.0)
+        )
         held = gain[name] * first * (ratio[0] if kind == "rotor" else 1.0)
         rest[row] = held
         if f"effector/{name}" in record:

@@ -172,8 +172,8 @@ class ScenarioSimulation:
         if not any(f"command/{e.name}" in record for e in self.vehicle.effectors):
             return {}
         settings, own = self._settings(effects), self._departures(departures)
-        act = (motion.parameters(self._scenario(effects)) if effects else self._parameters).actuators
-        act = actuators_with(act, self.vehicle, own)
+        self._scenario(effects)  # refuses what is unknown
+        act = actuators_with(self._parameters.actuators, self.vehicle, own)
         gain, kinds = gains(self.vehicle, own), self.vehicle.effector_kinds
         unmeasured = [n for n in kinds if f"effector/{n}" not in record and f"command/{n}" in record]
         found = {n: record[f"command/{n}"] for n in unmeasured}

@@ -16,7 +16,7 @@ from freqid.core.vehicle import Vehicle
 from freqid.gap.model.replay import Replay
 from freqid.gap.model.testable import in_force_of, route_of
 from freqid.gap.stack.histories import Histories
-from freqid.gap.stack.trial import Act, Trial
+from freqid.gap.stack.trial import Act, Inside, Trial
 from freqid.simulate.effects.along import centre
 from freqid.simulate.effects.effect import Effect
 
@@ -68,7 +68,7 @@ def change(
     kinds = maneuver.vehicle.effector_kinds
     if route == "act" and effect.act is not None and trial.positions:
         before = trial.positions
-        if effect.in_loop and effect.id in trial.simulation.effects:
+        if _inside(effect, trial):
             after = _in_loop(effect, values, trial)
         else:
             after = effect.act(values, before, record.dt, kinds)
@@ -82,16 +82,34 @@ def change(
 def _in_loop(effect: Effect, values: Mapping[str, float], trial: Trial) -> Signals:
     """Return the simulation's own positions with an effect inside its actuators' loops.
 
-    Actuators do not feel each other, so one effector's own size is asked for as that of all.
+    Actuators do not feel each other, so one effector's own size is asked for as that of all: what a place
+    asks for is there once it was asked for at another. Many sizes at once are asked for as they are, of a
+    simulation that knows those of single effectors.
     """
-    made = _POSITIONS.setdefault(trial, {})
+    made, sizes = _POSITIONS.setdefault(trial, {}), _sizes(effect, values, trial)
+    each = {n: x for n, x in sizes.items() if x}
+    if len(set(each.values())) > 1 and set(each) <= set(trial.simulation.effects[effect.id]):
+        return trial.positions_with({effect.id: {effect.size: 0.0, **each}})
     found = {}
-    for name in trial.positions:
-        size = values[effect.size] + values.get(name, 0.0)
+    for name, size in sizes.items():
         if (effect.id, size) not in made:
             made[effect.id, size] = trial.positions_with({effect.id: {effect.size: size}})
         found[name] = made[effect.id, size][name]
     return found
+
+
+def _inside(effect: Effect, trial: Trial) -> bool:
+    """Return whether the simulation itself computes an effect that acts inside its actuators' loops."""
+    return effect.in_loop and effect.id in trial.simulation.effects and bool(trial.positions)
+
+
+def _sizes(effect: Effect, values: Mapping[str, float], trial: Trial) -> dict[str, float]:
+    """Return an effect's size by simulated effector: that of all, of its kind and its own added up."""
+    kinds = trial.maneuver.vehicle.effector_kinds
+    of_kind = {k: values.get(k, 0.0) for k in kinds.values() if k not in kinds}
+    return {
+        n: values[effect.size] + of_kind.get(kinds[n], 0.0) + values.get(n, 0.0) for n in trial.positions
+    }
 
 
 def change_together(effects: Sequence[tuple[Effect, Mapping[str, float]]], trial: Trial) -> Histories:
@@ -128,8 +146,7 @@ def acts_on(effect: Effect, trial: Trial) -> str:
     """
     route = route_of(effect, trial.simulation)
     if route == "act" and trial.positions:
-        in_loop = effect.in_loop and effect.id in trial.simulation.effects
-        return "" if in_loop else "positions"
+        return "positions"
     return "effectors" if route in ("act", "feel") else ""
 
 
@@ -151,7 +168,9 @@ def beside(effects: Sequence[tuple[Effect, Mapping[str, float]]], trial: Trial) 
     for effect, settings in effects:
         values, at = {**in_force_of(effect, trial.simulation), **settings}, acts_on(effect, trial)
         hook = effect.act or effect.feel
-        if at and hook is not None:
+        if at == "positions" and _inside(effect, trial):
+            trial = trial.inside_of(Inside(effect.id, effect.size, _sizes(effect, values, trial)))
+        elif at and hook is not None:
             act = _acting(hook, values, dt, kinds)
             trial = trial.acted_on(act) if at == "positions" else trial.felt_through(act)
         elif route_of(effect, trial.simulation) == "distort" and trial.carries:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,22 @@ _QUICK = ("callable", "fmu", "scenario")
 
 _BY_DERIVATIVES = ("jsbsim", "predictions", "scenario")
 """Kinds whose response to moved effectors is taken to first order in the effector."""
+
+
+class Inside(NamedTuple):
+    """An effect of the simulation's own on each of its actuators.
+
+    Attributes
+    ----------
+    effect, size : str
+        Ids of the effect and of the parameter that is its size.
+    sizes : dict of float
+        By effector.
+    """
+
+    effect: str
+    size: str
+    sizes: Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +63,8 @@ class Trial:
         Whether the manoeuvre's channels come from a record, with whatever its sensors did to them.
     acting : tuple of callable
         What acts on the actuators' positions besides the simulation, one after the other.
+    inside : tuple of Inside
+        What acts inside the actuators' loops: the simulation computes it.
     bare : Trial, optional
         The same without any of that; None where nothing acts.
     """
@@ -60,6 +79,7 @@ class Trial:
     every: int = 1
     carries: bool = True
     acting: tuple[Act, ...] = ()
+    inside: tuple[Inside, ...] = ()
     bare: Trial | None = None
 
     @classmethod
@@ -103,8 +123,36 @@ class Trial:
         sent: FlightRecord | None = None,
     ) -> dict[str, Array]:
         """Return the actuators' positions with other effects, parameters or commands, on these samples."""
-        made = self.simulation.positions(sent or self.sent, effects, departures)
+        made = self._asked(sent or self.sent, effects or {}, departures)
         return self._acted({n: made[n][:: self.every] for n in self.positions})
+
+    def inside_of(self, inside: Inside) -> Trial:
+        """Return the trial with one more effect in force inside its actuators' loops."""
+        new = replace(self, inside=(*self.inside, inside), bare=self.bare and self.bare.inside_of(inside))
+        new = replace(new, positions=new.positions_with())
+        if "gradient" in self.__dict__:  # of loads on measured positions: the same
+            new.__dict__["gradient"] = self.gradient
+        return new
+
+    def _asked(
+        self, sent: FlightRecord, effects: Settings, departures: Departures | None
+    ) -> dict[str, Array]:
+        """Return what the simulation makes of commands, each actuator with what is in force inside it.
+
+        Actuators do not feel each other, so one effector's own size is asked for as that of all.
+        """
+        made: dict[tuple[float, ...], dict[str, Array]] = {}
+        found = {}
+        for name in self.positions:
+            at = tuple(i.sizes[name] for i in self.inside)
+            if at not in made:
+                own = {n: dict(s) for n, s in effects.items()}
+                for inside, size in zip(self.inside, at, strict=True):
+                    settings = own.setdefault(inside.effect, {})
+                    settings[inside.size] = settings.get(inside.size, 0.0) + size
+                made[at] = self.simulation.positions(sent, own or None, departures)
+            found[name] = made[at][name]
+        return found
 
     def acted_on(self, act: Act) -> Trial:
         """Return the trial with one more thing that acts on the actuators' positions.

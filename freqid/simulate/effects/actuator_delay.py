@@ -86,6 +86,7 @@ EFFECT = Effect(
     states={"command": "rad or rad/s"},
     alternatives=True,
     jointly=_KINDS,
+    in_loop=True,
     act=_act,
     for_vehicle=_for_vehicle,
 )

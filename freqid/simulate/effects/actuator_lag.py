@@ -78,6 +78,7 @@ EFFECT = Effect(
     needs=("command",),
     states={"surface": "rad", "tilt": "rad"},
     alternatives=True,
+    in_loop=True,
     act=_act,
     for_vehicle=_for_vehicle,
 )

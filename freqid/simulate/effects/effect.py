@@ -84,8 +84,9 @@ class Effect:
     sizes : tuple of float
         Of an effect that does nothing below some size, such as a limit: sizes at which it is looked for.
     in_loop : bool
-        Whether it acts inside an actuator's loop, where `act` behind it only comes near: a simulation that
-        has the effect itself is asked where it is refitted.
+        Whether it acts before or inside an actuator's loop, where `act` behind it only comes near: what
+        reaches a motor late is turned into speed by the voltage of that moment. A simulation that has the
+        effect itself is asked.
     add : callable, optional
         ``add(settings, situation) -> Wrench`` of an airframe effect that comes on top of the airframe's
         loads at one instant, in jax.numpy; `situation` is an `airframe.Situation`, with the effect's memory.

@@ -51,6 +51,7 @@ EFFECT = Effect(
     needs=("command", "rotor"),
     states={"speed": "rad/s"},
     alternatives=True,
+    in_loop=True,
     act=_act,
     for_vehicle=_for_vehicle,
 )

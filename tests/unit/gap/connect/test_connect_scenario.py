@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import DataError, UsageError
-from freqid.core.record import Channel
+from freqid.core.record import Channel, Maneuver
 from freqid.gap.connect import actuation, loads
 from freqid.gap.connect.scenario import ScenarioSimulation
+from freqid.gap.model.changes import beside, change
 from freqid.gap.simulation import Tolerance
+from freqid.gap.stack.trial import Trial
 from freqid.simulate.effects import library
 from freqid.simulate.maneuver import Conditions, fly_maneuver, with_effects
 
@@ -170,6 +172,43 @@ def test_lags_and_rate_limits_act_on_positions_as_in_flight(simulation, la8, inp
         flown_there, size = record[f"effector/{name}"], np.abs(record[f"effector/{name}"]).max()
         assert np.abs(found[name] - flown_there)[25:].max() < 1e-6 * size, name
         assert np.abs(plain[name] - flown_there)[25:].max() > 1e-3 * size, name
+
+
+def test_a_delay_comes_before_the_voltage_of_the_motors(simulation, la8, inputs):
+    """Positions that come late as a whole would carry the voltage of an earlier moment.
+
+    That is 1 % of what a delay changes: a battery's sag would have to make up for it.
+    """
+    late = with_effects(la8, {"actuator_delay": {"extra": 0.03}})
+    record = fly_maneuver(late, la8.reference_of("u20"), inputs, Conditions()).record
+    trial = Trial.of(simulation, Maneuver.of(record))
+    effect = library()["actuator_delay"].of(trial.maneuver.vehicle)
+    found = change(effect, trial, {"extra": 0.03})
+    for i, row in enumerate(found.rows):
+        if row.name.startswith("actuator/n"):
+            missed, all_of_it = (h.direct[i, 25:] for h in (trial.residual - found, trial.residual))
+            assert np.std(missed) < 5e-4 * np.std(all_of_it), row.name
+
+
+def test_what_acts_on_single_actuators_is_what_acts_on_all_of_them(simulation, la8, flown):
+    trial = Trial.of(simulation, Maneuver.of(flown("u45").record))
+    names = ("de1", "df3", "n1")
+    late = {"de1": 0.02, "df3": 0.05, "n1": 0.01}
+    effects = {i: e.of(trial.maneuver.vehicle) for i, e in library().items()}
+    many = change(effects["actuator_delay"], trial, late)
+    inside = beside([(effects["actuator_delay"], late)], trial)
+    lag = change(effects["motor_lag"], inside, {"extra": 0.04})
+    for name in names:
+        row = next(i for i, r in enumerate(many.rows) if r.name == f"actuator/{name}")
+        alone = change(effects["actuator_delay"], trial, {name: late[name]})
+        np.testing.assert_allclose(many.direct[row], alone.direct[row], atol=1e-12)
+        np.testing.assert_allclose(
+            inside.positions[name] - trial.positions[name], many.direct[row], atol=1e-12
+        )
+    settings = {"actuator_delay": {"extra": 0.01}, "motor_lag": {"extra": 0.04}}
+    both = simulation.positions(trial.maneuver.record, settings)["n1"]
+    row = next(i for i, r in enumerate(lag.rows) if r.name == "actuator/n1")
+    np.testing.assert_allclose(inside.positions["n1"] + lag.direct[row], both, atol=1e-9)
 
 
 def test_a_strong_rate_limit_acts_inside_the_servo(simulation, la8, inputs):

@@ -320,8 +320,8 @@ def test_sensitivities_are_what_full_predictions_differ_by(simulation, flown):
     thin = replace(record, time=record.time[every], channels=channels)
     sizes = {"wing.front.span_m": 0.01, "wake.downwash": 0.05, "propeller.thrust": 0.05, "de1.gain": 0.01}
     found = simulation.sensitivity(thin, sizes)
-    for (name, size), change in zip(sizes.items(), found, strict=True):
+    for (name, size), moved in zip(sizes.items(), found, strict=True):
         above, below = (simulation.predict(thin, departures={name: sign * size}) for sign in (1, -1))
         expected = (above - below) / 2
-        error = (change - expected)[:, 12:]  # the inputs start with a kink
+        error = (moved - expected)[:, 12:]  # the inputs start with a kink
         assert np.linalg.norm(error) <= 3e-4 * np.linalg.norm(expected), name

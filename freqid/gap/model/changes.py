@@ -107,9 +107,7 @@ def _sizes(effect: Effect, values: Mapping[str, float], trial: Trial) -> dict[st
     """Return an effect's size by simulated effector: that of all, of its kind and its own added up."""
     kinds = trial.maneuver.vehicle.effector_kinds
     of_kind = {k: values.get(k, 0.0) for k in kinds.values() if k not in kinds}
-    return {
-        n: values[effect.size] + of_kind.get(kinds[n], 0.0) + values.get(n, 0.0) for n in trial.positions
-    }
+    return {n: values[effect.size] + of_kind.get(kinds[n], 0.0) + values.get(n, 0.0) for n in trial.positions}
 
 
 def change_together(effects: Sequence[tuple[Effect, Mapping[str, float]]], trial: Trial) -> Histories:

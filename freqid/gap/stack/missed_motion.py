@@ -72,25 +72,28 @@ def _missed(
     missed = np.zeros(y.shape, dtype=np.complex128)
     if not size or not any(y[at].any() for at, _ in driven):
         return missed, 0.0
-    each = []
-    for at, sent in driven:
+    half = max(at.size for at, _ in driven)
+    number = 2 * half  # signals with fewer lines are filled up with zeros
+    shares, responses = np.zeros((2, len(driven), number, number))
+    z = np.zeros((len(driven), number))
+    for j, (at, sent) in enumerate(driven):
         share = _real(x[at, None] / size * _polynomials(hz[at], _SHARE_ORDER))
         sent = sent / np.sqrt(np.mean(np.abs(sent) ** 2))
         response = _real(sent[:, None] * _polynomials(np.log(hz[at]), _RESPONSE_ORDER))
-        each.append((share @ share.T, response @ response.T, np.concatenate([y[at].real, y[at].imag])))
+        used = np.concatenate([np.arange(at.size), half + np.arange(at.size)])
+        shares[j][np.ix_(used, used)] = share @ share.T
+        responses[j][np.ix_(used, used)] = response @ response.T
+        z[j, used] = np.concatenate([y[at].real, y[at].imag])
 
-    def said(spreads: tuple[int, int]) -> list[Array]:
-        """Return what all other lines say of each, by injected signal."""
+    def said(spreads: tuple[int, int]) -> Array:
+        """Return what all other lines say of each, shape (signal, number)."""
         a, b = (_SPREADS[k] ** 2 for k in spreads)
-        found = []
-        for share, response, z in each:
-            known = a * share + b * response
-            found.append(_by_the_others(known @ np.linalg.inv(np.eye(z.size) + known), z))
-        return found
+        known = a * shares + b * responses
+        return _by_the_others(known @ np.linalg.inv(np.eye(number) + known), z)
 
     def left(spreads: tuple[int, int]) -> float:
         """Return the energy of what is not said."""
-        return sum(float(((z - x) ** 2).sum()) for (*_, z), x in zip(each, said(spreads), strict=True))
+        return float(((z - said(spreads)) ** 2).sum())
 
     best, known = (0, 0), {(0, 0): left((0, 0))}
     while True:  # one spread after the other, until neither changes
@@ -102,28 +105,28 @@ def _missed(
         if best == before:
             break
     for (at, _), part in zip(driven, said(best), strict=True):
-        missed[at] = part[: at.size] + 1j * part[at.size :]
-    return missed, 2 * known[best] / sum(z.size for *_, z in each)
+        missed[at] = part[: at.size] + 1j * part[half : half + at.size]
+    return missed, 2 * known[best] / sum(2 * at.size for at, _ in driven)
 
 
 def _by_the_others(hat: Array, z: Array) -> Array:
-    """Return what all other lines say of each, shape (number,): the real parts, then the imaginary ones.
+    """Return what all other lines say of each, shape (signal, number): real parts, then imaginary ones.
 
     The noise of a line is in the residual too. Motion that held any of it would be alike to the residual, and
     most so in what multiplies accelerations: mass and inertia.
 
     Parameters
     ----------
-    hat : ndarray, shape (number, number)
+    hat : ndarray, shape (signal, number, number)
         Linear smoother.
-    z : ndarray, shape (number,)
+    z : ndarray, shape (signal, number)
     """
-    half = z.size // 2
+    half = z.shape[1] // 2
     pairs = np.arange(half)[:, None] + [0, half]  # of each line
-    own = hat[pairs[:, :, None], pairs[:, None, :]]
-    y, fitted = z[pairs], (hat @ z)[pairs]
-    left = np.linalg.solve(np.eye(2) - own, (fitted - (own @ y[:, :, None])[:, :, 0])[:, :, None])[:, :, 0]
-    return np.asarray(left.T.ravel(), dtype=np.float64)
+    own = hat[:, pairs[:, :, None], pairs[:, None, :]]
+    y, fitted = z[:, pairs, None], (hat @ z[:, :, None])[:, pairs]
+    left = np.linalg.solve(np.eye(2) - own, fitted - own @ y)[..., 0]
+    return np.asarray(left.swapaxes(1, 2).reshape(z.shape), dtype=np.float64)
 
 
 def _polynomials(place: Array, order: int) -> Array:

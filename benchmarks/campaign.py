@@ -1,4 +1,4 @@
-"""Campaigns on one and two workers, on a cluster that loses one, with a slow scheduler, and in memory.
+"""Campaigns on one and two workers, on a cluster that loses one, with a slow scheduler, in memory, in flight.
 
     python benchmarks/campaign.py
 
@@ -243,13 +243,36 @@ def memory(folder: Path) -> list[dict[str, str]]:
     return rows
 
 
+def manoeuvres(folder: Path, count: int = 1000) -> list[dict[str, str]]:
+    """Manoeuvres of 60 s of the LA-8 in closed loop, flown by two processes, then flown and identified."""
+    text = (Path(__file__).parents[1] / "scenarios" / "la8.toml").read_text()
+    one_period = text.replace('residuals = "noise-lines"', 'residuals = "coloured"')
+    (folder / "la8_once.toml").write_text(one_period)
+    taken = {}
+    for stage, seeds in (("warm", 2), ("fly", count), ("identify", count)):
+        path = folder / f"{stage}.toml"
+        path.write_text(
+            f'stage = "{"identify" if stage == "warm" else stage}"\nscenario = "la8_once.toml"\n'
+            f'seeds = {seeds}\nbatch = 25\n[fixed]\nat = "u45"\nduration = 60.0\nsensors = "research"\n'
+        )
+        taken[stage] = ran(path, folder / stage, jobs=2)
+        done = pd.read_parquet(folder / stage / "rows")
+        assert done["seed"].nunique() == seeds, f"{stage}: {done['seed'].nunique()} seeds"
+        assert done["failure"].isna().all() or (done["failure"] == "").all(), f"{stage} failed"
+    return [
+        row(f"{count} manoeuvres of 60 s flown, two processes, s", f"{taken['fly']:.0f}"),
+        row("the same flown and identified, s", f"{taken['identify']:.0f}"),
+        row("of that more than flown, s", f"{taken['identify'] - taken['fly']:.0f}"),
+    ]
+
+
 def row(what: str, found: str) -> dict[str, str]:
     print(f"{what:<72}{found}", flush=True)
     return {"what": what, "found": found}
 
 
 def main() -> None:
-    asked = sys.argv[1:] or ["memory", "speed_up", "lost_worker", "slow_scheduler"]
+    asked = sys.argv[1:] or ["memory", "speed_up", "lost_worker", "slow_scheduler", "manoeuvres"]
     rows = []
     with tempfile.TemporaryDirectory() as name:
         for which in asked:

@@ -45,8 +45,8 @@ class Owner:
     trimmed : tuple of 2 tuples of str
         Effectors that trim pitch and speed together.
     wake : bool
-        Whether `loads` takes ``late(value, slow)`` too: a value behind two equal lags of together `slow`, s; or
-        several values with an array of these.
+        Whether `loads` takes ``late(value, slow)`` too: a value behind two equal lags of together `slow`, s;
+        several values where `slow` is an array.
     """
 
     def __init__(

@@ -42,7 +42,7 @@ PAIRS = [(k, j) for j in range(len(TARGETS)) for k in range(6) if PLACE[0, k, 0]
 FROM, TO = (np.array(part) for part in zip(*PAIRS, strict=True))
 WAY = PLACE[0, FROM] - TARGETS[TO, 0:1]  # m
 RISE, ACROSS = (PLACE[i, FROM] - TARGETS[TO, i][:, None] for i in (2, 1))
-SUM = (TO == np.arange(len(TARGETS))[:, None]).astype(float)
+SUM = (np.arange(len(TARGETS))[:, None] == TO).astype(float)
 HALF_PAIR = np.pi / 4 * g.ROTOR_R  # of the rolled-up vortices of a wake
 CORE, SINK = 0.45 * g.ROTOR_R, 0.8  # m; of the wake's own velocity
 AT_REAR = WING.at(PLACE[0, 4:] - g.WING_X, PLACE[1, 4:], g.HEIGHT - g.WING_Z, core=0.05)
@@ -88,14 +88,16 @@ class Memory:
             self.bent += h / 0.2 * (0.04 * s("outsider.boom_give") * pushed * np.abs(pushed) - self.bent)
         steps = np.minimum(WAY / (u * h), MEMORY - 2.0)
         whole = steps.astype(int)
-        newer, older = (self.trail[(self.at - whole - k) % MEMORY, FROM[:, None], self.flights] for k in (0, 1))
+        newer, older = (
+            self.trail[(self.at - whole - k) % MEMORY, FROM[:, None], self.flights] for k in (0, 1)
+        )
         self.met = SUM @ wakes(newer + (steps - whole) * (older - newer), v / u, w / u, u)
 
 
 def wakes(made, slip, climb, u):
     """Return downwash of each pair of rotor and target, m/s.
 
-    The wake of a disc in edgewise flow rolls up into two vortices, as a wing's; they trail along the flow and sink.
+    The wake of a disc in edgewise flow rolls up into two vortices, which trail along the flow and sink.
 
     Parameters
     ----------
@@ -211,9 +213,7 @@ def loads(x, felt, rho, s, memory):
     ahead = u + q * g.WING_Z - r * WING.place
     rolled = p * (1 + s("wing.roll_damping")) * WING.place
     along = ahead * c - (w + rolled) * d
-    through = [
-        ahead * d + (w + rolled - q * (g.WING_X - back)) * c for back in (0.0, 0.5 * g.CHORD)
-    ]
+    through = [ahead * d + (w + rolled - q * (g.WING_X - back)) * c for back in (0.0, 0.5 * g.CHORD)]
     moved = np.array([ail_l * strong("ail_l"), ail_r * strong("ail_r")])
     chordwise, normal, turned, memory.bound = wing(along, through, late, met, moved, s)
     chordwise, normal = rho * chordwise * (1 + s("wing.chord_force")), rho * normal * (1 + s("wing.lift"))
@@ -229,7 +229,7 @@ def loads(x, felt, rho, s, memory):
     if s.has("outsider.boom_give"):
         hubs[2, [4, 5]] += u * memory.bent
     force, moment, thrust = rotors(hubs, felt[4:], rho, s)
-    if s.has("outsider.boom_vortex"):  # leaves the front booms and meets the rear rotors on one side of sideslip
+    if s.has("outsider.boom_vortex"):  # of the front booms, at the rear rotors on one side of sideslip
         met = np.exp(-(((beta + np.array([[0.03], [-0.03]])) / 0.03) ** 2))
         force[2, 4:] *= 1 - s("outsider.boom_vortex") * 0.3 * met
     memory.made = thrust / (rho * u * 2 * HALF_PAIR)

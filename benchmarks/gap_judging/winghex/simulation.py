@@ -87,7 +87,7 @@ def behind_wing(responses, said):
 
 
 def rotor(hub, at, speed, rho, get):
-    """Return three forces, three moments about the centre of gravity and thrust of a rotor in its own flow."""
+    """Return three forces, three moments about the centre of gravity and thrust of a rotor."""
     name, ax, az, x, y, z, spin = hub
     u, v, w = at
     tip = g.ROTOR_R * speed

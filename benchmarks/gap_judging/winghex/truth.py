@@ -1,4 +1,4 @@
-"""The winged hexacopter that flies: rigid blades in edgewise flow, their rolled-up wakes, Weissinger's wing."""
+"""The winged hexacopter that flies: rigid blades in edgewise flow, rolled-up wakes, Weissinger's wing."""
 
 from __future__ import annotations
 

@@ -1,10 +1,11 @@
 """What a tunnel and a test stand would tell the owner: `python benchmarks/gap_judging/winghex/tunnel.py`.
 
-Samples the truth's wing in the wakes of the front rotors, the wakes at the rear rotors and at the tail, and one
-rotor by itself, at random points about both flight conditions. Loads of a half wing are fitted by polynomials of
-its own angle, wake, aileron and slip, with the wing's turning and the other half's inputs; wakes by the loads of
-the rotors that make them, climb and slip; a rotor by both advances. Writes `tunnel.csv`: campaign, response,
-term, coefficient. The owner's simulation reads nothing else of the truth.
+Samples the truth's wing in the wakes of the front rotors, the wakes at the rear rotors and at the tail, and
+one rotor by itself, at random points about each flight condition. Loads of a half wing are fitted by
+polynomials of its own angle, wake, aileron and slip to third degree, with the wing's turning and the other
+half's inputs to second; wakes by the loads of the rotors that make them, climb and slip; a rotor by both
+advances. Writes `tunnel.csv`: campaign, response, term, coefficient. The owner's simulation reads nothing
+else of the truth.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ ABOUT = {
     "slow": ((11.7, 14.4), (-0.06, 0.08), (0.24, 0.40)),
     "fast": ((14.6, 17.2), (-0.11, 0.03), (0.15, 0.27)),
 }
-"""Ranges that are flown: m/s; vertical velocity over the forward one; a rotor's induced velocity far behind it,
-thrust over mass flow, over the forward velocity."""
+"""Ranges that are flown: m/s; vertical velocity over the forward one; a rotor's load, thrust over density,
+area and the forward velocity's square."""
 SLIP, TURN, MOVED = 0.07, 0.3, 0.18  # sideways velocity over the forward one, rad/s, rad
 SIDE = np.array([[-1.0], [1.0]])
 MAIN, REST = ("angle", "wake", "aileron", "slip"), ("roll", "yaw", "pitch", "angle2", "wake2", "aileron2")
@@ -41,13 +42,13 @@ DISC = np.pi * g.ROTOR_R**2
 
 
 def campaign(rng, speed, climbing, loaded):
-    """Return inputs and loads of half wings, shape (half, point), and downwash behind by what it is fitted by.
+    """Return inputs and loads of half wings, shape (half, point), and downwash behind by its terms.
 
     Returns
     -------
     inputs, loads : dict
         By name, as of right halves.
-    washes : dict
+    behind : dict
         By response, terms by name and the downwash, m/s.
     """
     within = lambda low, high: rng.uniform(low, high, COUNT)  # noqa: E731
@@ -92,7 +93,11 @@ def campaign(rng, speed, climbing, loaded):
         "swinging": half(-out * chordwise) / area / g.SPAN,
     }
     # Behind the wing: by loads of both halves, and by the loads of rotors, their wakes' height and place
-    said = {f"{n}_{k}": whole[i] * loads[n][i] for n in ("normal", "bending") for i, k in ((1, "own"), (0, "other"))}
+    said = {
+        f"{n}_{k}": whole[i] * loads[n][i]
+        for n in ("normal", "bending")
+        for i, k in ((1, "own"), (0, "other"))
+    }
     said["slow"] = u * climb
     said["still"] = u
     said |= {"slipping": u * slip, "rolling": p, "yawing": r}

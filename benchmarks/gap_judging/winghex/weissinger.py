@@ -1,4 +1,4 @@
-"""The wing of the truth after Weissinger: one row of horseshoe vortices, no flow through the chord at three quarters.
+"""The wing of the truth after Weissinger: horseshoe vortices, no flow through the chord at three quarters.
 
 J. Weissinger, The Lift Distribution of Swept-Back Wings, NACA TM 1120 (1947); velocities of straight vortices
 after Katz and Plotkin, Low-Speed Aerodynamics, section 2.11. Legs trail along the chord.

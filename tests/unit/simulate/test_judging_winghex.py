@@ -3,6 +3,7 @@
 import importlib.util
 import math
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -63,7 +64,7 @@ def test_rotor_is_the_sum_over_its_blades(truth, air):
             drag = area * (rotors.SLOPE * (pitch * down * ahead - down**2) + rotors.PROFILE * ahead**2)
             return lift, drag
 
-        def balance(induced):
+        def balance(induced, wide=wide, climb=climb, elements=elements):
             momentum = 2 * RHO * np.pi * radius**2 * induced * math.hypot(wide, climb + induced)
             return momentum - elements(induced)[0].sum()
 
@@ -77,7 +78,7 @@ def test_rotor_is_the_sum_over_its_blades(truth, air):
         assert thrust[0, 0] == pytest.approx(lift.sum(), rel=1e-4)
         np.testing.assert_allclose(one[:, 0, 0], force, rtol=1e-3, atol=1e-3)
         np.testing.assert_allclose(two[:, 0, 0], moment, rtol=1e-3, atol=1e-4)
-        # The mean thrust of more flow forward is more than that of a rotor that hovers on the side ahead
+        # The side that advances lifts more: right of the way for a spin up the axis
         assert (two[:, 0, 0] @ way) * spin < 0
 
 
@@ -100,7 +101,7 @@ def test_horseshoe_is_the_sum_of_its_pieces():
     left, right, far = -0.2, 0.35, -400.0
     corners = np.array([[far, left, 0], [0, left, 0], [0, right, 0], [far, right, 0]])
     total = np.zeros(3)
-    for a, b in zip(corners[:-1], corners[1:], strict=True):
+    for a, b in pairwise(corners):
         # Fine where it is near: points in the cube of the distance from the nearer end
         share = np.linspace(0, 1, 40001) ** 3
         points = b + share[:, None] * (a - b) if a[0] < b[0] else a + share[:, None] * (b - a)
@@ -115,7 +116,7 @@ def test_horseshoe_is_the_sum_of_its_pieces():
 
 
 def test_far_wake_of_a_disc_has_its_momentum(air):
-    """Lift is density times speed times circulation times the vortices' distance, and air goes down between them."""
+    """Lift is density, speed, circulation and the vortices' distance; air goes down between them."""
     u, thrust = 14.0, 11.0
     made = thrust / (RHO * u * 2 * air.HALF_PAIR)
     each = air.wakes(np.full((len(air.PAIRS), 1), made), np.zeros(1), np.zeros(1), np.array([u]))[:, 0]

@@ -82,16 +82,24 @@ def test_rotor_is_the_sum_over_its_blades(truth, air):
         assert (two[:, 0, 0] @ way) * spin < 0
 
 
-def test_wing_of_large_span_lifts_as_the_closed_form_says():
-    """Helmbold's slope of straight wings, within some percent (Katz and Plotkin, section 12.1)."""
-    weissinger = loaded("weissinger")
-    for ratio in (4.25, 8.0):
-        wing = weissinger.Wing(ratio, 1.0, panels=12)
-        bound = wing.solve @ np.ones((24, 1))
-        slope = 2 * float((bound * wing.width).sum()) / ratio
-        assert slope == pytest.approx(2 * np.pi * ratio / (math.sqrt(ratio**2 + 4) + 2), rel=0.03)
-        drag = float((bound * wing.width * (wing.wash @ bound)).sum()) * 2 / ratio
-        assert drag * np.pi * ratio / slope**2 == pytest.approx(1.0, abs=0.08)  # nearly elliptical
+def test_slender_wing_is_prandtls():
+    """It lifts as Glauert's Fourier series says along the span; an ellipse is washed evenly."""
+    ratio = 40.0
+    wing = loaded("weissinger").Wing(ratio, 1.0, panels=80)
+    bound = (wing.solve @ np.ones((160, 1)))[:, 0]
+    width = wing.width[:, 0]
+    n = np.arange(1, 120, 2)
+    angle = (np.arange(1, n.size + 1) - 0.5) * np.pi / 2 / n.size
+    pull = 4 * ratio / (2 * np.pi) * np.sin(angle)[:, None]
+    series = np.linalg.solve((pull + n) * np.sin(angle[:, None] * n), np.sin(angle))
+    at = np.arccos(-wing.place[:, 0] / (0.5 * ratio))
+    closed = 2 * ratio * np.sin(at[:, None] * n) @ series
+    # The tips are of lower aspect ratio than a line
+    np.testing.assert_allclose(bound[32:-32], closed[32:-32], rtol=0.015)
+    lift = 2 * (bound * width).sum() / ratio
+    assert lift == pytest.approx(np.pi * ratio * series[0], rel=0.01)
+    ellipse = wing.wash @ np.sqrt(1 - (wing.place / (0.5 * ratio)) ** 2)[:, 0]
+    np.testing.assert_allclose(ellipse[32:-32], 1 / (2 * ratio), rtol=0.02)
 
 
 def test_horseshoe_is_the_sum_of_its_pieces():

@@ -45,7 +45,8 @@ class Owner:
     trimmed : tuple of 2 tuples of str
         Effectors that trim pitch and speed together.
     wake : bool
-        Whether `loads` takes ``late(value, slow)`` too: a value behind two equal lags of together `slow`, s.
+        Whether `loads` takes ``late(value, slow)`` too: a value behind two equal lags of together `slow`, s;
+        several values where `slow` is an array.
     """
 
     def __init__(
@@ -289,7 +290,7 @@ class Owner:
 
 
 class _Lag:
-    """Two equal lags of one value, stepped through a flight; steady at first."""
+    """Two equal lags of one value, or of an array's, stepped through a flight; steady at first."""
 
     def __init__(self) -> None:
         self.first = self.second = None
@@ -303,9 +304,9 @@ class _Lag:
 
     def advance(self, dt: float) -> None:
         """Follow the value that was met last."""
-        share = 1 - math.exp(-2 * dt / self.slow)
-        self.first += share * (self.wanted - self.first)
-        self.second += share * (self.first - self.second)
+        share = 1 - (np.exp if isinstance(self.slow, np.ndarray) else math.exp)(-2 * dt / self.slow)
+        self.first = self.first + share * (self.wanted - self.first)
+        self.second = self.second + share * (self.first - self.second)
 
 
 def _series_lag(time: Any) -> Callable[[Any, float], Any]:
@@ -313,6 +314,8 @@ def _series_lag(time: Any) -> Callable[[Any, float], Any]:
     dt = 0.02 if time is None or np.size(time) < 2 else float(time[-1] - time[0]) / (np.size(time) - 1)
 
     def late(value, slow):
+        if isinstance(slow, np.ndarray):
+            return np.array([late(v, float(s)) for v, s in zip(value, slow, strict=True)])
         # exact for straight lines between samples
         fall = 2 * dt / slow
         decay = math.exp(-fall)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate, weigh
 from freqid.gap.infer.explain import BEHIND, FINALISTS, Explanation, explain
 from freqid.gap.infer.joint_replay import about_explanation, settings_of
 from freqid.gap.infer.joint_sizes import form_beside
-from freqid.gap.infer.linearise import likelier_without
+from freqid.gap.infer.linearise import likelier_without, likeliest_departures, relinearised
 from freqid.gap.infer.null_draws import null_statistics, threshold_of
 from freqid.gap.infer.system import System
 from freqid.gap.infer.where import gap_map
@@ -34,6 +35,8 @@ from freqid.gap.verdict import remarks_of, tolerances_used, verdict
 from freqid.simulate.effects.effect import Effect
 
 _STRAINED = 3  # tolerances whose strain is said
+_AWAY = 1.0  # sigma: with an effect departures are elsewhere; beyond that they are flown too
+_FLIGHTS = 2  # such flights at most
 _NEAR = 0.2  # of a size of an effect: what tolerances do beside it changes by less than a tenth
 
 
@@ -144,12 +147,12 @@ def diagnose(
     library = {i: e.of(maneuvers[0].vehicle) for i, e in q.candidates.items()}
     tell("replaying the simulation")
     count = len(maneuvers)
-    used = stack_of(simulation, maneuvers, names[:count], q.band_hz, seed=q.seed)
+    flown = used = stack_of(simulation, maneuvers, names[:count], q.band_hz, seed=q.seed)
     departures: dict[str, float] = {}
     if simulation.tolerances and any(b.motion.flown for b in used):
         tell("flying the simulation as it is likeliest")
         departures = flown_departures(used, q.candidates, q.tolerances)
-        used = side_by_side(simulation, lambda b: flown_again(b, departures), used)
+        used = side_by_side(simulation, lambda b: flown_again(b, departures), flown)
     tell("computing effects and tolerances")
     system, not_tested, columns, used = build(used, q.candidates, q.tolerances)
     for name in q.named:
@@ -169,7 +172,17 @@ def diagnose(
     exists = p <= q.level
     if exists:
         tell("computing the likeliest effects at their size")
-        system, columns = _at_their_size(evidence, system, columns, q.candidates, used)
+        system, columns = _at_their_size(evidence, system, columns, q, used)
+        evidence = replace(weigh(system), without=without)
+    for _ in range(_FLIGHTS if exists and departures else 0):
+        beside = likeliest_departures(system, used, q.tolerances, evidence.form_error())[0]
+        if _apart(beside, departures, simulation, q.tolerances) <= _AWAY:
+            break
+        tell("flying the simulation as it is likeliest with what was found")
+        departures = beside
+        used = side_by_side(simulation, partial(flown_again, departures=departures), flown)
+        system, not_tested, columns, used = build(used, q.candidates, q.tolerances)
+        system, columns = _at_their_size(weigh(system), system, columns, q, used)
         evidence = replace(weigh(system), without=without)
     p_none = probability_of_none(evidence)
     ranking = rank(evidence, exists, INTERVAL, TEMPERATURE, p_none if exists else max(p_none, 0.5))
@@ -232,15 +245,23 @@ def diagnose(
     )
 
 
+def _apart(
+    one: Mapping[str, float],
+    other: Mapping[str, float],
+    simulation: Simulation,
+    tolerances: Mapping[str, float],
+) -> float:
+    """Return how far two sets of departures of a simulation's own parameters are apart at most, in sigmas."""
+    own = simulation.tolerances
+    sigma = {n: tolerances.get(n, own[n].sigma) for n in {*one, *other}}
+    return max((abs(one.get(n, 0.0) - other.get(n, 0.0)) / s for n, s in sigma.items() if s), default=0.0)
+
+
 def _at_their_size(
-    evidence: Evidence,
-    system: System,
-    columns: list[Columns],
-    library: Mapping[str, Effect],
-    blocks: Sequence[Block],
+    evidence: Evidence, system: System, columns: list[Columns], question: Question, blocks: Sequence[Block]
 ) -> tuple[System, list[Columns]]:
-    """Return the system with the finalists' columns at sizes near their estimates."""
-    best = max(evidence.effect.values())
+    """Return the system with the finalists' columns at sizes near their estimates, straight about these."""
+    q, best = question, max(evidence.effect.values())
     ranked = sorted(evidence.effect, key=lambda e: -evidence.effect[e])[:FINALISTS]
     new = list(system.candidates)
     for effect in ranked:
@@ -248,10 +269,11 @@ def _at_their_size(
             continue
         i = evidence.best_place(effect)
         if new[i].kind == "scalar":
-            new[i] = refined(new[i], float(estimate(evidence, i, INTERVAL).size[0]), library, blocks)
+            new[i] = refined(new[i], float(estimate(evidence, i, INTERVAL).size[0]), q.candidates, blocks)
     if all(a is b for a, b in zip(new, system.candidates, strict=True)):
         return system, columns
-    return rebuilt(system, new, columns, blocks)
+    system, columns = rebuilt(system, new, columns, blocks)
+    return relinearised(system, columns, blocks, q.candidates, q.tolerances, evidence.form_error())
 
 
 def _explanation(

@@ -279,7 +279,7 @@ def _scalar(effect: Effect, place: Place, of: Parameter, blocks: Sequence[Block]
     if effect.sizes:  # those of a limit or of play are looked for where it acts
         made = _from_onset(at, [s for s in effect.sizes if low <= s <= high], blocks)
     else:
-        made = [one for one in _made(at, up, down, of.scale) if _seen(one[1], blocks)]
+        made = [one for one in _made(at, up, down, of.scale) if seen(one[1], blocks)]
     if not made:
         return None
     made.sort(key=lambda one: one[0])
@@ -336,7 +336,7 @@ def few_of(columns: Sequence[Complex], blocks: Sequence[Block]) -> tuple[list[in
     return [int(k) for k in pivot[:count][order]], mix[:, order]
 
 
-def _seen(change: Sequence[Complex], blocks: Sequence[Block]) -> bool:
+def seen(change: Sequence[Complex], blocks: Sequence[Block]) -> bool:
     """Return whether a change, by block, stands out of the noise at all."""
     powers = (np.abs(z) ** 2 / b.noise_power for z, b in zip(change, blocks, strict=True))
     return sum(float(p.sum()) for p in powers) > _SEEN
@@ -350,7 +350,7 @@ def _from_onset(
     Straight lines to zero would give a limit an effect where it is never reached.
     """
     every = [(s, c) for s in sizes if (c := at(s))]
-    first = next((k for k, (_, c) in enumerate(every) if _seen(c, blocks)), None)
+    first = next((k for k, (_, c) in enumerate(every) if seen(c, blocks)), None)
     if first is None:
         return []
     found = every[max(first - 1, 0) :]

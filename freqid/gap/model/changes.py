@@ -43,7 +43,8 @@ def change(
     settings : dict of float
         By parameter.
     first_order : bool
-        Effects of sensors move the simulation by its derivatives where that is quicker.
+        What sensors log and what the airframe feels move the simulation by its derivatives where that is
+        quicker.
 
     Raises
     ------
@@ -76,7 +77,7 @@ def change(
     hook = effect.act if route == "act" else effect.feel
     if hook is None:
         return trial.rows()
-    return trial.rows(trial.moved(_felt(hook, values, record, kinds)))
+    return trial.rows(trial.moved(_felt(hook, values, record, kinds), first_order=first_order))
 
 
 def _in_loop(effect: Effect, values: Mapping[str, float], trial: Trial) -> Signals:

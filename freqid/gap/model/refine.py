@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import block_diag
 
+from freqid.core.arrays import Complex
 from freqid.core.errors import ImpossibleSettings
-from freqid.gap.model.candidates import Candidate, Curve, few_of, recomputed
+from freqid.gap.model.candidates import Candidate, Curve, few_of, recomputed, seen
 from freqid.gap.model.changes import acts_on, beside, change
 from freqid.gap.model.testable import in_force_of
 from freqid.gap.stack.block import Block
@@ -50,22 +52,23 @@ def refined(
     anew = before != c.beside
     if blocks[0].trial.approximates and not anew:  # weighed by derivatives so far
         c = replace(c, columns=recomputed(c, library, blocks))
-    if c.sizes.size == 1 and not anew:
-        return c
     trials = [beside([(library[n].of(vehicle), x) for n, x in before], b.trial) for b in blocks]
     force = in_force_of(effect, blocks[0].trial.simulation)
     known = c.curve or Curve(c.sizes, np.eye(c.sizes.size))
     low, high = c.bounds
+
+    def at_size(s: float) -> list[Complex]:
+        settings = {n: force[n] + s for n in c.place.parameters} | dict(c.place.fixed)
+        return [b.transform(change(effect, t, settings)) for b, t in zip(blocks, trials, strict=True)]
+
+    if c.sizes.size == 1 and not anew and _is_straight(c, size, at_size, blocks):
+        return c
     near = [s for s in (n * size for n in _NEAR) if low <= s <= high]
-    near = [s for s in near if np.min(np.abs(known.sizes / s - 1)) >= 0.05] if c.sizes.size > 1 else []
+    near = [s for s in near if np.min(np.abs(known.sizes / s - 1)) >= 0.05]
     made: list[tuple[float, list]] = []
     for s in [*known.sizes.tolist(), *near] if anew else near:
-        settings = {n: force[n] + s for n in c.place.parameters} | dict(c.place.fixed)
-        try:
-            each = [b.transform(change(effect, t, settings)) for b, t in zip(blocks, trials, strict=True)]
-        except ImpossibleSettings:
-            continue
-        made.append((s, each))
+        with suppress(ImpossibleSettings):
+            made.append((s, at_size(s)))
     if not made:
         return c
     more = [s for s, _ in made]
@@ -82,3 +85,21 @@ def refined(
     return replace(
         c, sizes=np.concatenate([c.sizes, more]), columns=columns, curve=Curve(sizes[order], mix[order])
     )
+
+
+def _is_straight(
+    candidate: Candidate, size: float, at: Callable[[float], list[Complex]], blocks: Sequence[Block]
+) -> bool:
+    """Return whether what a candidate's only column is multiplied by its size is not seen to be wrong.
+
+    Weighing takes for straight what departs by a few per cent, and those of a large effect are seen.
+    """
+    low, high = candidate.bounds
+    if not low <= size <= high:
+        return True
+    share = size / candidate.sizes[0]
+    try:
+        apart = [z - share * c[0] for z, c in zip(at(size), candidate.columns, strict=True)]
+    except ImpossibleSettings:
+        return True
+    return not seen(apart, blocks)

@@ -274,8 +274,7 @@ class Trial:
         before = self.maneuver.record
         measured = self.measured + (self._logged(record) - self.logged)
         moved = {n: record[n] - before[n] for n in self.inputs if not np.array_equal(record[n], before[n])}
-        in_full = self.simulation.kind in _QUICK and not (first_order and self.approximates)
-        change = self.moved(moved, in_full=in_full) if moved else None
+        change = self.moved(moved, first_order=first_order) if moved else None
         return measured - self.simulated - self.rows(change)
 
     def _logged(self, record: FlightRecord) -> Histories:
@@ -296,10 +295,13 @@ class Trial:
         channels = [replace(record.channel(n), values=record[n] + sign * x) for n, x in noise.items()]
         return self.on(record.with_channels(*channels))
 
-    def moved(self, changes: Mapping[str, Array], *, in_full: bool | None = None) -> Array:
-        """Return what changes of input channels make of the responses, shape (response, sample)."""
-        in_full = self.simulation.kind not in _BY_DERIVATIVES if in_full is None else in_full
-        if in_full:
+    def moved(self, changes: Mapping[str, Array], *, first_order: bool = False) -> Array:
+        """Return what changes of input channels make of the responses, shape (response, sample).
+
+        As `on` computes them: a rotor's thrust goes with the square of its speed, so that a derivative at the
+        speed that was flown is enough for small changes alone.
+        """
+        if self.simulation.kind in _QUICK and not (first_order and self.approximates):
             record = self.maneuver.record
             channels = [
                 replace(record.channel(n), values=record[n] + x) for n, x in changes.items() if n in record

@@ -11,6 +11,7 @@ from linear_flight import LIBRARY, Linear, Truth, effect, fly
 from freqid.core.errors import ImpossibleSettings
 from freqid.gap.model.candidates import OTHER, Candidate, Place, candidates, recomputed
 from freqid.gap.model.changes import change
+from freqid.gap.model.refine import refined
 from freqid.gap.stack.block import stack_of
 
 BAND = (0.05, 2.0)
@@ -113,3 +114,20 @@ def test_a_vector_is_recomputed_where_one_sigma_of_it_is_no_body(blocks, monkeyp
     (made,) = recomputed(vector, {"two": two}, blocks)
     whole = blocks[0].transform(blocks[0].trial.rows(blocks[0].trial.predicted))
     np.testing.assert_allclose(made, [0.1 * whole, 0.2 * whole], rtol=1e-12, atol=1e-12 * np.abs(whole).max())
+
+
+def test_what_was_taken_for_straight_is_computed_at_its_size_where_that_is_seen(blocks):
+    """Two per cent of a change that stands a thousand standard deviations out of the noise are seen."""
+
+    def nearly(settings, replay):
+        found = np.zeros((6, replay.record.time.size))
+        found[2] = 1e4 * (settings["size"] + 0.02 * settings["size"] ** 2) * (replay.record["state/w"] - 1.0)
+        return found
+
+    library = {"nearly": effect("nearly", "size", 0.2, replay=nearly)}
+    (one,) = (c for c in candidates(library, blocks)[0] if c.effect == "nearly")
+    assert one.sizes.size == 1
+    new = refined(one, 0.7, library, blocks)
+    exact = change(library["nearly"], blocks[0].trial, {"size": 0.7})
+    made = np.tensordot(new.weights(0.7), new.columns[0], 1)
+    np.testing.assert_allclose(made, blocks[0].transform(exact), rtol=1e-9)

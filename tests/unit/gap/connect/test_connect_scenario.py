@@ -190,6 +190,23 @@ def test_a_delay_comes_before_the_voltage_of_the_motors(simulation, la8, inputs)
             assert np.std(missed) < 5e-4 * np.std(all_of_it), row.name
 
 
+def test_a_rotor_that_is_much_weaker_is_not_a_derivative_times_its_loss(simulation, la8, inputs):
+    """Thrust goes with the square of the speed: 30 % of it and its derivative are 8 % apart."""
+    loss = {"n8": 0.3}
+    weak = with_effects(la8, {"weak_rotor": {"loss": 0.0, **loss}})
+    record = fly_maneuver(weak, la8.reference_of("u20"), inputs, Conditions()).record
+    trial = Trial.of(simulation, Maneuver.of(record))
+    effect = library()["weak_rotor"].of(trial.maneuver.vehicle)
+    row = next(i for i, r in enumerate(trial.measured.rows) if r.name == "N")
+
+    def missed(found):
+        whole = (trial.residual - found).direct[row, 25:]
+        return np.abs(np.mean(whole)) / np.abs(np.mean(trial.residual.direct[row, 25:]))
+
+    assert missed(change(effect, trial, loss)) < 0.01
+    assert missed(change(effect, trial, loss, first_order=True)) > 0.05
+
+
 def test_what_acts_on_single_actuators_is_what_acts_on_all_of_them(simulation, la8, flown):
     trial = Trial.of(simulation, Maneuver.of(flown("u45").record))
     names = ("de1", "df3", "n1")

@@ -68,7 +68,9 @@ def with_logs_read(path: Path, variables: dict[str, Any]) -> dict[str, Any]:
     names = [name for name, value in variables.items() if _holds_log(value)]
     if not names:
         return variables
-    matio = extra("matio", "logs", str(path))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it sets an option that pandas 3 has deprecated
+        matio = extra("matio", "logs", str(path))
     store.refuse_fatal(path, objects=True)
     try:
         loaded = _loaded(matio, path, names)

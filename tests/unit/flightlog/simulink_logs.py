@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
-from matio import save_to_mat
+import pytest
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # it sets an option that pandas 3 has deprecated
+    matio = pytest.importorskip("matio", reason="mat-io is not installed (extra logs)")
+
 from matio.utils import MatlabOpaque, MatlabOpaqueArray
 
 SIM = "Simulink.SimulationData."
@@ -86,7 +93,9 @@ def array(*objects):
     return MatlabOpaqueArray(row, objects[0].classname)
 
 
-def write(path, version="v7", **variables):
+def write(path, version="v7", /, *, compress=True, **variables):
     saved = [f"{SIM}Dataset", STORAGE, f"{SIM}Storage.MatFileDatasetStorage"]
-    save_to_mat(str(path), variables, version=version, saveobj_classes=saved)
+    matio.save_to_mat(
+        str(path), variables, version=version, saveobj_classes=saved, do_compression=compress
+    )
     return path

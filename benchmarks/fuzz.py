@@ -371,7 +371,7 @@ def _makers(name: str) -> Any:
 
 
 def _simulink(folder: Path) -> list[Subject]:
-    """Return logs whose signals are objects: a timeseries beside a Dataset with a bus, in both kinds of file."""
+    """Return logs whose signals are objects: a timeseries beside a Dataset with a bus."""
     from freqid.flightlog.column_map import ChannelPlace, ColumnMap, TimePlace
     from freqid.flightlog.read import read_log
 
@@ -386,7 +386,8 @@ def _simulink(folder: Path) -> list[Subject]:
             )
         ),
     }
-    places = {"state/q": "q.Data", "state/theta": "out.logsout.theta.Data", "state/p": "out.logsout.rates.p.Data"}
+    logs = "out.logsout"
+    places = {"state/q": "q.Data", "state/theta": f"{logs}.theta.Data", "state/p": f"{logs}.rates.p.Data"}
     column_map = ColumnMap(
         time=TimePlace(variable="q.Time", unit="s"),
         channel=tuple(
@@ -402,7 +403,7 @@ def _simulink(folder: Path) -> list[Subject]:
     out = []
     for version in ("v7", "v7.3"):
         path = makers.write(folder / f"objects{version}.mat", version, compress=False, **held)
-        out.append(Subject(f"MAT {version[1:]}, objects", ".mat", path.read_bytes(), read, share=0.1))
+        out.append(Subject(f"MAT {version[1:]}, objects", ".mat", path.read_bytes(), read, share=0.05))
     return out
 
 

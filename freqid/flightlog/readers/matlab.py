@@ -204,8 +204,8 @@ def _remedy_of(name: str, found: MatlabObject) -> str:
 def matlab_signals(path: Path) -> Iterator[Signal]:
     """Yield what has a clock: vectors beside one called after time, timeseries, and logs of Simulink.
 
-    Names are those of a column map's `variable`. An object that is not read has no samples, and is told by its
-    class.
+    Names are those of a column map's `variable`. An object that is not read has no samples, and is told by
+    its class.
 
     Raises
     ------

@@ -6,8 +6,8 @@ public definitions of the classes [1]_. Nothing else of an object is of use to a
 - ``timeseries`` becomes a struct with ``Name``, ``Time`` (s), ``Data`` (time along the rows) and
   ``DataInfo.Units``. Its ``TimeInfo`` holds the times themselves, or of uniform times start, increment and
   length alone.
-- ``Simulink.SimulationData.Dataset`` becomes a struct of its elements by name. An element without a name that a
-  path can hold, or with one that an earlier element has, is called by its number, ``{3}``.
+- ``Simulink.SimulationData.Dataset`` becomes a struct of its elements by name. An element without a name that
+  a path can hold, or with one that an earlier element has, is called by its number, ``{3}``.
 - ``Signal``, ``State`` and other elements become what their ``Values`` are; of a bus, a struct.
 - ``Simulink.SimulationOutput`` becomes a struct of its variables.
 
@@ -121,8 +121,9 @@ class _Plain:
         if not isinstance(found, np.ndarray):
             return {}
         if found.dtype.names:
-            if hasattr(found, "classname"):  # an object of a class of the kind before 2008
-                return MatlabObject(str(found.classname), _UNKNOWN)
+            old = getattr(found, "classname", "")  # of a class of the kind before 2008
+            if old:
+                return MatlabObject(str(old), _UNKNOWN)
             rows = [{n: self.value(row[n], depth + 1) for n in found.dtype.names} for row in found.ravel("F")]
             return rows[0] if len(rows) == 1 else rows
         if found.dtype.kind == "O":  # a cell, or an array of objects
@@ -144,7 +145,9 @@ class _Plain:
         if name == _DATASET:
             return self._dataset(properties, depth)
         place = "Data" if name == _OUTPUT else "Values" if name.startswith(_LOGGED) else ""
-        return self.value(properties[place], depth + 1) if place in properties else MatlabObject(name, _UNKNOWN)
+        return (
+            self.value(properties[place], depth + 1) if place in properties else MatlabObject(name, _UNKNOWN)
+        )
 
     def _fields(self, found: Any) -> dict[str, Any]:
         """Return the fields of a struct or an object; of one that saves itself as a struct, of that."""
@@ -212,7 +215,7 @@ class _Plain:
             return None
         key = start, step, int(count)
         if key not in self._uniform:
-            self._uniform[key] = start + step * np.arange(int(count))
+            self._uniform[key] = start + step * np.arange(int(count), dtype=np.float64)
         return self._uniform[key]
 
 

@@ -95,7 +95,5 @@ def array(*objects):
 
 def write(path, version="v7", /, *, compress=True, **variables):
     saved = [f"{SIM}Dataset", STORAGE, f"{SIM}Storage.MatFileDatasetStorage"]
-    matio.save_to_mat(
-        str(path), variables, version=version, saveobj_classes=saved, do_compression=compress
-    )
+    matio.save_to_mat(str(path), variables, version=version, saveobj_classes=saved, do_compression=compress)
     return path

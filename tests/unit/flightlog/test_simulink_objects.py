@@ -1,4 +1,4 @@
-"""Timeseries and Simulink's Datasets: the samples that went in come out, by the names that MATLAB has for them.
+"""Timeseries and Simulink's Datasets: the samples that went in come out, by the names that MATLAB has.
 
 The files are written here, with mat-io's writer, in the layout of the public class definitions; no file that
 MATLAB wrote of these classes is at hand.
@@ -136,7 +136,8 @@ def mapped(*places):
 def test_what_is_not_read_is_refused_by_name_and_class_and_hinders_nothing_else(tmp_path):
     own = m.MatlabOpaque({"a": 1.0}, "Own")
     r2 = m.dataset(m.struct(ElementType="signal"), storage=f"{m.SIM}Storage.MatFileDatasetStorage")
-    streamed = m.timeseries(np.empty((0, 0)), T, Storage_=m.MatlabOpaque({"a": 1.0}, "tsdata.StreamingStorage"))
+    stream = m.MatlabOpaque({"a": 1.0}, "tsdata.StreamingStorage")
+    streamed = m.timeseries(np.empty((0, 0)), T, Storage_=stream)
     path = m.write(
         tmp_path / "x.mat",
         t=T[:, None],

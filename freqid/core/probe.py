@@ -25,7 +25,8 @@ from typing import ClassVar
 
 _SECONDS, _RATE = 1, 50_000_000  # of processor, and bytes that it reads in one more
 _WALL, _DISK = 60.0, 5_000_000  # s, where the disk is slow, and bytes that it reads in one more
-_OBJECT_SECONDS, _OBJECT_RATE = 3, 2_000_000  # the same of objects, which are many small arrays
+_EACH = 2e-3  # s more for every group and data set: MATLAB writes some thirty for a timeseries
+_OBJECT_SECONDS, _OBJECT_RATE = 3, 1_000_000  # of objects, which are many small arrays
 _HDF5, _OBJECTS = "h", "o"  # before a path, how it is to be read
 _MEMORY = 1 << 29  # bytes beside the largest data set
 _OUT_OF_MEMORY = 3
@@ -166,12 +167,14 @@ def _serve() -> None:
             os.write(1, f"{os.waitstatus_to_exitcode(ended[1])}\n".encode())
 
 
-def _limit_processor(seconds: float) -> None:
+def _limit_processor(used: float, seconds: float) -> None:
+    """Let this process use so many seconds more than it had used; the limit may be raised again."""
     import resource
 
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    limit = int(used.ru_utime + used.ru_stime + seconds) + 1
-    resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 1))
+    with contextlib.suppress(ValueError):  # beyond a limit that was set from outside
+        resource.setrlimit(
+            resource.RLIMIT_CPU, (int(used + seconds) + 1, resource.getrlimit(resource.RLIMIT_CPU)[1])
+        )
 
 
 def _limit_memory(beside: int) -> None:
@@ -188,20 +191,26 @@ def _read_all(path: str, objects: bool) -> None:
 
     if objects:
         from matio import load_from_mat
+    size, used = os.path.getsize(path), time.process_time()
     try:
         import resource
     except ImportError:  # no limits on this system; the wall clock is left
-        pass
+        limited = False
     else:
+        limited = True
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        size = os.path.getsize(path)
         _limit_memory(101 * size)
-        _limit_processor(_OBJECT_SECONDS + size / _OBJECT_RATE if objects else _SECONDS + size / _RATE)
+        _limit_processor(used, _OBJECT_SECONDS + size / _OBJECT_RATE if objects else _SECONDS + size / _RATE)
     if objects:
         load_from_mat(path, raw_data=True)
         return
+    visited = 0
 
     def visit(_: str, item: h5py.Group | h5py.Dataset) -> None:
+        nonlocal visited
+        visited += 1
+        if limited and visited % 500 == 0:
+            _limit_processor(used, _SECONDS + size / _RATE + _EACH * visited)
         for name in item.attrs:
             item.attrs[name]
         if isinstance(item, h5py.Dataset):

@@ -375,6 +375,8 @@ def _simulink(folder: Path) -> list[Subject]:
     from freqid.flightlog.column_map import ChannelPlace, ColumnMap, TimePlace
     from freqid.flightlog.read import read_log
 
+    if importlib.util.find_spec("matio") is None:
+        return []
     makers = _makers("simulink_logs")
     time_s = np.arange(100) / 50
     held = {

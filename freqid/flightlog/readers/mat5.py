@@ -29,7 +29,7 @@ _CELL, _STRUCT, _CHAR, _FUNCTION, _OPAQUE = 1, 2, 4, 16, 17
 _NUMERIC = range(6, 16)
 _COMPLEX = 0x0800
 _GROWTH, _SMALL = 100, 1 << 26  # times its own size, and bytes, that a file may unpack to
-_PIECES = 1 << 18  # arrays, cells and structs
+_PIECES = 1 << 16  # arrays, cells and structs
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,10 @@ class Allowance:
         self.bytes -= size
         self._pieces -= 1
         if self.bytes < 0 or self._pieces < 0:
-            raise DataError("unpacks to more than is believed of a file of its size")
+            raise DataError(
+                "unpacks to more than is believed of a file of its size",
+                remedy="save the wanted variables alone",
+            )
 
 
 @dataclass(frozen=True)

@@ -287,7 +287,7 @@ def _clock_of(held: dict[str, Any]) -> str:
     """
     if isinstance(held.get("Time"), np.ndarray) and isinstance(held.get("Data"), np.ndarray):
         return "Time"
-    return next((n for n, v in held.items() if looks_like_time(n) and _is_clock(v)), "")
+    return next((n for n, v in held.items() if (n == "tout" or looks_like_time(n)) and _is_clock(v)), "")
 
 
 def _stated_beside(held: dict[str, Any], prefix: str) -> tuple[str, str]:

@@ -90,7 +90,8 @@ def flight():
 
 @VERSIONS
 def test_a_dataset_is_listed_and_read_by_the_map_that_is_proposed(tmp_path, version):
-    path = m.write(tmp_path / "x.mat", version, out=m.output(tout=T[:, None], logsout=flight()))
+    outputs = np.column_stack([T, T**2])
+    path = m.write(tmp_path / "x.mat", version, out=m.output(tout=T[:, None], yout=outputs, logsout=flight()))
     listing = list_log(path)
     at = "out.logsout"
     assert {c.name: (c.unit, c.samples, c.label) for c in listing.channels} == {
@@ -101,6 +102,8 @@ def test_a_dataset_is_listed_and_read_by_the_map_that_is_proposed(tmp_path, vers
         f"{at}{{4}}.Data": ("", 200, "servo.1"),
         f"{at}.mass.Data": ("", 1, "mass"),
         f"{at}.model.inside.Data": ("", 200, "inside"),
+        "out.yout(:,1)": ("", 200, ""),
+        "out.yout(:,2)": ("", 200, ""),
     }
     found = read(path)
     np.testing.assert_array_equal(lookup(found, f"{at}{{3}}.Data"), 2 * np.sin(T))

@@ -358,19 +358,64 @@ def _results(folder: Path) -> list[Subject]:
     return out
 
 
+def _makers(name: str) -> Any:
+    """Return a module of the tests that makes logs."""
+    spec = importlib.util.spec_from_file_location(
+        name, PROJECT / "tests" / "unit" / "flightlog" / f"{name}.py"
+    )
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _simulink(folder: Path) -> list[Subject]:
+    """Return logs whose signals are objects: a timeseries beside a Dataset with a bus."""
+    from freqid.flightlog.column_map import ChannelPlace, ColumnMap, TimePlace
+    from freqid.flightlog.read import read_log
+
+    if importlib.util.find_spec("matio") is None:
+        return []
+    makers = _makers("simulink_logs")
+    time_s = np.arange(100) / 50
+    held = {
+        "q": makers.timeseries(np.sin(time_s), time_s, unit="deg/s"),
+        "out": makers.output(
+            logsout=makers.dataset(
+                makers.element(makers.timeseries(np.cos(time_s), uniform=(0.0, 0.02)), "theta"),
+                makers.element(makers.struct(p=makers.timeseries(np.sin(time_s), time_s)), "rates"),
+            )
+        ),
+    }
+    logs = "out.logsout"
+    places = {"state/q": "q.Data", "state/theta": f"{logs}.theta.Data", "state/p": f"{logs}.rates.p.Data"}
+    column_map = ColumnMap(
+        time=TimePlace(variable="q.Time", unit="s"),
+        channel=tuple(
+            ChannelPlace(name=name, variable=place, unit="deg" if name == "state/theta" else "deg/s")
+            for name, place in places.items()
+        ),
+    )
+
+    def read(path: Path) -> Any:
+        record = read_log(path, column_map)
+        return record.time, record.channels
+
+    out = []
+    for version in ("v7", "v7.3"):
+        path = makers.write(folder / f"objects{version}.mat", version, compress=False, **held)
+        out.append(Subject(f"MAT {version[1:]}, objects", ".mat", path.read_bytes(), read, share=0.05))
+    return out
+
+
 def _logs(folder: Path) -> list[Subject]:
     from scipy.io import savemat
 
     from freqid.flightlog.column_map import ChannelPlace, ColumnMap, TimePlace
     from freqid.flightlog.read import read_log
 
-    spec = importlib.util.spec_from_file_location(
-        "autopilot_logs", PROJECT / "tests" / "unit" / "flightlog" / "autopilot_logs.py"
-    )
-    assert spec is not None
-    assert spec.loader is not None
-    makers = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(makers)
+    makers = _makers("autopilot_logs")
     time_s = np.arange(100) / 50
     columns = np.column_stack([time_s, np.sin(time_s), np.cos(time_s)])
     by_name = ColumnMap(
@@ -436,6 +481,7 @@ def _logs(folder: Path) -> list[Subject]:
         Subject("MAT 5", ".mat", (folder / "5.mat").read_bytes(), by(by_number)),
         Subject("MAT 7, compressed", ".mat", (folder / "7.mat").read_bytes(), by(by_number)),
         Subject("MAT 7.3", ".mat", (folder / "73.mat").read_bytes(), by(by_number), share=0.2),
+        *_simulink(folder),
         Subject("SIDPAC", ".mat", (folder / "s.mat").read_bytes(), sidpac_read),
         Subject("Parquet", ".parquet", (folder / "a.parquet").read_bytes(), by(by_name)),
         Subject("ULog", ".ulg", ulog, by(ulog_map)),

@@ -350,17 +350,17 @@ def _damaged(why: str) -> DataError:
     )
 
 
-def refuse_fatal(path: Path) -> None:
-    """Refuse an HDF5 file that the HDF5 library hangs or crashes over.
+def refuse_fatal(path: Path, *, objects: bool = False) -> None:
+    """Refuse a file that the HDF5 library, or of MATLAB's objects mat-io, hangs or crashes over.
 
     Raises
     ------
     DataError
     """
-    fault = probe.fault_of(path)
+    fault = probe.fault_of(path, objects=objects)
     if fault:
         raise DataError(
-            f"is damaged: reading it as HDF5 {fault}",
+            f"is damaged: reading {'its objects' if objects else 'it as HDF5'} {fault}",
             where=str(path),
             remedy="make it again with the program that wrote it",
         )

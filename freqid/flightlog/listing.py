@@ -168,7 +168,7 @@ def _shipped_map(names: Sequence[str]) -> str:
 
 def _proposed(channels: Sequence[Listed], effectors: Collection[str]) -> str:
     """Return a map of the channels whose names are understood; the others are listed as comments."""
-    clock = next((c for c in channels if c.clock or c.source), None)
+    clock = next((c for c in channels if c.clock or (c.source and c.samples > 1)), None)
     parts, unknown, taken = [], [], set()
     if clock is not None:
         if clock.source:
@@ -179,7 +179,7 @@ def _proposed(channels: Sequence[Listed], effectors: Collection[str]) -> str:
         if c.clock or not c.samples:
             continue
         channel, unit = recognise(c.label or c.name, c.unit, effectors)
-        if not channel or channel in taken or not _fits(channel, unit):
+        if not channel or channel in taken or not _fits(channel, unit) or c.samples < 2:
             said = ", ".join(text for text in (c.label, unit) if text)
             unknown.append(f"{c.name}{f' ({said})' if said else ''}")
             continue

@@ -28,13 +28,56 @@ _TEXT = {1: "latin-1", 2: "latin-1", 4: "utf-16", 16: "utf-8", 17: "utf-16", 18:
 _CELL, _STRUCT, _CHAR, _FUNCTION, _OPAQUE = 1, 2, 4, 16, 17
 _NUMERIC = range(6, 16)
 _COMPLEX = 0x0800
+_GROWTH, _SMALL = 100, 1 << 26  # times its own size, and bytes, that a file may unpack to
+_PIECES = 1 << 16  # arrays, cells and structs
 
 
 @dataclass(frozen=True)
 class MatlabObject:
-    """An object of a class, of which a file tells the name: how its contents lie is not published."""
+    """An object whose contents are not read.
+
+    Attributes
+    ----------
+    class_name : str
+    because : str
+        Why it cannot be read, to follow "is a MATLAB object of class ..."; empty where nobody has tried.
+    remedy : str
+        What to do, where it is not the same for all of its class.
+    """
 
     class_name: str
+    because: str = ""
+    remedy: str = ""
+
+
+class Allowance:
+    """How much a file may unpack to before it is no longer believed.
+
+    Parameters
+    ----------
+    size : int
+        Of the file, bytes.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.bytes = max(_SMALL, _GROWTH * size)
+        self._pieces = _PIECES
+
+    def take(self, size: int) -> None:
+        """Count one more piece of so many bytes.
+
+        Raises
+        ------
+        DataError
+            Where it is one too many.
+        """
+        self.bytes -= size
+        self._pieces -= 1
+        if self.bytes < 0 or self._pieces < 0:
+            raise DataError(
+                "unpacks to more than is believed of a file of its size",
+                remedy="save the wanted variables alone",
+            )
 
 
 @dataclass(frozen=True)
@@ -87,18 +130,27 @@ def read_mat5(raw: bytes) -> dict[str, Any]:
     order = {b"IM": "<", b"MI": ">"}.get(raw[126:_HEADER])
     if order is None:
         raise DataError("has no header of a MATLAB file of level 5")
-    variables = {}
+    variables, allowance = {}, Allowance(len(raw))
     try:
         for element in _elements(memoryview(raw)[_HEADER:], order):
             if element.kind == _COMPRESSED:
-                # decompress() checks the checksum and that the stream is whole
-                element = next(_elements(memoryview(zlib.decompress(element.data)), order))
+                element = next(_elements(memoryview(_unpacked(element.data, allowance)), order))
             name, value = _matrix(element)
             if name:
                 variables[name] = value
     except (zlib.error, StopIteration, RecursionError, RuntimeError) as error:
         raise DataError(f"is damaged ({error or 'incomplete'})") from None
     return variables
+
+
+def _unpacked(data: memoryview, allowance: Allowance) -> bytes:
+    """Return what was compressed; it is whole, with its checksum."""
+    stream = zlib.decompressobj()
+    unpacked = stream.decompress(data, allowance.bytes + 1)
+    allowance.take(len(unpacked))
+    if not stream.eof:
+        raise zlib.error("incomplete or truncated stream")
+    return unpacked
 
 
 def _elements(data: memoryview, order: str) -> Iterator[_Element]:

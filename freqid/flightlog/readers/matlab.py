@@ -17,7 +17,8 @@ from freqid.core.record import FlightRecord
 from freqid.flightlog.column_map import ColumnMap, Place
 from freqid.flightlog.mapped import assemble_map
 from freqid.flightlog.read import Reader
-from freqid.flightlog.readers.mat5 import MatlabObject, read_mat5
+from freqid.flightlog.readers.mat5 import Allowance, MatlabObject, read_mat5
+from freqid.flightlog.readers.matlab_objects import is_log, with_logs_read
 from freqid.flightlog.signal import NotLogged, Signal, clock_of_table, looks_like_time
 
 
@@ -52,6 +53,8 @@ def read_matlab(path: Path, column_map: ColumnMap | None, **options: Any) -> Fli
 
     def pick(place: Place) -> NDArray[np.float64]:
         name = place.variable or column_map.variable or _only_matrix(variables)
+        if is_log(lookup(variables, name)):  # what is not mapped needs no mat-io
+            variables.update(with_logs_read(Path(path), variables))
         array = numeric(variables, name)
         if place.column is None:
             if array.ndim != 1:
@@ -80,6 +83,8 @@ def read_matlab(path: Path, column_map: ColumnMap | None, **options: Any) -> Fli
 def load_variables(path: Path) -> dict[str, Any]:
     """Load a MATLAB file as plain Python: arrays without unit axes, text as str, structs as dict.
 
+    Objects are told by their class; `with_logs_read` reads those that are logs.
+
     Parameters
     ----------
     path : Path
@@ -103,8 +108,10 @@ def load_variables(path: Path) -> dict[str, Any]:
     store.refuse_fatal(path)
     try:
         with h5py.File(path, "r") as file:
-            store.refuse_hostile(file, path.stat().st_size)
-            return {n: _plain(file, item) for n, item in file.items() if not n.startswith("#")}
+            size = path.stat().st_size
+            store.refuse_hostile(file, size)
+            allowance = Allowance(size)
+            return {n: _plain(file, item, allowance) for n, item in file.items() if not n.startswith("#")}
     except DataError as error:
         raise error.at(str(path)) from None
     except Exception as error:  # a damaged byte can make h5py raise almost anything
@@ -116,21 +123,31 @@ def load_variables(path: Path) -> dict[str, Any]:
 def lookup(variables: dict[str, Any], name: str) -> Any:
     """Return a variable, or a field of a struct by dots, or None where there is none.
 
-    As in MATLAB ``signals(2)`` is the second of a struct array, ``x(:,2)`` the second column of a matrix.
-    Of an object, the object itself.
+    As in MATLAB ``signals(2)`` is the second of a struct array, ``x(:,2)`` the second column of a matrix,
+    ``logs{3}`` the third of a cell array or of a Dataset. Of an object, the object itself.
     """
     found: Any = variables
-    for part in name.split("."):
+    for part in re.sub(r"(?<=[^.])\{", ".{", name).split("."):
         if isinstance(found, MatlabObject):
             return found
+        if part.startswith("{"):
+            found = _cell(found, part)
+            continue
         field = _PART.fullmatch(part)
         found = found.get(field[1]) if field and isinstance(found, dict) else None
-        if field and field[3] and found is not None:
+        if field and field[3] and found is not None and not isinstance(found, MatlabObject):
             found = _column(found, int(field[3])) if field[2] else _element(found, int(field[3]))
     return found
 
 
-_PART = re.compile(r"([^()]+)(?:\((:, *)?([1-9][0-9]*)\))?")
+_PART = re.compile(r"([^(){}]+)(?:\((:, *)?([1-9][0-9]*)\))?")
+
+
+def _cell(found: Any, part: str) -> Any:
+    """Return what ``{3}`` means."""
+    number = re.fullmatch(r"\{([1-9][0-9]*)\}", part)
+    held = [*found.values()] if isinstance(found, dict) else found if isinstance(found, list) else []
+    return held[int(number[1]) - 1] if number and int(number[1]) <= len(held) else None
 
 
 def _column(found: Any, number: int) -> Any:
@@ -162,18 +179,22 @@ def numeric(variables: dict[str, Any], name: str) -> NDArray[np.float64]:
         raise NotLogged(f"variable '{name}' is missing", remedy=nearest(name, variables))
     if isinstance(found, MatlabObject):
         part = name.partition(".")[0]
-        raise DataError(
-            f"variable '{part}' is a MATLAB object of class {found.class_name}, which only MATLAB can read",
-            remedy=_remedy_of(part, found.class_name),
-        )
+        raise DataError(f"variable '{part}' {_said_of(found)}", remedy=_remedy_of(part, found))
     if not isinstance(found, np.ndarray) or not _is_real(found):
         raise DataError(f"variable '{name}' is no real vector or matrix", remedy="map another one")
     return np.atleast_1d(np.asarray(found, dtype=np.float64))
 
 
-def _remedy_of(name: str, class_name: str) -> str:
+def _said_of(found: MatlabObject) -> str:
+    """Return what an object that is not read is, after its name."""
+    return f"is a MATLAB object of class {found.class_name}, {found.because or 'which only MATLAB can read'}"
+
+
+def _remedy_of(name: str, found: MatlabObject) -> str:
     """Return what to type in MATLAB, so that an object's numbers are in the file."""
-    if class_name.endswith("Dataset"):
+    if found.remedy:
+        return found.remedy
+    if found.class_name.endswith("Dataset"):
         get = f"x = {name}.get('q').Values; q = x.Data; t = x.Time"
     else:
         get = f"q = {name}.Data; t = {name}.Time"
@@ -181,43 +202,64 @@ def _remedy_of(name: str, class_name: str) -> str:
 
 
 def matlab_signals(path: Path) -> Iterator[Signal]:
-    """Yield what has a clock: vectors beside one called after time, and logs of Simulink that are structs.
+    """Yield what has a clock: vectors beside one called after time, timeseries, and logs of Simulink.
 
-    Names are those of a column map's `variable`. An object has no samples, and is told by its class.
+    Names are those of a column map's `variable`. An object that is not read has no samples, and is told by
+    its class.
 
     Raises
     ------
     DataError
-        Where the file is damaged, or nothing in it has a clock.
+        Where the file is damaged, nothing in it has a clock, or it holds a timeseries and mat-io is not
+        installed.
     """
-    variables = load_variables(path)
+    variables = with_logs_read(Path(path), load_variables(path))
     found = [*_beside_a_clock(variables, "")]
     if not any(signal.values.size for signal in found):
         matrix = _matrices(variables)
-        objects = [f"{s.name} is a MATLAB object of class {s.label}" for s in found]
+        objects = [*_objects(variables, "")]
         if len(matrix) != 1:
             raise DataError(
-                "; ".join(objects) or "no vector of it increases and is called after time, as t or time",
-                remedy=_remedy_of(found[0].name, found[0].label)
-                if found
-                else "save the times beside the data, as t",
+                "; ".join(f"{name} {_said_of(one)}" for name, one in objects)
+                or "no vector of it increases and is called after time, as t or time",
+                remedy=_remedy_of(*objects[0]) if objects else "save the times beside the data, as t",
             )
         columns = enumerate(np.asarray(variables[matrix[0]], dtype=float).T, 1)
         found = [*clock_of_table([(str(k), "", row) for k, row in columns]), *found]
     yield from found
 
 
+def _objects(held: dict[str, Any], prefix: str) -> Iterator[tuple[str, MatlabObject]]:
+    """Yield the objects in a struct, or in the file, that are not read."""
+    for name, value in held.items():
+        at = _joined(prefix, name)
+        for place, one in _numbered(at, value) if isinstance(value, list) else [(at, value)]:
+            if isinstance(one, MatlabObject):
+                yield place, one
+            elif isinstance(one, dict):
+                yield from _objects(one, f"{place}.")
+
+
+def _joined(prefix: str, name: str) -> str:
+    """Return a path; elements of a Dataset that are called by their number follow without a dot."""
+    return (prefix.removesuffix(".") if name.startswith("{") else prefix) + name
+
+
+def _numbered(at: str, held: list[Any]) -> list[tuple[str, Any]]:
+    return [(f"{at}({k})", one) for k, one in enumerate(held, 1)]
+
+
 def _beside_a_clock(held: dict[str, Any], prefix: str) -> Iterator[Signal]:
     """Yield vectors and columns of a struct, or of the file, as long as its clock, and its structs'."""
-    clocks = [n for n, v in held.items() if looks_like_time(n) and _is_clock(v)]
-    clock = clocks[0] if clocks else ""
-    time = held[clock].astype(float) if clock else np.empty(0)
+    clock = _clock_of(held)
+    time = np.ravel(held[clock]).astype(float) if clock else np.empty(0)
     for name, value in held.items():
-        at = prefix + name
+        at = _joined(prefix, name)
         if isinstance(value, MatlabObject):
             yield Signal(at, np.empty(0), np.empty(0), label=value.class_name)
         elif isinstance(value, np.ndarray) and clock and name != clock:
-            yield from _columns_of(at, value, time, prefix + clock, "")
+            label, unit = _stated_beside(held, prefix) if name in ("Data", "data") else ("", "")
+            yield from _columns_of(at, value, time, prefix + clock, label, unit)
         elif name == "signals" and clock and isinstance(value, dict | list):  # structure with time
             several = isinstance(value, list) or isinstance(value.get("values"), list)
             count = len(value if isinstance(value, list) else value["values"]) if several else 1
@@ -229,21 +271,51 @@ def _beside_a_clock(held: dict[str, Any], prefix: str) -> Iterator[Signal]:
                 yield from _columns_of(place, one.get("values"), time, prefix + clock, label)
         elif isinstance(value, dict) and value:
             yield from _beside_a_clock(value, f"{at}.")
+        elif isinstance(value, list):  # an array of structs or of timeseries
+            for place, one in _numbered(at, value):
+                if isinstance(one, MatlabObject):
+                    yield Signal(place, np.empty(0), np.empty(0), label=one.class_name)
+                elif isinstance(one, dict) and one:
+                    yield from _beside_a_clock(one, f"{place}.")
 
 
-def _columns_of(name: str, value: Any, time: NDArray[np.float64], clock: str, label: str) -> Iterator[Signal]:
+def _clock_of(held: dict[str, Any]) -> str:
+    """Return the name of the clock of a struct, or an empty text.
+
+    Of a timeseries it is the clock even where it does not increase: it repeats times where Simulink's
+    solver stopped at an event.
+    """
+    if isinstance(held.get("Time"), np.ndarray) and isinstance(held.get("Data"), np.ndarray):
+        return "Time"
+    return next((n for n, v in held.items() if (n == "tout" or looks_like_time(n)) and _is_clock(v)), "")
+
+
+def _stated_beside(held: dict[str, Any], prefix: str) -> tuple[str, str]:
+    """Return what the data of a timeseries are, and their unit, as far as it is stated.
+
+    They are what the variable or field is called; one of several has its own name.
+    """
+    label = prefix.removesuffix(".").rpartition(".")[2]
+    own, about = held.get("Name"), held.get("DataInfo")
+    unit = about.get("Units") if isinstance(about, dict) else ""
+    if label.endswith((")", "}")):
+        label = own if isinstance(own, str) else ""
+    return label, unit if isinstance(unit, str) else ""
+
+
+def _columns_of(
+    name: str, value: Any, time: NDArray[np.float64], clock: str, label: str, unit: str = ""
+) -> Iterator[Signal]:
     """Yield a vector, or the columns of a matrix, that is as long as a clock."""
+    value = np.atleast_1d(value) if isinstance(value, np.ndarray) else value
     if not isinstance(value, np.ndarray) or not _is_real(value) or value.shape[:1] != time.shape:
         return
-    leaf = name.rpartition(".")[2]
-    if not label and leaf in ("Data", "data"):  # of a timeseries that was made a struct
-        label = name.split(".")[-2] if "." in name else ""
     note = f"clock {clock}"
     if value.ndim == 1:
-        yield Signal(name, time, value.astype(float), note=note, label=label)
+        yield Signal(name, time, value.astype(float), unit, note, label)
         return
     for k, row in enumerate(value.T.astype(float), 1):
-        yield Signal(f"{name}(:,{k})", time, row, note=note, label=f"{label}({k})" if label else "")
+        yield Signal(f"{name}(:,{k})", time, row, unit, note, f"{label}({k})" if label else "")
 
 
 def _is_clock(value: Any) -> bool:
@@ -302,13 +374,14 @@ def _is_real(array: NDArray[Any]) -> bool:
     return array.dtype.kind in "fiub" and array.ndim <= 2
 
 
-def _plain(file: h5py.File, item: Any) -> Any:
+def _plain(file: h5py.File, item: Any, allowance: Allowance) -> Any:
     """Return one item of a v7.3 file as `read_mat5` would: HDF5 stores MATLAB's arrays transposed."""
     kind = item.attrs.get("MATLAB_class", b"")
+    allowance.take(0 if isinstance(item, h5py.Group) else item.nbytes)  # cells may name one array many times
     if "MATLAB_object_decode" in item.attrs:
         return MatlabObject(bytes(kind).decode("latin-1"))
     if isinstance(item, h5py.Group):
-        return {n: _plain(file, field) for n, field in item.items()}
+        return {n: _plain(file, field, allowance) for n, field in item.items()}
     empty = bool(item.attrs.get("MATLAB_empty", 0))
     if kind == b"char":
         return "" if empty else "".join(map(chr, np.ravel(item[()])))
@@ -316,7 +389,7 @@ def _plain(file: h5py.File, item: Any) -> Any:
         return np.empty(0)
     values = item[()]
     if values.dtype == h5py.ref_dtype:  # a cell array, or one field of a struct array
-        return [_plain(file, file[reference]) for reference in values.ravel()]
+        return [_plain(file, file[reference], allowance) for reference in values.ravel()]
     return np.squeeze(values.T)
 
 

@@ -170,7 +170,7 @@ def test_one_process_looks_through_many_files_and_survives_them(tmp_path, monkey
 def test_a_probe_that_is_killed_from_outside_is_started_again(tmp_path, monkeypatch, when):
     """A file that nobody tried would be opened, or one that is good refused, if nothing took its place."""
     slow = tmp_path / "probe.py"
-    wait = "import time; time.sleep(0.3)"
+    wait = "time.sleep(0.3)"
     slow.write_text(
         Path(probe.__file__).read_text().replace("    def visit(", f"    {wait}\n\n    def visit(")
     )

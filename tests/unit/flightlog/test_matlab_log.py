@@ -206,11 +206,11 @@ def object_v73(path, **classes):
 
 
 def test_an_object_is_refused_by_its_class_with_what_to_type(tmp_path):
-    path = object_v73(tmp_path / "x.mat", ts="timeseries", logsout="Simulink.SimulationData.Dataset")
+    path = object_v73(tmp_path / "x.mat", ts="fints", log="Own.Dataset")
     for variable, said in (
-        ("ts", r"'ts' is a MATLAB object of class timeseries, .*q = ts.Data; t = ts.Time"),
-        ("ts.Data", r"'ts' is a MATLAB object of class timeseries"),
-        ("logsout", r"SimulationData.Dataset, .*x = logsout.get\('q'\).Values; q = x.Data"),
+        ("ts", r"'ts' is a MATLAB object of class fints, .*q = ts.Data; t = ts.Time"),
+        ("ts.Data", r"'ts' is a MATLAB object of class fints"),
+        ("log", r"class Own.Dataset, .*x = log.get\('q'\).Values; q = x.Data"),
     ):
         place = ChannelPlace(name="state/q", variable=variable, unit="rad/s")
         with pytest.raises(DataError, match=said):
@@ -218,12 +218,12 @@ def test_an_object_is_refused_by_its_class_with_what_to_type(tmp_path):
     with h5py.File(path, "r+") as file:
         file["q"] = np.sin(T)[None]
     listed = {c.name: c for c in list_log(path).channels}
-    assert (listed["ts"].label, listed["ts"].samples, listed["q"].samples) == ("timeseries", 0, T.size)
+    assert (listed["ts"].label, listed["ts"].samples, listed["q"].samples) == ("fints", 0, T.size)
     named = object_v73(tmp_path / "z.mat", labels="string")
     with pytest.raises(DataError, match=r"of class string, expected a cell array .* in place of \["):
         texts(load_variables(named)["labels"])
-    with pytest.raises(DataError, match="logsout is a MATLAB object of class Simulink"):
-        list_log(object_v73(tmp_path / "y.mat", logsout="Simulink.SimulationData.Dataset"))
+    with pytest.raises(DataError, match="log is a MATLAB object of class Own"):
+        list_log(object_v73(tmp_path / "y.mat", log="Own.Dataset"))
 
 
 @WRITERS

@@ -34,6 +34,7 @@ _DEPTH = 3  # times that a distance between sizes is halved at most
 _SIZES = 7  # at which an effect that is not proportional is computed, either sign
 _SEEN = 1e-3  # of energy over noise, below which a change at its largest size is none
 _SAME = 1e-3  # of the strongest change: what is left of another beyond a sum of those kept
+_NO_ANSWER = 1e8  # standard deviations of the noise: no load that flew is as large
 _UNSEEN = 0.03  # ... in standard deviations of the noise
 _GRID = 33  # sizes of the prior, either sign
 _VECTOR_SCALES = (0.3, 1.0, 3.0, 10.0)  # prior standard deviations of a vector, of each parameter's scale
@@ -265,13 +266,14 @@ def _scalar(effect: Effect, place: Place, of: Parameter, blocks: Sequence[Block]
     def at(size: float) -> list[Complex] | None:
         settings = {n: force[n] + size for n in place.parameters} | dict(place.fixed)
         try:
-            return side_by_side(
+            made = side_by_side(
                 blocks[0].trial.simulation,
                 lambda b: b.transform(change(effect, b.trial, settings, first_order=True)),
                 blocks,
             )
         except ImpossibleSettings:
             return None
+        return None if _absurd(made, blocks) else made
 
     start = max(force.values())
     low, high = of.low - min(force.values()), of.high - start
@@ -342,6 +344,15 @@ def seen(change: Sequence[Complex], blocks: Sequence[Block]) -> bool:
     return sum(float(p.sum()) for p in powers) > _SEEN
 
 
+def _absurd(change: Sequence[Complex], blocks: Sequence[Block]) -> bool:
+    """Return whether a simulation was asked so far from what it was made for that its answer means nothing.
+
+    Polynomials without bounds say 1e187 N in a tail wind that is as fast as the aircraft.
+    """
+    powers = (np.abs(z) / np.sqrt(b.noise_power) for z, b in zip(change, blocks, strict=True))
+    return any(float(p.max(initial=0.0)) > _NO_ANSWER for p in powers)
+
+
 def _from_onset(
     at: Callable, sizes: Sequence[float], blocks: Sequence[Block]
 ) -> list[tuple[float, list[Complex]]]:
@@ -361,7 +372,7 @@ def _made(at: Callable, up: float, down: float, scale: float) -> list[tuple[floa
     """Return the change at a small size and at both ends, and at more where it is not proportional."""
     ends = [end for end in (up, down) if end]
     near = np.sign(ends[0]) * min(scale / 2, abs(ends[0]) / 2)
-    found = [(s, c) for s in (near, *ends) if (c := at(float(s)))]
+    found = [(s, c) for s, c in [(near, at(float(near))), *(_farthest(at, end, near) for end in ends)] if c]
     if len(found) < 2 or found[0][0] != near:
         return found
     for end, last in found[1:]:
@@ -380,6 +391,14 @@ def _made(at: Callable, up: float, down: float, scale: float) -> list[tuple[floa
                 if len(between) < 2:
                     break
     return found
+
+
+def _farthest(at: Callable, end: float, near: float) -> tuple[float, list[Complex] | None]:
+    """Return the change at a largest size, or at a half of it, and so on, where there can be none."""
+    size = end
+    while (made := at(float(size))) is None and abs(size) > 2 * abs(near):
+        size /= 2
+    return size, made
 
 
 def _between(

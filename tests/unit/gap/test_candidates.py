@@ -131,3 +131,20 @@ def test_what_was_taken_for_straight_is_computed_at_its_size_where_that_is_seen(
     exact = change(library["nearly"], blocks[0].trial, {"size": 0.7})
     made = np.tensordot(new.weights(0.7), new.columns[0], 1)
     np.testing.assert_allclose(made, blocks[0].transform(exact), rtol=1e-9)
+
+
+def test_sizes_at_which_a_simulation_says_nothing_are_passed_over(blocks):
+    """An owner's polynomials may blow up far from where they were fitted: 1e187 N in a tail wind."""
+
+    def without_bounds(settings, replay):
+        found = np.zeros((6, replay.record.time.size))
+        size = settings["size"]
+        found[2] = (size + np.expm1(400 * max(abs(size) - 0.3, 0.0))) * (replay.record["state/w"] - 1.0)
+        return found
+
+    library = {"unbounded": effect("unbounded", "size", 0.2, replay=without_bounds)}
+    (one,) = (c for c in candidates(library, blocks)[0] if c.effect == "unbounded")
+    assert np.isfinite(one.columns[0]).all()
+    sizes = one.sizes if one.curve is None else one.curve.sizes
+    assert np.abs(sizes).max() < 0.5
+    assert np.abs(one.columns[0]).max() < 1e12

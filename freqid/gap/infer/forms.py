@@ -94,8 +94,8 @@ def reach(sizes: Array) -> Array:
 def likely_forms(system: System, terms: Sequence[str], start: Array) -> tuple[Form, ...]:
     """Return the likeliest errors of form, without an effect and beside each of the likeliest ones.
 
-    Those that are far less likely than the best are left out. All twice: drawn anew in each condition, and with
-    errors that are the same everywhere beside.
+    Those that are far less likely than the best are left out. All twice: drawn anew in each condition, and
+    with errors that are the same everywhere beside.
 
     Parameters
     ----------

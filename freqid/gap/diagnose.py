@@ -180,7 +180,8 @@ def diagnose(
             break
         tell("flying the simulation as it is likeliest with what was found")
         departures = beside
-        used = side_by_side(simulation, partial(flown_again, departures=departures), flown)
+        again = partial(flown_again, departures=departures, effects=_flown_with(evidence, simulation))
+        used = side_by_side(simulation, again, flown)
         system, not_tested, columns, used = build(used, q.candidates, q.tolerances)
         system, columns = _at_their_size(weigh(system), system, columns, q, used)
         evidence = replace(weigh(system), without=without)
@@ -243,6 +244,19 @@ def diagnose(
         closed,
         explained,
     )
+
+
+def _flown_with(evidence: Evidence, simulation: Simulation) -> dict[str, dict[str, float]]:
+    """Return the settings of the likeliest effect, where it has one size and the simulation has it itself."""
+    i = int(np.argmax(evidence.candidate))
+    c = evidence.system.candidates[i]
+    if c.kind != "scalar" or c.effect not in simulation.effects:
+        return {}
+    in_force = simulation.effects[c.effect]
+    size = float(estimate(evidence, i, INTERVAL).size[0])
+    return {
+        c.effect: {**in_force, **{n: in_force[n] + size for n in c.place.parameters}, **dict(c.place.fixed)}
+    }
 
 
 def _apart(

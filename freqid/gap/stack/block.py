@@ -13,10 +13,10 @@ from freqid.core.arrays import Array, Complex
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.gap.departed import Departed
-from freqid.gap.simulation import Departures, Simulation, side_by_side
+from freqid.gap.simulation import Departures, Settings, Simulation, side_by_side
 from freqid.gap.stack.histories import Histories, Row
 from freqid.gap.stack.lines import Lines, lines_of, thinning
-from freqid.gap.stack.motion import Motion, noise_free
+from freqid.gap.stack.motion import OWN_FLIGHT, Motion, noise_free
 from freqid.gap.stack.noise import (
     Draws,
     antithetic,
@@ -171,14 +171,19 @@ def stack_of(
     return side_by_side(simulation, block, range(len(groups)))
 
 
-def flown_again(block: Block, departures: Departures) -> Block:
+def flown_again(block: Block, departures: Departures, effects: Settings | None = None) -> Block:
     """Return a block on the motion that a simulation with departures of its own parameters flies.
+
+    And with effects of its own, where it can fly these.
 
     What was measured stays as it is, and so does its noise. Changes are asked of the simulation with these
     departures.
     """
     simulation = block.trial.nominal.simulation
-    motion = noise_free(simulation, _mean_of(block.maneuvers), block.lines, departures)
+    mean = _mean_of(block.maneuvers)
+    motion = noise_free(simulation, mean, block.lines, departures, effects)
+    if effects and motion.source != OWN_FLIGHT:
+        motion = noise_free(simulation, mean, block.lines, departures)
     trial = _trial(_departed(simulation, departures), motion)
     return replace(block, motion=motion, trial=_thin(trial, block.lines))
 

@@ -23,7 +23,7 @@ from freqid.core.errors import DataError, UsageError
 from freqid.core.frames import cross
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.sections.identification import Identification
-from freqid.gap.simulation import Departures, Simulation
+from freqid.gap.simulation import Departures, Settings, Simulation
 from freqid.gap.stack.lines import Lines
 from freqid.gap.stack.missed_motion import with_missed
 from freqid.gap.stack.rows import angle_rates, gravity_of, sensor_lever
@@ -70,7 +70,11 @@ class Motion:
 
 
 def noise_free(
-    simulation: Simulation, maneuver: Maneuver, lines: Lines, departures: Departures | None = None
+    simulation: Simulation,
+    maneuver: Maneuver,
+    lines: Lines,
+    departures: Departures | None = None,
+    effects: Settings | None = None,
 ) -> Motion:
     """Return the flight of a manoeuvre without its noise.
 
@@ -86,11 +90,13 @@ def noise_free(
         On which a closed loop is fitted.
     departures : dict of float, optional
         Of the simulation's own parameters, with which it flies.
+    effects : dict of dict of float, optional
+        That it has itself and flies with too.
     """
     record = maneuver.record
     found: list[tuple[str, dict[str, Array]]] = []
     if record.group("excitation"):
-        own = own_flight(simulation, record, departures)
+        own = own_flight(simulation, record, departures, effects)
         if own:
             found.append((OWN_FLIGHT, with_missed(record, own, lines)))
         loop = _fitted_loop(maneuver, lines)
@@ -144,7 +150,10 @@ def air_of(u: Array, v: Array, w: Array) -> dict[str, Array]:
 
 
 def own_flight(
-    simulation: Simulation, record: FlightRecord, departures: Departures | None = None
+    simulation: Simulation,
+    record: FlightRecord,
+    departures: Departures | None = None,
+    effects: Settings | None = None,
 ) -> dict[str, Array]:
     """Return the simulation's own flight, by channel; nothing where it cannot fly or move its effectors.
 
@@ -156,6 +165,8 @@ def own_flight(
     record : FlightRecord
     departures : dict of float, optional
         Of its own parameters, with which it flies.
+    effects : dict of dict of float, optional
+        Of its own, with which it flies.
 
     Raises
     ------
@@ -163,7 +174,7 @@ def own_flight(
         Where the user's own function flies and diverges, stands still or is not finite, with the time.
     """
     try:
-        flown = simulation.fly(record, None, departures)
+        flown = simulation.fly(record, effects, departures)
     except (DataError, UsageError):
         if simulation.kind == "callable":
             raise

@@ -177,6 +177,9 @@ def decision_values(review: Review) -> dict[str, Any]:
                 "axis": r.axis,
                 "model": exact(r.model, tenths(r.model)),
                 "interval": f"{tenths(r.lower)} to {tenths(r.upper)}" if math.isfinite(r.lower) else NONE,
+                "interpolated": bool(review.conditions)
+                and r.at not in review.conditions
+                and math.isfinite(r.model),
                 "simulation": exact(r.simulation, tenths(r.simulation)),
                 "flown": exact(r.flown, tenths(r.flown)),
             }

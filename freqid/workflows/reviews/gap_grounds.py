@@ -80,7 +80,8 @@ def _explained(which: Which, named: Sequence[str], closure: Closure) -> str:
     return (
         f"flights and simulation differ, and {' and '.join(named)} explains it{words}: with that change "
         f"{100 * g.G:.0f} % of the difference disappears ({100 * g.lo:.0f} to {100 * g.hi:.0f} %; of its "
-        f"energy over noise, the mean included) {closure.scored_text}. Use the simulation with this change only"
+        f"energy over noise, the mean included) {closure.scored_text}. Use the simulation with this change "
+        "only"
     )
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from freqid.blend.campaign import StudiedPoint, StudyResults
+from freqid.blend.campaign import StudiedPoint, StudyResults, doubts_of_points, left_to_noise
 from freqid.core.errors import DataError, UsageError
 from freqid.core.results.gap import GapResult
 from freqid.core.results.judged.doubt import DOUBT_KINDS
@@ -158,7 +158,7 @@ def _worst_fit(points: Sequence[StudiedPoint]) -> WorstFit | None:
 
 def _trust(points: Sequence[StudiedPoint]) -> Trust | None:
     """Return how many parameters of all conditions cannot be trusted, by reason."""
-    doubts = [d for p in points for r in p.model.responses for d in p.doubts(r)]
+    doubts = [d for _, d in doubts_of_points(points)]
     count = sum(len(r.regressors) for p in points for r in p.model.responses.values())
     if not count:
         return None
@@ -176,6 +176,7 @@ def _trust(points: Sequence[StudiedPoint]) -> Trust | None:
         off.count("linearisation") + both,
         off.count("noise-free estimate") + both,
         both,
+        left_to_noise(points),
     )
 
 

@@ -225,6 +225,8 @@ class Trust:
         By all the reasons that a parameter has, joined by `` and ``: these add up to `doubtful`.
     off_linear, off_noise_free, off_both : int
         Of `missing`: off the linearisation, off the noise-free estimate, off both (counted in either).
+    by_noise : int
+        Not doubtful and not in `missing`: off the truth by noise alone, where that many are by chance.
     """
 
     parameters: int
@@ -237,6 +239,7 @@ class Trust:
     off_linear: int = 0
     off_noise_free: int = 0
     off_both: int = 0
+    by_noise: int = 0
 
 
 @dataclass(frozen=True)

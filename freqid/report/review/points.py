@@ -208,7 +208,7 @@ def left_to_noise_text(count: int) -> str:
     if not count:
         return ""
     return (
-        f" Off it by noise alone {'are' if count > 1 else 'is'} {count} more: no more parameters are off the "
+        f" Off the truth by noise alone {'are' if count > 1 else 'is'} {count} more: no more parameters are off the "
         "noise-free estimates than noise leaves by chance, so these are not counted as doubtful."
     )
 

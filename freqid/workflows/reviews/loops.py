@@ -77,11 +77,11 @@ def interpolated(ids: Sequence[str], identified: Sequence[str]) -> list[str]:
     return [at for at in dict.fromkeys(ids) if identified and at not in identified]
 
 
-def interpolation(between: Sequence[str], identified: Sequence[str]) -> str:
+def interpolation(identified: Sequence[str]) -> str:
     """Return what a margin at a condition without a point model rests on, as the end of a sentence."""
     return (
-        f"it was not identified at {listed(between)} but interpolated between {listed(identified)}, and no "
-        "flight says that it holds there"
+        f"it was not identified there but interpolated between {listed(identified)}, and no flight says that "
+        "it holds there"
     )
 
 
@@ -106,7 +106,7 @@ def _of_gap(row: LoopCompared, least: LoopCompared, effects: str, identified: Se
         f"{'more' if apart > 0 else 'less'} than the simulation"
     )
     if interpolated([row.at], identified):
-        yield f"{there}: {interpolation([row.at], identified)}"
+        yield f"{there}: {interpolation(identified)}"
     else:
         yield f"{there}, {'within' if _holds(row) else 'beyond'} its interval"
     if row.at != least.at:

@@ -240,7 +240,7 @@ def _margins(files: Sequence[ReviewedFile], points: Sequence[StudiedPoint]) -> s
             "which of these were identified"
         )
     if between:
-        texts.append(f"not known at {listed(between)}, where {interpolation(between, identified)}")
+        texts.append(f"not known at {listed(between)}: {interpolation(identified)}")
     for one in files:
         if isinstance(one.result, GapResult) and one.result.how_far:
             least = least_flown(one.result.how_far[0])

@@ -282,6 +282,7 @@ class Review:
     missing : dict of str
         What there is no file of, by section; the command that makes it.
     sources : tuple of Source
+        All files that were read: those given, those that a study holds, the scenario, what was compared with.
     quantities : dict of Quantity
         By what they are, as ``u45 M q``.
     against : str
@@ -300,6 +301,8 @@ class Review:
         What the model, the simulation and the margins may be used for.
     rules : tuple of str
         What is an open risk, one phrase for each kind.
+    vehicle_text : tuple of str
+        What a diagnosis says of the vehicle otherwise than it is described, in sentences.
     """
 
     vehicle: str
@@ -320,6 +323,7 @@ class Review:
     loops_text: tuple[str, ...] = ()
     uses: tuple[Use, ...] = ()
     rules: tuple[str, ...] = ()
+    vehicle_text: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         said = ", ".join(f"{d.subject}: {d.answer}" for d in self.decisions)

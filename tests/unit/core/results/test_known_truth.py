@@ -49,7 +49,7 @@ def test_noise_alone_explains_what_would_be_on_the_truth_without_it(noise, ampli
 
 
 def test_what_chance_leaves_beyond_two_sigma_is_the_binomial_spread_of_four_and_a_half_per_cent():
-    """Of 432 normal errors 19.7 are expected beyond 2σ, with two standard deviations 28.4: 28 may be, not 29."""
+    """Of 432 normal errors 19.7 are expected beyond 2σ, 28.4 with two standard deviations."""
     outside = math.erfc(2 / math.sqrt(2))
     most = 432 * outside + 2 * math.sqrt(432 * outside * (1 - outside))
     assert 28 < most < 29

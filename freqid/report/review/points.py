@@ -207,9 +207,10 @@ def left_to_noise_text(count: int) -> str:
     """Return how many parameters are off the truth by noise alone, with a space before; empty of none."""
     if not count:
         return ""
+    are = "are" if count > 1 else "is"
     return (
-        f" Off the truth by noise alone {'are' if count > 1 else 'is'} {count} more: no more parameters are off the "
-        "noise-free estimates than noise leaves by chance, so these are not counted as doubtful."
+        f" Off the truth by noise alone {are} {count} more: no more parameters are off the noise-free "
+        "estimates than noise leaves by chance, so these are not counted as doubtful."
     )
 
 

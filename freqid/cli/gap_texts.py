@@ -79,7 +79,7 @@ def _where(d: GapDiagnosis) -> str:
             f"{p.band_hz[0]:.2g}-{p.band_hz[1]:.2g} Hz",
             f"{100 * p.share:.0f} %",
             p.regime,
-            p.input or "none",
+            p.input or "no signal",
             p.phase,
         )
         for p in d.where

@@ -362,7 +362,8 @@ def _before_after(result: GapResult) -> list[Picture]:
                 f"frequency{k}",
                 f"{name}, {scored}: what is left before and after over frequency",
                 f"{name}, {scored}: what is left on each line, and at 0 in the mean. Where blue dots stay "
-                f"inside the noise, {added} explains all that can be seen.",
+                f"inside the noise, {added} explains all that can be seen; the mean may be off by what "
+                "offsets each record has as well.",
             )
         )
     return pictures

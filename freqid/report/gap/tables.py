@@ -21,7 +21,7 @@ def where_rows(d: GapDiagnosis) -> list[dict[str, Any]]:
             "band": f"{short(p.band_hz[0])} to {short(p.band_hz[1])}",
             "share": exact(p.share, percent(p.share)),
             "regime": p.regime or NONE,
-            "input": p.input or NONE,
+            "input": p.input or "no signal",
             "phase": p.phase,
         }
         for p in d.where

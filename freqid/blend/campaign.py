@@ -13,7 +13,7 @@ from freqid.blend.global_model import GlobalModel
 from freqid.core.arrays import Array
 from freqid.core.results.design import MultisineDesign
 from freqid.core.results.judged.doubt import Doubt, doubts_of
-from freqid.core.results.judged.truth import KnownTruth, Miss
+from freqid.core.results.judged.truth import KnownTruth, Miss, as_many_as_by_chance
 from freqid.core.results.point import Fit, PointModel
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Vehicle
@@ -109,9 +109,17 @@ class StudiedPoint:
             return ()
         return known.misses(found.estimate, found.std_error)
 
-    def doubts(self, response: str) -> tuple[Doubt, ...]:
-        """Return the parameters that cannot be trusted as numbers, and why; those that matter most first."""
-        return doubts_of(self.model[response], self.misses(response))
+    def doubts(self, response: str, *, noise_is_chance: bool = False) -> tuple[Doubt, ...]:
+        """Return the parameters that cannot be trusted as numbers, and why; those that matter most first.
+
+        Parameters
+        ----------
+        response : str
+        noise_is_chance : bool
+            Whether a parameter that is off by noise alone is no doubt: see `doubts_of_points`.
+        """
+        misses = [m for m in self.misses(response) if not (noise_is_chance and m.by_noise_alone)]
+        return doubts_of(self.model[response], misses)
 
     def from_noise_free(self, response: str) -> Array:
         """Return estimates less those of the same flight without noise, in standard errors, shape (p,).
@@ -206,6 +214,31 @@ class StudyResults(Viewable):
         """
         points = [p for p in self.points if p.history] or self.points
         return [points[i] for i in spanning_conditions([p.model.reference for p in points])]
+
+
+def noise_is_chance(points: Sequence[StudiedPoint]) -> bool:
+    """Return whether no more parameters are off the noise-free estimates than noise alone would leave."""
+    away = np.concatenate([np.zeros(0), *(p.from_noise_free(r) for p in points for r in p.model.responses)])
+    return as_many_as_by_chance(away[np.isfinite(away)])
+
+
+def doubts_of_points(points: Sequence[StudiedPoint]) -> tuple[tuple[StudiedPoint, Doubt], ...]:
+    """Return the parameters of all points that cannot be trusted as numbers, each with its point.
+
+    One that is off by noise alone is none of them where all that are off by noise are as many as chance
+    leaves: its interval says as much as it can.
+    """
+    chance = noise_is_chance(points)
+    return tuple(
+        (p, d) for p in points for r in p.model.responses for d in p.doubts(r, noise_is_chance=chance)
+    )
+
+
+def left_to_noise(points: Sequence[StudiedPoint]) -> int:
+    """Return how many parameters are off by noise alone and for that reason not in `doubts_of_points`."""
+    if not noise_is_chance(points):
+        return 0
+    return sum(m.by_noise_alone for p in points for r in p.model.responses for m in p.misses(r))
 
 
 def causes_of(points: Sequence[StudiedPoint]) -> Counter[str]:

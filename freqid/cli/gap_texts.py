@@ -79,12 +79,12 @@ def _where(d: GapDiagnosis) -> str:
             f"{p.band_hz[0]:.2g}-{p.band_hz[1]:.2g} Hz",
             f"{100 * p.share:.0f} %",
             p.regime,
-            p.input or "-",
+            p.input or "no signal",
             p.phase,
         )
         for p in d.where
     ]
-    return "Where:\n" + text_table(("response", "band", "share", "regime", "coherent with", "phase"), rows)
+    return "Where:\n" + text_table(("response", "band", "share", "regime", "on the lines of", "phase"), rows)
 
 
 def _sensors(d: GapDiagnosis) -> str:

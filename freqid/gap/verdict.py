@@ -41,7 +41,7 @@ def verdict(
         if where:
             low, high = where[0].band_hz
             words.append(f", mostly {low:.2g}-{high:.2g} Hz")
-            words.append(f", with {where[0].input}" if where[0].input else "")
+            words.append(_driven(where[0], cells))
     words.append(". ")
     faults = list(dict.fromkeys(f.fault for f in sensors))
     if faults:
@@ -54,6 +54,15 @@ def verdict(
     words.append(".")
     words.append(_limited_by_form(gap))
     return "".join(words)
+
+
+def _driven(place: Place, cells: GapMap) -> str:
+    """Return on whose lines a place is, as the end of a sentence; nothing where nothing was injected."""
+    if place.input:
+        return f", on the lines of {place.input}"
+    if not any(cells.inputs):
+        return ""
+    return ", on lines that no signal drives" + (", the mean among them" if place.band_hz[0] == 0 else "")
 
 
 def _closed(closure: Closure) -> str:

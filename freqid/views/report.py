@@ -14,11 +14,13 @@ from freqid.core.results.design import ClassicDesign, MultisineDesign
 from freqid.core.results.gap import GapResult
 from freqid.core.results.judged.review import Review
 from freqid.core.results.judged.sealed_trial import TrialOutcome
+from freqid.core.results.loop_margins import LoopMargins
 from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
 from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
 from freqid.report.kit.rendering import Sheet
+from freqid.report.margins.page import build_margins_page
 from freqid.report.review.page import Piece, build_review_page
 from freqid.report.review.points import build_points_sheet
 from freqid.report.review.single import (
@@ -72,7 +74,7 @@ def report_page(
     alone = [m for one in every if (m := _point_of(one)) is not None]
     models = [*(p.model for p in points), *alone]
     vehicle = next((v for one in every if (v := _vehicle_of(one)) is not None), None)
-    pieces = list(_pieces(every, alone, page_of, drawn_by, vehicle, tell))
+    pieces = list(_pieces(every, alone, page_of, drawn_by, vehicle, decided, tell))
     values = vehicle_values(vehicle or (drawn_by.aircraft() if drawn_by else None), models, drawn_by)
     values["drawn"] = drawn_by is not None and any("Three-view" in p.svg for p in values["pictures"])
     tell("page one")
@@ -85,6 +87,7 @@ def _pieces(
     page_of: Callable[[object], Sheet],
     scenario: Scenario | None,
     vehicle: Vehicle | None,
+    decided: Review,
     tell: Tell,
 ) -> Iterator[Piece]:
     """Yield what each file adds, the files of a section in their order."""
@@ -114,6 +117,15 @@ def _pieces(
             yield Piece(section, name, build_output_error_sheet(result))
         elif isinstance(result, TrialOutcome):
             yield Piece(section, name, build_trial_sheet(result))
+        elif isinstance(result, LoopMargins):
+            others = [
+                g
+                for g in decided.grounds
+                if g.subject == "next flight" and g.weight != "good" and g.source != name
+            ]
+            sheet = build_margins_page(result, others, decided.conditions)
+            assert isinstance(sheet, Sheet)
+            yield Piece(section, name, sheet)
         elif section and not isinstance(result, PointModel) and not one.unfinished:
             yield Piece(section, name, page_of(result))
 

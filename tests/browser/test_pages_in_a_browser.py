@@ -361,6 +361,18 @@ def test_figures_are_legible_and_nothing_overlaps_or_leaves_the_screen(visit, na
     assert max(captions) <= width
 
 
+@pytest.mark.parametrize("width", [DESK, PHONE])
+def test_captions_wrap_to_the_room_beside_a_scroll_bar(visit, width):
+    seen = visit("report", width)
+    seen.open_all()
+    seen.page.evaluate("document.body.style.paddingRight = '15px'")  # headless, a scroll bar takes no room
+    cut = seen.page.evaluate(
+        f"[...document.querySelectorAll('.scroll caption')].filter(c => "
+        f"c.getBoundingClientRect().right > {width - 15}).map(c => c.textContent.slice(0, 60))"
+    )
+    assert cut == []
+
+
 def test_page_one_is_read_on_a_phone_without_a_sideways_scroll(visit):
     seen = visit("report", PHONE)
     seen.open_all()

@@ -73,7 +73,8 @@ class Place:
     regime : str
         Reference conditions that hold most of it, in their order.
     input : str
-        Injected signals whose lines hold most of it; empty where nothing was injected.
+        Injected signals whose lines hold most of it; empty where the lines that signals drive hold less than
+        a tenth of it, such as of a gap in the mean, and where nothing was injected.
     phase : str
         Third of the manoeuvres that holds it, or ``all``.
     share : float

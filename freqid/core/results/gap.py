@@ -10,7 +10,7 @@ import numpy as np
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.layout import Attribute, Dataset, Nested, NestedSeries, ResultFile, Rows, Table
-from freqid.core.results.diagnosis import Closure, Existence, GapDiagnosis, Place, SensorFault, Which
+from freqid.core.results.diagnosis import Change, Closure, Existence, GapDiagnosis, Place, SensorFault, Which
 
 LISTED = 0.1  # share of the energy from which a cell is listed
 _THIRDS = ("first third", "middle third", "last third")
@@ -67,7 +67,9 @@ class GapMap:
                 share = float(cell.sum() / total)
                 if share >= LISTED:
                     regime = _holding(cell.sum(axis=1), self.regimes)
-                    inputs = _holding(cell.sum(axis=0)[:-1], self.inputs[:-1])
+                    each = cell.sum(axis=0)
+                    driven = each[:-1].sum() >= LISTED * each.sum()
+                    inputs = _holding(each[:-1], self.inputs[:-1]) if driven else ""
                     found.append(Place(row, band, regime, inputs, phase, share))
         return sorted(found, key=lambda place: -place.share)
 
@@ -144,6 +146,10 @@ class BeforeAfter:
     before_hz: Complex
     after_hz: Complex
     noise: Array
+
+    def mean_errors(self) -> tuple[Array, Array]:
+        """Return the means over time of measured less simulated, before and after, by response."""
+        return (self.measured - self.before).mean(axis=1), (self.measured - self.after).mean(axis=1)
 
 
 @dataclass(frozen=True)
@@ -252,6 +258,23 @@ class GapResult:
     def remarks(self) -> tuple[str, ...]:
         """What else to know, one sentence each."""
         return self.diagnosis.remarks
+
+    def mean_errors(self) -> dict[str, Change]:
+        """Return by response the error of the mean before and after, rms over `before_after`."""
+        each: dict[str, list[tuple[float, float]]] = {}
+        for one in self.before_after:
+            for name, *ends in zip(one.responses, *one.mean_errors(), strict=True):
+                each.setdefault(name, []).append((float(ends[0]), float(ends[1])))
+        return {n: Change(*np.sqrt(np.mean(np.square(x), axis=0)).tolist()) for n, x in each.items()}
+
+    def share_at_rest(self) -> float:
+        """Return the share of what is explained, as energy over noise, at zero frequency; nan of nothing."""
+        cells = [
+            (np.abs(s.explained) ** 2 / np.maximum(s.noise, 1e-300) ** 2, s.hz == 0) for s in self.spectra
+        ]
+        total = sum(float(energy.sum()) for energy, _ in cells)
+        at_rest = sum(float(energy[:, still].sum()) for energy, still in cells)
+        return at_rest / total if total > 0 else float("nan")
 
     def to_json(self) -> dict[str, Any]:
         """Return the diagnosis as ``diagnose-gap --json`` has it (docs/files.md)."""

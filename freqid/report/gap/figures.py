@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import FixedLocator, LogLocator, MaxNLocator, NullLocator
+from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
 from freqid.core.results.gap import BeforeAfter, Increment, ResidualSpectra
@@ -34,7 +35,9 @@ from freqid.report.kit.drawing import (
 )
 
 _HEAT = LinearSegmentedColormap.from_list("white-orange", ["#ffffff", "#f7c9a8", ORANGE, "#7a3300"])
-_NARROW = 12  # columns, from which a cell is narrower than three digits
+_DIGIT = 0.08  # inches, of a digit in a cell with its share of the room about it
+_REST = 0.5  # of the lowest frequency above zero: where the mean is drawn on a logarithmic axis
+_RIGHT = 0.15  # inches, of the margin of a map
 _CELL = 0.24  # inches, of a row
 _STRETCH = 12.0  # s of a manoeuvre that are drawn
 
@@ -64,11 +67,13 @@ def heat_panels(
         Inches, of the whole figure.
     """
     longest = max(len(literal(c, 14)) for c in columns)
+    left = 0.3 + 0.075 * max(len(literal(r, 18)) for r in rows)
+    digits = max((len(f"{100 * x:.0f}") for x in values.ravel().tolist()), default=1)
+    width = max(width, left + _RIGHT + _DIGIT * (digits + 0.3) * len(columns))  # a number fits its cell
     steep = longest * len(columns) > 46 * width / WIDTH  # labels side by side would touch
     bottom = 0.42 + (0.07 * longest if steep else 0.1)
-    left = 0.3 + 0.075 * max(len(literal(r, 18)) for r in rows)
     figure, panels = stacked_panels(
-        [_CELL * len(rows)] * len(titles), left=left, bottom=bottom, right=0.15, width=width
+        [_CELL * len(rows)] * len(titles), left=left, bottom=bottom, right=_RIGHT, width=width
     )
     for axes, title, table in zip(panels, titles, values, strict=True):
         axes.pcolormesh(
@@ -84,8 +89,6 @@ def heat_panels(
         for i, j in zip(*np.nonzero(table >= 0.005), strict=True):
             dark = table[i, j] > 0.55 * highest
             text = f"{100 * table[i, j]:.0f}"
-            # three digits are wider than one of many cells
-            around = {"facecolor": _HEAT(table[i, j] / highest), "edgecolor": "none", "pad": 0.6}
             axes.text(
                 j,
                 i,
@@ -93,7 +96,6 @@ def heat_panels(
                 ha="center",
                 va="center",
                 color="white" if dark else ON_COLOUR,
-                bbox=around if len(text) > 2 and len(columns) > _NARROW else None,
             )
         axes.set_title(literal(title, 60))
         axes.set_yticks(range(len(rows)), [literal(r, 18) for r in rows])
@@ -214,12 +216,12 @@ def residual_spectra(one: ResidualSpectra, rows: Sequence[int]) -> Figure:
         Of the residual, from the top down.
     """
     figure, panels = stacked_panels([1.05] * len(rows), legend=1)
-    moving = one.hz > 0  # the mean has no place on a logarithmic axis
-    hz, driven = one.hz[moving], one.owner[moving] >= 0
+    moving, driven = one.hz > 0, one.owner >= 0
+    hz = _places(one.hz)
     lines: list[Any] = []
     for axes, i in zip(panels, rows, strict=True):
-        size, noise, explained = (np.abs(x[i, moving]) for x in (one.residual, one.noise, one.explained))
-        floor = axes.fill_between(hz, 0, noise, color=PALE, linewidth=0, label="noise")
+        size, noise, explained = (np.abs(x[i]) for x in (one.residual, one.noise, one.explained))
+        floor = _noise_floor(axes, hz, noise, moving)
         (left,) = axes.plot(hz[driven], size[driven], ".", color=ORANGE, ms=4, label="on driven lines")
         (rest,) = axes.plot(hz[~driven], size[~driven], ".", color=GREY, ms=2.5, label="on others")
         lines = [floor, left, rest]
@@ -229,7 +231,7 @@ def residual_spectra(one: ResidualSpectra, rows: Sequence[int]) -> Figure:
         _log_level(axes, noise, max(size.max(), noise.max()))
         name_panel(axes, literal(one.rows[i], 30), _density(one.units[i]))
     draw_legend(figure, _once(lines))
-    _log_frequency(panels, hz)
+    _log_frequency(panels, hz, moving)
     return figure
 
 
@@ -271,20 +273,20 @@ def before_after_frequency(one: BeforeAfter, rows: Sequence[int]) -> Figure:
     figure, panels = stacked_panels([0.95] * len(rows), legend=1)
     lines: list[Any] = []
     moving = one.hz > 0
-    hz = one.hz[moving]
+    hz = _places(one.hz)
     for axes, i in zip(panels, rows, strict=True):
-        z, noise = one.measured_hz[i, moving], one.noise[i, moving]
-        before, after = one.before_hz[i, moving], one.after_hz[i, moving]
+        z, noise = one.measured_hz[i], one.noise[i]
+        before, after = one.before_hz[i], one.after_hz[i]
         pairs = (before, ORANGE, "left before"), (after, BLUE, "left after")
-        floor = axes.fill_between(hz, 0, noise, color=PALE, linewidth=0, label="noise")
+        floor = _noise_floor(axes, hz, noise, moving)
         lines = [floor, *axes.plot(hz, np.abs(z), ".", color=GREY, ms=2.5, label="measured")]
         for y, colour, label in pairs:
             size = 4 if colour == ORANGE else 2.8
             lines += axes.plot(hz, np.abs(z - y), ".", color=colour, ms=size, label=label)
-        _log_level(axes, noise, np.abs(z).max())
+        _log_level(axes, noise, max(np.abs(z).max(), np.abs(z - before).max()))
         name_panel(axes, literal(one.responses[i], 30), _density(one.units[i]))
     draw_legend(figure, lines)
-    _log_frequency(panels, hz)
+    _log_frequency(panels, hz, moving)
     return figure
 
 
@@ -321,10 +323,36 @@ def _once(lines: Sequence[Any]) -> list[Any]:
     return list({line.get_label(): line for line in lines}.values())
 
 
-def _log_frequency(panels: Sequence[Axes], hz: Array) -> None:
-    """Give panels one logarithmic frequency axis, labelled below the last."""
+def _places(hz: Array) -> Array:
+    """Return where lines are drawn on a logarithmic axis: the mean, which has no place there, at its left."""
+    return np.where(hz > 0, hz, _REST * hz[hz > 0].min())
+
+
+def _noise_floor(axes: Axes, hz: Array, noise: Array, moving: NDArray[np.bool_]) -> Any:
+    """Draw the noise below the lines, and below the mean by itself."""
+    for place, level in zip(hz[~moving].tolist(), noise[~moving].tolist(), strict=True):
+        axes.fill_between([place / 1.15, 1.15 * place], 0, level, color=PALE, linewidth=0)
+    return axes.fill_between(hz[moving], 0, noise[moving], color=PALE, linewidth=0, label="noise")
+
+
+def _log_frequency(panels: Sequence[Axes], hz: Array, moving: NDArray[np.bool_]) -> None:
+    """Give panels one logarithmic frequency axis, labelled below the last, with a place for the mean."""
     last = panels[-1]
     last.set_xscale("log")
+    if not moving.all():
+        low, high = float(hz[moving][0]), float(hz[-1])
+        rest = float(hz[~moving][0])
+        for axes in panels:  # the axis is broken between the mean and the lowest frequency
+            axes.axvline((low * rest) ** 0.5, color=PALE, linewidth=0.8, linestyle=(0, (2, 2)))
+        last.set_xlim(0.75 * rest, 1.05 * high)
+        last.set_xlabel("Frequency (Hz); 0 is the mean")
+        marks = [m * 10.0**k for k in range(-4, 4) for m in (1, 2, 5) if low <= m * 10.0**k <= high]
+        last.xaxis.set_major_locator(FixedLocator([rest, *marks]))
+        last.xaxis.set_major_formatter(lambda x, _: "0" if abs(x - rest) < 0.01 * rest else f"{x:g}")
+        last.xaxis.set_minor_locator(NullLocator())
+        for axes in panels[:-1]:
+            axes.tick_params(labelbottom=False)
+        return
     last.set_xlim(0.95 * float(hz[0]), 1.05 * float(hz[-1]))
     last.set_xlabel("Frequency (Hz)")
     last.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from freqid.report.gap import tables as gap_tables
 from freqid.report.gap.tables import with_si
 from freqid.report.kit.drawing import WIDTH
 from freqid.report.kit.findings import Finding, finding
-from freqid.report.kit.notation import NONE, percent, sentence, short
+from freqid.report.kit.notation import NONE, number, percent, pretty_unit, sentence, short
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.kit.rendering import render
 
@@ -140,7 +141,9 @@ def build_gap_page(result: GapResult) -> str:
         untested=gap_tables.untested_rows(d),
         self_test=gap_summary(d.self_test),
         confusions=confusions(d.self_test),
-        closures=gap_tables.closures(d),
+        closures=gap_tables.closures(d, result.mean_errors()),
+        at_rest=percent(rest) if math.isfinite(rest := result.share_at_rest()) else "",
+        top=f"{max(hz):.3g}" if (hz := [float(b.hz[-1]) for b in result.before_after if b.hz.size]) else "",
         next_tests=gap_tables.next_rows(d.next_flight),
         next_groups=[g["sentence"] for g in d.next_flight.get("groups", ())],
         next_design=d.next_flight.get("design") or "",
@@ -211,9 +214,10 @@ def _maps(result: GapResult) -> list[Picture]:
     ]
     by_input = energy.sum(axis=(1, 2))[rows]
     inputs = [n or "none" for n in cells.inputs]
-    kept = [k for k in range(len(inputs)) if cells.inputs[k] or by_input[:, k].sum() >= _LEAST]
+    kept = [k for k in range(len(inputs)) if by_input[:, k].max() >= _LEAST]
     table = by_input[:, kept][None]
-    if any(cells.inputs):
+    driven = percent(float(energy[..., :-1].sum()))
+    if any(cells.inputs[k] for k in kept):
         pictures.append(
             picture(
                 gap_figures.heat_panels(
@@ -223,7 +227,8 @@ def _maps(result: GapResult) -> list[Picture]:
                 "Gap map: share of the explained energy by response and injected signal",
                 "The same by injected signal: per cent of what is explained on the lines that a signal "
                 "drives. Under feedback all signals move the vehicle, so a gap in a derivative by motion "
-                "shows under every one of them.",
+                "shows under every one of them."
+                + (" Signals without any are left out." if len(kept) < len(inputs) else ""),
             )
         )
     found = result.coherence
@@ -237,7 +242,9 @@ def _maps(result: GapResult) -> list[Picture]:
                 "coherence",
                 "Share of the residual on each signal's lines that noise does not account for",
                 "Coherence of the residual with each injected signal: per cent of the residual's power on "
-                "the signal's lines that noise does not account for. Near 100: the signal makes the gap.",
+                "the signal's lines that noise does not account for. Near 100: what is left there is no "
+                "noise. How much of the gap that is, it does not say: all driven lines together hold "
+                f"{driven} of what is explained.",
             )
         )
     return pictures
@@ -257,7 +264,8 @@ def _spectra(result: GapResult) -> list[Picture]:
                 f"residual{k}",
                 f"Residual spectra over the noise floor, {_short(one.maneuver)}",
                 f"{_short(one.maneuver)}: measured less simulated on each line. What stands above the "
-                "grey floor is no noise; blue dashes are what the likeliest explanation makes of it: they "
+                "grey floor is no noise; at the left, at 0, stands the mean. Blue dashes are what the "
+                "likeliest explanation makes of it: they "
                 "should meet the orange dots that stand out.",
             )
         )
@@ -345,7 +353,7 @@ def _before_after(result: GapResult) -> list[Picture]:
                 f"{name}, {scored}: measured, before and after over time",
                 f"{name}, {scored}: as measured, as simulated, and as simulated with {added} and the "
                 "tolerances that go with it, where these do most. Blue should lie on grey where orange does "
-                "not.",
+                f"not. {_means(one, rows)}",
             )
         )
         pictures.append(
@@ -353,11 +361,26 @@ def _before_after(result: GapResult) -> list[Picture]:
                 gap_figures.before_after_frequency(one, rows),
                 f"frequency{k}",
                 f"{name}, {scored}: what is left before and after over frequency",
-                f"{name}, {scored}: what is left on each line. Where blue dots stay inside the "
-                f"noise, {added} explains all that can be seen.",
+                f"{name}, {scored}: what is left on each line, and at 0 in the mean. Where blue dots stay "
+                f"inside the noise, {added} explains all that can be seen; the mean may be off by what "
+                "offsets each record has as well.",
             )
         )
     return pictures
+
+
+def _means(one: BeforeAfter, rows: Sequence[int]) -> str:
+    """Return by how much the means of some responses are off, in a sentence."""
+    before, after = one.mean_errors()
+    each = [
+        f"{one.responses[i]} {number(float(before[i]))} before and {number(float(after[i]))} after"
+        + (f" ({pretty_unit(one.units[i])})" if one.units[i] not in ("", "1") else "")
+        for i in rows
+    ]
+    return (
+        "A steady offset is what is left at zero frequency. Mean of measured less simulated: "
+        f"{'; '.join(each)}."
+    )
 
 
 def _changed(one: BeforeAfter) -> list[int]:

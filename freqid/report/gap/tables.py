@@ -21,7 +21,7 @@ def where_rows(d: GapDiagnosis) -> list[dict[str, Any]]:
             "band": f"{short(p.band_hz[0])} to {short(p.band_hz[1])}",
             "share": exact(p.share, percent(p.share)),
             "regime": p.regime or NONE,
-            "input": p.input or NONE,
+            "input": p.input or "no signal",
             "phase": p.phase,
         }
         for p in d.where
@@ -81,8 +81,15 @@ def sensor_rows(d: GapDiagnosis) -> list[dict[str, str]]:
     ]
 
 
-def closures(d: GapDiagnosis) -> list[dict[str, Any]]:
-    """Return what each closure did."""
+def closures(d: GapDiagnosis, means: Mapping[str, Change]) -> list[dict[str, Any]]:
+    """Return what each closure did.
+
+    Parameters
+    ----------
+    d : GapDiagnosis
+    means : mapping of Change
+        By response, what the mean is off by with the first closure; `GapResult.mean_errors`.
+    """
     return [
         {
             "title": " and ".join(c.effects),
@@ -110,9 +117,10 @@ def closures(d: GapDiagnosis) -> list[dict[str, Any]]:
             "note": c.note,
             "cost": c.consequence.get("sentence", ""),
             "costs": _costs(c),
-            "rows": [_classical(c, name) for name in c.listed],
+            "means": bool(shown := means if k == 0 else {}),
+            "rows": [_classical(c, name, shown) for name in c.listed],
         }
-        for c in d.how_far
+        for k, c in enumerate(d.how_far)
     ]
 
 
@@ -149,7 +157,7 @@ def with_si(value: float, unit: str) -> str:
     return f"{number(value, 2)}" + ("" if unit in ("", "1") else f" {pretty_unit(unit)}")
 
 
-def _classical(c: Closure, name: str) -> dict[str, Any]:
+def _classical(c: Closure, name: str, means: Mapping[str, Change]) -> dict[str, Any]:
     def ends(change: Change | None) -> list[str]:
         if change is None:
             return [NONE] * 3
@@ -158,6 +166,7 @@ def _classical(c: Closure, name: str) -> dict[str, Any]:
     return {
         "name": name,
         "rmse": ends(c.rmse.get(name)),
+        "mean": ends(means.get(name))[:2] if means else [],
         "theil": ends(c.theil.get(name))[:2],
         "J": ends(c.J.get(name))[:2] if c.rmse.keys() & c.J else [],
     }

@@ -70,8 +70,11 @@ class Part:
     body: Markup
 
 
-# Values are escaped, so no text of a file holds one of these. Methods stand once in a report, outside parts.
-_IDS = re.compile(r"""(\s(?:id|aria-labelledby|aria-describedby|for)="|href="#|url\(#)(?=[^"])(?!method-)""")
+# Values are escaped, so no text of a file holds one of these. Methods and open risks stand once in
+# a report, outside parts.
+_IDS = re.compile(
+    r"""(\s(?:id|aria-labelledby|aria-describedby|for)="|href="#|url\(#)(?=[^"])(?!method-|risks")"""
+)
 _HEADS = re.compile(r"(</?h)([1-4])(?=[\s>])")
 _DEEPER = 2  # levels that a part's headings are below those of a page of its own
 _CUT = "<!--cut-->"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from math import inf, isinf, isnan
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from freqid import __version__
+from freqid.core.results.judged.review import Ground
 from freqid.core.results.loop_margins import LoopMargins, least_of
 from freqid.report.kit.drawing import (
     BLUE,
@@ -25,7 +27,7 @@ from freqid.report.kit.drawing import (
     styled,
 )
 from freqid.report.kit.findings import Finding, finding
-from freqid.report.kit.notation import NONE, percent, short, with_unit
+from freqid.report.kit.notation import NONE, percent, sentence, short, with_unit
 from freqid.report.kit.pictures import Picture, picture
 from freqid.report.kit.rendering import render
 
@@ -46,18 +48,34 @@ _LONGEST_TABLE = 12  # conditions whose modes are listed
 _HEIGHT = 0.85
 
 
-def build_margins_page(found: LoopMargins) -> str:
-    """Return the page of margins: one HTML text that fetches nothing."""
+def build_margins_page(
+    found: LoopMargins, grounds: Sequence[Ground] = (), identified: Sequence[str] = ()
+) -> str:
+    """Return the page of margins: one HTML text that fetches nothing.
+
+    Parameters
+    ----------
+    found : LoopMargins
+    grounds : sequence of Ground
+        What other files of the same report say against the next flight: as part of a report the page must
+        not look better than the answer on page one, which it points to.
+    identified : sequence of str
+        Conditions that the model was identified at, where that is known; at others it is interpolated.
+    """
     return render(
         "margins.html",
         title=f"{found.model} under {found.law}",
         what=f"Stability margins, modes and trim at {len(found.ids)} conditions, with what is known of them.",
         version=__version__,
-        findings=_findings(found),
+        findings=_findings(found, grounds),
         facts=_facts(found),
         level=percent(found.level),
         draws=found.draws,
-        rows=conditions_table(found),
+        rows=[
+            row | {"interpolated": bool(identified) and row["id"] not in identified}
+            for row in conditions_table(found)
+        ],
+        identified=", ".join(identified),
         modes=_modes_table(found) if len(found.ids) <= _LONGEST_TABLE else [],
         drawn=_pictures(found),
         beside=list(found.beside),
@@ -106,8 +124,18 @@ def _damping(found: LoopMargins, path: str, k: int) -> str:
     return _told(found, path, k, 2) if abs(value) < 1 else ("real, decays" if value > 0 else "real, grows")
 
 
-def _findings(found: LoopMargins) -> list[Finding]:
-    findings = [finding("bad", "{}.", text[:1].upper() + text[1:]) for text in found.warnings]
+def _findings(found: LoopMargins, grounds: Sequence[Ground]) -> list[Finding]:
+    findings = [
+        finding(
+            "bad" if g.weight == "stop" else "note",
+            '{}. It stands among the <a href="#risks">open risks</a>.',
+            sentence(g.text.rstrip(".")),
+        )
+        for g in sorted(grounds, key=lambda g: g.weight != "stop")
+    ]
+    findings += [finding("bad", "{}.", text[:1].upper() + text[1:]) for text in found.warnings]
+    beside = list(_low_beside(found))
+    failed = bool(beside) or any(g.weight == "stop" for g in grounds)
     low = []
     for k, name in enumerate(found.ids):
         for figure, wanted in WANTED.items():
@@ -132,15 +160,46 @@ def _findings(found: LoopMargins) -> list[Finding]:
     elif found.stable.all():
         findings.append(
             finding(
-                "good",
-                "Stable at every condition. {} Intervals included, every axis has the {} dB of gain margin "
-                "and the {} deg of phase margin that are asked for.",
+                "note" if failed else "good",
+                "{} is stable at every condition. {} Intervals included, every axis has the {} dB of gain "
+                "margin and the {} deg of phase margin that are asked for.",
+                "The identified model alone" if failed else "The identified model",
                 _least(found),
                 f"{WANTED['gain_up_db']:g}",
                 f"{WANTED['phase_deg']:g}",
             )
         )
+    findings += beside
     return findings + [finding("note", "{}.", remark) for remark in found.remarks]
+
+
+def _low_beside(found: LoopMargins) -> Iterator[Finding]:
+    """Yield the margins of what stands beside the model that are less than what is asked for."""
+    for name, other in found.beside.items():
+        for figure, wanted in WANTED.items():
+            paths = [p for a in found.axes if (p := f"margins/{a}/{figure}") in found.figures]
+            least = min(
+                (
+                    (float(value), path.split("/")[1], at)
+                    for path in paths
+                    for value, at in zip(other.estimate[found.figures.index(path)], found.ids, strict=True)
+                    if not isnan(value)
+                ),
+                default=(inf, "", ""),
+            )
+            if least[0] < wanted:
+                label, unit = _KINDS[figure]
+                yield finding(
+                    "note",
+                    "Not so the {}: its least {} is {} {} ({} at {}), less than the {} {} asked for.",
+                    name,
+                    label.lower(),
+                    f"{least[0]:.{_DIGITS[figure]}f}",
+                    unit,
+                    *least[1:],
+                    f"{wanted:g}",
+                    unit,
+                )
 
 
 def _least(found: LoopMargins) -> str:

@@ -23,7 +23,7 @@ from freqid.report.kit.notation import (
     shown_unit,
     tenths,
 )
-from freqid.report.review.points import band_text, reasons_text
+from freqid.report.review.points import band_text, left_to_noise_text, reasons_text
 
 _SAID = {
     "model": {
@@ -136,11 +136,13 @@ def _trust(review: Review) -> list[Finding]:
 def _off_text(trust: Trust) -> str:
     """Return what the parameters that are off the simulation's truth are off, so that the counts add up."""
     if not trust.missing:
-        return ""
+        return left_to_noise_text(trust.by_noise)
     return (
-        f" Off the simulation's truth by more than {BEYOND:g}σ are {trust.missing} in all: "
-        f"{trust.off_linear} off its linearisation and {trust.off_noise_free} off the estimate from the same "
-        f"flight without noise, of which {trust.off_both} are off both."
+        f" Off the simulation's truth by more than {BEYOND:g}σ"
+        + (", and not by noise alone," if trust.by_noise else "")
+        + f" are {trust.missing} in all: {trust.off_linear} off its linearisation and {trust.off_noise_free} "
+        f"off the estimate from the same flight without noise, of which {trust.off_both} are off both."
+        + left_to_noise_text(trust.by_noise)
     )
 
 
@@ -177,6 +179,9 @@ def decision_values(review: Review) -> dict[str, Any]:
                 "axis": r.axis,
                 "model": exact(r.model, tenths(r.model)),
                 "interval": f"{tenths(r.lower)} to {tenths(r.upper)}" if math.isfinite(r.lower) else NONE,
+                "interpolated": bool(review.conditions)
+                and r.at not in review.conditions
+                and math.isfinite(r.model),
                 "simulation": exact(r.simulation, tenths(r.simulation)),
                 "flown": exact(r.flown, tenths(r.flown)),
             }

@@ -8,6 +8,7 @@ from typing import Any
 
 from freqid import __version__
 from freqid.core.results.judged.review import Review
+from freqid.report.kit.notation import sentence
 from freqid.report.kit.rendering import Part, Sheet, render
 from freqid.report.review.decision import decision_findings, decision_values, kind_text
 
@@ -82,6 +83,7 @@ def build_review_page(
         facts=_facts(review),
         decision=decision_values(review),
         vehicle=vehicle,
+        vehicle_text=[sentence(text) for text in review.vehicle_text],
         rules=_rules([part for _, part, _ in parts]),
         sections=[
             {

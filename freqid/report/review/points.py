@@ -10,7 +10,14 @@ from typing import Any
 from markupsafe import Markup
 
 from freqid import __version__
-from freqid.blend.campaign import GOOD_R2, MOST_VALIDATION, StudiedPoint, StudyResults
+from freqid.blend.campaign import (
+    GOOD_R2,
+    MOST_VALIDATION,
+    StudiedPoint,
+    StudyResults,
+    doubts_of_points,
+    left_to_noise,
+)
 from freqid.core.results.judged.doubt import DOUBT_KINDS, HIGH_INFLATION, MATTERS, WIDE, Doubt
 from freqid.core.results.judged.truth import BEYOND, Miss
 from freqid.core.results.point import Fit, PointModel, ResponseModel
@@ -64,7 +71,7 @@ def build_points_sheet(results: StudyResults) -> Sheet:
         key=lambda one: (one[1].r2 == one[1].r2, one[1].r2),
     )
     count = len(points)
-    doubts = [(p, d) for p in points for r in p.model.responses for d in p.doubts(r)]
+    doubts = list(doubts_of_points(points))
     return render(
         "points.html",
         title=f"{count} condition{'s' if count > 1 else ''}",
@@ -111,14 +118,21 @@ def band_text(low_hz: float, high_hz: float, over_noise: float, part: float) -> 
 
 
 def _doubt_rows(doubts: Sequence[tuple[StudiedPoint, Doubt]]) -> list[dict[str, Any]]:
-    """Return the parameters that cannot be trusted, by reason, those that move their response most first.
+    """Return the parameters that cannot be trusted: off the truth, the farthest first; then by reason.
 
-    Those that hardly matter come last.
+    Within a reason those that move their response most are first; all that hardly matter come last.
     """
     rows = []
     order = {kind: k for k, kind in enumerate(DOUBT_KINDS)}
     for p, d in sorted(
-        doubts, key=lambda one: (not one[1].matters, [order[k] for k in one[1].kinds], -one[1].weight)
+        doubts,
+        key=lambda one: (
+            not one[1].matters,
+            one[1].miss is None,
+            -abs(one[1].miss.sigmas) if one[1].miss is not None else 0.0,
+            [order[k] for k in one[1].kinds],
+            -one[1].weight,
+        ),
     ):
         error, estimate = measured_values(d.std_error, d.estimate)
         rows.append(
@@ -165,6 +179,7 @@ def _doubt_counts(points: Sequence[StudiedPoint], doubts: Sequence[Doubt]) -> di
         "total": sum(len(r.regressors) for p in points for r in p.model.responses.values()),
         "doubtful": len(doubts),
         "matter": sum(d.matters for d in doubts),
+        "by_noise": left_to_noise_text(left_to_noise(points)),
         "kinds": reasons_text(dict(Counter(" and ".join(d.kinds) for d in doubts).most_common())),
         "wide": f"{100 * WIDE:g} %",
         "inflation": f"{HIGH_INFLATION:g}",
@@ -185,6 +200,17 @@ def reasons_text(reasons: Mapping[str, int]) -> str:
         f"{count} {'only ' if several and ' and ' not in kinds else ''}for "
         + " and ".join(_KINDS[kind] for kind in kinds.split(" and "))
         for kinds, count in reasons.items()
+    )
+
+
+def left_to_noise_text(count: int) -> str:
+    """Return how many parameters are off the truth by noise alone, with a space before; empty of none."""
+    if not count:
+        return ""
+    are = "are" if count > 1 else "is"
+    return (
+        f" Off the truth by noise alone {are} {count} more: no more parameters are off the noise-free "
+        "estimates than noise leaves by chance, so these are not counted as doubtful."
     )
 
 

@@ -20,7 +20,8 @@ from freqid.blend.campaign import (
     causes_of,
     most_allowed,
 )
-from freqid.core.results.judged.truth import BEYOND
+from freqid.core.results.judged.truth import BEYOND, PROMISED, as_many_as_by_chance
+from freqid.core.results.judged.truth import scatter_of_share as _scatter
 from freqid.report.kit.findings import Finding, code, finding, listed
 from freqid.report.kit.notation import number, percent, share, short, symbol
 from freqid.report.study.results import settled_share
@@ -29,9 +30,6 @@ SETTLED = 0.95
 """Share of parameters that makes a manoeuvre long enough."""
 SETTLED_BY = 40.0
 """s into the second period: when they should have settled."""
-
-PROMISED = 0.9545
-"""Share of normal errors within two standard errors."""
 
 
 def study_verdict(results: StudyResults, *, truth: bool = True) -> tuple[Finding, ...]:
@@ -297,16 +295,12 @@ def _why_off(points: Sequence[StudiedPoint]) -> Markup:
     return sentence.format(causes.total(), why) if causes else Markup()
 
 
-def _scatter(count: int) -> float:
-    """Return two standard deviations of the share of independent errors that are within 2σ."""
-    return 2 * math.sqrt(PROMISED * (1 - PROMISED) / count)
-
-
 def _promised(distances: np.ndarray) -> Literal["good", "note", "bad"]:
     """Return how distances, in standard errors, stand beside what 2σ promises."""
+    if as_many_as_by_chance(distances):
+        return "good"
     outside, expected = float(np.mean(np.abs(distances) > BEYOND)), 1 - PROMISED
-    scatter = _scatter(distances.size)
-    return "good" if outside <= expected + scatter else "note" if outside <= 2 * expected + scatter else "bad"
+    return "note" if outside <= 2 * expected + _scatter(distances.size) else "bad"
 
 
 def _at(results: StudyResults, response: str, identifier: str) -> Markup:

@@ -79,9 +79,38 @@ def _explained(which: Which, named: Sequence[str], closure: Closure) -> str:
     g = closure.wrench
     return (
         f"flights and simulation differ, and {' and '.join(named)} explains it{words}: with that change "
-        f"{100 * g.G:.0f} % of the difference disappears ({100 * g.lo:.0f} to {100 * g.hi:.0f} %) "
-        f"{closure.scored_text}. Use the simulation with this change only"
+        f"{100 * g.G:.0f} % of the difference disappears ({100 * g.lo:.0f} to {100 * g.hi:.0f} %; of its "
+        f"energy over noise, the mean included) {closure.scored_text}. Use the simulation with this change "
+        "only"
     )
+
+
+def vehicle_differs(result: GapResult, source: str) -> Iterator[str]:
+    """Yield what the named causes of a gap say of mass, inertia and centre of gravity, in sentences.
+
+    Parameters
+    ----------
+    result : GapResult
+    source : str
+        Name of its file.
+    """
+    from freqid.simulate.effects import library  # loads jax
+
+    which = result.which
+    known = library()
+    for name in (which.pair or which.named) if result.gap.exists else ():
+        if name not in known or known[name].stage != "mass":
+            continue
+        words = known[name].signed_meaning(which.changes(name))
+        sizes = [
+            f"{n} {s * x.estimate:+.3g} ({s * x.lo:+.3g} to {s * x.hi:+.3g}){f' {unit}' if unit else ''}"
+            for n, x in which.parameters.get(name, {}).items()
+            for s, unit in [(100.0, "%") if x.unit in ("", "1") else (1.0, x.unit)]
+        ]
+        yield (
+            f"The diagnosis in {source} says otherwise: {words[:1].lower()}{words[1:]}"
+            + (f" ({name}: {', '.join(sizes)})" if sizes else f" ({name})")
+        )
 
 
 def _shares(closure: Closure) -> Iterator[Reversal]:

@@ -64,6 +64,27 @@ def why_loops_differ(
     return (*said, *_form([r for r in rows if r.at in identified], points))
 
 
+def interpolated(ids: Sequence[str], identified: Sequence[str]) -> list[str]:
+    """Return the conditions at which the model was not identified; none where nothing says where it was.
+
+    Parameters
+    ----------
+    ids : sequence of str
+        Conditions that margins were computed at.
+    identified : sequence of str
+        Of the point models among the files.
+    """
+    return [at for at in dict.fromkeys(ids) if identified and at not in identified]
+
+
+def interpolation(identified: Sequence[str]) -> str:
+    """Return what a margin at a condition without a point model rests on, as the end of a sentence."""
+    return (
+        f"it was not identified there but interpolated between {listed(identified)}, and no flight says that "
+        "it holds there"
+    )
+
+
 def _of_gap(row: LoopCompared, least: LoopCompared, effects: str, identified: Sequence[str]) -> Iterator[str]:
     """Yield what the effect of a gap does to a margin, and why the identified model has another."""
     change = row.flown - row.simulation
@@ -84,13 +105,10 @@ def _of_gap(row: LoopCompared, least: LoopCompared, effects: str, identified: Se
         f"The identified model has {row.model:.1f} deg there, {abs(apart):.1f} deg "
         f"{'more' if apart > 0 else 'less'} than the simulation"
     )
-    if row.at in identified:
-        yield f"{there}, {'within' if _holds(row) else 'beyond'} its interval"
+    if interpolated([row.at], identified):
+        yield f"{there}: {interpolation(identified)}"
     else:
-        yield (
-            f"{there}: it was not identified at {row.at} but interpolated between {listed(identified)}, and "
-            "no flight says that it holds there"
-        )
+        yield f"{there}, {'within' if _holds(row) else 'beyond'} its interval"
     if row.at != least.at:
         yield (
             f"Its least margin, {least.model:.1f} deg (axis {least.axis}), is at {least.at}: another "

@@ -35,12 +35,15 @@ class ReviewedFile:
         As `freqid.read` returns it.
     unfinished : bool
         Of a folder whose study was stopped; `result` is None then.
+    held : tuple of Source
+        Of a study: the files beside it that it was read from, named as in its folder.
     """
 
     source: Source
     path: Path
     result: Any
     unfinished: bool = False
+    held: tuple[Source, ...] = ()
 
     @property
     def kind(self) -> str:
@@ -128,10 +131,16 @@ def _read(path: Path) -> ReviewedFile:
     if path.suffix == ".toml":
         raise UsageError("is a scenario, not a result", where=str(path), remedy="give it with --scenario")
     result = read(path)
+    names = held_files(path) if isinstance(result, StudyResults) else ()
+    held = tuple(_source(path.parent / name, name) for name in names)
+    return ReviewedFile(_source(path, path.name), path, result, held=held)
+
+
+def _source(path: Path, name: str) -> Source:
     with h5py.File(path, "r") as file:
         head = {n: str(file.attrs.get(n, "")) for n in ("created", "freqid_version", "scenario_sha256")}
     sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
-    return ReviewedFile(Source(path.name, store.kind_of(path), sha256, **head), path, result)
+    return Source(name, store.kind_of(path), sha256, **head)
 
 
 def _refuse_two_vehicles(files: Sequence[ReviewedFile]) -> None:

@@ -6,10 +6,11 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from freqid.blend.campaign import StudiedPoint, StudyResults
+from freqid.blend.campaign import StudiedPoint, StudyResults, doubts_of_points, left_to_noise
 from freqid.core.errors import DataError, UsageError
 from freqid.core.results.gap import GapResult
 from freqid.core.results.judged.doubt import DOUBT_KINDS
@@ -21,6 +22,7 @@ from freqid.core.results.judged.review import (
     Quantity,
     Reversal,
     Review,
+    Source,
     Subject,
     Trust,
     WorstFit,
@@ -30,6 +32,7 @@ from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
 from freqid.core.scenario import Scenario
 from freqid.workflows.inputs import File, scenario_of
+from freqid.workflows.reviews.gap_grounds import vehicle_differs
 from freqid.workflows.reviews.grounds import grounds_of, rules
 from freqid.workflows.reviews.loops import loops_compared, why_loops_differ
 from freqid.workflows.reviews.read_together import ReviewedFile, read_together, vehicle_of
@@ -104,7 +107,8 @@ def review(
     given = [files] if isinstance(files, str) or not isinstance(files, Sequence) else list(files)
     read = tuple(one for one in given if isinstance(one, ReviewedFile))
     every = read or read_together([one for one in given if not isinstance(one, ReviewedFile)])
-    gates = scenario_of(scenario).gates if scenario is not None else None
+    described = scenario_of(scenario) if scenario is not None else None
+    gates = described.gates if described is not None else None
     grounds = sorted(grounds_of(every, gates), key=lambda g: ("stop", "risk", "good").index(g.weight))
     points = _points(every)
     conditions = tuple(dict.fromkeys(p.model.reference.id for p in points))
@@ -117,7 +121,7 @@ def review(
         grounds=tuple(grounds),
         reversals=tuple(_reversals(grounds)),
         missing=_missing(every),
-        sources=tuple(one.source for one in every),
+        sources=tuple(_sources(every, described)),
         quantities=dict(_quantities(every, points)),
         worst_fit=_worst_fit(points),
         trust=_trust(points),
@@ -125,9 +129,24 @@ def review(
         loops_text=why_loops_differ(loops, every, points),
         uses=tuple(uses_of(every, points)),
         rules=rules(),
+        vehicle_text=tuple(
+            text
+            for one in every
+            if isinstance(one.result, GapResult)
+            for text in vehicle_differs(one.result, one.source.name)
+        ),
     )
     old = [against] if isinstance(against, str) or not isinstance(against, Sequence) else list(against)
     return _compared(found, old) if old else found
+
+
+def _sources(files: Sequence[ReviewedFile], scenario: Scenario | None) -> Iterator[Source]:
+    """Yield every file that was read, with its hash: those that a study holds stand behind it."""
+    for one in files:
+        yield one.source
+        yield from one.held
+    if scenario is not None and scenario.file:
+        yield Source(Path(scenario.file).name, "scenario", scenario.sha256)
 
 
 def _points(files: Sequence[ReviewedFile]) -> list[StudiedPoint]:
@@ -158,7 +177,7 @@ def _worst_fit(points: Sequence[StudiedPoint]) -> WorstFit | None:
 
 def _trust(points: Sequence[StudiedPoint]) -> Trust | None:
     """Return how many parameters of all conditions cannot be trusted, by reason."""
-    doubts = [d for p in points for r in p.model.responses for d in p.doubts(r)]
+    doubts = [d for _, d in doubts_of_points(points)]
     count = sum(len(r.regressors) for p in points for r in p.model.responses.values())
     if not count:
         return None
@@ -176,6 +195,7 @@ def _trust(points: Sequence[StudiedPoint]) -> Trust | None:
         off.count("linearisation") + both,
         off.count("noise-free estimate") + both,
         both,
+        left_to_noise(points),
     )
 
 
@@ -344,4 +364,11 @@ def _compared(new: Review, old_files: Sequence[File]) -> Review:
     changes += [Change(f"condition or model {name}", "there", "not there") for name in gone]
     changes += [Change(f"condition or model {name}", "not there", "there") for name in came]
     name = ", ".join(one.source.name for one in read)
-    return replace(new, against=name, changes=(*changes, *numbers), compared=both)
+    compared = [replace(s, kind=f"{s.kind}, compared with") for o in read for s in (o.source, *o.held)]
+    return replace(
+        new,
+        against=name,
+        changes=(*changes, *numbers),
+        compared=both,
+        sources=(*new.sources, *compared),
+    )

@@ -18,6 +18,7 @@ from freqid.core.sections.identification import factors_of
 from freqid.core.vehicle import Effector, Vehicle
 from freqid.workflows.reviews.gap_grounds import least_flown, listed
 from freqid.workflows.reviews.grounds import said
+from freqid.workflows.reviews.loops import interpolated, interpolation
 from freqid.workflows.reviews.read_together import ReviewedFile
 
 _LARGER = 1.25
@@ -52,7 +53,7 @@ def uses_of(files: Sequence[ReviewedFile], points: Sequence[StudiedPoint]) -> It
     for one in files:
         if isinstance(one.result, GapResult):
             yield Use("Simulation", _simulation(one.result))
-    if known := _margins(files):
+    if known := _margins(files, points):
         yield Use("Margins of the control law", known)
 
 
@@ -224,10 +225,22 @@ def _simulation(gap: GapResult) -> str:
     return f"with the change that was found ({' and '.join(named)}) only, {where}"
 
 
-def _margins(files: Sequence[ReviewedFile]) -> str:
-    """Return at which conditions margins are known, and of which aircraft."""
+def _margins(files: Sequence[ReviewedFile], points: Sequence[StudiedPoint]) -> str:
+    """Return at which conditions margins are known, at which they are interpolated, and of which aircraft."""
     ids = [at for one in files if isinstance(one.result, LoopMargins) for at in one.result.ids]
-    texts = [f"known with the identified model at {listed(list(dict.fromkeys(ids)))}"] if ids else []
+    identified = [p.id for p in points]
+    between = interpolated(ids, identified)
+    known = [at for at in dict.fromkeys(ids) if at not in between]
+    texts = []
+    if known and identified:
+        texts.append(f"known with the identified model at {listed(known)}")
+    elif known:
+        texts.append(
+            f"computed with the identified model at {listed(known)}; no point model among the files says "
+            "which of these were identified"
+        )
+    if between:
+        texts.append(f"not known at {listed(between)}: {interpolation(identified)}")
     for one in files:
         if isinstance(one.result, GapResult) and one.result.how_far:
             least = least_flown(one.result.how_far[0])

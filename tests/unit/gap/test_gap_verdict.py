@@ -150,3 +150,15 @@ def test_the_words_of_an_effect_have_the_sign_that_its_interval_leaves():
     assert "(The vehicle is lighter than it is described)" in words(-0.18, -0.14)
     assert "(The vehicle is heavier than it is described)" in words(0.14, 0.18)
     assert "(The vehicle is heavier or lighter than it is described)" in words(-0.1, 0.2)
+
+
+def test_the_verdict_names_signals_only_where_their_lines_hold_the_gap():
+    def words(at_rest, driven, inputs=("de", "")):
+        energy = np.zeros((1, 1, 1, len(inputs)))
+        energy[..., 0], energy[..., -1] = driven, at_rest
+        cells = GapMap(("Z",), ("u30",), inputs, ((0.0, 0.12),), energy, np.full((1, 3), 1 / 3))
+        return verdict(GAP, cells.places(), cells, WORN, (), (), library())
+
+    assert "in Z, mostly 0-0.12 Hz, on lines that no signal drives, the mean among them. " in words(9e5, 2.0)
+    assert "in Z, mostly 0-0.12 Hz, on the lines of de. " in words(5.0, 5.0)
+    assert "in Z, mostly 0-0.12 Hz. " in words(5.0, 5.0, ("",))

@@ -12,9 +12,11 @@ from made_up_gap import made_up
 from freqid.core.results.judged.review import Source
 from freqid.core.results.judged.truth import Miss
 from freqid.core.results.loop_margins import Beside, LoopMargins
+from freqid.report.margins.page import build_margins_page
 from freqid.workflows.reviews.grounds import grounds_of
-from freqid.workflows.reviews.loops import loops_compared, why_loops_differ
+from freqid.workflows.reviews.loops import interpolation, loops_compared, why_loops_differ
 from freqid.workflows.reviews.read_together import ReviewedFile
+from freqid.workflows.reviews.use import _margins
 
 FIGURES = ("margins/L/phase_deg", "margins/M/phase_deg")
 
@@ -84,7 +86,7 @@ def test_the_difference_is_split_into_effect_interpolation_and_condition():
     files = reviewed(margins(), gap())
     text = ". ".join(why_loops_differ(loops_compared(files), files, [point("u20"), point("u45")]))
     assert "is 43.0 deg in the simulation and 41.6 deg with the effect (stall), which takes 1.4 deg" in text
-    assert "60.9 deg there, 17.9 deg more than the simulation: it was not identified at u30" in text
+    assert "60.9 deg there, 17.9 deg more than the simulation: it was not identified there" in text
     assert "least margin, 46.2 deg (axis L), is at u20" in text
     assert "(u20) it and the simulation differ by at most 0.1 deg (u20), within the model's interval" in text
 
@@ -120,3 +122,42 @@ def test_the_next_flight_is_judged_by_the_margin_with_the_effect(after, weight):
     assert f"keeps {after:.1f} deg of phase margin (axis L at u30)" in ground.text
     assert ("less than the 45 deg" in ground.text) is (weight == "stop")
     assert ground.text.endswith("the simulation without it has 48.0 deg")
+
+
+def test_an_interpolated_margin_is_called_known_nowhere():
+    files = reviewed(margins(), gap())
+    points = [point("u20"), point("u45")]
+    same = interpolation(["u20", "u45"])
+    assert same.startswith("it was not identified there but interpolated between u20 and u45")
+    assert any(same in s for s in why_loops_differ(loops_compared(files), files, points))
+    use = _margins(files, points)
+    assert use.startswith(f"known with the identified model at u20; not known at u30: {same}")
+    alone = _margins(files, [])  # nothing says where the model was identified
+    assert "no point model among the files says" in alone
+    assert "known with" not in alone
+    text = " ".join(why_loops_differ(loops_compared(files), files, []))
+    assert "interpolated" not in text
+
+
+def test_the_margins_section_is_not_green_beside_an_answer_that_forbids():
+    files = reviewed(margins(simulation=((47.0, 48.0), (52.0, 58.0))), gap())
+    against = [g for g in grounds_of(files, None) if g.subject == "next flight" and g.source == "1.h5"]
+    assert [g.weight for g in against] == ["stop"]
+    alone = build_margins_page(files[0].result)
+    assert 'class="good"' in alone
+    page = build_margins_page(files[0].result, against, ["u20"]).part("margins-0").body
+    assert 'class="good"' not in page
+    assert page.index("keeps 41.6 deg of phase margin (axis L at u30), less than the 45 deg") < page.index(
+        "The identified model alone is stable"
+    )
+    assert 'href="#risks"' in page
+    assert "u30 (interpolated)" in page
+    assert "u20 (interpolated)" not in page
+
+
+def test_a_margin_beside_that_is_too_small_is_said_in_the_section():
+    page = build_margins_page(margins())
+    assert 'class="good"' not in page
+    assert (
+        "Not so the simulation sim: its least phase margin is 43.0 deg (L at u30), less than the 45" in page
+    )

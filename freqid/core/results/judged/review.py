@@ -225,6 +225,8 @@ class Trust:
         By all the reasons that a parameter has, joined by `` and ``: these add up to `doubtful`.
     off_linear, off_noise_free, off_both : int
         Of `missing`: off the linearisation, off the noise-free estimate, off both (counted in either).
+    by_noise : int
+        Not doubtful and not in `missing`: off the truth by noise alone, where that many are by chance.
     """
 
     parameters: int
@@ -237,6 +239,7 @@ class Trust:
     off_linear: int = 0
     off_noise_free: int = 0
     off_both: int = 0
+    by_noise: int = 0
 
 
 @dataclass(frozen=True)
@@ -279,6 +282,7 @@ class Review:
     missing : dict of str
         What there is no file of, by section; the command that makes it.
     sources : tuple of Source
+        All files that were read: those given, those that a study holds, the scenario, what was compared with.
     quantities : dict of Quantity
         By what they are, as ``u45 M q``.
     against : str
@@ -297,6 +301,8 @@ class Review:
         What the model, the simulation and the margins may be used for.
     rules : tuple of str
         What is an open risk, one phrase for each kind.
+    vehicle_text : tuple of str
+        What a diagnosis says of the vehicle otherwise than it is described, in sentences.
     """
 
     vehicle: str
@@ -317,6 +323,7 @@ class Review:
     loops_text: tuple[str, ...] = ()
     uses: tuple[Use, ...] = ()
     rules: tuple[str, ...] = ()
+    vehicle_text: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         said = ", ".join(f"{d.subject}: {d.answer}" for d in self.decisions)

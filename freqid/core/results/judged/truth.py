@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,6 +14,19 @@ from freqid.core.layout import Attribute, Dataset
 Cause = Literal["noise", "amplitude", "wake delay", "not explained"]
 BEYOND = 2.0
 """Standard errors from which an estimate is called off."""
+PROMISED = 0.9545
+"""Share of normal errors within two standard errors."""
+
+
+def scatter_of_share(count: int) -> float:
+    """Return two standard deviations of the share of independent errors that are within 2σ."""
+    return 2 * math.sqrt(PROMISED * (1 - PROMISED) / count)
+
+
+def as_many_as_by_chance(distances: Array) -> bool:
+    """Return whether no more distances, in standard errors, are beyond 2σ than noise alone would leave."""
+    outside = float(np.mean(np.abs(distances) > BEYOND)) if len(distances) else 0.0
+    return not len(distances) or outside <= 1 - PROMISED + scatter_of_share(len(distances))
 
 
 @dataclass(frozen=True)
@@ -45,6 +59,12 @@ class Miss:
     def sigmas(self) -> float:
         """Estimate less linearisation, in standard errors."""
         return (self.estimate - self.linear) / self.std_error
+
+    @property
+    def by_noise_alone(self) -> bool:
+        """Whether nothing but the noise part puts it off: without noise it would be within `BEYOND`."""
+        rest = sum(x for cause, x in self.parts.items() if cause != "noise")
+        return self.of == "noise-free estimate" or abs(rest) <= BEYOND
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,9 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_up_gap import made_up
+from test_page import Page
 
 from freqid.cli.gap_texts import diagnosis_text
-from freqid.report.gap.figures import before_after_time, heat_panels, increment_bars
+from freqid.report.gap.figures import (
+    before_after_frequency,
+    before_after_time,
+    heat_panels,
+    increment_bars,
+    residual_spectra,
+)
 from freqid.report.gap.page import build_gap_page
 from freqid.report.kit.notation import sentence
 
@@ -110,3 +117,77 @@ def test_clear_increments_set_the_scale():
     (axes,) = increment_bars(increments).axes
     assert [t.get_text() for t in axes.get_yticklabels()] == ["M by de", "Z by w"]
     assert axes.get_xlim()[1] > 28
+
+
+def test_a_number_fits_its_cell_however_many_columns_there_are():
+    columns = [f"n{k}" for k in range(19)]
+    figure = heat_panels(["all"], ["Z"], columns, np.full((1, 1, 19), 1.0), 1.0, "Signal")
+    figure.canvas.draw()
+    (axes,) = figure.axes
+    cell = axes.transData.transform([[0, 0], [1, 0]])
+    for text in axes.texts:
+        assert text.get_text() == "100"
+        assert text.get_window_extent().width < cell[1, 0] - cell[0, 0]
+
+
+def steady():
+    """Return the made-up diagnosis with a gap of 40 N in the mean, 39 of which go, and nothing else."""
+    found = made_up()
+    one = found.before_after[0]
+    still = np.zeros_like(one.measured)
+    offset = np.array([[40.0], [0.0]])
+    rest = np.zeros_like(one.before_hz)
+    rest[0, 0] = -126.5
+    spectra = tuple(replace(s, explained=rest, residual=rest, noise=0 * s.noise + 1.0) for s in found.spectra)
+    one = replace(one, measured=still - offset, before=still, after=still - 39.0 / 40.0 * offset)
+    one = replace(
+        one, measured_hz=rest, before_hz=0 * rest, after_hz=rest * 39.0 / 40.0, noise=0 * one.noise + 1
+    )
+    energy = np.zeros_like(found.cells.energy)
+    energy[0, 0, :, 1] = 1.0
+    cells = replace(found.cells, energy=energy)
+    return replace(found, spectra=spectra, before_after=(one,), cells=cells)
+
+
+def test_a_gap_in_the_mean_stands_beside_an_rmse_that_leaves_it_out():
+    found = steady()
+    changes = found.mean_errors()
+    assert (changes["Z"].before, changes["Z"].after, changes["M"].before) == pytest.approx((40.0, 1.0, 0.0))
+    assert found.share_at_rest() == pytest.approx(1.0)
+    page = build_gap_page(found)
+    assert "Of what is explained here, 100 % lies at zero frequency." in page
+    assert "RMSE, in the response's unit: of what changes in time up to 1.9 Hz, the mean left out" in page
+    cells = next(t for t in Page(page).cells if any(c[0] == "Mean off before" for c in t[0]))
+    row = dict(zip([c[0] for c in cells[0]][:6], [c[0] for c in cells[1]][:6], strict=True))
+    assert row["Mean off before"] == "40.0"
+    assert cells[1][5][0] == "1.00"
+    assert "Mean of measured less simulated: Z −40.0 before and −1.00 after (N)" in page
+
+
+def test_the_mean_is_drawn_at_zero_beside_a_logarithmic_axis():
+    found = steady()
+    for figure in (
+        residual_spectra(found.spectra[0], [0]),
+        before_after_frequency(found.before_after[0], [0]),
+    ):
+        (axes,) = figure.axes
+        figure.canvas.draw()
+        labels = {t.get_text(): x for x, t in zip(axes.get_xticks(), axes.get_xticklabels(), strict=True)}
+        left, right = axes.get_xlim()
+        assert left < labels["0"] < found.spectra[0].hz[1] < right
+        highest = max((y, x) for line in axes.lines for x, y in zip(*line.get_data(), strict=True) if y > 1)
+        assert highest == (126.5, labels["0"])
+        assert axes.get_ylim()[1] > 126.5
+
+
+def test_no_signal_is_named_or_drawn_for_a_gap_that_none_drives():
+    found = steady()
+    (place,) = found.cells.places()
+    assert (place.response, place.input) == ("Z", "")
+    page = build_gap_page(found)
+    assert 'id="figure-map-input"' not in page
+    assert "all driven lines together hold 0 % of what is explained" in page
+    energy = found.cells.energy.copy()
+    energy[0, 0, :, 0] = 0.2  # 17 % on the lines of de
+    (place,) = replace(found.cells, energy=energy).places()
+    assert place.input == "de"

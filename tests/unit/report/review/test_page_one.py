@@ -255,15 +255,22 @@ def test_counts_of_parameters_add_up_where_they_stand_together(tmp_path):
     assert int(causes[1]) == trust.off_linear == sum(map(int, re.findall(r"for (\d+)", causes[2])))
 
 
-def test_the_table_of_doubts_is_sorted_by_reason_and_says_how_well_each_is_known():
+def test_the_table_of_doubts_has_what_is_off_and_matters_first_and_says_how_well_each_is_known():
     cells = Page(build_points_sheet(doubtful())).cells
     table = next(t for t in cells if any(c[0] == "Why not" for c in t[0]))
     heads = [cell[0] for cell in table[0]]
     at = {name: heads.index(name) for name in ("Reason", "Why not", "Half interval (%)")}
     reasons = [row[at["Reason"]][0] for row in table[1:]]
-    groups = [r for k, r in enumerate(reasons) if k == 0 or reasons[k - 1] != r]
-    assert len(groups) <= 2 * len(set(reasons))  # once among those that matter, once among those that do not
-    assert reasons[-1] == "off the truth" or "wide interval" in reasons[0]
+    moves = [float(row[heads.index("Moves (%)")][0]) for row in table[1:]]
+    off = [float(row[heads.index("Off (σ)")][0].replace("−", "-") or 0) for row in table[1:]]
+    matters = [m >= 5 for m in moves]
+    assert matters == sorted(matters, reverse=True)
+    for size in (True, False):
+        far = [abs(x) for x, m, r in zip(off, matters, reasons, strict=True) if m is size and "truth" in r]
+        assert far == sorted(far, reverse=True)
+        told = ["truth" in r for m, r in zip(matters, reasons, strict=True) if m is size]
+        assert told == sorted(told, reverse=True)
+    assert max(map(abs, off)) == abs(off[0]) == 40.0
     for row in table[1:]:
         if row[at["Reason"]][0] == "off the truth":
             assert re.search(r"outside 2σ of the .*; known to ±", row[at["Why not"]][0])

@@ -21,7 +21,7 @@ def test_a_weak_and_late_elevator_is_found_and_refitted(script, tmp_path):
     found = diagnose(simulation, [Maneuver.of(flight, simulation.vehicle)], question).diagnosis
     assert found.gap.exists
     assert {p.response for p in found.where} >= {"actuator/elevator", "M"}
-    assert {p.input for p in found.where} == {"elevator"}
+    assert {p.input for p in found.where if p.input} == {"elevator"}  # the mean is driven by none
     closure = found.how_far[0]
     assert set(closure.effects) == set(benchmark.EFFECTS)
     assert closure.wrench.G > 0.8  # on every other line of one short flight

@@ -39,7 +39,7 @@ _KINDS = ("", "actuator/", "kinematic/")
 _LEAST = (FORM_ERRORS[1], ACTUATOR_FORM, FORM_ERRORS[1])  # from which sizes of a kind are looked for
 _SMALLEST = (1e-5, ACTUATOR_FORM, 1e-5)  # of a kind: what is below a hundred-thousandth is nothing
 _REACH = 50.0  # by which a term may be worse than what is common to its kind
-_HOPELESS = 30.0  # nats below the best, from which no form matters, and larger ones are no better
+_HOPELESS = 30.0  # nats below the best, from which larger ones are no better
 _STEPS = 50  # of the search at most
 _FARTHEST = 2.0  # e-foldings of a size in one step
 _SHORTER = (1.0, 0.5, 0.25, 0.1, 0.03)  # shares of a step that are tried until one leads uphill
@@ -94,8 +94,7 @@ def reach(sizes: Array) -> Array:
 def likely_forms(system: System, terms: Sequence[str], start: Array) -> tuple[Form, ...]:
     """Return the likeliest errors of form, without an effect and beside each of the likeliest ones.
 
-    Those that are far less likely than the best are left out. All twice: drawn anew in each condition, and
-    with errors that are the same everywhere beside.
+    All of these twice: drawn anew in each condition, and with errors that are the same everywhere beside.
 
     Parameters
     ----------
@@ -115,16 +114,7 @@ def likely_forms(system: System, terms: Sequence[str], start: Array) -> tuple[Fo
         likely = _likely_effects(system, Form(tuple(start.tolist()), alike)) | _likely_effects(system, first)
         beside = [sizes.likeliest(np.array(first.loads), d, alike) for d in likely.values()]
         found += [first, *beside]
-    return _hopeful(system, tuple(dict.fromkeys(found)))
-
-
-def _hopeful(system: System, forms: tuple[Form, ...]) -> tuple[Form, ...]:
-    """Return the forms that the data leave possible with an effect or without one.
-
-    Where an effect is plain, what the form would have to be without it is a hundred times too large.
-    """
-    log = [_with_any(system, [form]) for form in forms]
-    return tuple(f for f, x in zip(forms, log, strict=True) if x > max(log) - _HOPELESS)
+    return tuple(dict.fromkeys(found))
 
 
 def forms_beside(system: System, terms: Sequence[str], explanations: Sequence[Array]) -> tuple[Form, ...]:

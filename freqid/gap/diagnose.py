@@ -35,8 +35,8 @@ from freqid.gap.verdict import remarks_of, tolerances_used, verdict
 from freqid.simulate.effects.effect import Effect
 
 _STRAINED = 3  # tolerances whose strain is said
-_AWAY = 1.0  # sigma: with an effect departures are elsewhere; beyond that they are flown too
-_FLIGHTS = 2  # such flights at most
+_AWAY = 1.0  # sigmas between departures with and without the effect, from which those with it are flown
+_FLIGHTS = 2  # times at most that they are
 _NEAR = 0.2  # of a size of an effect: what tolerances do beside it changes by less than a tenth
 
 

@@ -215,8 +215,10 @@ def check_feasible(
             remedy="correct the reference or the limits, or leave it out of excitation.amplitude",
         )
     rate = np.array([np.inf if e.rate_limit is None else e.rate_limit for e in chosen])
-    i = int(np.argmax(judged.peak / room))
-    effector, asked, share = chosen[i], amplitude_of(excitation, chosen[i]), judged.peak[i] / room[i]
+    with np.errstate(over="ignore"):  # a range or a rate may be as small as a number can be
+        peaks, slews = judged.peak / room, judged.slew / rate
+    i = int(np.argmax(peaks))
+    effector, asked, share = chosen[i], amplitude_of(excitation, chosen[i]), peaks[i]
     if share > 1:
         raise UsageError(
             f"excitation.amplitude of '{effector.name}', {asked:g} {effector.unit}, makes peaks of "
@@ -224,8 +226,8 @@ def check_feasible(
             + (f"{middle[i]:.4g}, where it is" if effector.name in known else "the middle of their range"),
             remedy=f"at most {at_most(asked / share)} is feasible",
         )
-    i = int(np.argmax(judged.slew / rate))
-    effector, asked, share = chosen[i], amplitude_of(excitation, chosen[i]), judged.slew[i] / rate[i]
+    i = int(np.argmax(slews))
+    effector, asked, share = chosen[i], amplitude_of(excitation, chosen[i]), slews[i]
     if share > 1:
         raise UsageError(
             f"excitation.amplitude of '{effector.name}', {asked:g} {effector.unit}, needs "

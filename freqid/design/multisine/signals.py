@@ -18,6 +18,9 @@ from freqid.core.errors import UsageError
 from freqid.core.results.design import MultisineDesign
 
 
+_LEAST = 1e-300  # of a bound that has four digits
+
+
 def at_most(value: float) -> str:
     """Write a bound with four digits, none of them rounded up: as written it is kept."""
     return f"{_rounded(value, floor):.4g}"
@@ -29,6 +32,8 @@ def at_least(value: float) -> str:
 
 
 def _rounded(value: float, towards: Callable[[float], int]) -> float:
+    if abs(value) < _LEAST:
+        return 0.0 if towards is floor else _LEAST
     digits = 3 - floor(log10(value))
     # A bound that has four digits already is kept, though it is a little off in binary.
     nearest = round(value, digits)

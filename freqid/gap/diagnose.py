@@ -15,28 +15,28 @@ from freqid.core.results.diagnosis import Closure, Existence, GapDiagnosis, Inte
 from freqid.core.results.gap import GapMap
 from freqid.gap.close.closing import Closing, closing_of
 from freqid.gap.close.closure import Closed, close
-from freqid.gap.infer.build import build, flown_departures, rebuilt
+from freqid.gap.infer.build import at_their_size, build, flown_departures
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate, weigh
-from freqid.gap.infer.explain import BEHIND, FINALISTS, Explanation, explain
+from freqid.gap.infer.explain import Explanation, explain, likeliest
 from freqid.gap.infer.joint_replay import about_explanation, settings_of
 from freqid.gap.infer.joint_sizes import form_beside
-from freqid.gap.infer.linearise import likelier_without, likeliest_departures, relinearised
+from freqid.gap.infer.linearise import likelier_without, likeliest_departures
 from freqid.gap.infer.null_draws import null_statistics, threshold_of
 from freqid.gap.infer.system import System
 from freqid.gap.infer.where import gap_map
 from freqid.gap.infer.which import Ranking, detectable_sizes, groups_of, probability_of_none, rank
-from freqid.gap.model.candidates import OTHER
-from freqid.gap.model.refine import refined
+from freqid.gap.model.candidates import OTHER, Candidate
+from freqid.gap.model.testable import route_of
 from freqid.gap.settings import FORM_ERRORS, INTERVAL, LEVEL, NAMED, NULL_DRAWS, TEMPERATURE
-from freqid.gap.simulation import Simulation, side_by_side
+from freqid.gap.simulation import Settings, Simulation, side_by_side
 from freqid.gap.stack.block import Block, flown_again, stack_of
 from freqid.gap.verdict import remarks_of, tolerances_used, verdict
 from freqid.simulate.effects.effect import Effect
 
 _STRAINED = 3  # tolerances whose strain is said
 _AWAY = 1.0  # sigmas between departures with and without the effect, from which those with it are flown
-_FLIGHTS = 2  # times at most that they are
+_FLIGHTS = 2  # times at most that it flies with what was found
 _NEAR = 0.2  # of a size of an effect: what tolerances do beside it changes by less than a tenth
 
 
@@ -147,12 +147,13 @@ def diagnose(
     library = {i: e.of(maneuvers[0].vehicle) for i, e in q.candidates.items()}
     tell("replaying the simulation")
     count = len(maneuvers)
-    flown = used = stack_of(simulation, maneuvers, names[:count], q.band_hz, seed=q.seed)
+    used = stack_of(simulation, maneuvers, names[:count], q.band_hz, seed=q.seed)
     departures: dict[str, float] = {}
-    if simulation.tolerances and any(b.motion.flown for b in used):
+    departs = bool(simulation.tolerances) and any(b.motion.flown for b in used)
+    if departs:
         tell("flying the simulation as it is likeliest")
         departures = flown_departures(used, q.candidates, q.tolerances)
-        used = side_by_side(simulation, lambda b: flown_again(b, departures), flown)
+        used, departures = _flown(simulation, used, [departures, {}])
     tell("computing effects and tolerances")
     system, not_tested, columns, used = build(used, q.candidates, q.tolerances)
     for name in q.named:
@@ -172,18 +173,21 @@ def diagnose(
     exists = p <= q.level
     if exists:
         tell("computing the likeliest effects at their size")
-        system, columns = _at_their_size(evidence, system, columns, q, used)
+        system, columns = at_their_size(evidence, columns, used, q.candidates, q.tolerances)
         evidence = replace(weigh(system), without=without)
-    for _ in range(_FLIGHTS if exists and departures else 0):
+    found: dict[str, Settings] = {}
+    for _ in range(_FLIGHTS if exists and departs else 0):
         beside = likeliest_departures(system, used, q.tolerances, evidence.form_error())[0]
-        if _apart(beside, departures, simulation, q.tolerances) <= _AWAY:
+        likely = _of_the_simulation(evidence, simulation, library)
+        near = _as_near(*(dict(x.get("effects", {})) for x in (likely, found)))
+        if near and _apart(beside, departures, simulation, q.tolerances) <= _AWAY:
             break
         tell("flying the simulation as it is likeliest with what was found")
-        departures = beside
-        again = partial(flown_again, departures=departures, effects=_flown_with(evidence, simulation))
-        used = side_by_side(simulation, again, flown)
-        system, not_tested, columns, used = build(used, q.candidates, q.tolerances)
-        system, columns = _at_their_size(weigh(system), system, columns, q, used)
+        found = likely
+        used, departures = _flown(simulation, used, [beside, {}], **found)
+        behind = _behind(evidence, q.candidates)
+        system, not_tested, columns, used = build(used, q.candidates, q.tolerances, behind)
+        system, columns = at_their_size(weigh(system), columns, used, q.candidates, q.tolerances)
         evidence = replace(weigh(system), without=without)
     p_none = probability_of_none(evidence)
     ranking = rank(evidence, exists, INTERVAL, TEMPERATURE, p_none if exists else max(p_none, 0.5))
@@ -203,7 +207,15 @@ def diagnose(
     if q.close and explanation and joint:
         tell("closing the gap")
         others = (
-            stack_of(simulation, held_out, names[count:], q.band_hz, seed=q.seed + 500, departures=departures)
+            stack_of(
+                simulation,
+                held_out,
+                names[count:],
+                q.band_hz,
+                seed=q.seed + 500,
+                departures=departures,
+                **found,
+            )
             if held_out
             else []
         )
@@ -246,17 +258,60 @@ def diagnose(
     )
 
 
-def _flown_with(evidence: Evidence, simulation: Simulation) -> dict[str, dict[str, float]]:
-    """Return the settings of the likeliest effect, where it has one size and the simulation has it itself."""
+def _flown(
+    simulation: Simulation, blocks: Sequence[Block], choices: Sequence[dict[str, float]], **found: Settings
+) -> tuple[list[Block], dict[str, float]]:
+    """Return blocks on those flights that miss least of the records, and the departures they are of.
+
+    Departures that are fitted where a large effect is not allowed for are worse than none.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    blocks : sequence of Block
+    choices : sequence of dict of float
+        Departures to choose from.
+    **found : dict of dict of float
+        Effects of its own, as in `flown_again`.
+    """
+    each = [
+        (side_by_side(simulation, partial(flown_again, departures=d, **found), blocks), d)
+        for i, d in enumerate(choices)
+        if d not in choices[:i]
+    ]
+    return min(each, key=lambda one: sum(b.motion.missed for b in one[0]))
+
+
+def _of_the_simulation(
+    evidence: Evidence, simulation: Simulation, library: Mapping[str, Effect]
+) -> dict[str, Settings]:
+    """Return the settings of the likeliest effect, where it has one size and the simulation has it itself.
+
+    As `effects`, with which it flies; one that it adds to the loads also as `acting`, beside which all other
+    changes are asked for. What an actuator does is known to its own changes.
+    """
     i = int(np.argmax(evidence.candidate))
     c = evidence.system.candidates[i]
     if c.kind != "scalar" or c.effect not in simulation.effects:
         return {}
-    in_force = simulation.effects[c.effect]
+    effect, in_force = library[c.effect], simulation.effects[c.effect]
     size = float(estimate(evidence, i, INTERVAL).size[0])
-    return {
+    settings = {
         c.effect: {**in_force, **{n: in_force[n] + size for n in c.place.parameters}, **dict(c.place.fixed)}
     }
+    loads = route_of(effect, simulation) == "own" and effect.stage != "command"
+    return {"effects": settings, "acting": settings} if loads else {"effects": settings}
+
+
+def _behind(evidence: Evidence, library: Mapping[str, Effect]) -> dict[str, list[Candidate]]:
+    """Return the candidates of all effects that do not lead, by effect.
+
+    These stay as they are when the leading ones are computed on another flight: they are computed there once
+    they may act beside one that leads.
+    """
+    every = evidence.system.candidates
+    leading = {every[i].effect for i in likeliest(evidence)}
+    return {e: [c for c in every if c.effect == e] for e in library if e not in leading}
 
 
 def _apart(
@@ -269,25 +324,6 @@ def _apart(
     own = simulation.tolerances
     sigma = {n: tolerances.get(n, own[n].sigma) for n in {*one, *other}}
     return max((abs(one.get(n, 0.0) - other.get(n, 0.0)) / s for n, s in sigma.items() if s), default=0.0)
-
-
-def _at_their_size(
-    evidence: Evidence, system: System, columns: list[Columns], question: Question, blocks: Sequence[Block]
-) -> tuple[System, list[Columns]]:
-    """Return the system with the finalists' columns at sizes near their estimates, straight about these."""
-    q, best = question, max(evidence.effect.values())
-    ranked = sorted(evidence.effect, key=lambda e: -evidence.effect[e])[:FINALISTS]
-    new = list(system.candidates)
-    for effect in ranked:
-        if effect == OTHER or best - evidence.effect[effect] > BEHIND:
-            continue
-        i = evidence.best_place(effect)
-        if new[i].kind == "scalar":
-            new[i] = refined(new[i], float(estimate(evidence, i, INTERVAL).size[0]), q.candidates, blocks)
-    if all(a is b for a, b in zip(new, system.candidates, strict=True)):
-        return system, columns
-    system, columns = rebuilt(system, new, columns, blocks)
-    return relinearised(system, columns, blocks, q.candidates, q.tolerances, evidence.form_error())
 
 
 def _explanation(
@@ -325,7 +361,7 @@ def _explanation(
     return explanation, evidence, kept[0]
 
 
-def _as_near(one: dict[str, dict[str, float]], other: dict[str, dict[str, float]]) -> bool:
+def _as_near(one: Settings, other: Settings) -> bool:
     """Return whether the same effects act, at sizes so near that tolerances do the same beside them."""
     if {n: set(s) for n, s in one.items()} != {n: set(s) for n, s in other.items()}:
         return False

@@ -96,6 +96,10 @@ class CallableSimulation:
         """Whether the function has ``positions``."""
         return getattr(self.function, "positions", None) is not None
 
+    def acting_with(self, effects: Settings) -> CallableSimulation:
+        """Return the simulation with effects of its own at other settings."""
+        return replace(self, effects={**self.effects, **effects})
+
     def predict(
         self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
     ) -> Array:

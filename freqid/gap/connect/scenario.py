@@ -104,6 +104,10 @@ class ScenarioSimulation:
         """Whether the scenario describes actuators."""
         return bool(self.scenario.simulation.actuators)
 
+    def acting_with(self, effects: Settings) -> ScenarioSimulation:
+        """Return the simulation with effects of its own at other settings."""
+        return replace(self, scenario=self._scenario(effects), _loops={}, _airframes={})
+
     def predict(
         self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
     ) -> Array:

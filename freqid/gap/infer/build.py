@@ -10,28 +10,47 @@ import numpy as np
 from freqid.core.arrays import Complex
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.columns import Columns, Parts
+from freqid.gap.infer.evidence import Evidence, estimate, weigh
+from freqid.gap.infer.explain import likeliest
 from freqid.gap.infer.forms import common_form, likely_forms, of_all, reach
 from freqid.gap.infer.linearise import likeliest_departures, relinearised
 from freqid.gap.infer.system import System
 from freqid.gap.model.candidates import Candidate, candidates
 from freqid.gap.model.form import shared_columns
+from freqid.gap.model.refine import refined
 from freqid.gap.model.tolerance import tolerance_columns
-from freqid.gap.settings import FORM_ERRORS, ROUNDS
+from freqid.gap.settings import FORM_ERRORS, INTERVAL, ROUNDS
 from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
 
 
 def build(
-    blocks: Sequence[Block], library: Mapping[str, Effect], sizes: Mapping[str, float]
+    blocks: Sequence[Block],
+    library: Mapping[str, Effect],
+    sizes: Mapping[str, float],
+    known: Mapping[str, list[Candidate]] | None = None,
 ) -> tuple[System, dict[str, str], list[Columns], list[Block]]:
     """Return the system of a stack, why effects are not tested, the columns by block, and the blocks.
 
-    The blocks come back with the noise of their loads as loud as it was flown, where no repeats told it. Of
-    the errors of form those stay that the data leave possible.
+    The blocks come back with the noise of their loads as loud as it was flown, where no repeats told it. The
+    likeliest effects are computed at their size before errors of form are looked for: what is missing of a
+    large effect looks like a large one. Of these errors those stay that the data leave possible.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+    library : dict of Effect
+    sizes : dict of float
+        Tolerances, one sigma by name.
+    known : dict of list of Candidate, optional
+        By effect, candidates that stay as they are, on blocks whose noise is as loud as it was flown.
     """
-    found, not_tested = candidates(library, blocks)
-    system, columns, parts, common = _straight(blocks, found, library, sizes)
+    found, not_tested = candidates(library, blocks, known or {})
+    system, columns, parts, common = _straight(blocks, found, library, sizes, quiet=known is None)
+    blocks = [p.block for p in parts]
+    evidence = weigh(replace(system, form_errors=(common,), _reduced={}))
+    system, columns = at_their_size(evidence, columns, blocks, library, sizes)
     parts = side_by_side(blocks[0].trial.simulation, Parts.second_order, parts)
     terms = _terms(parts)
     start = of_all(terms, columns[0].form_names, common)
@@ -41,7 +60,29 @@ def build(
     forms = likely_forms(system, terms, start)
     columns = [c.kept(forms) for c in columns]
     system = replace(system, blocks=[c.matrices for c in columns], form_errors=forms, _reduced={})
-    return system, not_tested, columns, [p.block for p in parts]
+    return system, not_tested, columns, blocks
+
+
+def at_their_size(
+    evidence: Evidence,
+    columns: Sequence[Columns],
+    blocks: Sequence[Block],
+    library: Mapping[str, Effect],
+    sizes: Mapping[str, float],
+) -> tuple[System, list[Columns]]:
+    """Return the evidence's system with the likeliest effects' columns at sizes near their estimates.
+
+    And tolerances straight about these.
+    """
+    system = evidence.system
+    new = list(system.candidates)
+    for i in likeliest(evidence):
+        if new[i].kind == "scalar":
+            new[i] = refined(new[i], float(estimate(evidence, i, INTERVAL).size[0]), library, blocks)
+    if all(a is b for a, b in zip(new, system.candidates, strict=True)):
+        return system, list(columns)
+    system, columns = rebuilt(system, new, columns, blocks)
+    return relinearised(system, columns, blocks, library, sizes, evidence.form_error())
 
 
 def flown_departures(
@@ -51,7 +92,7 @@ def flown_departures(
 
     With these it flies closer to the record than with its nominal ones.
     """
-    system, _, parts, common = _straight(blocks, [], library, sizes)
+    system, _, parts, common = _straight(blocks, [], library, sizes, quiet=True)
     return likeliest_departures(system, [p.block for p in parts], sizes, common)[0]
 
 
@@ -60,11 +101,13 @@ def _straight(
     found: list[Candidate],
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
+    *,
+    quiet: bool,
 ) -> tuple[System, list[Columns], list[Parts], Form]:
     """Return a system with errors of form of first order and straight tolerances.
 
     And its columns, the parts that they are made of, and the likeliest error of form that is common to all
-    terms of a kind.
+    terms of a kind. Where blocks are `quiet`, the noise of their loads may be louder than it seems.
     """
     simulation = blocks[0].trial.simulation
     stated = side_by_side(simulation, lambda b: tolerance_columns(b, library, sizes), blocks)
@@ -75,7 +118,8 @@ def _straight(
 
     def parts_of(i: int) -> Parts:
         tolerances, shared = [stated[i].get(n) for n in names], [alike[i].get(n) for n in labels]
-        return Parts.of(blocks[i], i, found, tolerances, shared, library, sizes)
+        parts = Parts.of(blocks[i], i, found, tolerances, shared, library, sizes)
+        return parts.as_loud_as_flown(found) if quiet else parts
 
     parts = side_by_side(simulation, parts_of, range(len(blocks)))
     terms = _terms(parts)
@@ -125,7 +169,7 @@ def columns_of(
     """
     stated, alike = tolerance_columns(block, library, sizes), shared_columns(block)
     tolerances, shared = [stated.get(n) for n in names], [alike.get(n) for n in labels]
-    parts = Parts.of(block, index, found, tolerances, shared, library, sizes)
+    parts = Parts.of(block, index, found, tolerances, shared, library, sizes).as_loud_as_flown(found)
     return _columns(parts.second_order(), terms, forms, labels), parts.block
 
 

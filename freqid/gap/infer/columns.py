@@ -55,7 +55,7 @@ class Parts:
         library: Mapping[str, Effect],
         sizes: Mapping[str, float],
     ) -> Parts:
-        """Return the columns of a block, with its noise as loud as it was flown.
+        """Return the columns of a block.
 
         Parameters
         ----------
@@ -73,8 +73,7 @@ class Parts:
         effects = np.concatenate([c.columns[index] for c in found]) if found else _zeros(block, 0)
         own = _stacked(block, list(record_columns(block, library, sizes).values()))
         form = tuple(form_columns(block, form_terms(block)))
-        parts = cls(block, effects, _stacked(block, tolerances), own, _stacked(block, shared), form)
-        return parts if block.noise_from == REPEATS else parts._as_loud_as_flown(found)
+        return cls(block, effects, _stacked(block, tolerances), own, _stacked(block, shared), form)
 
     def fewer(self, largest: Mapping[str, float]) -> Parts:
         """Return the same form in fewer columns.
@@ -105,12 +104,15 @@ class Parts:
         row = [np.full(len(c.spectra), terms.index(c.term)) for c in self.form]
         return RowColumns.of(self.block, self.form), np.concatenate([[], *row]).astype(int)
 
-    def _as_loud_as_flown(self, found: Sequence[Candidate]) -> Parts:
+    def as_loud_as_flown(self, found: Sequence[Candidate]) -> Parts:
         """Return the parts with loads as noisy as is likeliest: sensors tell nothing of gusts and buffet.
 
-        Every effect and every error of form is allowed for while the scale is chosen.
+        Every effect and every error of form is allowed for while the scale is chosen. Where repeats of a
+        manoeuvre told the noise, it stays.
         """
         block = self.block
+        if block.noise_from == REPEATS:
+            return self
         rows = [i for i, row in enumerate(block.rows) if row.kind == "response"]
         if not rows:
             return self

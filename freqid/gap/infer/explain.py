@@ -18,8 +18,8 @@ from freqid.gap.settings import INTERVAL, SEPARATE
 _MOST = 3  # effects of one explanation
 _SETTLING = 6  # times at most that effects are computed again until their sizes stay
 _CLOSE = 0.1  # of an interval: a size that has moved less stays
-FINALISTS = 6  # effects that are computed again near their estimated size
-BEHIND = 10.0  # nats behind the leading one, from which an effect is no finalist
+_FINALISTS = 6  # effects that are computed again near their estimated size
+_BEHIND = 10.0  # nats behind the leading one, from which an effect is no finalist
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +44,13 @@ class Explanation:
     def effects(self) -> tuple[str, ...]:
         """Ids."""
         return tuple(e.candidate.effect for e in self.estimates)
+
+
+def likeliest(evidence: Evidence) -> list[int]:
+    """Return the best places of the effects of a library that lead, the likeliest first."""
+    ranked = sorted((e for e in evidence.effect if e != OTHER), key=lambda e: -evidence.effect[e])
+    best = max(evidence.effect.values(), default=0.0)
+    return [evidence.best_place(e) for e in ranked[:_FINALISTS] if best - evidence.effect[e] <= _BEHIND]
 
 
 Compute = Callable[[Evidence, Explanation, list[tuple[int, Estimate]]], Evidence]
@@ -127,8 +134,8 @@ def _finalists(evidence: Evidence, places: list[int]) -> list[tuple[float, int]]
     """Return the nats and the places of the effects that gain most beside others, none of these again."""
     taken = {evidence.system.candidates[i].effect for i in places} | {OTHER}
     gains = sorted((gain for e, gain in _given(evidence, places).items() if e not in taken), reverse=True)
-    least = max(gains[0][0] - BEHIND, 0.0) if gains else 0.0
-    return [one for one in gains[:FINALISTS] if one[0] >= least]
+    least = max(gains[0][0] - _BEHIND, 0.0) if gains else 0.0
+    return [one for one in gains[:_FINALISTS] if one[0] >= least]
 
 
 def _beside(evidence: Evidence, places: list[int], index: int) -> tuple[int, Estimate]:

@@ -157,7 +157,7 @@ def _straight(sizes: Array, wanted: Array) -> Array:
 
 
 def candidates(
-    library: Mapping[str, Effect], blocks: Sequence[Block]
+    library: Mapping[str, Effect], blocks: Sequence[Block], known: Mapping[str, list[Candidate]] | None = None
 ) -> tuple[list[Candidate], dict[str, str]]:
     """Return all candidates that the records can tell anything of, and why others are not tested.
 
@@ -165,6 +165,8 @@ def candidates(
     ----------
     library : dict of Effect
     blocks : sequence of Block
+    known : dict of list of Candidate, optional
+        By effect, those that are not made again.
 
     Returns
     -------
@@ -181,7 +183,7 @@ def candidates(
         if why:
             not_tested[effect.id] = why
             continue
-        made = _of_effect(effect, vehicle, blocks)
+        made = known[effect.id] if known and effect.id in known else _of_effect(effect, vehicle, blocks)
         if not made:
             not_tested[effect.id] = "it changes nothing in these manoeuvres"
         found += made

@@ -139,6 +139,8 @@ def stack_of(
     *,
     seed: int = 0,
     departures: Departures | None = None,
+    effects: Settings | None = None,
+    acting: Settings | None = None,
 ) -> list[Block]:
     """Return the stack of some records: one block for each condition, repeats together.
 
@@ -153,6 +155,8 @@ def stack_of(
         Of the noise that is sent through the pipeline.
     departures : dict of float, optional
         Of the simulation's own parameters, with which it flies the motion without noise.
+    effects, acting : dict of dict of float, optional
+        Of the simulation itself: those with which it flies too, and those beside which changes are asked.
 
     Raises
     ------
@@ -166,31 +170,47 @@ def stack_of(
 
     def block(k: int) -> Block:
         flown, called = [maneuvers[i] for i in groups[k]], [names[i] for i in groups[k]]
-        return _block(simulation, flown, called, band_hz, seed + 1000 * k, departures)
+        block = _block(simulation, flown, called, band_hz, seed + 1000 * k, departures)
+        return flown_again(block, departures or {}, effects, acting) if effects else block
 
     return side_by_side(simulation, block, range(len(groups)))
 
 
-def flown_again(block: Block, departures: Departures, effects: Settings | None = None) -> Block:
+def flown_again(
+    block: Block, departures: Departures, effects: Settings | None = None, acting: Settings | None = None
+) -> Block:
     """Return a block on the motion that a simulation with departures of its own parameters flies.
-
-    And with effects of its own, where it can fly these.
 
     What was measured stays as it is, and so does its noise. Changes are asked of the simulation with these
     departures.
+
+    Parameters
+    ----------
+    block : Block
+    departures : dict of float
+    effects : dict of dict of float, optional
+        Of the simulation itself, with which it flies too, where it can.
+    acting : dict of dict of float, optional
+        Those of them beside which changes are asked for.
     """
-    simulation = block.trial.nominal.simulation
+    simulation = block.trial.simulation
+    if isinstance(simulation, Departed):
+        simulation = simulation.nominal
     mean = _mean_of(block.maneuvers)
     motion = noise_free(simulation, mean, block.lines, departures, effects)
     if effects and motion.source != OWN_FLIGHT:
         motion = noise_free(simulation, mean, block.lines, departures)
-    trial = _trial(_departed(simulation, departures), motion)
+    trial = _trial(_departed(simulation, departures, acting), motion)
     return replace(block, motion=motion, trial=_thin(trial, block.lines))
 
 
-def _departed(simulation: Simulation, departures: Departures | None) -> Simulation:
+def _departed(
+    simulation: Simulation, departures: Departures | None, acting: Settings | None = None
+) -> Simulation:
+    if not (departures or acting):
+        return simulation
     # all else that a simulation has is the nominal one's
-    return cast(Simulation, Departed(simulation, departures)) if departures else simulation
+    return cast(Simulation, Departed(simulation, departures or {}, acting or {}))
 
 
 def _trial(simulation: Simulation, motion: Motion) -> Trial:

@@ -212,7 +212,7 @@ class Trial:
         """The same on the simulation's nominal parameters."""
         if not isinstance(self.simulation, Departed):
             return self
-        own = replace(self, simulation=self.simulation.nominal)
+        own = replace(self, simulation=self.simulation.undeparted)
         return replace(
             own, predicted=own.simulation.predict(self.maneuver.record), positions=own.positions_with()
         )
@@ -337,12 +337,15 @@ class Trial:
 
     def with_own_effects(self, settings: Settings, *, actuators: bool) -> Histories:
         """Return the change of the residual where the truth has other settings of own effects."""
-        record = self.maneuver.record
+        record, simulation = self.maneuver.record, self.simulation
         positions = {}
         if actuators and self.positions:
             after = self.positions_with(settings)
             positions = {n: after[n] - x for n, x in self.positions.items()}
-        return self.rows(self.simulation.predict(record, settings) - self.predicted, positions)
+        before = self.predicted
+        if isinstance(simulation, Departed) and set(settings) & set(simulation.acting):
+            before = simulation.predict(record, {i: simulation.effects[i] for i in settings})
+        return self.rows(simulation.predict(record, settings) - before, positions)
 
 
 def inputs_of(simulation: Simulation, record: FlightRecord) -> tuple[str, ...]:

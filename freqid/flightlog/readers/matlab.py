@@ -18,7 +18,7 @@ from freqid.core.record import FlightRecord
 from freqid.flightlog.column_map import ColumnMap, Place
 from freqid.flightlog.mapped import assemble_map
 from freqid.flightlog.read import Reader
-from freqid.flightlog.readers.mat5 import Allowance, MatlabObject, read_mat5
+from freqid.flightlog.readers.mat5 import Allowance, MatlabObject, characters, read_mat5
 from freqid.flightlog.readers.matlab_objects import is_log, with_logs_read
 from freqid.flightlog.readers.matlab_series import Timetable
 from freqid.flightlog.signal import NotLogged, Signal, clock_of_table, looks_like_time
@@ -399,7 +399,10 @@ def _plain(file: h5py.File, item: Any, allowance: Allowance) -> Any:
         return {n: _plain(file, field, allowance) for n, field in item.items()}
     empty = bool(item.attrs.get("MATLAB_empty", 0))
     if kind == b"char":
-        return "" if empty else "".join(map(chr, np.ravel(item[()])))
+        if empty:
+            return ""
+        units = np.ravel(item[()].astype("<u2", casting="same_kind"))
+        return characters(units.tobytes().decode("utf-16-le", errors="replace"), (*item.shape[::-1],))
     if empty:
         return np.empty(0)
     values = item[()]

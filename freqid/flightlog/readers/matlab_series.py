@@ -95,15 +95,15 @@ class SeriesReader:
         self, properties: dict[str, Any], clock: dict[str, Any], shape: tuple[int, ...]
     ) -> NDArray[np.float64] | None:
         """Return the times, or None; never more than there are samples."""
-        for stored in (clock.get("Time_"), properties.get("Time_")):
+        start, step, count = (number(clock.get(n)) for n in ("Start_", "Increment_", "Length"))
+        uniform = bool(np.isfinite(start) and np.isfinite(step)) and count in (1, *shape)
+        # MATLAB asks TimeInfo alone; Time_ of the series itself is what is left of the first releases.
+        for stored in (clock.get("Time_"), None if uniform else properties.get("Time_")):
             if isinstance(stored, np.ndarray) and stored.size and stored.dtype.kind in "fiu":
                 return np.ravel(stored).astype(np.float64)
-        start, step, count = (number(clock.get(n)) for n in ("Start_", "Increment_", "Length"))
         if count == 0 and 0 in shape:
             return np.empty(0)
-        if not (np.isfinite(start) and np.isfinite(step)) or count not in (1, *shape):
-            return None
-        return self._clock(start, int(count), step=step)
+        return self._clock(start, int(count), step=step) if uniform else None
 
     def _clock(
         self, start: float, count: int, *, step: float = 0.0, rate: float = 0.0

@@ -181,7 +181,7 @@ def _proposed(channels: Sequence[Listed], effectors: Collection[str]) -> str:
         else:
             parts.append(f"[time]\ncolumn = {_spot(clock.name)}\nunit = {_quoted(clock.unit)}\n")
     for c in channels:
-        if c.clock or not c.samples:
+        if c.clock or not (c.samples or c.label):
             continue
         channel, unit = recognise(c.label or c.name, c.unit, effectors)
         if not channel or channel in taken or not _fits(channel, unit) or c.samples < 2:

@@ -171,7 +171,10 @@ def test_what_is_not_read_is_refused_by_name_and_class_and_hinders_nothing_else(
         with pytest.raises(DataError, match=said) as caught:
             read_log(path, column_map)
         assert caught.value.where == str(path)
-    listed = {c.name: (c.label, c.samples) for c in list_log(path).channels}
+    listing = list_log(path)
+    assert "# Not mapped:\n" in listing.map
+    assert "\n#   months (timetable)\n" in listing.map
+    listed = {c.name: (c.label, c.samples) for c in listing.channels}
     assert listed["good.q"] == ("", 200)
     assert listed["good.level"] == ("categorical", 0)
     assert listed["months"] == ("timetable", 0)

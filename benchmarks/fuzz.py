@@ -371,7 +371,7 @@ def _makers(name: str) -> Any:
 
 
 def _simulink(folder: Path) -> list[Subject]:
-    """Return logs whose signals are objects: a timeseries beside a Dataset with a bus."""
+    """Return logs whose signals are objects: a timeseries and a timetable beside a Dataset with a bus."""
     from freqid.flightlog.column_map import ChannelPlace, ColumnMap, TimePlace
     from freqid.flightlog.read import read_log
 
@@ -379,22 +379,34 @@ def _simulink(folder: Path) -> list[Subject]:
         return []
     makers = _makers("simulink_logs")
     time_s = np.arange(100) / 50
+    uniform = makers.regular(makers.duration(0.0), makers.duration(0.02), 50)
     held = {
         "q": makers.timeseries(np.sin(time_s), time_s, unit="deg/s"),
+        "rows": makers.timetable(
+            makers.moment(1e3 * time_s),
+            {"r": np.cos(time_s), "x": np.sin(time_s)},
+            ["deg/s", "deg"],
+            version=8,
+        ),
         "out": makers.output(
             logsout=makers.dataset(
                 makers.element(makers.timeseries(np.cos(time_s), uniform=(0.0, 0.02)), "theta"),
                 makers.element(makers.struct(p=makers.timeseries(np.sin(time_s), time_s)), "rates"),
+                makers.element(makers.timetable(uniform, {"Data": np.sin(time_s)}), "flap"),
             )
         ),
     }
     logs = "out.logsout"
-    places = {"state/q": "q.Data", "state/theta": f"{logs}.theta.Data", "state/p": f"{logs}.rates.p.Data"}
+    rates = {"q": "q.Data", "p": f"{logs}.rates.p.Data", "r": "rows.r"}
+    others = {
+        **{"state/theta": f"{logs}.theta.Data", "effector/x": "rows.x", "effector/flap": f"{logs}.flap.Data"},
+        **{"effector/t1": "q.Time", "effector/t2": f"{logs}.flap.Time"},  # clocks are compared too
+    }
     column_map = ColumnMap(
-        time=TimePlace(variable="q.Time", unit="s"),
-        channel=tuple(
-            ChannelPlace(name=name, variable=place, unit="deg" if name == "state/theta" else "deg/s")
-            for name, place in places.items()
+        time=TimePlace(variable="rows.Time", unit="s", epoch="unix"),
+        channel=(
+            *(ChannelPlace(name=f"state/{name}", variable=at, unit="deg/s") for name, at in rates.items()),
+            *(ChannelPlace(name=name, variable=at, unit="deg") for name, at in others.items()),
         ),
     )
 
@@ -405,7 +417,7 @@ def _simulink(folder: Path) -> list[Subject]:
     out = []
     for version in ("v7", "v7.3"):
         path = makers.write(folder / f"objects{version}.mat", version, compress=False, **held)
-        out.append(Subject(f"MAT {version[1:]}, objects", ".mat", path.read_bytes(), read, share=0.05))
+        out.append(Subject(f"MAT {version[1:]}, objects", ".mat", path.read_bytes(), read, share=0.1))
     return out
 
 

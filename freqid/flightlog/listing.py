@@ -43,6 +43,8 @@ class Listed:
         Where a MATLAB file keeps its clock.
     label : str
         What the log says that it is, where its name is a place.
+    epoch : {"", "unix"}
+        What its time counts from, where the log says so.
     """
 
     name: str
@@ -56,6 +58,7 @@ class Listed:
     clock: bool = False
     source: str = ""
     label: str = ""
+    epoch: str = ""
 
 
 @dataclass(frozen=True)
@@ -141,6 +144,7 @@ def _listed(signal: Signal) -> Listed:
         clock=signal.note == "clock",
         source=signal.note.removeprefix("clock ") if signal.note.startswith("clock ") else "",
         label=signal.label,
+        epoch=signal.epoch,
     )
 
 
@@ -172,11 +176,12 @@ def _proposed(channels: Sequence[Listed], effectors: Collection[str]) -> str:
     parts, unknown, taken = [], [], set()
     if clock is not None:
         if clock.source:
-            parts.append(f'[time]\nvariable = {_quoted(clock.source)}\nunit = "s"\n')
+            epoch = f"epoch = {_quoted(clock.epoch)}\n" if clock.epoch else ""
+            parts.append(f'[time]\nvariable = {_quoted(clock.source)}\nunit = "s"\n{epoch}')
         else:
             parts.append(f"[time]\ncolumn = {_spot(clock.name)}\nunit = {_quoted(clock.unit)}\n")
     for c in channels:
-        if c.clock or not c.samples:
+        if c.clock or not (c.samples or c.label):
             continue
         channel, unit = recognise(c.label or c.name, c.unit, effectors)
         if not channel or channel in taken or not _fits(channel, unit) or c.samples < 2:

@@ -32,6 +32,8 @@ class Signal:
         the clock of these alone.
     label : str
         What the log says that it is, where its name is a place.
+    epoch : {"", "unix"}
+        What its time counts from, where the log says so.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Signal:
     unit: str = ""
     note: str = ""
     label: str = ""
+    epoch: str = ""
 
 
 class NotLogged(DataError):

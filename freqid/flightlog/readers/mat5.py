@@ -118,9 +118,9 @@ def read_mat5(raw: bytes) -> dict[str, Any]:
     Returns
     -------
     dict
-        By variable: arrays without their unit axes, text as str, scalar structs as dict, cells and struct
-        arrays as list in MATLAB's order, objects as `MatlabObject`. What has no such counterpart (sparse
-        matrices, functions) is an empty dict.
+        By variable: arrays without their unit axes, text as str, scalar structs as dict, cells, struct arrays
+        and rows of a character matrix as list in MATLAB's order, objects as `MatlabObject`. What has no such
+        counterpart (sparse matrices, functions) is an empty dict.
 
     Raises
     ------
@@ -196,12 +196,19 @@ def _matrix(element: _Element) -> tuple[str, Any]:
     if kind in _NUMERIC:
         return name, _numeric(parts, name, shape, bool(int(flags[0]) & _COMPLEX))
     if kind == _CHAR:
-        return name, _next(parts).text() if prod(shape) else ""
+        return name, characters(_next(parts).text(), shape)
     if kind == _CELL:
         return name, [_matrix(part)[1] for part in _exactly(parts, prod(shape), name)]
     if kind == _STRUCT:
         return name, _struct(parts, name, prod(shape))
     return name, {}
+
+
+def characters(text: str, shape: tuple[int, ...]) -> str | list[str]:
+    """Return characters in MATLAB's order as text; of a character matrix its rows, which blanks fill up."""
+    if len(shape) != 2 or min(shape) < 2 or len(text) != prod(shape):
+        return text if prod(shape) else ""
+    return [text[k :: shape[0]].rstrip() for k in range(shape[0])]
 
 
 def _numeric(parts: Iterator[_Element], name: str, shape: tuple[int, ...], is_complex: bool) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,9 @@ from freqid.core.record import FlightRecord
 from freqid.flightlog.column_map import ColumnMap, Place
 from freqid.flightlog.mapped import assemble_map
 from freqid.flightlog.read import Reader
-from freqid.flightlog.readers.mat5 import Allowance, MatlabObject, read_mat5
+from freqid.flightlog.readers.mat5 import Allowance, MatlabObject, characters, read_mat5
 from freqid.flightlog.readers.matlab_objects import is_log, with_logs_read
+from freqid.flightlog.readers.matlab_series import Timetable
 from freqid.flightlog.signal import NotLogged, Signal, clock_of_table, looks_like_time
 
 
@@ -194,15 +196,19 @@ def _remedy_of(name: str, found: MatlabObject) -> str:
     """Return what to type in MATLAB, so that an object's numbers are in the file."""
     if found.remedy:
         return found.remedy
-    if found.class_name.endswith("Dataset"):
-        get = f"x = {name}.get('q').Values; q = x.Data; t = x.Time"
-    else:
-        get = f"q = {name}.Data; t = {name}.Time"
-    return f"save its numbers as variables in MATLAB, such as {get}"
+    get = {
+        "table": f"q = {name}.q",
+        "timetable": f"q = {name}.q; t = seconds({name}.Time - {name}.Time(1))",
+        "timeseries": f"q = {name}.Data; t = {name}.Time",
+        "duration": f"t = seconds({name})",
+        "datetime": f"t = posixtime({name})",
+        "Dataset": f"x = {name}.get('q').Values; q = x.Data; t = x.Time",
+    }.get(found.class_name.rpartition(".")[2])
+    return f"save its numbers as variables in MATLAB{f', such as {get}' if get else ''}"
 
 
 def matlab_signals(path: Path) -> Iterator[Signal]:
-    """Yield what has a clock: vectors beside one called after time, timeseries, and logs of Simulink.
+    """Yield what has a clock: vectors beside one called after time, timeseries, timetables, Simulink's logs.
 
     Names are those of a column map's `variable`. An object that is not read has no samples, and is told by
     its class.
@@ -210,8 +216,8 @@ def matlab_signals(path: Path) -> Iterator[Signal]:
     Raises
     ------
     DataError
-        Where the file is damaged, nothing in it has a clock, or it holds a timeseries and mat-io is not
-        installed.
+        Where the file is damaged, nothing in it has a clock, or it holds objects that are logs and mat-io is
+        not installed.
     """
     variables = with_logs_read(Path(path), load_variables(path))
     found = [*_beside_a_clock(variables, "")]
@@ -219,8 +225,9 @@ def matlab_signals(path: Path) -> Iterator[Signal]:
         matrix = _matrices(variables)
         objects = [*_objects(variables, "")]
         if len(matrix) != 1:
+            more = f"; and {len(objects) - 3} more" if len(objects) > 3 else ""
             raise DataError(
-                "; ".join(f"{name} {_said_of(one)}" for name, one in objects)
+                "; ".join(f"{name} {_said_of(one)}" for name, one in objects[:3]) + more
                 or "no vector of it increases and is called after time, as t or time",
                 remedy=_remedy_of(*objects[0]) if objects else "save the times beside the data, as t",
             )
@@ -253,13 +260,15 @@ def _beside_a_clock(held: dict[str, Any], prefix: str) -> Iterator[Signal]:
     """Yield vectors and columns of a struct, or of the file, as long as its clock, and its structs'."""
     clock = _clock_of(held)
     time = np.ravel(held[clock]).astype(float) if clock else np.empty(0)
+    source, epoch = _joined(prefix, clock), "unix" if isinstance(held, Timetable) and held.absolute else ""
     for name, value in held.items():
         at = _joined(prefix, name)
         if isinstance(value, MatlabObject):
             yield Signal(at, np.empty(0), np.empty(0), label=value.class_name)
         elif isinstance(value, np.ndarray) and clock and name != clock:
-            label, unit = _stated_beside(held, prefix) if name in ("Data", "data") else ("", "")
-            yield from _columns_of(at, value, time, prefix + clock, label, unit)
+            label, unit = _stated_beside(held, name, prefix)
+            for signal in _columns_of(at, value, time, source, label, unit):
+                yield replace(signal, epoch=epoch)
         elif name == "signals" and clock and isinstance(value, dict | list):  # structure with time
             several = isinstance(value, list) or isinstance(value.get("values"), list)
             count = len(value if isinstance(value, list) else value["values"]) if several else 1
@@ -268,7 +277,7 @@ def _beside_a_clock(held: dict[str, Any], prefix: str) -> Iterator[Signal]:
                 label = one.get("label") or one.get("blockName") or ""
                 place = f"{at}({k}).values" if several else f"{at}.values"
                 label = label if isinstance(label, str) else ""
-                yield from _columns_of(place, one.get("values"), time, prefix + clock, label)
+                yield from _columns_of(place, one.get("values"), time, source, label)
         elif isinstance(value, dict) and value:
             yield from _beside_a_clock(value, f"{at}.")
         elif isinstance(value, list):  # an array of structs or of timeseries
@@ -282,25 +291,31 @@ def _beside_a_clock(held: dict[str, Any], prefix: str) -> Iterator[Signal]:
 def _clock_of(held: dict[str, Any]) -> str:
     """Return the name of the clock of a struct, or an empty text.
 
-    Of a timeseries it is the clock even where it does not increase: it repeats times where Simulink's
-    solver stopped at an event.
+    Of a timeseries or timetable it is the clock even where it does not increase: it repeats times where
+    Simulink's solver stopped at an event.
     """
+    if isinstance(held, Timetable):
+        return held.clock
     if isinstance(held.get("Time"), np.ndarray) and isinstance(held.get("Data"), np.ndarray):
         return "Time"
     return next((n for n, v in held.items() if (n == "tout" or looks_like_time(n)) and _is_clock(v)), "")
 
 
-def _stated_beside(held: dict[str, Any], prefix: str) -> tuple[str, str]:
-    """Return what the data of a timeseries are, and their unit, as far as it is stated.
+def _stated_beside(held: dict[str, Any], name: str, prefix: str) -> tuple[str, str]:
+    """Return what the data of a timeseries, or a variable of a timetable, are, and their unit, if stated.
 
-    They are what the variable or field is called; one of several has its own name.
+    The data of a timeseries, and of one that Simulink logs as a timetable, are what the variable or field is
+    called; one of several has its own name.
     """
+    label, unit = held.stated.get(name, ("", "")) if isinstance(held, Timetable) else ("", "")
+    if name not in ("Data", "data"):
+        return label, unit
     label = prefix.removesuffix(".").rpartition(".")[2]
     own, about = held.get("Name"), held.get("DataInfo")
-    unit = about.get("Units") if isinstance(about, dict) else ""
     if label.endswith((")", "}")):
         label = own if isinstance(own, str) else ""
-    return label, unit if isinstance(unit, str) else ""
+    of_data = about.get("Units") if isinstance(about, dict) else unit
+    return label, of_data if isinstance(of_data, str) else ""
 
 
 def _columns_of(
@@ -384,7 +399,10 @@ def _plain(file: h5py.File, item: Any, allowance: Allowance) -> Any:
         return {n: _plain(file, field, allowance) for n, field in item.items()}
     empty = bool(item.attrs.get("MATLAB_empty", 0))
     if kind == b"char":
-        return "" if empty else "".join(map(chr, np.ravel(item[()])))
+        if empty:
+            return ""
+        units = np.ravel(item[()].astype("<u2", casting="same_kind"))
+        return characters(units.tobytes().decode("utf-16-le", errors="replace"), (*item.shape[::-1],))
     if empty:
         return np.empty(0)
     values = item[()]

@@ -44,11 +44,15 @@ def write_v73(path, **variables):
             dataset = parent.create_dataset(name, data=np.array(cells, dtype=h5py.ref_dtype)[:, None])
             dataset.attrs["MATLAB_class"] = np.bytes_("cell")
         elif isinstance(value, str):
-            codes = np.array([ord(c) for c in value], dtype=np.uint16)[:, None]
+            codes = np.frombuffer(value.encode("utf-16-le"), dtype=np.uint16)[:, None]
             dataset = parent.create_dataset(name, data=codes if value else np.zeros(2, dtype=np.uint64))
             dataset.attrs["MATLAB_class"] = np.bytes_("char")
             if not value:
                 dataset.attrs["MATLAB_empty"] = np.uint8(1)
+        elif np.asarray(value).dtype.kind == "U":
+            rows = [[ord(c) for c in row.ljust(value.dtype.itemsize // 4)] for row in value]
+            dataset = parent.create_dataset(name, data=np.array(rows, dtype=np.uint16).T)
+            dataset.attrs["MATLAB_class"] = np.bytes_("char")
         else:
             dataset = parent.create_dataset(name, data=np.atleast_2d(np.asarray(value)).T)
             dataset.attrs["MATLAB_class"] = np.bytes_("double")
@@ -194,6 +198,21 @@ def test_a_missing_file_is_a_data_error(tmp_path):
         load_variables(tmp_path / "none.mat")
 
 
+@WRITERS
+def test_columns_may_be_named_by_the_rows_of_a_character_matrix(tmp_path, write):
+    """MATLAB keeps its characters in columns, in UTF-16; the rows are filled up with blanks."""
+    data = np.column_stack([T, np.sin(T), T])
+    path = write(tmp_path / "x.mat", data=data, icon="\N{ROCKET}", lab=np.array(["t", "q", "pad"]))
+    variables = load_variables(path)
+    assert variables["lab"] == ["t", "q", "pad"]
+    assert variables["icon"] == "\N{ROCKET}"  # two units
+    place = ChannelPlace(name="state/q", column="q", unit="rad/s")
+    column_map = ColumnMap(
+        time=TimePlace(column="t", unit="s"), labels="lab", variable="data", channel=(place,)
+    )
+    np.testing.assert_array_equal(read_matlab(path, column_map)["state/q"], np.sin(T))
+
+
 def object_v73(path, **classes):
     """A v7.3 file with a clock and objects, each a row of numbers with its class as an attribute."""
     write_v73(path, t=T)
@@ -208,7 +227,7 @@ def object_v73(path, **classes):
 def test_an_object_is_refused_by_its_class_with_what_to_type(tmp_path):
     path = object_v73(tmp_path / "x.mat", ts="fints", log="Own.Dataset")
     for variable, said in (
-        ("ts", r"'ts' is a MATLAB object of class fints, .*q = ts.Data; t = ts.Time"),
+        ("ts", r"'ts' is a MATLAB object of class fints, .*save its numbers as variables in MATLAB\.$"),
         ("ts.Data", r"'ts' is a MATLAB object of class fints"),
         ("log", r"class Own.Dataset, .*x = log.get\('q'\).Values; q = x.Data"),
     ):

@@ -1,7 +1,7 @@
 """Timeseries and Simulink's Datasets: the samples that went in come out, by the names that MATLAB has.
 
 The files are written here, with mat-io's writer, in the layout of the public class definitions; no file that
-MATLAB wrote of these classes is at hand.
+MATLAB wrote of these classes is at hand. Of timetables there are: `test_timetables`, `test_matlab_files`.
 """
 
 from __future__ import annotations
@@ -72,6 +72,21 @@ def test_timeseries_of_all_shapes_come_back_with_time_along_the_rows(tmp_path, v
     assert lookup(found, "uniform.DataInfo.Units") == "rad/s"
     assert lookup(found, "kept{2}") == "text"
     assert lookup(found, "kept{4}") is None
+
+
+def test_what_matlab_itself_asks_first_decides(tmp_path):
+    """By `get.Time` and `get.Data` of the class: times are those of TimeInfo, samples those of Storage_."""
+    stream = m.MatlabOpaque({"a": 1.0}, "tsdata.StreamingStorage")
+    path = m.write(
+        tmp_path / "x.mat",
+        times=m.timeseries(np.sin(T), T, Time_=T[:, None] + 7),
+        uniform=m.timeseries(np.sin(T), uniform=(0.5, 0.02), Time_=T[:, None] + 7),
+        samples=m.timeseries(np.sin(T), T, Storage_=stream),
+    )
+    found = read(path)
+    np.testing.assert_array_equal(lookup(found, "times.Time"), T)
+    np.testing.assert_allclose(lookup(found, "uniform.Time"), 0.5 + T, rtol=1e-15)
+    assert "with samples of tsdata.StreamingStorage" in found["samples"].because
 
 
 def flight():

@@ -211,7 +211,7 @@ def _wrench(parameters: Coefficients, flow: Flow, positions: Positions) -> Wrenc
     pressure = 0.5 * flow.rho * ((flow.velocity + cross(flow.rates, parameters.point)) ** 2).sum()
     scale = parameters.area * (parameters.per_pressure * pressure + 1 - parameters.per_pressure)
     force, moment = scale * force, scale * moment
-    return Wrench(force, moment + cross(parameters.point, force))
+    return Wrench.of(force, parameters.point, moment)
 
 
 def _advance_ratio(diameter: jax.Array, speed: jax.Array, airspeed: jax.Array) -> jax.Array:

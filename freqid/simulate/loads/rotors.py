@@ -5,6 +5,7 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 
+from freqid.dynamics.moment_reference_point import moment_about
 from freqid.simulate.effects import rotor_inplane_force
 from freqid.simulate.loads.frames import Motion
 from freqid.simulate.loads.propeller import Discs, Propellers, discs
@@ -39,5 +40,5 @@ def loads(
     inplane_force, hub_moment = rotor_inplane_force.loads(inplane, found)
     push = found.thrust[:, None] * propellers.axis + inplane_force
     twist = hub_moment - (propellers.spin * found.torque)[:, None] * propellers.axis
-    twist = twist + jnp.cross(propellers.hub, push)
+    twist = moment_about(propellers.hub, push, twist, axis=-1)
     return found, propellers.frame.T @ jnp.concatenate([push, twist], axis=1)

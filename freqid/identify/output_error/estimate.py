@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-from scipy.special import stdtrit
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
@@ -32,6 +31,7 @@ from freqid.identify.output_error.uncertainty import (
     uncertainty_on_lines,
 )
 from freqid.identify.output_error.whiteness import coloured, whiteness
+from freqid.identify.regress.confidence_interval import confidence_interval
 from freqid.identify.spectra.trend import TrendKind
 
 Likelihood = TimeDomain | FrequencyDomain | FilterError
@@ -275,7 +275,9 @@ def _result(
         dof[told], cramer_rao[told] = fit.degrees_of_freedom[0], both.white.std_error[0] * size
         inseparable = fit.collinearity.inseparable()
     std_error = np.sqrt(np.diag(covariance))
-    half = stdtrit(dof, 0.5 + settings.confidence / 2) * std_error
+    lower, upper = confidence_interval(
+        common["estimate"], std_error, level=settings.confidence, degrees_of_freedom=dof
+    )
     probabilities = {}
     if not isinstance(likelihood, FrequencyDomain):
         probabilities = whiteness(model.outputs, likelihood.residuals(solution.free))
@@ -283,8 +285,8 @@ def _result(
     result = OutputErrorModel(
         **common,
         std_error=std_error,
-        lower=common["estimate"] - half,
-        upper=common["estimate"] + half,
+        lower=lower,
+        upper=upper,
         covariance=covariance,
         cramer_rao=cramer_rao,
         noise=dict(

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
-from freqid.core.frames import turn_about_y
 from freqid.core.vehicle import Inertia, Vehicle, Wing
+from freqid.dynamics.frames import turn_about_y
 
 
 def centre_of_gravity(vehicle: Vehicle, tilt: Mapping[str, ArrayLike]) -> Array:

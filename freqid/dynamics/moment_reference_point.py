@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, TypeVar
 
-from freqid.core.frames import cross
+from freqid.dynamics.frames import cross
 
 Vector = TypeVar("Vector")
 

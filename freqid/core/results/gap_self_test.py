@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from freqid.core.results.monte_carlo import wilson
+from freqid.core.results.judged.monte_carlo import wilson
 
 SEVERAL = "several"
 """Answer of draws in which a gap was called and no single name, or group of aliases, is likely enough."""

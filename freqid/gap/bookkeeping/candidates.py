@@ -10,9 +10,9 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.channels import COEFFICIENT, WRENCH
-from freqid.core.frames import cross
 from freqid.core.record import FlightRecord
 from freqid.core.units import STANDARD_GRAVITY
+from freqid.dynamics.frames import cross
 from freqid.dynamics.moment_reference_point import moment_about
 from freqid.gap.bookkeeping.comparison import Comparison
 from freqid.gap.bookkeeping.correction import gain_of

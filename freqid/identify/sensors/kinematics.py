@@ -12,9 +12,9 @@ from scipy.linalg import block_diag
 from freqid.core.arrays import Array
 from freqid.core.channels import FLOW, FORCES, GROUND, RATES, VELOCITY
 from freqid.core.errors import UsageError, nearest
-from freqid.core.frames import flow_angles
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import Fit
+from freqid.dynamics.frames import flow_angles
 from freqid.identify.regress.confidence_interval import half_width
 from freqid.identify.sensors.air_data_lag import UNSTEADY, LagByLoads
 from freqid.identify.sensors.errors import Reading, SensorErrors, error_kind, error_name, spline_of

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from freqid import __version__
-from freqid.blend.campaign import distinct_densities, same_density
 from freqid.blend.consistency import Agreement
+from freqid.blend.corridor_study import distinct_densities, same_density
 from freqid.blend.global_model import GlobalModel
 from freqid.core.arrays import Array
 from freqid.core.channels import AIR, STATE

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from freqid.core.arrays import Array
-from freqid.core.frames import shaft_axis, turn_about_y
 from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Rotor, Vehicle, Wing
+from freqid.dynamics.frames import shaft_axis, turn_about_y
 from freqid.dynamics.moment_reference_point import moment_about
 
 

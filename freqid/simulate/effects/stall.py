@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.frames import cross, turn_about_y
+from freqid.dynamics.frames import cross, turn_about_y
 from freqid.dynamics.moment_reference_point import moment_about
 from freqid.simulate.effects import along
 from freqid.simulate.effects.effect import Effect, Parameter

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 
-from freqid.core import frames
+from freqid.dynamics import frames
 from freqid.dynamics import precision as precision
 
 

@@ -41,7 +41,7 @@ from freqid.core.channels import COEFFICIENT
 from freqid.identify.advance_ratio.local import local_derivatives
 from freqid.identify.advance_ratio.trim import excited
 from freqid.simulate.local_coefficients import local_coefficients
-from freqid.workflows.campaign import simulate_campaign
+from freqid.workflows.fly_trim_sequence import simulate_campaign
 
 HERE = Path(__file__).parent
 LAWS, MODELS = HERE / "dep6_laws.csv", HERE / "dep6_models.csv"

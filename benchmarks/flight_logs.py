@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from freqid.core.frames import level_from_body
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.results.design import SampledInputs
+from freqid.dynamics.frames import level_from_body
 from freqid.flightlog.column_map import AttitudePlace, ChannelPlace, ColumnMap, TimePlace
 from freqid.flightlog.read import read_log
 from freqid.identify.response.unlogged_excitation import align_excitation

@@ -21,8 +21,8 @@ from _la8 import EXCITATION, SCENARIO, SETTINGS, write
 from _la8_flights import REFERENCES, flights, measured
 
 import freqid as fq
-from freqid.core.frames import turn_about_y
 from freqid.core.vehicle import Inertia
+from freqid.dynamics.frames import turn_about_y
 from freqid.identify.point import identify_point
 
 LARGE = 2.0  # standard errors from which a parameter is listed

@@ -29,7 +29,7 @@ _VERBS = {
     "review": "workflows.reviews.review",
     "design_inputs": "workflows.design",
     "simulate": "workflows.fly",
-    "simulate_campaign": "workflows.campaign",
+    "simulate_campaign": "workflows.fly_trim_sequence",
     "read_log": "workflows.import_log",
     "read_pieces": "workflows.import_log",
     "list_log": "workflows.import_log",
@@ -78,8 +78,8 @@ _NOUNS = {
     "Rivals": "core.results.rivals",
     "TrialOutcome": "core.results.judged.sealed_trial",
     "Review": "core.results.judged.review",
-    "StudyResults": "blend.campaign",
-    "MonteCarlo": "core.results.monte_carlo",
+    "StudyResults": "blend.corridor_study",
+    "MonteCarlo": "core.results.judged.monte_carlo",
     "FreqidError": "core.errors",
 }
 _FOLDERS = ("blend", "simulate")  # that are verbs too

@@ -1,6 +1,6 @@
 """The public names, for type checkers and editors; the same as ``__all__``."""
 
-from freqid.blend.campaign import StudyResults as StudyResults
+from freqid.blend.corridor_study import StudyResults as StudyResults
 from freqid.blend.global_model import GlobalModel as GlobalModel
 from freqid.core.errors import FreqidError as FreqidError
 from freqid.core.record import FlightRecord as FlightRecord
@@ -9,10 +9,10 @@ from freqid.core.results.advance_ratio import AdvanceRatioModel as AdvanceRatioM
 from freqid.core.results.design import MultisineDesign as MultisineDesign
 from freqid.core.results.diagnosis import GapDiagnosis as GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse as FrequencyResponse
+from freqid.core.results.judged.monte_carlo import MonteCarlo as MonteCarlo
 from freqid.core.results.judged.review import Review as Review
 from freqid.core.results.judged.sealed_trial import TrialOutcome as TrialOutcome
 from freqid.core.results.loop_margins import LoopMargins as LoopMargins
-from freqid.core.results.monte_carlo import MonteCarlo as MonteCarlo
 from freqid.core.results.output_error import OutputErrorModel as OutputErrorModel
 from freqid.core.results.point import PointModel as PointModel
 from freqid.core.results.prediction import Prediction as Prediction
@@ -22,7 +22,6 @@ from freqid.core.scenario import Scenario as Scenario
 from freqid.core.vehicle import Vehicle as Vehicle
 from freqid.identify.output_error.model import DynamicModel as DynamicModel
 from freqid.views.page import page as page
-from freqid.workflows.campaign import simulate_campaign as simulate_campaign
 from freqid.workflows.compare import compare_simulations as compare_simulations
 from freqid.workflows.connect import check_simulation as check_simulation
 from freqid.workflows.connect import connect as connect
@@ -34,6 +33,7 @@ from freqid.workflows.files import read as read
 from freqid.workflows.files import read_scenario as read_scenario
 from freqid.workflows.files import save as save
 from freqid.workflows.fly import simulate as simulate
+from freqid.workflows.fly_trim_sequence import simulate_campaign as simulate_campaign
 from freqid.workflows.import_log import align_excitation as align_excitation
 from freqid.workflows.import_log import list_log as list_log
 from freqid.workflows.import_log import read_log as read_log

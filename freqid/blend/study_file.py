@@ -10,7 +10,7 @@ from typing import Any
 
 import h5py
 
-from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults
+from freqid.blend.corridor_study import HeldOut, StudiedPoint, StudyResults
 from freqid.blend.global_model import GlobalModel
 from freqid.core import store
 from freqid.core.errors import DataError

@@ -48,7 +48,7 @@ def command(
     row. What is done is kept: a second run, or one after a stop, goes on from there.
     """
     from freqid.cli import progress
-    from freqid.cli.campaign_texts import campaign_table
+    from freqid.cli.monte_carlo_texts import monte_carlo_table
     from freqid.views.page import page as page_of
     from freqid.workflows.monte_carlo.run import monte_carlo
 
@@ -64,7 +64,7 @@ def command(
         tell=lambda text: click.echo(f"{text} ...", err=True),
         progress=progress.paced("cases"),
     )
-    text = campaign_table(found)
+    text = monte_carlo_table(found)
     if page:
         text += f"\nThe page is {page_of(found).save(folder / 'index.html')}"
     options.emit(json_, {"folder": str(folder)} | found.to_json(), text)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from freqid.simulate.truth import truth_path
-from freqid.workflows.campaign import trims_flown
 from freqid.workflows.fly import SimulatedManeuver
+from freqid.workflows.fly_trim_sequence import trims_flown
 
 
 def flight_result(found: SimulatedManeuver, destination: Path) -> dict[str, Any]:

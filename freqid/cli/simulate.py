@@ -105,7 +105,7 @@ def _fly_campaign(
 ) -> None:
     from freqid.cli.flight_texts import campaign_result, campaign_text
     from freqid.simulate.truth import truth_path
-    from freqid.workflows.campaign import simulate_campaign
+    from freqid.workflows.fly_trim_sequence import simulate_campaign
 
     single = {"at": "--at", "to": "--to", "duration": "--duration"}
     for name, option in single.items():

@@ -71,7 +71,7 @@ def command(
 
     What is done is kept: a second run, or one after a stop, goes on from there.
     """
-    from freqid.blend.semi_local.campaign import CampaignStudy
+    from freqid.blend.semi_local.advance_ratio_study import CampaignStudy
     from freqid.cli.advance_ratio_texts import advance_ratio_result, advance_ratio_table
     from freqid.cli.study_texts import study_result, study_table
     from freqid.views.page import page as page_of

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from freqid.blend.campaign import StudyResults
+from freqid.blend.corridor_study import StudyResults
 
 
 def study_result(results: StudyResults, folder: Path) -> dict[str, Any]:

@@ -32,12 +32,12 @@ from freqid.gap.infer.block_matrices import BlockMatrices, Products
 from freqid.gap.model.tolerance import stated
 from freqid.gap.settings import INTERVAL, LEVEL
 from freqid.gap.simulation import Simulation
+from freqid.identify.regress.confidence_interval import confidence_interval
 from freqid.simulate.effects.effect import Effect
 
 SMALLEST_DIFFERENCE = 0.01
 """Share of the farther one's misfit: a simulation that is nearer by less is not called nearer."""
 
-_DEVIATIONS = float(norm.ppf((1 + INTERVAL) / 2))  # of a normal distribution's interval
 _FEWEST = 4  # real numbers of a cell
 
 
@@ -308,7 +308,7 @@ def _contest(blocks: Sequence[SharedBlock], cell: Cell, form: SharedForm) -> Con
         np.array_equal(b.residuals[0][..., row, :], b.residuals[1][..., row, :]) for b, (row, _) in found
     )
     value = 0.0 if same else w.value
-    reach = _DEVIATIONS * w.deviation
+    low, high = map(float, confidence_interval(value, w.deviation, level=INTERVAL))
     farther = max(*w.misfits, abs(value))
     return Contest(
         response=cell.response,
@@ -320,7 +320,7 @@ def _contest(blocks: Sequence[SharedBlock], cell: Cell, form: SharedForm) -> Con
         misfit_b=_misfit(w.misfits[1], w.count),
         energy_a=w.misfits[0],
         energy_b=w.misfits[1],
-        difference=Span(value, value - reach, value + reach),
+        difference=Span(value, low, high),
         less=0.0 if same else abs(value) / max(farther, 1e-300),
         p=1.0 if same else float(2 * norm.sf(abs(value) / max(w.deviation, 1e-300))),
         p_adjusted=1.0,
@@ -354,8 +354,9 @@ def _numbers_of(cell: Cell, block: SharedBlock) -> tuple[slice | int, NDArray[np
 
 def _misfit(energy: float, count: int) -> Span:
     """Return a misfit by real number, with the interval of a noncentral chi-square variable."""
-    reach = _DEVIATIONS * float(np.sqrt(2 * count + 4 * max(energy, 0.0)))
-    return Span(energy / count, (energy - reach) / count, (energy + reach) / count)
+    deviation = float(np.sqrt(2 * count + 4 * max(energy, 0.0)))
+    low, high = map(float, confidence_interval(energy, deviation, level=INTERVAL))
+    return Span(energy / count, low / count, high / count)
 
 
 def _decided(contest: Contest, adjusted: float, level: float) -> Contest:

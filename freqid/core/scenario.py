@@ -12,9 +12,9 @@ import msgspec
 
 from freqid.core.channels import ADVANCE_RATIO, AIR, STATE, WRENCH
 from freqid.core.errors import DataError, UsageError, nearest
-from freqid.core.sections.campaign import Campaign
 from freqid.core.sections.excitation import Excitation
 from freqid.core.sections.identification import Identification
+from freqid.core.sections.trim_sequence import Campaign
 from freqid.core.toml import parse_toml, read_toml
 from freqid.core.vehicle import (
     Effector,

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
-from freqid.core.frames import turn_about_y
 from freqid.core.vehicle import Inertia, Vehicle, Wing
+from freqid.dynamics.frames import turn_about_y
 
 
 def centre_of_gravity(vehicle: Vehicle, tilt: Mapping[str, ArrayLike]) -> Array:
@@ -148,38 +148,3 @@ def without_wings(vehicle: Vehicle, wings: Sequence[Wing], about: ArrayLike) -> 
 def point_inertia(mass: float, place: Array) -> Array:
     """Return the inertia of a point mass at a place about the origin, kg m2, shape (3, 3)."""
     return mass * (place @ place * np.eye(3) - np.outer(place, place))
-
-
-def at_tilts(vehicle: Vehicle, tilt: Mapping[str, float]) -> Vehicle:
-    """Return a vehicle whose mass properties are stated where its wings are.
-
-    Parameters
-    ----------
-    vehicle : Vehicle
-    tilt : mapping of str to float
-        By tilt effector, rad; wings that it leaves out stay where the mass properties are stated.
-
-    Raises
-    ------
-    UsageError
-        Where a wing has a mass but no place, or the wings outweigh the vehicle.
-    """
-    heavy = [w for w in vehicle.wings if w.tilt in tilt and (w.mass_kg > 0 or w.inertia.matrix.any())]
-    if not heavy:
-        return vehicle
-    stated = {w.tilt: vehicle.tilt_rad.get(w.name, 0.0) for w in vehicle.wings}
-    centre = centre_of_gravity(vehicle, {**stated, **tilt})
-    _, inertia = without_wings(vehicle, heavy, centre)
-    for wing in heavy:
-        turn = turn_about_y(np.eye(3), tilt[wing.tilt])
-        arm = turn_about_y(wing_arm(wing), tilt[wing.tilt])
-        place = np.subtract(wing.pivot_m, centre) + arm
-        inertia = inertia + turn @ wing.inertia.matrix @ turn.T + point_inertia(wing.mass_kg, place)
-    xx, yy, zz, xz, xy, yz = (float(inertia[i]) for i in ((0, 0), (1, 1), (2, 2), (0, 2), (0, 1), (1, 2)))
-    properties = msgspec.structs.replace(
-        vehicle.mass_properties,
-        cg_m=tuple(map(float, centre)),
-        inertia=Inertia(xx=xx, yy=yy, zz=zz, xz=-xz, xy=-xy, yz=-yz),
-    )
-    tilts = {**vehicle.tilt_rad, **{w.name: float(tilt[w.tilt]) for w in heavy}}
-    return msgspec.structs.replace(vehicle, mass_properties=properties, tilt_rad=tilts)

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from freqid.core.arrays import Array
-from freqid.core.frames import cross, shaft_axis
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.core.vehicle import Vehicle
+from freqid.dynamics.frames import cross, shaft_axis
 
 STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta")
 

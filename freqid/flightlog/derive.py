@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from freqid.core.channels import ATTITUDE, VELOCITY
 from freqid.core.errors import DataError
-from freqid.core.frames import level_from_body
 from freqid.core.units import to_si
+from freqid.dynamics.frames import level_from_body
 from freqid.flightlog.column_map import ColumnMap, RotorPlace, VelocityPlace
 from freqid.flightlog.resample import LONGEST_GAP
 from freqid.flightlog.signal import NotLogged, Signal

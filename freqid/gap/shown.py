@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.stats import norm
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.results.gap import BeforeAfter, GapResult, Increment, ResidualSpectra
@@ -18,6 +17,7 @@ from freqid.gap.infer.where import coherence
 from freqid.gap.model.candidates import OTHER
 from freqid.gap.model.tolerance import DERIVATIVES
 from freqid.gap.stack.block import Block
+from freqid.identify.regress.confidence_interval import half_width
 from freqid.simulate.effects import library
 
 INCREMENTS = 0.95
@@ -147,7 +147,7 @@ def increments(findings: Findings) -> tuple[Increment, ...]:
     G, g = _beside(gram, free, kept)
     covariance = np.linalg.inv(G + np.eye(len(free)) / _WIDE**2)
     value = 100 * covariance @ g
-    half = 100 * norm.ppf((1 + INCREMENTS) / 2) * np.sqrt(np.diag(covariance))
+    half = half_width(100 * np.sqrt(np.diag(covariance)), level=INCREMENTS)
     every = [
         Increment(response, moved, float(x), float(x - h), float(x + h))
         for (_, response, moved), x, h in zip(terms, value, half, strict=True)

@@ -10,9 +10,9 @@ import numpy as np
 
 from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError
-from freqid.core.frames import stability_from_body
 from freqid.core.record import FlightRecord
 from freqid.core.scenario import Scenario
+from freqid.dynamics.frames import stability_from_body
 from freqid.simulate.loads import airframe
 from freqid.simulate.loads.quantities import Flow
 from freqid.simulate.motion import multibody

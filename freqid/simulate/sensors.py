@@ -11,11 +11,11 @@ from scipy.interpolate import CubicSpline
 from freqid.core.arrays import Array
 from freqid.core.channels import ATTITUDE, FLOW, FORCES, GROUND, RATES, VELOCITY, si_unit, split
 from freqid.core.errors import DataError, UsageError, nearest
-from freqid.core.frames import cross, flow_angles, level_from_body, specific_force_at
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.scenario import Scenario
 from freqid.core.toml import convert
 from freqid.core.vehicle import Strict, Vector, Vehicle
+from freqid.dynamics.frames import cross, flow_angles, level_from_body, specific_force_at
 
 _ANGULAR_ACCELERATIONS = ("state/pdot", "state/qdot", "state/rdot")
 _PLACED = {*VELOCITY, *GROUND, *FORCES, *FLOW}  # depend on where the sensor is

@@ -9,9 +9,9 @@ from numpy.typing import ArrayLike
 
 from freqid.core.arrays import Array
 from freqid.core.channels import WRENCH, si_unit
-from freqid.core.frames import flow_angles
 from freqid.core.record import Channel, FlightRecord, read_record, write_record
 from freqid.core.scenario import Scenario
+from freqid.dynamics.frames import flow_angles
 from freqid.simulate.fly import DT, EVERY, Flight
 from freqid.simulate.motion.actuators import Commands, by_kind
 

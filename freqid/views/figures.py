@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from freqid.blend.campaign import StudyResults
+from freqid.blend.corridor_study import StudyResults
 from freqid.blend.global_model import GlobalModel
-from freqid.blend.semi_local.campaign import CampaignStudy
+from freqid.blend.semi_local.advance_ratio_study import CampaignStudy
 from freqid.core.errors import UsageError
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.advance_ratio import AdvanceRatioModel
@@ -19,19 +19,19 @@ from freqid.core.results.corridor import Corridor
 from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledInputs
 from freqid.core.results.diagnosis import GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse
+from freqid.core.results.judged.monte_carlo import MonteCarlo
 from freqid.core.results.loop_margins import LoopMargins
-from freqid.core.results.monte_carlo import MonteCarlo
 from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
 from freqid.core.results.prediction import Prediction, Score
 from freqid.core.results.rivals import Rivals
 from freqid.identify.sensors.errors import SensorErrors
 from freqid.report.advance_ratio.figures import derivatives_over_advance_ratio
-from freqid.report.campaign.page import measures_along
 from freqid.report.design.figures import GROUP_COLOURS, signal_rows
 from freqid.report.gap.figures import probability_bars
 from freqid.report.kit.figures import channel_strips
 from freqid.report.margins.page import margins_along
+from freqid.report.monte_carlo.page import measures_along
 from freqid.report.prediction.page import band_strips, difference_strips
 from freqid.report.response.page import bode
 

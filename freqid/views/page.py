@@ -14,10 +14,10 @@ from freqid.core.results.advance_ratio import AdvanceRatioModel
 from freqid.core.results.design import MultisineDesign
 from freqid.core.results.frequency_response import FrequencyResponse
 from freqid.core.results.gap import GapResult
+from freqid.core.results.judged.monte_carlo import MonteCarlo
 from freqid.core.results.judged.review import Review
 from freqid.core.results.judged.sealed_trial import TrialOutcome
 from freqid.core.results.loop_margins import LoopMargins
-from freqid.core.results.monte_carlo import MonteCarlo
 from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
 from freqid.core.results.prediction import Prediction, Score
@@ -164,9 +164,9 @@ def page(
 
         return Page(build_margins_page(result))
     if isinstance(result, MonteCarlo):
-        from freqid.report.campaign.page import build_campaign_page
+        from freqid.report.monte_carlo.page import build_monte_carlo_page
 
-        return Page(build_campaign_page(result))
+        return Page(build_monte_carlo_page(result))
     if isinstance(result, TrialOutcome | OutputErrorModel | FlightRecord | MultisineDesign):
         return Page(_of_single(result, scenario_of(scenario) if scenario is not None else None))
     if isinstance(result, AdvanceRatioModel):
@@ -254,13 +254,13 @@ def _of_point(model: PointModel, record: Flight | None, scenario: Scenario | Non
 
 def _of_job(result: Any, record: Any) -> str:
     """Return the page of what a whole job gives; these load more, so they are asked for last."""
-    from freqid.blend.campaign import StudyResults
-    from freqid.blend.semi_local.campaign import CampaignStudy
+    from freqid.blend.corridor_study import StudyResults
+    from freqid.blend.semi_local.advance_ratio_study import CampaignStudy
 
     if isinstance(result, CampaignStudy):
-        from freqid.report.advance_ratio.page import build_campaign_page
+        from freqid.report.advance_ratio.page import build_study_by_advance_ratio_page
 
-        return build_campaign_page(result)
+        return build_study_by_advance_ratio_page(result)
     if isinstance(result, StudyResults):
         from freqid.report.study.page import build_study_page
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from markupsafe import Markup
 
-from freqid.blend.campaign import StudiedPoint, StudyResults
+from freqid.blend.corridor_study import StudiedPoint, StudyResults
 from freqid.core.errors import FreqidError
 from freqid.core.record import FlightRecord
 from freqid.core.results.design import ClassicDesign, MultisineDesign

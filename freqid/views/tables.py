@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from freqid.blend.campaign import StudyResults
+from freqid.blend.corridor_study import StudyResults
 from freqid.blend.global_model import GlobalModel
-from freqid.blend.semi_local.campaign import CampaignStudy
+from freqid.blend.semi_local.advance_ratio_study import CampaignStudy
 from freqid.core.errors import UsageError
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.advance_ratio import AdvanceRatioModel
@@ -19,8 +19,8 @@ from freqid.core.results.corridor import Corridor
 from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledInputs
 from freqid.core.results.diagnosis import GapDiagnosis
 from freqid.core.results.frequency_response import FrequencyResponse
+from freqid.core.results.judged.monte_carlo import MonteCarlo
 from freqid.core.results.loop_margins import LoopMargins, unit_of
-from freqid.core.results.monte_carlo import MonteCarlo
 from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel, per
 from freqid.core.results.prediction import Prediction, Score

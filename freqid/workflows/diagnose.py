@@ -27,6 +27,7 @@ from freqid.gap.self_test import self_test as trying
 from freqid.gap.shown import shown
 from freqid.gap.simulation import Simulation
 from freqid.gap.verdict import tolerances_used
+from freqid.identify.regress.confidence_interval import half_width
 from freqid.simulate.effects import library, register
 from freqid.simulate.effects.effect import Effect
 from freqid.simulate.effects.files import load_file
@@ -42,8 +43,6 @@ from freqid.workflows.inputs import (
     silent,
     source_of,
 )
-
-_SIGMAS = 1.645  # of a 90 % interval, to either side
 
 
 class BookkeepingMistakes(GateFailed):
@@ -347,7 +346,7 @@ def _with_consequence(findings: Findings, simulation: Simulation, question: Ques
         own = simulation.effects.get(c.effect, {})
         baseline[c.effect] = {n: own.get(n, 0.0) for n, _ in c.place.fixed}  # these are no departures
         names += [(c.effect, n) for n in c.place.parameters]
-        sigma = np.broadcast_to((e.hi - e.lo) / (2 * _SIGMAS), (len(c.place.parameters),))
+        sigma = np.broadcast_to((e.hi - e.lo) / (2 * half_width(level=0.9)), (len(c.place.parameters),))
         # one size for all places of a group moves them together
         spread.append(np.outer(sigma, sigma) if c.kind == "scalar" else np.diag(sigma**2))
     return diagnosis_consequence.with_consequence(

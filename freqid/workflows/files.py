@@ -17,7 +17,6 @@ from freqid.core.results import (
     frequency_response,
     gap,
     loop_margins,
-    monte_carlo,
     output_error,
     point,
     prediction,
@@ -25,7 +24,7 @@ from freqid.core.results import (
     rivals,
 )
 from freqid.core.results.design import ClassicDesign, MultisineDesign
-from freqid.core.results.judged import review, sealed_trial
+from freqid.core.results.judged import monte_carlo, review, sealed_trial
 from freqid.core.scenario import Scenario
 from freqid.workflows.inputs import File, scenario_of
 

@@ -11,7 +11,7 @@ import pytest
 
 import freqid as fq
 from freqid.core.errors import FreqidError, UsageError
-from freqid.core.results.monte_carlo import wilson
+from freqid.core.results.judged.monte_carlo import wilson
 from freqid.simulate.effects import library
 from freqid.workflows.monte_carlo.plan import flat, nested, read_plan
 from freqid.workflows.monte_carlo.rows import summary_of, write_rows

@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import arrays
 
 from freqid.core.vehicle import Inertia, MassProperties, Rotor, Vehicle, Wing
 from freqid.simulate.loads.quantities import Wrench
-from freqid.simulate.motion import attitude, memory, multibody, rigid_body
+from freqid.simulate.motion import attitude, delay_line, multibody, rigid_body
 from freqid.simulate.motion.actuators import Motors, Servos, motor_acceleration, servo_acceleration
 from freqid.simulate.motion.battery import BatterySection, battery, power
 from freqid.simulate.motion.integrate import integrate, rk4
@@ -72,7 +72,7 @@ def test_a_motor_never_turns_backward_nor_faster_than_the_voltage_lets_it(comman
 @given(late=st.floats(0.0, 9.0), slope=floats(-5.0, 5.0, 3), offset=floats(-5.0, 5.0, 3))
 def test_a_delay_line_delays_a_straight_line_exactly(late, slope, offset):
     line = jnp.asarray(offset - slope * np.arange(10)[:, None])
-    assert np.allclose(memory.read(line, late), offset - slope * late, atol=1e-12)
+    assert np.allclose(delay_line.read(line, late), offset - slope * late, atol=1e-12)
 
 
 @jax.jit

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.channels import KNOWN
-from freqid.core.frames import body_velocity
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.vehicle import Effector, MassProperties, Rotor, Vehicle
+from freqid.dynamics.frames import body_velocity
 
 Array = NDArray[np.float64]
 

@@ -21,8 +21,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.frames import body_velocity
 from freqid.core.record import FlightRecord, read_record
+from freqid.dynamics.frames import body_velocity
 
 Array = NDArray[np.float64]
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from freqid.core.frames import body_velocity, cross
 from freqid.core.record import FlightRecord
+from freqid.dynamics.frames import body_velocity, cross
 
 Array = NDArray[np.float64]
 Change = Callable[[FlightRecord], FlightRecord]

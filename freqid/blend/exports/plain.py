@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.stats import norm
 
 from freqid.blend.exports.usable_range import units_of
 from freqid.blend.global_model import GlobalModel
@@ -18,6 +17,7 @@ from freqid.core.record import FlightRecord
 from freqid.core.results.advance_ratio import AdvanceRatioLaw, AdvanceRatioModel
 from freqid.core.results.output_error import OutputErrorModel
 from freqid.core.results.point import PointModel
+from freqid.identify.regress.confidence_interval import confidence_interval
 
 CONFIDENCE = 0.95
 """Level of intervals that a result does not have of its own."""
@@ -95,6 +95,10 @@ def _point(model: PointModel) -> dict[str, Any]:
 
 def _global(model: GlobalModel) -> dict[str, Any]:
     c = model.corridor
+    limits = {
+        name: confidence_interval(r.estimate, r.std_error, level=CONFIDENCE)
+        for name, r in c.responses.items()
+    }
     responses = {
         name: {
             "unit": r.unit,
@@ -103,8 +107,8 @@ def _global(model: GlobalModel) -> dict[str, Any]:
             "parameter_units": list(r.parameter_units),
             "estimate": r.estimate,
             "std_error": r.std_error,
-            "lower": r.estimate - _wide(CONFIDENCE) * r.std_error,
-            "upper": r.estimate + _wide(CONFIDENCE) * r.std_error,
+            "lower": limits[name][0],
+            "upper": limits[name][1],
             "covariance": r.covariance,
             "trim": r.trim,
             "regressor_rms": r.regressor_rms,
@@ -229,11 +233,6 @@ def _record(record: FlightRecord) -> dict[str, Any]:
     }
 
 
-def _wide(confidence: float) -> float:
-    """Return the half-width of an interval in standard errors."""
-    return float(norm.ppf(0.5 + confidence / 2))
-
-
 def rows(result: Model) -> list[dict[str, Any]]:
     """Return a model's parameters as a long table, one row a parameter and condition.
 
@@ -276,8 +275,8 @@ def _parameters(
         float(np.asarray(r[key]) if k is None else r[key][k]) for key in ("bias", "bias_std_error")
     )
     first = {**_condition(at), "response": name, "parameter": "bias", "unit": r["unit"], "estimate": bias}
-    first |= {"std_error": error, "lower": bias - _wide(confidence) * error}
-    table = [first | {"upper": bias + _wide(confidence) * error}]
+    lower, upper = map(float, confidence_interval(bias, error, level=confidence))
+    table = [first | {"std_error": error, "lower": lower, "upper": upper}]
     for j, parameter in enumerate(r["regressors"]):
         row = {**_condition(at), "response": name, "parameter": parameter, "unit": r["parameter_units"][j]}
         for column in ("estimate", "std_error", "lower", "upper", "trim", "regressor_rms"):

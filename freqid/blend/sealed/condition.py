@@ -18,7 +18,7 @@ from freqid.core.vehicle import Vehicle
 from freqid.design.forecast.modelled import derivatives_of, positions_at
 from freqid.dynamics.control_law import ControlLaw
 from freqid.dynamics.controlled import ControlledAircraft, UnevenLags
-from freqid.dynamics.mass import at_tilts
+from freqid.dynamics.mass import with_tilted_wings
 from freqid.dynamics.small_motion import STATES, rotor_spin
 
 REGRESSORS = STATES[:6]
@@ -89,7 +89,7 @@ class ModelAtCondition:
             Of its actuators.
         """
         tilts = {w.tilt for w in vehicle.wings} & set(self.trim)
-        tilted = at_tilts(vehicle, {n: self.trim[n] for n in tilts})
+        tilted = with_tilted_wings(vehicle, {n: self.trim[n] for n in tilts})
         spin = rotor_spin(tilted, law.effectors, self.trim)
         positions = np.array([self.trim.get(n, 0.0) for n in law.effectors])
         wrench = self.wrench(law.effectors)

@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from freqid.core.results.judged.monte_carlo import wilson
+
 SEVERAL = "several"
 """Answer of draws in which a gap was called and no single name, or group of aliases, is likely enough."""
 
@@ -39,14 +41,9 @@ class Rate:
 
     @classmethod
     def over(cls, flags: Iterable[bool]) -> Rate:
-        """Return the rate of what is true (E. B. Wilson, JASA 22, 1927)."""
+        """Return the rate of what is true."""
         known = [bool(f) for f in flags]
-        count, n, z = sum(known), len(known), 1.96
-        if not n:
-            return cls(0, 0, 0.0, 1.0)
-        middle = (count + z**2 / 2) / (n + z**2)
-        half = z * math.sqrt(count * (n - count) / n + z**2 / 4) / (n + z**2)
-        return cls(count, n, max(middle - half, 0.0), min(middle + half, 1.0))
+        return cls(sum(known), len(known), *(wilson(sum(known), len(known)) if known else (0.0, 1.0)))
 
 
 @dataclass(frozen=True)

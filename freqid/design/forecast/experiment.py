@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from freqid.core.arrays import Array, Complex
 from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError
-from freqid.core.frames import cross
 from freqid.core.results.design import MultisineDesign
 from freqid.core.sections.identification import Identification
 from freqid.core.vehicle import MassProperties, Vector
 from freqid.design.forecast.closed_loop import SPECIFIC_FORCES, STATES, PerturbedAircraft
 from freqid.design.multisine.signals import band_lines, tones
+from freqid.dynamics.frames import cross
 
 # Least eigenvalue of the correlation of columns that is more than rounding.
 SEPARABLE = 1e-12

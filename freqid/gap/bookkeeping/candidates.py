@@ -10,9 +10,10 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.channels import COEFFICIENT, WRENCH
-from freqid.core.frames import cross
 from freqid.core.record import FlightRecord
 from freqid.core.units import STANDARD_GRAVITY
+from freqid.dynamics.frames import cross
+from freqid.dynamics.moment_reference_point import moment_about
 from freqid.gap.bookkeeping.comparison import Comparison
 from freqid.gap.bookkeeping.correction import gain_of
 from freqid.gap.bookkeeping.fault import FOOT, POUND, RADIAN, Bench, Fault
@@ -331,7 +332,7 @@ def _reference_points(bench: Bench) -> Iterator[Fault]:
             def undo(predicted: Array, _: Bench, arm: Array = arm) -> Array:
                 out = predicted.copy()
                 force = predicted[list(forces)]
-                out[list(moments)] += cross(np.broadcast_to(arm[:, None], force.shape), force)
+                out[list(moments)] += moment_about(arm[:, None], force)
                 return out
 
             yield Fault(

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from freqid.core.arrays import Array
-from freqid.core.frames import level_from_body
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.units import STANDARD_GRAVITY
+from freqid.dynamics.frames import level_from_body
 
 Mend = Callable[[FlightRecord], FlightRecord]
 

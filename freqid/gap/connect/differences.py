@@ -9,8 +9,8 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.channels import VELOCITY
-from freqid.core.frames import flow_angles
 from freqid.core.record import FlightRecord
+from freqid.dynamics.frames import flow_angles
 
 _SHARE = 0.1  # of a channel's rms about its mean that is stepped
 _LEAST = 1e-4  # of its size, or of one unit, for a channel that stands still

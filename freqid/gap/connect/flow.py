@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 from freqid.core.arrays import Array
 from freqid.core.channels import ATTITUDE, FLOW, GROUND, RATES, VELOCITY
 from freqid.core.errors import DataError
-from freqid.core.frames import body_velocity, cross, level_from_body
 from freqid.core.record import Channel, FlightRecord
+from freqid.dynamics.frames import body_velocity, cross, level_from_body
 
 
 def velocity(record: FlightRecord, point_m: ArrayLike) -> Array:

@@ -17,11 +17,11 @@ from scipy.interpolate import CubicSpline
 from freqid.core.arrays import Array
 from freqid.core.channels import FORCES, KNOWN, RATES, VELOCITY, WRENCH, split
 from freqid.core.errors import DataError, UsageError, nearest
-from freqid.core.frames import cross, specific_force_at
 from freqid.core.record import FlightRecord
 from freqid.core.results.design import SampledInputs
 from freqid.core.scenario import Reference, Scenario
 from freqid.core.vehicle import Vehicle
+from freqid.dynamics.frames import cross, specific_force_at
 from freqid.gap.connect import actuation, loads
 from freqid.gap.connect.differences import by_parameters
 from freqid.gap.connect.flow import density, velocity

@@ -10,9 +10,9 @@ import numpy as np
 from freqid.core.arrays import Array
 from freqid.core.channels import COEFFICIENT, WRENCH
 from freqid.core.errors import ImpossibleSettings, UsageError
-from freqid.core.frames import cross
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.vehicle import Vehicle
+from freqid.dynamics.moment_reference_point import moment_about
 from freqid.gap.model.replay import Replay
 from freqid.gap.model.testable import in_force_of, route_of
 from freqid.gap.stack.histories import Histories
@@ -234,7 +234,7 @@ def _transferred(trial: Trial, vehicle: Vehicle) -> Array:
             trial.predicted[responses.index(n)] if n in responses else np.zeros(record.time.size)
             for n in forces
         ]
-        for name, length, moment in zip(moments, lengths, cross(shift, np.array(rows)), strict=True):
+        for name, length, moment in zip(moments, lengths, moment_about(shift, np.array(rows)), strict=True):
             if name in responses and f"response/{name}" not in record:
                 found[responses.index(name)] = moment / length
     return found

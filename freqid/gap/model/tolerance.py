@@ -293,7 +293,7 @@ def _rotor(trial: Trial, name: str, what: str) -> Histories:
     moment about the centre of gravity, or the moment about the shaft that is left.
     """
     from freqid.core.channels import WRENCH
-    from freqid.core.frames import cross
+    from freqid.dynamics.moment_reference_point import moment_about
     from freqid.simulate.effects.along import centre, hub, shaft
 
     record, vehicle = trial.maneuver.record, trial.maneuver.vehicle
@@ -308,7 +308,7 @@ def _rotor(trial: Trial, name: str, what: str) -> Histories:
     half = 0.5 * record[f"effector/{name}"] * slope
     axis = shaft(record, vehicle, rotor)
     force = axis * (axis * half[:3]).sum(axis=0)
-    moment = cross(hub(record, vehicle, rotor) - centre(record, vehicle), force)
+    moment = moment_about(hub(record, vehicle, rotor) - centre(record, vehicle), force)
     about = axis * (axis * (half[3:] - moment)).sum(axis=0)
     wrench = np.concatenate([force, moment]) if what == "thrust" else np.concatenate([0 * force, about])
     rows = np.array(

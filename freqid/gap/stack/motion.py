@@ -20,9 +20,9 @@ from scipy.linalg import expm
 from freqid.core.arrays import Array
 from freqid.core.channels import ATTITUDE, COEFFICIENT, FLOW, FORCES, RATES, VELOCITY, WRENCH
 from freqid.core.errors import DataError, UsageError
-from freqid.core.frames import cross
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.sections.identification import Identification
+from freqid.dynamics.frames import cross
 from freqid.gap.simulation import Departures, Settings, Simulation
 from freqid.gap.stack.lines import Lines
 from freqid.gap.stack.missed_motion import with_missed

@@ -9,9 +9,9 @@ import numpy as np
 from freqid.core.arrays import Array
 from freqid.core.channels import COEFFICIENT, FORCES, RATES, RESPONSE, STATE, VELOCITY, WRENCH
 from freqid.core.errors import DataError
-from freqid.core.frames import cross
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.units import STANDARD_GRAVITY
+from freqid.dynamics.frames import cross
 from freqid.gap.simulation import Settings, Simulation
 from freqid.gap.stack.histories import Histories, Row
 from freqid.identify.loads.wrench import applied_wrench

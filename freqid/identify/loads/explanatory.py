@@ -9,9 +9,9 @@ import numpy as np
 from freqid.core.arrays import Array
 from freqid.core.channels import ADVANCE_RATIO, AIR, FLOW, RATES, STATE, VELOCITY
 from freqid.core.errors import DataError, nearest
-from freqid.core.frames import body_velocity, cross, flow_angles
 from freqid.core.record import Maneuver
 from freqid.core.sections.identification import factors_of
+from freqid.dynamics.frames import body_velocity, cross, flow_angles
 from freqid.dynamics.mass import centre_of_gravity
 
 # Rounds in which a velocity is found from V, alpha and beta of different places: each gains the ratio of a

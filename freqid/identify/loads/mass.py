@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from freqid.core.arrays import Array
-from freqid.core.frames import cross, turn_about_y
 from freqid.core.record import Maneuver
+from freqid.dynamics.frames import cross, turn_about_y
 from freqid.dynamics.mass import stated_arm, wing_arm, without_wings
 
 Differentiate = Callable[[Array, float], Array]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from freqid.core.arrays import Array
-from freqid.core.frames import cross, shaft_axis, turn_about_y
 from freqid.core.record import Maneuver
+from freqid.dynamics.frames import cross, shaft_axis, turn_about_y
 from freqid.identify.loads.mass import ALONG_Y, MovingMass
 
 

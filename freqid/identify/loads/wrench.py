@@ -11,9 +11,9 @@ import numpy as np
 from freqid.core.arrays import Array
 from freqid.core.channels import FORCES, RATES, WRENCH
 from freqid.core.errors import DataError, UsageError, nearest
-from freqid.core.frames import cross, stability_from_body
 from freqid.core.record import Maneuver
 from freqid.core.vehicle import Vehicle
+from freqid.dynamics.frames import cross, stability_from_body
 from freqid.identify.loads.explanatory import history
 from freqid.identify.loads.mass import Differentiate, MovingMass, moving_mass
 from freqid.identify.loads.momentum import airframe_momentum, rotor_momentum

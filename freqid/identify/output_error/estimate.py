@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-from scipy.special import stdtrit
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
@@ -25,13 +24,14 @@ from freqid.identify.output_error.parameters import (
 )
 from freqid.identify.output_error.starts import equation_error_starts
 from freqid.identify.output_error.time_domain import EXACT, NoiseKind, TimeDomain
-from freqid.identify.output_error.uncertainty import (
-    Residuals,
-    Uncertainty,
-    uncertainty_in_time,
-    uncertainty_on_lines,
-)
 from freqid.identify.output_error.whiteness import coloured, whiteness
+from freqid.identify.regress.confidence_interval import confidence_interval
+from freqid.identify.regress.covariance_corrections import (
+    correct_coloured_lines,
+    correct_coloured_samples,
+    correct_line_spacing,
+)
+from freqid.identify.regress.regression import LeastSquares, least_squares
 from freqid.identify.spectra.trend import TrendKind
 
 Likelihood = TimeDomain | FrequencyDomain | FilterError
@@ -64,7 +64,7 @@ class Settings:
     method: Literal["output-error", "filter-error"] = "output-error"
     domain: Literal["time", "frequency"] = "time"
     noise: NoiseKind = "diagonal"
-    residuals: Residuals = "coloured"
+    residuals: Literal["coloured", "white"] = "coloured"
     confidence: float = 0.95
     lines_hz: Sequence[float] | None = None
     trend: TrendKind = "endpoints"
@@ -268,14 +268,16 @@ def _result(
     covariance, dof, cramer_rao = np.full((f, f), np.nan), np.full(f, np.nan), unknown.copy()
     inseparable: tuple[tuple[str, ...], ...] = ()
     if told.any():
-        both = _uncertainty(likelihood, solution.free, told)
-        fit = both.of(settings.residuals)
+        white, coloured_fit = _regressions(likelihood, solution.free, told)
+        fit = coloured_fit if settings.residuals == "coloured" else white
         size = scale[told]
         covariance[np.ix_(told, told)] = fit.covariance[0] * np.outer(size, size)
-        dof[told], cramer_rao[told] = fit.degrees_of_freedom[0], both.white.std_error[0] * size
+        dof[told], cramer_rao[told] = fit.degrees_of_freedom[0], white.std_error[0] * size
         inseparable = fit.collinearity.inseparable()
     std_error = np.sqrt(np.diag(covariance))
-    half = stdtrit(dof, 0.5 + settings.confidence / 2) * std_error
+    lower, upper = confidence_interval(
+        common["estimate"], std_error, level=settings.confidence, degrees_of_freedom=dof
+    )
     probabilities = {}
     if not isinstance(likelihood, FrequencyDomain):
         probabilities = whiteness(model.outputs, likelihood.residuals(solution.free))
@@ -283,8 +285,8 @@ def _result(
     result = OutputErrorModel(
         **common,
         std_error=std_error,
-        lower=common["estimate"] - half,
-        upper=common["estimate"] + half,
+        lower=lower,
+        upper=upper,
         covariance=covariance,
         cramer_rao=cramer_rao,
         noise=dict(
@@ -307,14 +309,21 @@ def _result(
     return replace(result, remarks=tuple(_remarks(result, solution, beside, parameters)))
 
 
-def _uncertainty(likelihood: Likelihood, free: Array, told: np.ndarray) -> Uncertainty:
-    """Return the problem near its optimum, with the covariances that hold for its parameters."""
+def _regressions(likelihood: Likelihood, free: Array, told: np.ndarray) -> tuple[LeastSquares, LeastSquares]:
+    """Return the regression that a problem is near its optimum, for white and for coloured residuals.
+
+    Columns are the derivatives of the outputs, in units of the noise: the covariances are the Cramer-Rao
+    bounds, and the same corrected. Every output of every manoeuvre is a stretch with a spectrum of its own.
+    """
     names = [n for n, t in zip(likelihood.parameters.free_names, told, strict=True) if t]
     if isinstance(likelihood, FrequencyDomain):
-        white, columns, lines, durations = likelihood.white_equations(free)
-        return uncertainty_on_lines(white, columns[told], lines, durations, names)
-    white, columns, samples = likelihood.white_equations(free)
-    return uncertainty_in_time(white, columns[told], samples, names)
+        residual, columns, lines, durations = likelihood.white_equations(free)
+        fit = least_squares(columns[told], residual[None], names=names)
+        stretches = list(lines), list(map(float, durations))
+        return correct_line_spacing(fit, *stretches), correct_coloured_lines(fit, *stretches)
+    residual, columns, samples = likelihood.white_equations(free)
+    fit = least_squares(columns[told], residual[None], names=names)
+    return fit, correct_coloured_samples(fit, samples=samples)
 
 
 def _fits(likelihood: Likelihood, free: Array) -> dict[str, Fit]:

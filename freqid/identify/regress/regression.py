@@ -9,10 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg.lapack import dtrtri
-from scipy.special import stdtrit
 
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError
+from freqid.identify.regress.confidence_interval import confidence_interval
 from freqid.identify.regress.equations import checked_channels, real_equations, refuse_zero
 
 PERFECT = 1e-12
@@ -274,8 +274,7 @@ class LeastSquares:
             Probability that an interval holds its true parameter.
         """
         dof = self.degrees_of_freedom[:, len(self.nuisance_names) :]
-        half = stdtrit(dof, 0.5 + level / 2) * self.std_error
-        return self.estimate - half, self.estimate + half
+        return confidence_interval(self.estimate, self.std_error, level=level, degrees_of_freedom=dof)
 
 
 def least_squares(

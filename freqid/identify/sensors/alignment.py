@@ -25,6 +25,7 @@ from freqid.core.sections.identification import Identification, factors_of
 from freqid.identify.instruments.driven import driven_maneuvers
 from freqid.identify.model.widening import with_covariance
 from freqid.identify.point import identify_point, lines_of
+from freqid.identify.regress.confidence_interval import confidence_interval
 from freqid.identify.regress.covariance_corrections import independent_share
 from freqid.identify.regress.estimators import find_estimator
 from freqid.identify.sensors.alignment_loads import Changes, fit_loads, loads_unknowns
@@ -35,7 +36,6 @@ from freqid.identify.sensors.errors import SensorErrors, error_kind
 PLAUSIBLE = {"delay": 0.1, "bias": 0.03, "scale": 0.01, "wind": 5.0}
 # Beyond this share of what was known beforehand an unknown is not told by the data.
 LARGEST_SHARE = 0.5
-_ORDER = 1.96  # normal, 95 %
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -65,12 +65,12 @@ class Alignment(SensorErrors):
     @property
     def lower(self) -> Array:
         """Lower 95 % limits, shape (k,)."""
-        return self.estimate - _ORDER * self.std_error
+        return confidence_interval(self.estimate, self.std_error)[0]
 
     @property
     def upper(self) -> Array:
         """Upper 95 % limits, shape (k,)."""
-        return self.estimate + _ORDER * self.std_error
+        return confidence_interval(self.estimate, self.std_error)[1]
 
     @property
     def unobservable(self) -> tuple[str, ...]:

@@ -11,9 +11,9 @@ from scipy.optimize import nnls
 
 from freqid.core.arrays import Array
 from freqid.core.channels import ATTITUDE, FORCES, GROUND, RATES, VELOCITY
-from freqid.core.frames import cross, level_from_body
 from freqid.core.record import Channel, Maneuver
 from freqid.core.units import STANDARD_GRAVITY
+from freqid.dynamics.frames import cross, level_from_body
 from freqid.identify.loads.wrench import AppliedWrench
 from freqid.identify.model.line_equations import on_lines
 from freqid.identify.regress.equations import real_equations

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from freqid.core.arrays import Array
-from freqid.core.frames import cross, level_from_body
+from freqid.dynamics.frames import cross, level_from_body
 
 GRAVITY = 9.80665  # standard, m/s2
 # Rows of an error state, and what makes them grow from the origin on.

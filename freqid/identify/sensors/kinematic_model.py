@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from freqid.core.arrays import Array
 from freqid.core.channels import ANGLES, ATTITUDE, FLOW, FORCES, GROUND, RATES, VELOCITY
 from freqid.core.errors import DataError
-from freqid.core.frames import body_velocity, cross, flow_angles, specific_force_at
 from freqid.core.record import FlightRecord
+from freqid.dynamics.frames import body_velocity, cross, flow_angles, specific_force_at
 from freqid.identify.sensors.errors import Reading, error_name
 from freqid.identify.sensors.flight_path import (
     CAUSES,

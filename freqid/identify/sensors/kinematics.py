@@ -8,14 +8,14 @@ from typing import Any, overload
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.special import ndtri, stdtrit
 
 from freqid.core.arrays import Array
 from freqid.core.channels import FLOW, FORCES, GROUND, RATES, VELOCITY
 from freqid.core.errors import UsageError, nearest
-from freqid.core.frames import flow_angles
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import Fit
+from freqid.dynamics.frames import flow_angles
+from freqid.identify.regress.confidence_interval import half_width
 from freqid.identify.sensors.air_data_lag import UNSTEADY, LagByLoads
 from freqid.identify.sensors.errors import Reading, SensorErrors, error_kind, error_name, spline_of
 from freqid.identify.sensors.inclusion import average_over_inclusion
@@ -219,7 +219,8 @@ def check_kinematics(
     names = tuple(found.names[i] for i in errors)
     estimate, covariance = found.estimate[errors], found.covariance[np.ix_(errors, errors)]
     std_error = np.sqrt(np.diag(covariance))
-    half = stdtrit(found.degrees_of_freedom[errors], 0.5 + settings.confidence / 2) * std_error
+    level, dof = settings.confidence, found.degrees_of_freedom[errors]
+    half = half_width(std_error, level=level, degrees_of_freedom=dof)
     by_loads: tuple[str, ...] = ()
     if lag is not None and lag.std_error < LARGEST_ERROR_SHARE * PLAUSIBLE["delay"]:
         told = {n for n, a in zip(problem.names, problem.on_air, strict=True) if a and n.endswith("delay")}
@@ -230,7 +231,7 @@ def check_kinematics(
         # One lag of all, and what each channel may have of its own.
         shared = np.full((more, more), lag.std_error**2) + UNSTEADY**2 * np.eye(more)
         covariance = block_diag(covariance, shared)
-        half = np.append(half, ndtri(0.5 + settings.confidence / 2) * np.sqrt(np.diag(shared)))
+        half = np.append(half, half_width(np.sqrt(np.diag(shared)), level=level))
     tried = np.array([error_kind(n) in ("scale", "delay") or n in AIR_BIASES for n in names], dtype=bool)
     averaged = average_over_inclusion(estimate, covariance, plausible[_rows(problem.names, names)], tried)
     channels, time = problem.sensors.names, record.time[problem.window]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from freqid import __version__
-from freqid.blend.semi_local.campaign import CampaignStudy
+from freqid.blend.semi_local.advance_ratio_study import CampaignStudy
 from freqid.core.results.advance_ratio import AdvanceRatioLaw, AdvanceRatioModel
 from freqid.report.advance_ratio import figures
 from freqid.report.kit.findings import Finding, finding
@@ -33,7 +33,7 @@ def build_advance_ratio_page(model: AdvanceRatioModel) -> str:
     return _page(model, _findings(model), [], [], [], [], model.provenance)
 
 
-def build_campaign_page(study: CampaignStudy) -> str:
+def build_study_by_advance_ratio_page(study: CampaignStudy) -> str:
     """Return the page of a campaign: the same, and how models compare in time and on held-out manoeuvres.
 
     Parameters

@@ -18,9 +18,9 @@ from matplotlib.ticker import MultipleLocator
 from scipy.spatial import ConvexHull
 
 from freqid.core.arrays import Array
-from freqid.core.frames import shaft_axis, turn_about_y
 from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Rotor, Surface, Vector, Vehicle, Wing
+from freqid.dynamics.frames import shaft_axis, turn_about_y
 from freqid.dynamics.mass import centre_of_gravity
 from freqid.report.kit.drawing import BLUE, INK, ORANGE, WIDTH, literal, plain, styled
 

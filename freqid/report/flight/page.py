@@ -14,10 +14,10 @@ from matplotlib.figure import Figure
 
 from freqid import __version__
 from freqid.core.arrays import Array
-from freqid.core.frames import turn_about_y
 from freqid.core.record import FlightRecord
 from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Vehicle
+from freqid.dynamics.frames import turn_about_y
 from freqid.report.design.figures import GROUP_COLOURS, signal_rows
 from freqid.report.flight import figures, tables
 from freqid.report.flight.aircraft import SIDE, Solid, draw_parts, outline, three_view, tilted_shaft

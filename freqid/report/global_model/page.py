@@ -10,16 +10,16 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from freqid import __version__
-from freqid.blend.campaign import distinct_densities, same_density
 from freqid.blend.consistency import Agreement
+from freqid.blend.corridor_study import distinct_densities, same_density
 from freqid.blend.global_model import GlobalModel
 from freqid.core.arrays import Array
 from freqid.core.channels import AIR, STATE
 from freqid.core.results.corridor import Corridor
 from freqid.core.results.point import Fit, per
+from freqid.identify.regress.confidence_interval import confidence_interval
 from freqid.report.kit.corridor import (
     SPEED,
     Panel,
@@ -405,7 +405,7 @@ def _figure(model: GlobalModel, response: str, names: Sequence[str]) -> Figure:
 
 def _table(corridor: Corridor, response: str) -> dict[str, Any]:
     """Return estimates and limits of one response at all points, one row for each parameter."""
-    knots, reach = corridor[response], float(norm.ppf(0.5 + LEVEL / 2))
+    knots = corridor[response]
     values = np.vstack([knots.estimate, knots.bias])
     errors = np.vstack([knots.std_error, knots.bias_std_error])
     units = (*knots.parameter_units, knots.unit)
@@ -415,7 +415,8 @@ def _table(corridor: Corridor, response: str) -> dict[str, Any]:
     ):
         cells = []
         for x, s in zip(value.tolist(), error.tolist(), strict=True):
-            _, estimate, low, high = measured_values(s, x, x - reach * s, x + reach * s)
+            limits = map(float, confidence_interval(x, s, level=LEVEL))
+            _, estimate, low, high = measured_values(s, x, *limits)
             cells.append({"estimate": exact(x, estimate), "limits": f"{low} to {high}"})
         rows.append({"name": name, "unit": pretty_unit(unit), "cells": cells})
     return {"symbol": symbol(response, corridor.form), "rows": rows}

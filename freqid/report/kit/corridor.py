@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from freqid.blend.campaign import same_density
+from freqid.blend.corridor_study import same_density
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.similarity import equivalent
 from freqid.core.arrays import Array

@@ -10,7 +10,7 @@ from typing import Any
 from markupsafe import Markup
 
 from freqid import __version__
-from freqid.blend.campaign import (
+from freqid.blend.corridor_study import (
     GOOD_R2,
     MOST_VALIDATION,
     StudiedPoint,

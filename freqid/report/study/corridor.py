@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from freqid.blend.campaign import StudiedPoint, StudyResults, same_density
+from freqid.blend.corridor_study import StudiedPoint, StudyResults, same_density
 from freqid.core.arrays import Array
 from freqid.core.results.point import per
 from freqid.report.kit.corridor import (

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from freqid import __version__
-from freqid.blend.campaign import (
+from freqid.blend.corridor_study import (
     GOOD_R2,
     MOST_HELD_OUT,
     MOST_NEW_DENSITY,

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from markupsafe import Markup
 
-from freqid.blend.campaign import StudiedPoint, StudyResults
+from freqid.blend.corridor_study import StudiedPoint, StudyResults
 from freqid.core.results.point import Fit, per
 from freqid.core.vehicle import Vehicle
 from freqid.identify.in_flight.parameter_history import ParameterHistory

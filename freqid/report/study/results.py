@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.blend.campaign import StudiedPoint, distinct_densities
+from freqid.blend.corridor_study import StudiedPoint, distinct_densities
 from freqid.core.arrays import Array
 from freqid.identify.in_flight.parameter_history import ParameterHistory
 

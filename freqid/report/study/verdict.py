@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from markupsafe import Markup
 
-from freqid.blend.campaign import (
+from freqid.blend.corridor_study import (
     FAILED_VALIDATION,
     GOOD_R2,
     MOST_HELD_OUT,

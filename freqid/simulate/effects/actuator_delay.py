@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from freqid.core.vehicle import Vehicle
 from freqid.simulate.effects.effect import Effect, Parameter
 from freqid.simulate.effects.signals import delayed
-from freqid.simulate.motion import memory
+from freqid.simulate.motion import delay_line
 from freqid.simulate.motion.actuators import Commands
 
 Signals = dict[str, NDArray[np.float64]]
@@ -41,7 +41,7 @@ def arrived(settings: dict[str, jax.Array], described: Commands, sent: Commands,
         Step, s.
     """
     late = delays(settings, described)
-    return Commands(*(memory.read(line, x / dt) for line, x in zip(sent, late, strict=True)))
+    return Commands(*(delay_line.read(line, x / dt) for line, x in zip(sent, late, strict=True)))
 
 
 def _act(settings: Mapping[str, float], signals: Signals, dt: float, kinds: dict[str, str]) -> Signals:

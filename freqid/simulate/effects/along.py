@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from freqid.core.arrays import Array
-from freqid.core.frames import cross, shaft_axis, turn_about_y
 from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Rotor, Vehicle, Wing
+from freqid.dynamics.frames import shaft_axis, turn_about_y
+from freqid.dynamics.moment_reference_point import moment_about
 
 
 def velocity(record: FlightRecord) -> Array:
@@ -93,7 +94,7 @@ def wrench(replay: Any, force: Array, place: ArrayLike, moment: Array | float = 
     place = np.asarray(place, dtype=float)
     place = place[:, None] if place.ndim == 1 else place
     arm = place - centre(replay.record, replay.vehicle)
-    return np.concatenate([force, cross(arm, force) + moment])
+    return np.concatenate([force, moment_about(arm, force, moment)])
 
 
 def thrusts(replay: Any, rotors: Sequence[Rotor]) -> Array:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from freqid.simulate.effects import along
 from freqid.simulate.effects.effect import Effect, Parameter
 from freqid.simulate.loads.quantities import Wrench
-from freqid.simulate.motion import attitude
 
 _SHORTEST = 0.01  # s
 _STILL = 0.01  # m2/s2
@@ -48,7 +47,7 @@ def _add(settings: dict[str, jax.Array], situation: Any) -> Wrench:
     down = _force(settings["strength"], ahead, flow.velocity, flow.rho, geometry.area)
     force = jnp.stack([0 * down, 0 * down, down])
     behind = jnp.stack([settings["arm"] * geometry.chord, 0.0 * down, 0.0 * down])
-    return Wrench(force, attitude.cross(geometry.centre - behind, force))
+    return Wrench.of(force, geometry.centre - behind)
 
 
 def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[Any]:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from freqid.simulate.effects import along
 from freqid.simulate.effects.effect import Effect, Parameter
 from freqid.simulate.loads.quantities import Wrench
-from freqid.simulate.motion import attitude
 
 _STILL = 1e-6  # m2/s2, keeps the derivative of the speed defined at rest
 
@@ -25,7 +24,7 @@ def _force(coefficient: Any, velocity: Any, rho: Any, area: Any) -> Any:
 def _add(settings: dict[str, jax.Array], situation: Any) -> Wrench:
     geometry, flow = situation.parameters.geometry, situation.flow
     force = _force(settings["coefficient"], flow.velocity, flow.rho, geometry.area)
-    return Wrench(force, attitude.cross(geometry.centre, force))
+    return Wrench.of(force, geometry.centre)
 
 
 def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[Any]:

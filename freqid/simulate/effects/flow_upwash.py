@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from freqid.core.channels import VELOCITY
-from freqid.core.frames import body_velocity, flow_angles
 from freqid.core.record import FlightRecord
+from freqid.dynamics.frames import body_velocity, flow_angles
 from freqid.simulate.effects.along import velocity
 from freqid.simulate.effects.channel_groups import changed
 from freqid.simulate.effects.effect import Effect, Parameter

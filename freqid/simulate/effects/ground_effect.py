@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.dynamics.moment_reference_point import moment_about
 from freqid.simulate.effects import along
 from freqid.simulate.effects.effect import Effect, Parameter
 from freqid.simulate.loads import frames
@@ -48,7 +49,7 @@ def _add(settings: dict[str, jax.Array], situation: Any) -> Wrench:
     near = (radius / (4 * height)) ** 2 * still
     downward = jnp.maximum(-axis[:, 2], 0.0)
     push = (settings["strength"] * thrust * near / (1 - near) * downward**2)[:, None] * axis
-    return Wrench(push.sum(axis=0), jnp.cross(hub, push).sum(axis=0))
+    return Wrench(push.sum(axis=0), moment_about(hub, push, axis=-1).sum(axis=0))
 
 
 def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[np.float64]:

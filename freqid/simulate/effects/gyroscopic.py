@@ -9,7 +9,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.frames import cross
+from freqid.dynamics.frames import cross
 from freqid.simulate.effects import along
 from freqid.simulate.effects.effect import Effect, Parameter
 from freqid.simulate.motion.multibody import MassModel

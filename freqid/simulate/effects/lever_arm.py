@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from freqid.core.channels import FORCES
-from freqid.core.frames import specific_force_at
 from freqid.core.record import FlightRecord
+from freqid.dynamics.frames import specific_force_at
 from freqid.simulate.effects.along import rates, slope
 from freqid.simulate.effects.channel_groups import changed
 from freqid.simulate.effects.effect import Effect, Parameter

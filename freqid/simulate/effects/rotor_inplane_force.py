@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import pi
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.frames import cross
+from freqid.dynamics.frames import cross
 from freqid.simulate.effects import along
 from freqid.simulate.effects.effect import Effect, Parameter
-from freqid.simulate.loads.propeller import Discs
+
+if TYPE_CHECKING:  # propeller calls this effect
+    from freqid.simulate.loads.propeller import Discs
 
 _COEFFICIENT = 0.02  # of in-plane force and hub moment, that strength 1 stands for in a replay
 

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.frames import cross, turn_about_y
+from freqid.dynamics.frames import cross, turn_about_y
+from freqid.dynamics.moment_reference_point import moment_about
 from freqid.simulate.effects import along
 from freqid.simulate.effects.effect import Effect, Parameter
 from freqid.simulate.loads.quantities import Wrench
@@ -53,7 +54,7 @@ def _add(settings: dict[str, jax.Array], situation: Any) -> Wrench:
     x, _, z = (flow.velocity + attitude.cross(flow.rates, pivot)).T
     down = _loss(settings, x * cos - z * sin, x * sin + z * cos, flow.rho, geometry.area / pivot.shape[0])
     force = jnp.stack([down * sin, jnp.zeros_like(down), down * cos], axis=-1)
-    return Wrench(force.sum(0), attitude.cross(pivot, force).sum(0))
+    return Wrench(force.sum(0), moment_about(pivot, force, axis=-1).sum(0))
 
 
 def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[Any]:

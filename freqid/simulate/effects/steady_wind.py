@@ -7,8 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from freqid.core.channels import ATTITUDE, VELOCITY
-from freqid.core.frames import level_from_body
 from freqid.core.record import FlightRecord
+from freqid.dynamics.frames import level_from_body
 from freqid.simulate.effects.along import velocity
 from freqid.simulate.effects.channel_groups import changed
 from freqid.simulate.effects.effect import Effect, Parameter

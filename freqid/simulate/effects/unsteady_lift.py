@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from freqid.simulate.effects import along
 from freqid.simulate.effects.effect import Effect, Parameter
 from freqid.simulate.loads.quantities import Wrench
-from freqid.simulate.motion import attitude
 
 _SLOPE = 4.5  # per rad: lift curve of a wing of usual aspect ratio
 _STILL = 0.01  # m2/s2
@@ -47,7 +46,7 @@ def _add(settings: dict[str, jax.Array], situation: Any) -> Wrench:
     share = jnp.clip(settings["time_constant"] / _SHORTEST, 0.0, 1.0)
     missing = share * (situation.memory["force"] - _now(situation))
     force = jnp.stack([0 * missing, 0 * missing, missing])
-    return Wrench(force, attitude.cross(situation.parameters.geometry.centre, force))
+    return Wrench.of(force, situation.parameters.geometry.centre)
 
 
 def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[Any]:

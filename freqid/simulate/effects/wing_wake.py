@@ -9,7 +9,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from freqid.core.frames import cross, turn_about_y
+from freqid.dynamics.frames import cross, turn_about_y
 from freqid.simulate.effects import along
 from freqid.simulate.effects.effect import Effect, Parameter
 from freqid.simulate.loads.quantities import Wake

@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 
 from freqid.simulate.effects import library, slipstream, surface_effectiveness, weak_rotor, wing_wake
-from freqid.simulate.loads import fuselage, rotors, tail, wake, wing
+from freqid.simulate.loads import fuselage, tail, wake, wing
 from freqid.simulate.loads.frames import Frames, motion, total
 from freqid.simulate.loads.fuselage import Fuselage
-from freqid.simulate.loads.propeller import Propellers
+from freqid.simulate.loads.propeller import Propellers, rotor_loads
 from freqid.simulate.loads.quantities import Aero, Flow, Positions, Wake, Wrench
 from freqid.simulate.loads.slipstream import Slipstreams
 from freqid.simulate.loads.tail import Tail
@@ -205,7 +205,7 @@ def _loads(parameters: Parameters, flow: Flow, positions: Positions, arriving: W
     p, effects = parameters, parameters.effects
     felt = wing_wake.received(effects["wing_wake"], arriving)
     at = motion(p.frames, flow, positions)
-    discs, loads = rotors.loads(p.propellers, at, positions.speed, flow.rho, effects["rotor_inplane_force"])
+    discs, loads = rotor_loads(p.propellers, at, positions.speed, flow.rho, effects["rotor_inplane_force"])
 
     blown, induced = slipstream.over_wing(effects["slipstream"], p.slipstreams, discs, flow.rho)
     # Seen from the rear wing's strips the wake's blowing is forward speed and its downwash a climb.

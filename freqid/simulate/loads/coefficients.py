@@ -15,10 +15,9 @@ import jax
 import jax.numpy as jnp
 
 from freqid.dynamics import precision as precision
-from freqid.simulate.loads import rotors
 from freqid.simulate.loads.airframe import Geometry
 from freqid.simulate.loads.frames import Frames, motion, total
-from freqid.simulate.loads.propeller import Propellers
+from freqid.simulate.loads.propeller import Propellers, rotor_loads
 from freqid.simulate.loads.quantities import Aero, Flow, Positions, Wake, Wrench
 from freqid.simulate.motion.attitude import cross
 
@@ -118,7 +117,7 @@ class Coefficients(NamedTuple):
         """Return the loads before any effect is added; there is no wake that arrives late."""
         at = motion(self.frames, flow, positions)
         inplane = self.effects["rotor_inplane_force"]
-        discs, loads = rotors.loads(self.propellers, at, positions.speed, flow.rho, inplane)
+        discs, loads = rotor_loads(self.propellers, at, positions.speed, flow.rho, inplane)
         thrust = total(self.frames, at, loads[:, :3], loads[:, 3:])
         air = _wrench(self, flow, positions)
         still = jnp.zeros(2)
@@ -211,7 +210,7 @@ def _wrench(parameters: Coefficients, flow: Flow, positions: Positions) -> Wrenc
     pressure = 0.5 * flow.rho * ((flow.velocity + cross(flow.rates, parameters.point)) ** 2).sum()
     scale = parameters.area * (parameters.per_pressure * pressure + 1 - parameters.per_pressure)
     force, moment = scale * force, scale * moment
-    return Wrench(force, moment + cross(parameters.point, force))
+    return Wrench.of(force, parameters.point, moment)
 
 
 def _advance_ratio(diameter: jax.Array, speed: jax.Array, airspeed: jax.Array) -> jax.Array:

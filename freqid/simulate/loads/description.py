@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.errors import UsageError
-from freqid.core.frames import shaft_axis
 from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Vehicle
+from freqid.dynamics.frames import shaft_axis
 from freqid.dynamics.precision import doubles
 from freqid.simulate import effects
 from freqid.simulate.effects import library

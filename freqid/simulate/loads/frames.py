@@ -11,6 +11,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from freqid.dynamics.moment_reference_point import moment_about
 from freqid.simulate.loads.quantities import Flow, Positions, Wrench
 
 
@@ -88,5 +89,5 @@ def total(frames: Frames, at: Motion, force: jax.Array, moment: jax.Array) -> Wr
         In body axes, about the vehicle's origin.
     """
     loads = jnp.einsum("fij,fkj->fki", at.turn, jnp.stack([force, moment], axis=1))
-    force, moment = loads[:, 0], loads[:, 1] + jnp.cross(frames.pivot, loads[:, 0])
-    return Wrench(force.sum(axis=0), moment.sum(axis=0))
+    moment = moment_about(frames.pivot, loads[:, 0], loads[:, 1], axis=-1)
+    return Wrench(loads[:, 0].sum(axis=0), moment.sum(axis=0))

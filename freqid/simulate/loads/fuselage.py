@@ -51,4 +51,4 @@ def loads(fuselage: Fuselage, flow: Flow) -> Wrench:
     force = -0.5 * flow.rho * speed * fuselage.drag_area * velocity
     u, v, w = velocity
     munk = flow.rho * fuselage.volume * u * jnp.stack([jnp.zeros_like(u), w, -v])
-    return Wrench(force, jnp.cross(fuselage.centre, force) + munk)
+    return Wrench.of(force, fuselage.centre, munk)

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from freqid.dynamics import precision as precision
-from freqid.simulate.motion.attitude import cross
+from freqid.dynamics.moment_reference_point import moment_about
 
 
 class Flow(NamedTuple):
@@ -72,9 +72,14 @@ class Wrench(NamedTuple):
     force: jax.Array
     moment: jax.Array
 
+    @classmethod
+    def of(cls, force: jax.Array, place: jax.Array, moment: jax.Array | None = None) -> Wrench:
+        """Return the wrench of a force that acts at a place, vehicle axes, m, with a moment of its own."""
+        return cls(force, moment_about(place, force, moment, axis=-1))
+
     def about(self, point: jax.Array) -> jax.Array:
         """Return X Y Z and L M N with the moments about another point, vehicle axes, m, shape (6,)."""
-        return jnp.concatenate([self.force, self.moment - cross(point, self.force)])
+        return jnp.concatenate([self.force, moment_about(-point, self.force, self.moment, axis=-1)])
 
 
 class Wake(NamedTuple):

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from freqid.core.errors import UsageError, nearest
-from freqid.core.frames import shaft_axis
 from freqid.core.scenario import Scenario
 from freqid.core.toml import convert
 from freqid.core.vehicle import Strict, Vector, Vehicle
+from freqid.dynamics.frames import shaft_axis
 
 PANELS = ("tail-left", "tail-right")
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from freqid.dynamics.moment_reference_point import moment_about
 from freqid.simulate.loads.quantities import Flow, Wake, Wrench
 from freqid.simulate.loads.wing import Section, section_loads
 
@@ -68,5 +69,5 @@ def loads(tail: Tail, flow: Flow, wake: Wake, surface: jax.Array) -> Wrench:
     dynamic = 0.5 * flow.rho * tail.area
     force = jnp.stack([dynamic * fx, zero, zero], axis=-1) - (dynamic * fz)[:, None] * tail.up
     span = jnp.cross(jnp.array([1.0, 0.0, 0.0]), tail.up)
-    moment = jnp.cross(tail.centre, force) + (dynamic * tail.chord * m)[:, None] * span
+    moment = moment_about(tail.centre, force, (dynamic * tail.chord * m)[:, None] * span, axis=-1)
     return Wrench(force.sum(axis=0), moment.sum(axis=0))

@@ -17,9 +17,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from freqid.core.frames import shaft_axis
 from freqid.core.vehicle import Vehicle
 from freqid.dynamics import precision
+from freqid.dynamics.frames import shaft_axis
 from freqid.dynamics.mass import wing_arm, without_wings
 from freqid.simulate.motion.attitude import cross
 

@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from freqid.core.units import STANDARD_GRAVITY
+from freqid.dynamics.moment_reference_point import moment_about
 from freqid.simulate.loads.quantities import Wrench
 from freqid.simulate.motion import attitude
 from freqid.simulate.motion.attitude import cross
@@ -91,7 +92,7 @@ def accelerations(
     torque = torque - cross(velocity, linear) - angular_rate
     centre = moment / model.mass
     about_centre = inertia - ((moment * centre).sum() * np.eye(3) - moment[:, None] * centre)
-    rates_rate = _solve(about_centre, torque - cross(centre, force))
+    rates_rate = _solve(about_centre, moment_about(-centre, force, torque, axis=-1))
     return force / model.mass - cross(rates_rate, centre), rates_rate
 
 

@@ -32,7 +32,7 @@ from freqid.simulate.loads import airframe, description
 from freqid.simulate.loads.airframe import Memories
 from freqid.simulate.loads.coefficients import Coefficients
 from freqid.simulate.loads.quantities import Aero, Flow, Positions, Wake
-from freqid.simulate.motion import memory, multibody, rigid_body
+from freqid.simulate.motion import delay_line, multibody, rigid_body
 from freqid.simulate.motion.actuators import (
     Actuators,
     Commands,
@@ -191,8 +191,8 @@ def start(
     )
     return State(
         moving,
-        memory.start(commands, int(np.ceil(LONGEST_DELAY / dt)) + 2),
-        memory.start(aero.shed, int(np.ceil(_LONGEST_CONVECTION / dt)) + 2),
+        delay_line.start(commands, int(np.ceil(LONGEST_DELAY / dt)) + 2),
+        delay_line.start(aero.shed, int(np.ceil(_LONGEST_CONVECTION / dt)) + 2),
         commands,
         positions.surface,
     )
@@ -272,12 +272,12 @@ def seen_step(
     dt : float
         Step, s; as `start` was told.
     """
-    sent = memory.push(state.commands, commands)
+    sent = delay_line.push(state.commands, commands)
     obeyed = _arrived(parameters, sent, state.followed, dt)
     age = _wake_age(parameters, state, around, dt)
 
     def rate(moving: Moving, elapsed: jax.Array) -> tuple[Moving, tuple[Moving, Details]]:
-        arriving = memory.read(state.wake, age - elapsed / dt)
+        arriving = delay_line.read(state.wake, age - elapsed / dt)
         slope, details = derivative(parameters, moving, obeyed, arriving, around, state.dragged)
         return slope, (slope, details)
 
@@ -286,15 +286,15 @@ def seen_step(
     effects = parameters.airframe.effects
     surface = actuator_lag.position(effects["actuator_lag"], moving.surface, obeyed.surface)
     dragged = backlash.dragged(effects["backlash"], state.dragged, surface)
-    return State(moving, sent, memory.push(state.wake, seen[1].aero.shed), obeyed, dragged), seen
+    return State(moving, sent, delay_line.push(state.wake, seen[1].aero.shed), obeyed, dragged), seen
 
 
 def observe(
     parameters: Parameters, state: State, commands: Commands, around: Surroundings, dt: float
 ) -> tuple[Moving, Details]:
     """Return the rate of change and the details at the start of a step; parameters as in `step`."""
-    obeyed = _arrived(parameters, memory.push(state.commands, commands), state.followed, dt)
-    arriving = memory.read(state.wake, _wake_age(parameters, state, around, dt))
+    obeyed = _arrived(parameters, delay_line.push(state.commands, commands), state.followed, dt)
+    arriving = delay_line.read(state.wake, _wake_age(parameters, state, around, dt))
     return derivative(parameters, state.moving, obeyed, arriving, around, state.dragged)
 
 

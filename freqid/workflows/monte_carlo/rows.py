@@ -12,7 +12,7 @@ import numpy as np
 
 from freqid.core.errors import UsageError
 from freqid.core.extras import extra
-from freqid.core.results.monte_carlo import Measured, wilson
+from freqid.core.results.judged.monte_carlo import Measured, wilson
 from freqid.workflows.monte_carlo.plan import Setting, label
 
 Columns = Mapping[str, Any]

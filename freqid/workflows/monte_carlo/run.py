@@ -11,7 +11,7 @@ from freqid import __version__
 from freqid.core.errors import UsageError, nearest
 from freqid.core.extras import extra
 from freqid.core.results.design import MultisineDesign, read_design
-from freqid.core.results.monte_carlo import FILE, MonteCarlo
+from freqid.core.results.judged.monte_carlo import FILE, MonteCarlo
 from freqid.core.scenario import Scenario, find_scenario, read_scenario
 from freqid.core.store import replacing
 from freqid.simulate import runner

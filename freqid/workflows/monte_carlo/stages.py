@@ -25,6 +25,7 @@ from freqid.core.record import FlightRecord
 from freqid.core.results.design import MultisineDesign
 from freqid.core.results.point import PointModel
 from freqid.core.scenario import Scenario, read_scenario
+from freqid.identify.regress.confidence_interval import confidence_interval
 from freqid.workflows.monte_carlo.plan import Setting, nested
 from freqid.workflows.monte_carlo.rows import Columns, write_rows
 
@@ -268,14 +269,15 @@ def blend(case: Case) -> list[dict[str, Any]]:
         for name, estimate, error in zip(found.names, found.estimate, found.std_error, strict=True):
             if name in perfect[response].regressors:
                 e, s = float(np.squeeze(estimate)), float(np.squeeze(error))
+                low, high = map(float, confidence_interval(e, s))
                 truth = float(perfect[response][name][0])
                 rows.append(
                     case.row(
                         quantity=f"{response}.{name}",
                         estimate=e,
                         std_error=s,
-                        lo=e - 1.96 * s,
-                        hi=e + 1.96 * s,
+                        lo=low,
+                        hi=high,
                         reference=truth,
                     )
                 )

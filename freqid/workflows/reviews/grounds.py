@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from freqid.blend.campaign import (
+from freqid.blend.corridor_study import (
     FAILED_VALIDATION,
     GOOD_R2,
     MOST_HELD_OUT,

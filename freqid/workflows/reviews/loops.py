@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from itertools import chain
 
-from freqid.blend.campaign import StudiedPoint, causes_of
+from freqid.blend.corridor_study import StudiedPoint, causes_of
 from freqid.core.results.gap import GapResult
 from freqid.core.results.judged.review import LoopCompared
 from freqid.core.results.loop_margins import LoopMargins, least_of

@@ -10,7 +10,7 @@ from typing import Any
 
 import h5py
 
-from freqid.blend.campaign import StudyResults
+from freqid.blend.corridor_study import StudyResults
 from freqid.blend.study_file import held_files
 from freqid.core import store
 from freqid.core.errors import DataError, UsageError

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from freqid.blend.campaign import StudiedPoint, StudyResults, doubts_of_points, left_to_noise
+from freqid.blend.corridor_study import StudiedPoint, StudyResults, doubts_of_points, left_to_noise
 from freqid.core.errors import DataError, UsageError
 from freqid.core.results.gap import GapResult
 from freqid.core.results.judged.doubt import DOUBT_KINDS

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from freqid.blend.campaign import GOOD_R2, MOST_VALIDATION, StudiedPoint, StudyResults
+from freqid.blend.corridor_study import GOOD_R2, MOST_VALIDATION, StudiedPoint, StudyResults
 from freqid.core.channels import AIR, STATE
 from freqid.core.results.gap import GapResult
 from freqid.core.results.judged.review import Use

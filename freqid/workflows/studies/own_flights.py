@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from freqid.blend.campaign import StudyResults, spanning_conditions
+from freqid.blend.corridor_study import StudyResults, spanning_conditions
 from freqid.blend.study_file import STUDY, write_study
 from freqid.core import record as record_file
 from freqid.core import store

@@ -7,11 +7,11 @@ from collections.abc import Callable, Mapping
 import msgspec
 import numpy as np
 
-from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults, rmse_inside
 from freqid.blend.consistency import density_agreement, repeat_agreement
+from freqid.blend.corridor_study import HeldOut, StudiedPoint, StudyResults, rmse_inside
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.predict import replay
-from freqid.blend.semi_local.campaign import CampaignStudy
+from freqid.blend.semi_local.advance_ratio_study import CampaignStudy
 from freqid.core.errors import GateFailed
 from freqid.core.record import Maneuver
 from freqid.core.results.judged.truth import KnownTruth

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from freqid.blend.campaign import StudyResults, spanning_conditions
-from freqid.blend.semi_local.campaign import CampaignStudy
+from freqid.blend.corridor_study import StudyResults, spanning_conditions
+from freqid.blend.semi_local.advance_ratio_study import CampaignStudy
 from freqid.blend.study_file import STUDY, write_study
 from freqid.core.errors import UsageError
 from freqid.core.record import Maneuver, read_record
@@ -24,10 +24,10 @@ from freqid.workflows.files import save
 from freqid.workflows.inputs import File, Flight, Tell, name_of, scenario_of, silent
 from freqid.workflows.models.blend import blend
 from freqid.workflows.studies import units
-from freqid.workflows.studies.campaign_study import study_campaign
 from freqid.workflows.studies.known_truth import Known, know, read_known_truth
 from freqid.workflows.studies.own_flights import study_flights
 from freqid.workflows.studies.studied import held_out_errors, studied_point
+from freqid.workflows.studies.study_by_advance_ratio import study_campaign
 
 _FLIGHT_SEEDS = 1000  # apart for each design, so that no two flights share their sensors' errors
 

@@ -1,1 +1,1 @@
-"""What results are held against, and what follows: truth of a simulation, sealed effects, reviews."""
+"""What results are held against, and what follows: truth, sealed effects, Monte Carlo campaigns, reviews."""

@@ -5,8 +5,8 @@ from scipy.integrate import solve_ivp
 
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.scenario import Airframe, Scenario
-from freqid.core.sections.campaign import Campaign, CampaignTrim
 from freqid.core.sections.identification import Identification
+from freqid.core.sections.trim_sequence import Campaign, CampaignTrim
 from freqid.core.vehicle import Effector, Inertia, Rotor
 
 MASS, AREA, CHORD, INERTIA, RHO, G = 6.0, 0.5, 0.25, 0.38, 1.2, 9.80665

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import DataError
-from freqid.core.frames import level_from_body
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Rotor, Vehicle
+from freqid.dynamics.frames import level_from_body
 from freqid.gap.bookkeeping.check import check
 
 MASS, GRAVITY, INERTIA = 30.0, 9.80665, np.array([3.0, 6.0, 8.0])

@@ -9,9 +9,9 @@ from wrench_cases import DT, FULL, INERTIA, RIGID, SENSOR, TILTING, TIME, motion
 
 from freqid.core.channels import WRENCH
 from freqid.core.errors import DataError, UsageError
-from freqid.core.frames import specific_force_at
 from freqid.core.record import Maneuver
 from freqid.core.vehicle import Rotor
+from freqid.dynamics.frames import specific_force_at
 from freqid.identify.loads.wrench import applied_wrench, response_name
 
 

@@ -9,7 +9,7 @@ from blown_campaign import campaign, problems_of
 from page_script import without_script
 
 import freqid as fq
-from freqid.blend.semi_local.campaign import CampaignStudy, inner_trims
+from freqid.blend.semi_local.advance_ratio_study import CampaignStudy, inner_trims
 from freqid.blend.semi_local.held import semi_local_model
 from freqid.blend.semi_local.held_out import score_held_out
 from freqid.blend.semi_local.one_shot import one_shot_model

@@ -13,7 +13,7 @@ import pytest
 from page_script import without_script
 from test_page import HOSTILE, Page
 
-from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults
+from freqid.blend.corridor_study import HeldOut, StudiedPoint, StudyResults
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.line_up import line_up
 from freqid.core.record import Channel, FlightRecord, Maneuver

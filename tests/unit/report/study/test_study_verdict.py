@@ -11,7 +11,7 @@ import pytest
 from test_study_page import HELD, both_ways, results
 from test_study_results import history
 
-from freqid.blend.campaign import HeldOut, StudiedPoint, StudyResults
+from freqid.blend.corridor_study import HeldOut, StudiedPoint, StudyResults
 from freqid.core.results.design import MultisineDesign
 from freqid.core.results.judged.review import Source
 from freqid.report.study.page import build_study_page, condition_rows

@@ -10,9 +10,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from freqid.core.frames import cross
 from freqid.core.results.design import SampledInputs
 from freqid.core.scenario import read_scenario
+from freqid.dynamics.frames import cross
 from freqid.gap.model.replay import Replay
 from freqid.simulate import effects
 from freqid.simulate.control.lq import close_loop

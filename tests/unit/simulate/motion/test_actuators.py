@@ -6,7 +6,7 @@ import pytest
 from freqid.core.errors import UsageError
 from freqid.core.toml import convert
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
-from freqid.simulate.motion import memory
+from freqid.simulate.motion import delay_line
 from freqid.simulate.motion.actuators import (
     ActuatorSection,
     Motors,
@@ -105,13 +105,13 @@ def test_a_load_beyond_the_battery_keeps_voltage_and_gradient_finite():
 
 
 def test_a_delay_line_returns_what_was_sent_then_and_goes_straight_between():
-    line = memory.start(jnp.zeros(2), 8)
+    line = delay_line.start(jnp.zeros(2), 8)
     for k in range(1, 6):
-        line = memory.push(line, jnp.array([1.0, 10.0]) * k)
+        line = delay_line.push(line, jnp.array([1.0, 10.0]) * k)
     for late in (0.0, 1.0, 2.25, 4.0):
-        assert np.allclose(memory.read(line, late), np.array([1.0, 10.0]) * (5 - late))
-    assert np.allclose(memory.read(line, 99.0), 0.0)  # the oldest
-    slope = jax.grad(lambda late: memory.read(line, late)[0])(2.25)
+        assert np.allclose(delay_line.read(line, late), np.array([1.0, 10.0]) * (5 - late))
+    assert np.allclose(delay_line.read(line, 99.0), 0.0)  # the oldest
+    slope = jax.grad(lambda late: delay_line.read(line, late)[0])(2.25)
     assert float(slope) == pytest.approx(-1.0)
 
 

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from freqid.core.errors import UsageError
-from freqid.core.frames import (
+from freqid.dynamics.frames import (
     body_velocity,
     cross,
     flow_angles,

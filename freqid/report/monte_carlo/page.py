@@ -9,7 +9,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from freqid import __version__
-from freqid.core.results.monte_carlo import MEASURES, SHARES, Measured, MonteCarlo
+from freqid.core.results.judged.monte_carlo import MEASURES, SHARES, Measured, MonteCarlo
 from freqid.report.kit.drawing import (
     BLUE,
     GREY,
@@ -44,10 +44,10 @@ _GROUPS = {
 }
 
 
-def build_campaign_page(found: MonteCarlo) -> str:
+def build_monte_carlo_page(found: MonteCarlo) -> str:
     """Return the page of a Monte Carlo campaign: one HTML text that fetches nothing."""
     return render(
-        "campaign.html",
+        "monte_carlo.html",
         title=f"Campaign of {found.cases:,} cases".replace(",", " "),
         what=f"Stage {found.stage}, against {found.axis}." if found.axis else f"Stage {found.stage}.",
         version=__version__,

@@ -1,4 +1,8 @@
-"""A line that remembers a signal for a while, to be read with any delay."""
+"""Delays in flight: a line that remembers a signal for a while, to be read with any delay.
+
+In one wait commands until the actuators get them (effects/actuator_delay says how long), in another the wake
+of the front wing until the rear wing meets it (whole_vehicle). Logged channels are late by effects/time_skew.
+"""
 
 from __future__ import annotations
 

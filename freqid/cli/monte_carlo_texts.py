@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from freqid.core.results.monte_carlo import SHARES, Measured, MonteCarlo
+from freqid.core.results.judged.monte_carlo import SHARES, Measured, MonteCarlo
 
 _WIDTH = 12
 
 
-def campaign_table(found: MonteCarlo) -> str:
+def monte_carlo_table(found: MonteCarlo) -> str:
     """Return measures over all quantities, one line for each place on the axis and curve."""
     names = [m for m in found.measures if found.of(m) and (m != "failed" or found.failed)]
     heading = [*([found.by] if found.by else []), found.axis or "all", *names]

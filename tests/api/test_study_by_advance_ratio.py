@@ -9,8 +9,8 @@ import freqid as fq
 from freqid.core.errors import DataError, GateFailed, UsageError
 from freqid.core.record import write_record
 from freqid.core.scenario import Gates
-from freqid.core.sections.campaign import Campaign, CampaignTrim
-from freqid.workflows.studies import campaign_study
+from freqid.core.sections.trim_sequence import Campaign, CampaignTrim
+from freqid.workflows.studies import study_by_advance_ratio
 from freqid.workflows.studies.studied import refuse_missed_study_gates
 
 RATIOS = (0.36, 0.45, 0.55, 0.65, 0.75, 0.9, np.inf, np.inf)
@@ -36,8 +36,8 @@ def flights(monkeypatch):
     def refuse(*args, **kwargs):
         raise DataError("no such model")
 
-    monkeypatch.setattr(campaign_study, "simulate_campaign", simulate)
-    monkeypatch.setattr(campaign_study, "identify_output_error", refuse)
+    monkeypatch.setattr(study_by_advance_ratio, "simulate_campaign", simulate)
+    monkeypatch.setattr(study_by_advance_ratio, "identify_output_error", refuse)
     return asked
 
 
@@ -83,10 +83,10 @@ def test_a_campaign_goes_from_the_flight_to_the_page(flights, tmp_path):
         judge(r2=2.0)
     twice = tuple(CampaignTrim(speed=v) for v in (15.0, 16.0, 15.0))
     flown = msgspec.structs.replace(SCENARIO, campaign=Campaign(trim=twice))
-    repeated = campaign_study._repeated(flown, study.points, 3)
+    repeated = study_by_advance_ratio._repeated(flown, study.points, 3)
     assert set(repeated) == {"m00 and m02"}
     assert min(repeated["m00 and m02"].values()) < 1e-3  # at two advance ratios, in truth
-    assert campaign_study._repeated(flown, study.points, 2) == {}
+    assert study_by_advance_ratio._repeated(flown, study.points, 2) == {}
 
     again = fq.study(SCENARIO, tmp_path / "study", turbulence=0.5, seed=3, held_out=["m01", "m04"])
     assert len(flights) == 1  # what is done is kept
@@ -94,7 +94,7 @@ def test_a_campaign_goes_from_the_flight_to_the_page(flights, tmp_path):
 
 
 def test_a_manoeuvre_that_cannot_be_identified_is_left_out(flights, tmp_path, monkeypatch):
-    identify, calls = campaign_study.identify_point, []
+    identify, calls = study_by_advance_ratio.identify_point, []
 
     def sometimes(*args, **kwargs):
         calls.append(args)
@@ -102,7 +102,7 @@ def test_a_manoeuvre_that_cannot_be_identified_is_left_out(flights, tmp_path, mo
             raise DataError("the injected signals hardly move 'alpha'")
         return identify(*args, **kwargs)
 
-    monkeypatch.setattr(campaign_study, "identify_point", sometimes)
+    monkeypatch.setattr(study_by_advance_ratio, "identify_point", sometimes)
     study = fq.study(SCENARIO, tmp_path, held_out=["m01", "m04"])
     assert "m02" not in study.local.ids
     assert len(study.local.ids) == len(RATIOS) - 1

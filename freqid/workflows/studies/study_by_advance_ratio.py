@@ -13,7 +13,7 @@ import numpy as np
 
 from freqid import __version__
 from freqid.blend.consistency import repeat_agreement
-from freqid.blend.semi_local.campaign import CampaignStudy, coefficient_histories, inner_trims
+from freqid.blend.semi_local.advance_ratio_study import CampaignStudy, coefficient_histories, inner_trims
 from freqid.blend.semi_local.held import semi_local_model
 from freqid.blend.semi_local.held_out import LOCAL, score_held_out
 from freqid.blend.semi_local.one_shot import one_shot_model
@@ -28,8 +28,8 @@ from freqid.core.store import replacing
 from freqid.core.toml import overridden
 from freqid.identify.advance_ratio.clusters import cluster_alpha
 from freqid.identify.advance_ratio.trim import excited
-from freqid.workflows.campaign import simulate_campaign
 from freqid.workflows.files import save
+from freqid.workflows.fly_trim_sequence import simulate_campaign
 from freqid.workflows.import_log import split_flight
 from freqid.workflows.inputs import File, Tell, identification_of, silent
 from freqid.workflows.models.advance_ratio import problems_of, told
@@ -63,7 +63,7 @@ def study_campaign(
     held_out : sequence of str
         Manoeuvres ``m03`` that models are judged by; some inside each cluster's range where empty.
     sensors, noise, turbulence, seed
-        As `freqid.workflows.campaign.simulate_campaign`.
+        As `freqid.workflows.fly_trim_sequence.simulate_campaign`.
     estimator : {"instruments", "least-squares"}, optional
         In place of the scenario's.
     tell : callable

@@ -11,10 +11,10 @@ import pytest
 
 from freqid.core.errors import UsageError
 from freqid.core.scenario import read_scenario
-from freqid.core.sections.campaign import Campaign, CampaignTrim
+from freqid.core.sections.trim_sequence import Campaign, CampaignTrim
 from freqid.flightlog.cut import find_maneuvers
 from freqid.simulate.local_coefficients import local_coefficients
-from freqid.workflows.campaign import simulate_campaign, trims_flown
+from freqid.workflows.fly_trim_sequence import simulate_campaign, trims_flown
 from freqid.workflows.models.identify import identify_point
 
 DEP6 = read_scenario(Path(__file__).resolve().parents[3] / "scenarios" / "dep6.toml")[0]

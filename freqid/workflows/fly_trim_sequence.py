@@ -12,7 +12,7 @@ from freqid.core.errors import UsageError
 from freqid.core.record import FlightRecord
 from freqid.core.scenario import Scenario
 from freqid.flightlog.cut import find_maneuvers
-from freqid.simulate import campaign
+from freqid.simulate import trim_sequence
 from freqid.simulate.loads.coefficients import HIGHEST_ADVANCE_RATIO
 from freqid.simulate.maneuver import Conditions, with_effects
 from freqid.workflows.design import design_inputs
@@ -72,7 +72,7 @@ def simulate_campaign(
     inputs = design_samples(design)
     assert inputs is not None  # a design was given or made
     conditions = Conditions(sensors, noise, turbulence=turbulence, seed=seed)
-    flown, loop = campaign.fly_campaign(described, inputs, conditions)
+    flown, loop = trim_sequence.fly_campaign(described, inputs, conditions)
     name = Path(design).name if isinstance(design, str | Path) else ""
     return SimulatedManeuver(described, flown, loop, name)
 

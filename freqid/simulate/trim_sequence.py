@@ -12,7 +12,7 @@ from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.core.results.design import SampledInputs
 from freqid.core.scenario import Scenario
-from freqid.core.sections.campaign import Campaign
+from freqid.core.sections.trim_sequence import Campaign
 from freqid.dynamics.precision import doubles
 from freqid.simulate.air.atmosphere import air, altitude_of
 from freqid.simulate.control.lq import ClosedLoop

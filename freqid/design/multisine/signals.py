@@ -17,7 +17,6 @@ from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.core.results.design import MultisineDesign
 
-
 _LEAST = 1e-300  # of a bound that has four digits
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from freqid.core.results.diagnosis import Closure, Existence, GapDiagnosis, Inte
 from freqid.core.results.gap import GapMap
 from freqid.gap.close.closing import Closing, closing_of
 from freqid.gap.close.closure import Closed, close
+from freqid.gap.closest_flight import apart, as_near, effect_of_its_own, flown_closest
 from freqid.gap.infer.build import at_their_size, build, flown_departures
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate, weigh
@@ -27,17 +27,15 @@ from freqid.gap.infer.system import System
 from freqid.gap.infer.where import gap_map
 from freqid.gap.infer.which import Ranking, detectable_sizes, groups_of, probability_of_none, rank
 from freqid.gap.model.candidates import OTHER, Candidate
-from freqid.gap.model.testable import route_of
 from freqid.gap.settings import FORM_ERRORS, INTERVAL, LEVEL, NAMED, NULL_DRAWS, TEMPERATURE
-from freqid.gap.simulation import Settings, Simulation, side_by_side
-from freqid.gap.stack.block import Block, flown_again, stack_of
+from freqid.gap.simulation import Settings, Simulation
+from freqid.gap.stack.block import Block, stack_of
 from freqid.gap.verdict import remarks_of, tolerances_used, verdict
 from freqid.simulate.effects.effect import Effect
 
 _STRAINED = 3  # tolerances whose strain is said
 _AWAY = 1.0  # sigmas between departures with and without the effect, from which those with it are flown
 _FLIGHTS = 2  # times at most that it flies with what was found
-_NEAR = 0.2  # of a size of an effect: what tolerances do beside it changes by less than a tenth
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +151,7 @@ def diagnose(
     if departs:
         tell("flying the simulation as it is likeliest")
         departures = flown_departures(used, q.candidates, q.tolerances)
-        used, departures = _flown(simulation, used, [departures, {}])
+        used, departures = flown_closest(simulation, used, [departures, {}])
     tell("computing effects and tolerances")
     system, not_tested, columns, used = build(used, q.candidates, q.tolerances)
     for name in q.named:
@@ -178,13 +176,13 @@ def diagnose(
     found: dict[str, Settings] = {}
     for _ in range(_FLIGHTS if exists and departs else 0):
         beside = likeliest_departures(system, used, q.tolerances, evidence.form_error())[0]
-        likely = _of_the_simulation(evidence, simulation, library)
-        near = _as_near(*(dict(x.get("effects", {})) for x in (likely, found)))
-        if near and _apart(beside, departures, simulation, q.tolerances) <= _AWAY:
+        likely = effect_of_its_own(evidence, simulation, library)
+        near = as_near(*(dict(x.get("effects", {})) for x in (likely, found)))
+        if near and apart(beside, departures, simulation, q.tolerances) <= _AWAY:
             break
         tell("flying the simulation as it is likeliest with what was found")
         found = likely
-        used, departures = _flown(simulation, used, [beside, {}], **found)
+        used, departures = flown_closest(simulation, used, [beside, {}], **found)
         behind = _behind(evidence, q.candidates)
         system, not_tested, columns, used = build(used, q.candidates, q.tolerances, behind)
         system, columns = at_their_size(weigh(system), columns, used, q.candidates, q.tolerances)
@@ -258,51 +256,6 @@ def diagnose(
     )
 
 
-def _flown(
-    simulation: Simulation, blocks: Sequence[Block], choices: Sequence[dict[str, float]], **found: Settings
-) -> tuple[list[Block], dict[str, float]]:
-    """Return blocks on those flights that miss least of the records, and the departures they are of.
-
-    Departures that are fitted where a large effect is not allowed for are worse than none.
-
-    Parameters
-    ----------
-    simulation : Simulation
-    blocks : sequence of Block
-    choices : sequence of dict of float
-        Departures to choose from.
-    **found : dict of dict of float
-        Effects of its own, as in `flown_again`.
-    """
-    each = [
-        (side_by_side(simulation, partial(flown_again, departures=d, **found), blocks), d)
-        for i, d in enumerate(choices)
-        if d not in choices[:i]
-    ]
-    return min(each, key=lambda one: sum(b.motion.missed for b in one[0]))
-
-
-def _of_the_simulation(
-    evidence: Evidence, simulation: Simulation, library: Mapping[str, Effect]
-) -> dict[str, Settings]:
-    """Return the settings of the likeliest effect, where it has one size and the simulation has it itself.
-
-    As `effects`, with which it flies; one that it adds to the loads also as `acting`, beside which all other
-    changes are asked for. What an actuator does is known to its own changes.
-    """
-    i = int(np.argmax(evidence.candidate))
-    c = evidence.system.candidates[i]
-    if c.kind != "scalar" or c.effect not in simulation.effects:
-        return {}
-    effect, in_force = library[c.effect], simulation.effects[c.effect]
-    size = float(estimate(evidence, i, INTERVAL).size[0])
-    settings = {
-        c.effect: {**in_force, **{n: in_force[n] + size for n in c.place.parameters}, **dict(c.place.fixed)}
-    }
-    loads = route_of(effect, simulation) == "own" and effect.stage != "command"
-    return {"effects": settings, "acting": settings} if loads else {"effects": settings}
-
-
 def _behind(evidence: Evidence, library: Mapping[str, Effect]) -> dict[str, list[Candidate]]:
     """Return the candidates of all effects that do not lead, by effect.
 
@@ -312,18 +265,6 @@ def _behind(evidence: Evidence, library: Mapping[str, Effect]) -> dict[str, list
     every = evidence.system.candidates
     leading = {every[i].effect for i in likeliest(evidence)}
     return {e: [c for c in every if c.effect == e] for e in library if e not in leading}
-
-
-def _apart(
-    one: Mapping[str, float],
-    other: Mapping[str, float],
-    simulation: Simulation,
-    tolerances: Mapping[str, float],
-) -> float:
-    """Return how far two sets of departures of a simulation's own parameters are apart at most, in sigmas."""
-    own = simulation.tolerances
-    sigma = {n: tolerances.get(n, own[n].sigma) for n in {*one, *other}}
-    return max((abs(one.get(n, 0.0) - other.get(n, 0.0)) / s for n, s in sigma.items() if s), default=0.0)
 
 
 def _explanation(
@@ -341,7 +282,7 @@ def _explanation(
     def compute(evidence: Evidence, explanation: Explanation, others: list[tuple[int, Estimate]]) -> Evidence:
         form_error = form_beside(evidence, explanation.places, explanation.estimates)
         acting = dict(settings_of(explanation, library, blocks[0].trial.simulation))
-        moved = not _as_near(acting, beside[0])
+        moved = not as_near(acting, beside[0])
         if moved:
             beside[0] = acting
         system, kept[0] = about_explanation(
@@ -359,13 +300,6 @@ def _explanation(
 
     explanation, evidence = explain(evidence, leading, columns[0].form_names, asked=asked, compute=compute)
     return explanation, evidence, kept[0]
-
-
-def _as_near(one: Settings, other: Settings) -> bool:
-    """Return whether the same effects act, at sizes so near that tolerances do the same beside them."""
-    if {n: set(s) for n, s in one.items()} != {n: set(s) for n, s in other.items()}:
-        return False
-    return all(abs(x - other[n][k]) <= _NEAR * abs(x) for n, s in one.items() for k, x in s.items())
 
 
 def _leading(named: Sequence[str], ranking: Ranking, evidence: Evidence) -> str:

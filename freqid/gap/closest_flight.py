@@ -1,0 +1,81 @@
+"""Which flight of the simulation columns are computed on: with which departures, and with which effect."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+
+import numpy as np
+
+from freqid.gap.infer.evidence import Evidence, estimate
+from freqid.gap.model.testable import route_of
+from freqid.gap.settings import INTERVAL
+from freqid.gap.simulation import Settings, Simulation, side_by_side
+from freqid.gap.stack.block import Block, flown_again
+from freqid.simulate.effects.effect import Effect
+
+_NEAR = 0.2  # of a size of an effect: what tolerances do beside it changes by less than a tenth
+
+
+def flown_closest(
+    simulation: Simulation, blocks: Sequence[Block], choices: Sequence[dict[str, float]], **found: Settings
+) -> tuple[list[Block], dict[str, float]]:
+    """Return blocks on those flights that miss least of the records, and the departures they are of.
+
+    Departures that are fitted where a large effect is not allowed for are worse than none.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    blocks : sequence of Block
+    choices : sequence of dict of float
+        Departures to choose from.
+    **found : dict of dict of float
+        Effects of its own, as in `flown_again`.
+    """
+    each = [
+        (side_by_side(simulation, partial(flown_again, departures=d, **found), blocks), d)
+        for i, d in enumerate(choices)
+        if d not in choices[:i]
+    ]
+    return min(each, key=lambda one: sum(b.motion.missed for b in one[0]))
+
+
+def effect_of_its_own(
+    evidence: Evidence, simulation: Simulation, library: Mapping[str, Effect]
+) -> dict[str, Settings]:
+    """Return the settings of the likeliest effect, where it has one size and the simulation has it itself.
+
+    As `effects`, with which it flies; one that it adds to the loads also as `acting`, beside which all other
+    changes are asked for. What an actuator does is known to its own changes.
+    """
+    i = int(np.argmax(evidence.candidate))
+    c = evidence.system.candidates[i]
+    if c.kind != "scalar" or c.effect not in simulation.effects:
+        return {}
+    effect, in_force = library[c.effect], simulation.effects[c.effect]
+    size = float(estimate(evidence, i, INTERVAL).size[0])
+    settings = {
+        c.effect: {**in_force, **{n: in_force[n] + size for n in c.place.parameters}, **dict(c.place.fixed)}
+    }
+    loads = route_of(effect, simulation) == "own" and effect.stage != "command"
+    return {"effects": settings, "acting": settings} if loads else {"effects": settings}
+
+
+def apart(
+    one: Mapping[str, float],
+    other: Mapping[str, float],
+    simulation: Simulation,
+    tolerances: Mapping[str, float],
+) -> float:
+    """Return how far two sets of departures of a simulation's own parameters are apart at most, in sigmas."""
+    own = simulation.tolerances
+    sigma = {n: tolerances.get(n, own[n].sigma) for n in {*one, *other}}
+    return max((abs(one.get(n, 0.0) - other.get(n, 0.0)) / s for n, s in sigma.items() if s), default=0.0)
+
+
+def as_near(one: Settings, other: Settings) -> bool:
+    """Return whether the same effects act, at sizes so near that tolerances do the same beside them."""
+    if {n: set(s) for n, s in one.items()} != {n: set(s) for n, s in other.items()}:
+        return False
+    return all(abs(x - other[n][k]) <= _NEAR * abs(x) for n, s in one.items() for k, x in s.items())

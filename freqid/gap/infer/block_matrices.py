@@ -11,7 +11,7 @@ from scipy.linalg import cho_factor, cho_solve, cholesky
 from scipy.linalg.lapack import dtrtri
 
 from freqid.core.arrays import Array
-from freqid.gap.infer.row_columns import RowColumns
+from freqid.gap.model.row_columns import RowColumns
 from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS
 
 SEEN = 0.1  # standard deviations of the noise: directions of a form below it are left out

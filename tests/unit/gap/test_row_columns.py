@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from freqid.gap.infer.row_columns import RowColumns
+from freqid.gap.model.row_columns import RowColumns
 from freqid.gap.stack.lines import Lines
 from freqid.gap.stack.noise import whitening_of
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,12 +19,13 @@ from freqid.core.results.gap import GapResult
 from freqid.core.results.judged.sealed_trial import SEAL_FILE, OpenedAs, SealedEffect, TrialOutcome
 from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Vehicle
-from freqid.simulate.effects import library, settings
+from freqid.simulate.effects import library, loaded, settings
 from freqid.workflows.fly import Design, simulate
 from freqid.workflows.inputs import File, Tell, scenario_of, silent
 
 SEAL = "seal.h5"
 _SIZES = (2.0, 4.0)  # of what is expected of the effect before any data (its parameter's `scale`)
+_TRIES = 100  # of a size, until a body can be so
 _DRAWN: dict[str, tuple[str, ...]] = {
     "surface_effectiveness": ("surface",),
     "weak_rotor": ("rotor",),
@@ -172,11 +174,18 @@ def draw_effect(scenario: Scenario, seed: int) -> tuple[str, str, str, float, fl
     effect = str(rng.choice(sorted(possible)))
     parameter = str(rng.choice(possible[effect]))
     described = library()[effect].of(vehicle).parameters[parameter]
-    size = float(rng.uniform(*_SIZES)) * described.scale
     before = own[effect][parameter]
-    down = before > 0 or (effect in _EITHER_SIGN and bool(rng.integers(2)))
-    after = min(max(before - size if down else before + size, described.low), described.high)
-    return effect, parameter, described.unit, float(before), float(after)
+    for _ in range(_TRIES):
+        size = float(rng.uniform(*_SIZES)) * described.scale
+        down = before > 0 or (effect in _EITHER_SIGN and bool(rng.integers(2)))
+        after = min(max(before - size if down else before + size, described.low), described.high)
+        with suppress(UsageError):  # no body has such moments of inertia: another size
+            loaded(vehicle, {effect: {**own[effect], parameter: after}})
+            return effect, parameter, described.unit, float(before), float(after)
+    raise UsageError(
+        f"no size of '{effect}' that was drawn is possible for '{vehicle.name}'",
+        remedy="draw another effect by another seed",
+    )
 
 
 def open_seal(seal: File, gap: GapResult | File) -> TrialOutcome:

@@ -14,7 +14,7 @@ from freqid.core.record import Channel, FlightRecord
 from freqid.core.results.diagnosis import Interval
 from freqid.core.results.judged.sealed_trial import SEAL_FILE, SealedEffect
 from freqid.core.store import editing
-from freqid.simulate.effects import settings
+from freqid.simulate.effects import loaded, settings
 from freqid.workflows.reviews import sealed_trial
 from freqid.workflows.reviews.sealed_trial import draw_effect, open_seal
 
@@ -27,7 +27,8 @@ def test_the_seed_draws_effect_place_and_size_within_what_is_possible():
     assert len(Counter(effect for effect, *_ in drawn)) >= 8
     for effect, parameter, _, before, after in drawn:
         assert after != before
-        settings({effect: {parameter: after}}, LA8.aircraft())  # refuses what is out of range
+        full = settings({effect: {parameter: after}}, LA8.aircraft())  # refuses what is out of range
+        loaded(LA8.aircraft(), full)  # refuses what no body can be
 
 
 def sealed(folder, effect="stall", size=0.45, records=("a.h5", "b.h5", "c.h5")):

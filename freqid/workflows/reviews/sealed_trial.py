@@ -19,13 +19,15 @@ from freqid.core.results.gap import GapResult
 from freqid.core.results.judged.sealed_trial import SEAL_FILE, OpenedAs, SealedEffect, TrialOutcome
 from freqid.core.scenario import Scenario
 from freqid.core.vehicle import Vehicle
-from freqid.simulate.effects import library, loaded, settings
+from freqid.simulate.effects import library, settings
+from freqid.simulate.maneuver import with_effects
+from freqid.simulate.motion import whole_vehicle
 from freqid.workflows.fly import Design, simulate
 from freqid.workflows.inputs import File, Tell, scenario_of, silent
 
 SEAL = "seal.h5"
 _SIZES = (2.0, 4.0)  # of what is expected of the effect before any data (its parameter's `scale`)
-_TRIES = 100  # of a size, until a body can be so
+_TRIES = 100  # until the simulation can fly what is drawn
 _DRAWN: dict[str, tuple[str, ...]] = {
     "surface_effectiveness": ("surface",),
     "weak_rotor": ("rotor",),
@@ -160,7 +162,8 @@ def fly_sealed(
 def draw_effect(scenario: Scenario, seed: int) -> tuple[str, str, str, float, float]:
     """Return an effect drawn by a seed: id, parameter, unit, its value in the simulation and in the aircraft.
 
-    Kind of effect first, then its place, then its size: `_SIZES` times what is expected of it.
+    Kind of effect first, then its place, then its size: `_SIZES` times what is expected of it. What the
+    simulation cannot fly is drawn again.
     """
     vehicle = scenario.aircraft()
     rng = np.random.default_rng([seed, 27])
@@ -171,20 +174,20 @@ def draw_effect(scenario: Scenario, seed: int) -> tuple[str, str, str, float, fl
             f"'{vehicle.name}' has no surface, rotor or wing that an effect could act on",
             remedy="choose another scenario",
         )
-    effect = str(rng.choice(sorted(possible)))
-    parameter = str(rng.choice(possible[effect]))
-    described = library()[effect].of(vehicle).parameters[parameter]
-    before = own[effect][parameter]
     for _ in range(_TRIES):
+        effect = str(rng.choice(sorted(possible)))
+        parameter = str(rng.choice(possible[effect]))
+        described = library()[effect].of(vehicle).parameters[parameter]
         size = float(rng.uniform(*_SIZES)) * described.scale
+        before = own[effect][parameter]
         down = before > 0 or (effect in _EITHER_SIGN and bool(rng.integers(2)))
         after = min(max(before - size if down else before + size, described.low), described.high)
-        with suppress(UsageError):  # no body has such moments of inertia: another size
-            loaded(vehicle, {effect: {**own[effect], parameter: after}})
+        with suppress(UsageError):  # no body has such moments of inertia, no command can be as late
+            whole_vehicle.parameters(with_effects(scenario, {effect: {parameter: after}}))
             return effect, parameter, described.unit, float(before), float(after)
     raise UsageError(
-        f"no size of '{effect}' that was drawn is possible for '{vehicle.name}'",
-        remedy="draw another effect by another seed",
+        f"none of {_TRIES} effects that were drawn can be flown by '{vehicle.name}'",
+        remedy="choose another scenario",
     )
 
 

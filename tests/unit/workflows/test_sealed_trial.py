@@ -15,6 +15,7 @@ from freqid.core.results.diagnosis import Interval
 from freqid.core.results.judged.sealed_trial import SEAL_FILE, SealedEffect
 from freqid.core.store import editing
 from freqid.simulate.effects import loaded, settings
+from freqid.simulate.motion.whole_vehicle import LONGEST_DELAY
 from freqid.workflows.reviews import sealed_trial
 from freqid.workflows.reviews.sealed_trial import draw_effect, open_seal
 
@@ -29,6 +30,7 @@ def test_the_seed_draws_effect_place_and_size_within_what_is_possible():
         assert after != before
         full = settings({effect: {parameter: after}}, LA8.aircraft())  # refuses what is out of range
         loaded(LA8.aircraft(), full)  # refuses what no body can be
+        assert not effect.startswith("actuator_delay") or after < LONGEST_DELAY
 
 
 def sealed(folder, effect="stall", size=0.45, records=("a.h5", "b.h5", "c.h5")):

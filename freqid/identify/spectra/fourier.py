@@ -149,8 +149,9 @@ class FourierPlan:
         Spacing of the frequencies, Hz; None where it is not uniform or there is only one.
     order : int
         Degree of the polynomials x(t) for which the transform is exact: 6 from 14 samples on.
-    method : {"direct", "bins", "zoom"}
-        How the plain sum is done: a stored matrix; a real FFT whose bins are the frequencies; chirp-z.
+    method : {"direct", "bins", "shifted", "zoom"}
+        How the plain sum is done: a stored matrix; a real FFT whose bins are the frequencies; a complex FFT
+        of the channels turned by the share of a bin that the frequencies are off; chirp-z.
     noise_gain : float
         Standard deviation of the transform of white noise relative to the plain sum's, largest over
         the frequencies.
@@ -233,10 +234,19 @@ class FourierPlan:
             self._kernel = self.dt * kernel
             return
         length = round(1.0 / (self.resolution * self.dt))
-        first = round(f[0] * length * self.dt)
-        if length <= 4 * n and self._are_lines(np.arange(first, first + f.size) / (length * self.dt)):
+        at = f[0] * length * self.dt
+        first, shift = round(at), at - round(at)
+        bins = np.arange(first, first + f.size)
+        self._length, self._bins = length, slice(first, first + f.size)
+        if length <= 4 * n and self._are_lines(bins / (length * self.dt)):
             self.method = "bins"
-            self._length, self._bins = length, slice(first, first + f.size)
+        elif (
+            length <= 4 * n
+            and first + f.size <= length
+            and self._are_lines((bins + shift) / (length * self.dt))
+        ):
+            self.method = "shifted"
+            self._turn = np.exp(-2j * np.pi * shift / length * np.arange(n))
         else:
             from scipy.signal import ZoomFFT  # slow to import and seldom needed
 
@@ -267,7 +277,7 @@ class FourierPlan:
         x = self._checked(x)
         if self.method == "direct":
             return _product(x, self._kernel)
-        plain = self._bin_sum(x) if self.method == "bins" else np.asarray(self._zoom(x), dtype=complex)
+        plain = np.asarray(self._zoom(x), dtype=complex) if self.method == "zoom" else self._bin_sum(x)
         count = self.order + 1
         ends = np.concatenate([x[:, :count], x[:, self.samples - count :]], axis=1)
         return self.dt * (plain + _product(ends, self._ends))
@@ -326,13 +336,22 @@ class FourierPlan:
 
     def _bin_sum(self, x: NDArray[np.float64]) -> NDArray[np.complex128]:
         length = self._length
-        if self.samples > length:  # the bins' exponentials repeat, so the record may be added onto itself
-            folded = x[:, :length].copy()
-            for start in range(length, self.samples, length):
-                part = x[:, start : start + length]
-                folded[:, : part.shape[1]] += part
-            x = folded
-        return scipy.fft.rfft(x, length)[:, self._bins]
+        if self.method == "shifted":
+            turned = np.zeros((len(x), max(length, self.samples)), dtype=complex)
+            np.multiply(x, self._turn, out=turned[:, : self.samples])
+            return scipy.fft.fft(_folded(turned, length), overwrite_x=True)[:, self._bins]
+        return scipy.fft.rfft(_folded(x, length), length)[:, self._bins]
+
+
+def _folded(x: NDArray, length: int) -> NDArray:
+    """Return channels added onto themselves: the exponentials of bins repeat."""
+    if x.shape[1] <= length:
+        return x
+    folded = x[:, :length].copy()
+    for start in range(length, x.shape[1], length):
+        part = x[:, start : start + length]
+        folded[:, : part.shape[1]] += part
+    return folded
 
 
 def _product(x: NDArray[np.float64], kernel: NDArray[np.complex128]) -> NDArray[np.complex128]:

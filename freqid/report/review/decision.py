@@ -139,9 +139,9 @@ def _off_text(trust: Trust) -> str:
         return left_to_noise_text(trust.by_noise)
     return (
         f" Off the simulation's truth by more than {BEYOND:g}σ"
-        + (", and not by noise alone," if trust.by_noise else "")
-        + f" are {trust.missing} in all: {trust.off_linear} off its linearisation and {trust.off_noise_free} "
-        f"off the estimate from the same flight without noise, of which {trust.off_both} are off both."
+        + (", and without what noise adds too," if trust.by_noise else "")
+        + f" are {trust.missing}: {trust.off_linear} off its linearisation, {trust.off_noise_free} "
+        f"off the estimate from the same flight without noise, {trust.off_both} off both."
         + left_to_noise_text(trust.by_noise)
     )
 

@@ -209,8 +209,8 @@ def left_to_noise_text(count: int) -> str:
         return ""
     are = "are" if count > 1 else "is"
     return (
-        f" Off the truth by noise alone {are} {count} more: no more parameters are off the noise-free "
-        "estimates than noise leaves by chance, so these are not counted as doubtful."
+        f" {count} more {are} off, but would be within {BEYOND:g}σ without what noise adds; they are not "
+        "counted as doubtful for that: noise puts no more parameters off than chance does."
     )
 
 

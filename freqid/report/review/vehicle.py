@@ -91,9 +91,12 @@ def vehicle_values(
                 corridor_figure(flown, planned, units),
                 "corridor-flown",
                 "What is set along the corridor against reference speed",
-                Markup("Blue: {} that were identified; the answers hold between them.{}").format(
+                Markup(
+                    "Blue: {} that were identified. Between them the model is interpolated; the verdict says "
+                    "where its answers hold.{}"
+                ).format(
                     f"{len(flown)} conditions" if len(flown) > 1 else "the condition",
-                    " Grey: other conditions of the scenario, for which nothing is known." if planned else "",
+                    " Grey: other conditions of the scenario, which were not flown." if planned else "",
                 ),
             )
         )

@@ -180,10 +180,11 @@ def _low(results: StudyResults) -> list[Finding]:
         return [
             finding(
                 "note",
-                "R² is below {:g} for {}, the number of conditions in brackets; noise allows no more{}.",
+                "R² is below {:g} for {}, the number of conditions in brackets: noise sets it a ceiling "
+                "there{}.",
                 GOOD_R2,
                 listing,
-                Markup(", except in {}").format(listed(short)) if short else "",
+                Markup("; also below its ceiling: {}").format(listed(short)) if short else "",
             )
         ]
     return [

@@ -246,8 +246,8 @@ def test_counts_of_parameters_add_up_where_they_stand_together(tmp_path):
     numbers = [int(n) for n in re.findall(r"(\d+) (?:only )?for ", said)]
     assert sum(numbers) == trust.doubtful
     assert (
-        f"are {trust.missing} in all: {trust.off_linear} off its linearisation and {trust.off_noise_free} "
-        f"off the estimate from the same flight without noise, of which {trust.off_both} are off both" in said
+        f"are {trust.missing}: {trust.off_linear} off its linearisation, {trust.off_noise_free} "
+        f"off the estimate from the same flight without noise, {trust.off_both} off both" in said
     )
     body = re.sub(r"<[^>]+>", "", build_points_sheet(study))
     assert f"and {trust.off_noise_free} are off them" in body

@@ -134,7 +134,7 @@ def test_page_one_says_what_fits_worst_where_and_how_many_parameters_cannot_be_t
     assert trust.by_noise == by_noise > 0
     assert trust.doubtful == len(doubts) - by_noise
     assert trust.missing == sum("misses the truth" in d.kinds for d in doubts) - by_noise > 0
-    assert f"Off the truth by noise alone are {by_noise} more" in one
+    assert f"{by_noise} more are off, but would be within 2σ without what noise adds" in one
 
 
 def test_the_table_of_doubts_has_a_row_for_each_with_its_reason(both, study):

@@ -159,13 +159,14 @@ def test_a_low_r2_is_excused_where_noise_allows_no_more():
     points[0] = replace(points[0], model=replace(points[0].model, responses=low))
     excused = replace(made, points=tuple(points))
     assert about(excused, "below 0.95")[1] == (
-        "R² is below 0.95 for Z (1) and N (1), the number of conditions in brackets; noise allows no more."
+        "R² is below 0.95 for Z (1) and N (1), the number of conditions in brackets: "
+        "noise sets it a ceiling there."
     )
     assert [cell["low"] for cell in condition_rows(excused)[0]["r2"]] == [False, False]
     low["N"] = replace(low["N"], r2_ceiling=0.97)
     short = replace(
         excused, points=(replace(points[0], model=replace(points[0].model, responses=low)), *points[1:])
     )
-    assert about(short, "below 0.95")[1].endswith(f"noise allows no more, except in N at {points[0].id}.")
+    assert about(short, "below 0.95")[1].endswith(f"there; also below its ceiling: N at {points[0].id}.")
     assert [cell["low"] for cell in condition_rows(short)[0]["r2"]] == [False, True]
     assert "0.970" in build_study_page(short)

@@ -448,9 +448,9 @@ def test_the_consequence_gets_the_sizes_of_the_leading_closure(monkeypatch):
     assert settings == {"weak": {"a": 0.2, "b": 0.2, "at": 0.3}, "offset": {"x": 1.0, "y": 2.0}}
     assert more["baseline"] == {"weak": {"at": 0.3}, "offset": {}}
     assert names == [("weak", "a"), ("weak", "b"), ("offset", "x"), ("offset", "y")]
-    s = 0.1 / 1.645
-    np.testing.assert_allclose(covariance[:2, :2], s**2)
-    np.testing.assert_allclose(covariance[2:, 2:], np.diag([1, 4]) / 1.645**2)
+    ninety = 1.6448536  # of a normal distribution, from a table
+    np.testing.assert_allclose(covariance[:2, :2], (0.1 / ninety) ** 2)
+    np.testing.assert_allclose(covariance[2:, 2:], np.diag([1, 4]) / ninety**2)
     assert not covariance[:2, 2:].any()
     findings.closed = []
     assert diagnosing._with_consequence(findings, simulation, which) is findings.diagnosis

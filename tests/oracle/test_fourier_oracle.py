@@ -72,11 +72,16 @@ def test_closed_form_of_the_signal_agrees_with_extended_precision():
         assert abs(signal_integral(f, 60.0) - complex(exact)) < 1e-13 * abs(complex(exact)) + 1e-14
 
 
-@pytest.mark.parametrize("method", ["bins", "zoom", "direct"])
+@pytest.mark.parametrize("method", ["bins", "shifted", "zoom", "direct"])
 def test_accuracy_and_noise_gain_on_the_reference_signal(method):
     """Bars: 5e-8 largest relative, 3e-10 rms, noise gain 1.02. Every way to sum stays 25 times below them."""
-    # Off the FFT bins by 1e-6 Hz for chirp-z; a list that is not uniform for the direct product.
-    f = {"bins": GRID, "zoom": GRID + 1e-6, "direct": np.concatenate([GRID[:-1], [2.0005]])}[method]
+    # Off the FFT bins by 1e-6 Hz; a spacing that no FFT has; a list that is not uniform.
+    f = {
+        "bins": GRID,
+        "shifted": GRID + 1e-6,
+        "zoom": np.linspace(GRID[0], GRID[-1] + 1e-3, GRID.size),
+        "direct": np.concatenate([GRID[:-1], [2.0005]]),
+    }[method]
     plan = FourierPlan(SAMPLES, DT, f)
     assert plan.method == method
     exact = signal_integral(f, 60.0)
@@ -151,6 +156,8 @@ def test_end_weights_against_extended_precision_moments(theta):
         (2501, 0.02, harmonics(20.0, (0.05, 4.0)), "bins"),  # two and a half periods, folded
         (2000, 0.02, harmonics(40.0, (0.025, 2.0)), "bins"),  # one sample short of a period
         (1001, 0.02, frequency_grid(0.0731, 0.0113, 2.0), "zoom"),
+        (3001, 0.02, frequency_grid(0.0503, 0.01, 2.0), "shifted"),
+        (6001, 0.02, frequency_grid(0.0557, 0.01, 2.0), "shifted"),  # folded, nearest bin above
         (1001, 0.02, frequency_grid(0.1, 0.02, 1.0), "direct"),
         (1001, 0.02, np.geomspace(0.05, 25.0, 120), "direct"),
     ],

@@ -115,7 +115,7 @@ def straightened(
     sigmas = dict(zip(names, fitted.tolist(), strict=True))
     beyond = np.zeros_like(block.residual)
     if departures:
-        whole = block.transform(block.trial.nominal.departed(departures))
+        whole = block.transform(block.trial.undeparted.departed(departures))
         beyond += whole - _straight(columns, sigmas, departures)
     acting: dict[str, tuple[Effect, dict[str, float]]] = {}
     moved = []

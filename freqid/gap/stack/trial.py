@@ -209,12 +209,18 @@ class Trial:
 
     @cached_property
     def nominal(self) -> Trial:
-        """The same on the simulation's nominal parameters."""
-        if not isinstance(self.simulation, Departed):
-            return self
-        own = replace(self, simulation=self.simulation.undeparted)
+        """The same on the simulation as it is: nominal parameters, and no effect acts."""
+        return self._asked_of(self.simulation.nominal) if isinstance(self.simulation, Departed) else self
+
+    @cached_property
+    def undeparted(self) -> Trial:
+        """The same on nominal parameters; an effect that acts still does."""
+        return self._asked_of(self.simulation.undeparted) if isinstance(self.simulation, Departed) else self
+
+    def _asked_of(self, simulation: Simulation) -> Trial:
+        own = replace(self, simulation=simulation)
         return replace(
-            own, predicted=own.simulation.predict(self.maneuver.record), positions=own.positions_with()
+            own, predicted=simulation.predict(self.maneuver.record), positions=own.positions_with()
         )
 
     @property

@@ -63,8 +63,10 @@ def test_departures_are_taken_back_and_the_effect_is_not(nominal, flown):
     maneuver = Maneuver.of(flown("u20").record)
     both = Trial.of(Departed(nominal, {"aerofoil.lift_slope": 0.3}, GONE), maneuver)
     np.testing.assert_array_equal(
-        both.nominal.predicted, Trial.of(Departed(nominal, {}, GONE), maneuver).predicted
+        both.undeparted.predicted, Trial.of(Departed(nominal, {}, GONE), maneuver).predicted
     )
+    np.testing.assert_array_equal(both.nominal.predicted, nominal.predict(maneuver.record))
+    assert both.nominal.simulation is nominal  # what is flown and shown as it was before
 
 
 def test_a_function_is_asked_with_its_own_effect():

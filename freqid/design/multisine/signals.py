@@ -17,7 +17,7 @@ from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
 from freqid.core.results.design import MultisineDesign
 
-_LEAST = 1e-300  # of a bound that has four digits
+_LEAST = 1e-300  # bounds below it are none: a float no longer holds their four digits
 
 
 def at_most(value: float) -> str:

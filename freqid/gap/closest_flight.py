@@ -17,28 +17,31 @@ from freqid.simulate.effects.effect import Effect
 _NEAR = 0.2  # of a size of an effect: what tolerances do beside it changes by less than a tenth
 
 
-def flown_closest(
-    simulation: Simulation, blocks: Sequence[Block], choices: Sequence[dict[str, float]], **found: Settings
+def flown(
+    simulation: Simulation, blocks: Sequence[Block], departures: dict[str, float], **found: Settings
 ) -> tuple[list[Block], dict[str, float]]:
-    """Return blocks on those flights that miss least of the records, and the departures they are of.
-
-    Departures that are fitted where a large effect is not allowed for are worse than none.
+    """Return blocks on the motion that a simulation flies with departures, and these.
 
     Parameters
     ----------
     simulation : Simulation
     blocks : sequence of Block
-    choices : sequence of dict of float
-        Departures to choose from.
+    departures : dict of float
+        Of its own parameters.
     **found : dict of dict of float
         Effects of its own, as in `flown_again`.
     """
-    each = [
-        (side_by_side(simulation, partial(flown_again, departures=d, **found), blocks), d)
-        for i, d in enumerate(choices)
-        if d not in choices[:i]
-    ]
-    return min(each, key=lambda one: sum(b.motion.missed for b in one[0]))
+    return side_by_side(simulation, partial(flown_again, departures=departures, **found), blocks), departures
+
+
+def closest(
+    *flights: tuple[list[Block], dict[str, float]],
+) -> tuple[list[Block], dict[str, float]]:
+    """Return the flights that miss least of the records.
+
+    Departures that are fitted where a large effect is not allowed for are worse than none.
+    """
+    return min(flights, key=lambda one: sum(b.motion.missed for b in one[0]))
 
 
 def effect_of_its_own(

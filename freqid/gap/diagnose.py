@@ -14,7 +14,7 @@ from freqid.core.results.diagnosis import Closure, Existence, GapDiagnosis, Inte
 from freqid.core.results.gap import GapMap
 from freqid.gap.close.closing import Closing, closing_of
 from freqid.gap.close.closure import Closed, close
-from freqid.gap.closest_flight import apart, as_near, effect_of_its_own, flown_closest
+from freqid.gap.closest_flight import apart, as_near, closest, effect_of_its_own, flown
 from freqid.gap.infer.build import at_their_size, build, flown_departures
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate, weigh
@@ -151,7 +151,7 @@ def diagnose(
     if departs:
         tell("flying the simulation as it is likeliest")
         departures = flown_departures(used, q.candidates, q.tolerances)
-        used, departures = flown_closest(simulation, used, [departures, {}])
+        used, departures = closest(flown(simulation, used, departures), (used, {}))
     tell("computing effects and tolerances")
     system, not_tested, columns, used = build(used, q.candidates, q.tolerances)
     for name in q.named:
@@ -182,7 +182,7 @@ def diagnose(
             break
         tell("flying the simulation as it is likeliest with what was found")
         found = likely
-        used, departures = flown_closest(simulation, used, [beside, {}], **found)
+        used, departures = closest(*(flown(simulation, used, d, **found) for d in (beside, {})))
         behind = _behind(evidence, q.candidates)
         system, not_tested, columns, used = build(used, q.candidates, q.tolerances, behind)
         system, columns = at_their_size(weigh(system), columns, used, q.candidates, q.tolerances)

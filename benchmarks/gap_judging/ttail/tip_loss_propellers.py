@@ -29,28 +29,28 @@ def propellers(rho, speed, along, across, radius, pitch):
     thrust, torque, dragged, leaning : ndarray
         N; N m; N, against the way across; N m, of more thrust on the advancing side.
     """
-    thrust = torque = dragged = leaning = 0.0
-    for x, share in zip(RINGS, SHARES, strict=True):
-        turn = x * radius * speed
-        tangent = pitch / x
-        cosine = 1 / np.sqrt(1 + tangent * tangent)
-        sine = tangent * cosine
-        element = 0.5 * BLADES * CHORD * radius * SLOPE
-        ring = 4 * np.pi * x * radius / element
-        through, loss = along, 0.9
-        for guess in (True, False):
-            k = ring * loss
-            half = 0.5 * (turn * cosine - k * along)
-            through = (np.sqrt(half * half + k * turn * turn * sine) - half) / k
-            if guess:
-                flow = 0.5 * BLADES * (1 - x) * turn / (x * through)
-                loss = 2 / np.pi * np.arccos(np.exp(-np.clip(flow, 0.02, 20.0)))
-        element = rho * element * share * radius
-        met = turn * sine - through * cosine
-        whole = np.sqrt(turn * turn + through * through)
-        drag = PROFILE / SLOPE * whole
-        thrust = thrust + element * (turn * met + 0.5 * across * across * sine - drag * through)
-        torque = torque + x * radius * element * (through * met + drag * turn)
-        dragged = dragged + 0.5 * element * across * (through * sine + drag)
-        leaning = leaning + 0.5 * x * radius * element * across * (2 * turn * sine - through * cosine)
+    x, share = (part.reshape(-1, *[1] * np.ndim(speed)) for part in (RINGS, SHARES))  # rings first
+    tangent = pitch / x
+    cosine = 1 / np.sqrt(1 + tangent * tangent)
+    sine = tangent * cosine
+    element = 0.5 * BLADES * CHORD * SLOPE * radius
+    ring = 4 * np.pi * x * radius / element
+    turn = x * (radius * speed)
+    straight, risen = turn * cosine, turn * turn * sine
+
+    def through_at(loss):
+        k = ring * loss
+        half = 0.5 * (straight - k * along)
+        return (np.sqrt(half * half + k * risen) - half) / k
+
+    flow = (0.5 * BLADES * (1 - x) / x) * turn / through_at(0.9)
+    through = through_at(2 / np.pi * np.arccos(np.exp(-np.clip(flow, 0.02, 20.0))))
+    element = element * radius * share
+    met = turn * sine - through * cosine
+    drag = PROFILE / SLOPE * np.sqrt(turn * turn + through * through)
+    pushed = element * x * radius
+    thrust = rho * (element * (turn * met + 0.5 * across * across * sine - drag * through)).sum(axis=0)
+    torque = rho * (pushed * (through * met + drag * turn)).sum(axis=0)
+    dragged = rho * 0.5 * across * (element * (through * sine + drag)).sum(axis=0)
+    leaning = rho * 0.5 * across * (pushed * (2 * turn * sine - through * cosine)).sum(axis=0)
     return thrust, torque, dragged, leaning

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 
 FOLDER = Path(__file__).resolve().parents[3] / "benchmarks" / "gap_judging" / "ttail"
 RHO = 1.17
-SETTLE, LASTING = 5.0, 15.0  # s of a flight before what is looked at, and of that
+SETTLE, LASTING = 4.0, 10.0  # s of a flight before what is looked at, and of that
 
 
 def loaded(name):
@@ -74,8 +74,8 @@ def test_section_goes_from_attached_to_kirchhoffs_quarter(air, settings):
     *_, bound = air.wing(along, along * -0.03, still, none)
     closed = air.WING.solve @ (along * (air.CAMBER - 0.03))
     np.testing.assert_allclose(bound, closed, rtol=0.002)
-    *_, bound = air.wing(along, along * 2.0, still, none)  # far beyond
-    attached = air.WING.solve @ (along * (air.CAMBER + 2.0))
+    *_, bound = air.wing(along, along * 20.0, still, none)  # far beyond, at the tips too
+    attached = air.WING.solve @ (along * (air.CAMBER + 20.0))
     met = attached * 2 / (air.WING.chord * air.WING.slope)
     np.testing.assert_allclose(bound, attached - 0.75 * air.WING.solve @ met, rtol=1e-6)
 
@@ -164,11 +164,12 @@ def test_swirl_of_the_tip_propellers_opposes_the_tips_vortices(truth, air, setti
 
 
 def test_owner_with_true_tolerances_has_the_loads_of_nulls(truth, simulation, settings):
-    """Flown without noise: what varies within some percent, means well within what the tunnel leaves open."""
+    """Flown without noise: what varies within some percent; means well within what stays open of parameters,
+    and of the positions of surfaces."""
     motion, scatter = (importlib.import_module(n) for n in ("motion", "scatter"))
     rng = np.random.default_rng(5)
     sigmas = scatter.per_case(truth)
-    drawn = [scatter.draw(sigmas, rng) for _ in range(4)]
+    drawn = [scatter.draw(sigmas, rng) for _ in range(3)]
     flown = [(c, d) for d in drawn for c in truth.TRIM]
     rows = []
 
@@ -199,6 +200,8 @@ def test_owner_with_true_tolerances_has_the_loads_of_nulls(truth, simulation, se
         middle = series[:16, kept:].mean(axis=1).tolist()
         loads = lambda par, x=middle, rho=rho: np.array(simulation.loads(math, x[:6], x[6:], rho, par))  # noqa: E731
         changes = [loads(own | {n: own[n] + s}) - loads(own) for n, s in truth.TOLERANCES.items()]
+        moved = [np.add(middle, 0.005 * (np.arange(16) == i)).tolist() for i in range(6, 12)]
+        changes += [loads(own, at) - loads(own) for at in moved]
         assert (np.abs(off.mean(axis=1)) < 0.5 * np.linalg.norm(changes, axis=0) + 0.02).all()
         assert (np.abs(series[6:12]) < 0.4).all()
         assert (series[12:16] > 400).all()

@@ -1,9 +1,9 @@
 """A straight wing whose circulation is a Fourier series along the span, with separated sections.
 
-Glauert's series is solved at as many stations as it has terms (Glauert, The Elements of Aerofoil and Airscrew
-Theory, chapter 11). Sections separate from the trailing edge: lift falls with Kirchhoff's square of the mean of
-one and the root of the attached share of the chord, suction at the nose with that root (Leishman and Beddoes,
-Journal of the American Helicopter Society 34(3), 1989).
+Glauert's series is solved at as many stations as it has terms (Glauert, The Elements of Aerofoil and
+Airscrew Theory, chapter 11). Sections separate from the trailing edge: lift falls with Kirchhoff's square of
+the mean of one and the root of the attached share of the chord, suction at the nose with that root (Leishman
+and Beddoes, Journal of the American Helicopter Society 34(3), 1989).
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ BACK = g.WING_X - g.TAIL["x"]  # m, from the wing to the tail
 
 
 def _read():
-    """Return coefficients by campaign and response, as terms' numbers, and products of a wing's inputs."""
+    """Return coefficients by campaign, response and term; of wings, products of inputs and rows of loads."""
     out = {}
     for row in csv.DictReader((HERE / "tunnel.csv").read_text().splitlines()):
         made = out.setdefault(row["campaign"], {}).setdefault(row["response"], {})
@@ -40,7 +40,10 @@ def _read():
         terms = sorted({t for load in wing.values() for t in load}, key=lambda t: (len(t.split()), t))
         products = [tuple(INPUTS.index(n) for n in (*t.split(), "1", "1")[:3]) for t in terms]
         rows = [[wing[n].get(t, 0.0) for t in terms] for n in LOADS]
-        out[about] = ([p for p in products if p[1]], products, rows)
+        out[about] = (products, rows)
+    for kind in ("tip", "inner"):
+        for terms in out[kind].values():
+            terms["cubic"] = tuple(terms.get(f"{i}0", 0.0) for i in range(4))
     return out
 
 
@@ -49,7 +52,7 @@ TABLE = _read()
 
 def half_wing(inputs, about):
     """Return the coefficients of all loads of a half wing."""
-    _, products, rows = TABLE[about]
+    products, rows = TABLE[about]
     made = [
         inputs[i] * inputs[j] * inputs[k] if k else inputs[i] * inputs[j] if j else inputs[i]
         for i, j, k in products
@@ -96,11 +99,6 @@ def cubic(terms, a):
     return c0 + a * (c1 + a * (c2 + a * c3))
 
 
-for _kind in ("tip", "inner"):
-    for _terms in TABLE[_kind].values():
-        _terms["cubic"] = tuple(_terms.get(f"{i}0", 0.0) for i in range(4))
-
-
 def _steady(value, slow):
     return value
 
@@ -140,7 +138,9 @@ def loads(m, state, effector, rho, par, late=_steady):
         aileron = effector[k] * (1 + get(g.SURFACES[k] + ".effectiveness", 0.0))
         own = (1.0, through / along - g.MIDDLE["angle"], flap, aileron)
         own += (power[2 + k] - g.MIDDLE["inner"], power[k] - g.MIDDLE["tip"])
-        halves.append((own, (side * slip, side * roll / u, side * r / u, q / u), along * along + through * through))
+        halves.append(
+            (own, (side * slip, side * roll / u, side * r / u, q / u), along * along + through * through)
+        )
     lift, pull = 1 + get("wing.lift", 0.0), 1 + get("wing.chord_force", 0.0)
     fx = fz = fy = mx = my = mz = said = spread = 0.0
     for k, side in ((0, -1.0), (1, 1.0)):
@@ -162,17 +162,24 @@ def loads(m, state, effector, rho, par, late=_steady):
     # tail
     (left, _, _), (right, _, _) = halves
     t = TABLE[f"{about} tail"]["wash"].get
-    wash = t("normal", 0.0) * said + t("bending", 0.0) * spread + u * (
-        t("still", 0.0)
-        + t("flap", 0.0) * (left[2] + right[2])
-        + t("aileron", 0.0) * (left[3] + right[3])
-        + t("inner", 0.0) * (left[4] + right[4])
+    wash = (
+        t("normal", 0.0) * said
+        + t("bending", 0.0) * spread
+        + u
+        * (
+            t("still", 0.0)
+            + t("flap", 0.0) * (left[2] + right[2])
+            + t("aileron", 0.0) * (left[3] + right[3])
+            + t("inner", 0.0) * (left[4] + right[4])
+        )
     )
     wash = late(wash, BACK / mean) * (1 + get("tail.downwash", 0.0))
     angle = (w - wash - q * g.TAIL["x"] * (1 + get("tail.pitch_damping", 0.0))) / u - 0.01
     elev = effector[4]
     moved = 2.5 * (1 + get("elev.effectiveness", 0.0)) * elev * (1 - 1.5 * elev * elev)
-    left_over = power_of(TABLE[f"{about} tail"]["pressure"], climb, wash / u) * (1 + get("tail.pressure", 0.0))
+    left_over = power_of(TABLE[f"{about} tail"]["pressure"], climb, wash / u) * (
+        1 + get("tail.pressure", 0.0)
+    )
     pressure = 0.5 * rho * g.TAIL["area"] * u * u * left_over
     lift = pressure * (4.1 * (1 + get("tail.lift_slope", 0.0)) * angle * (1 - angle * angle) + moved)
     drag = 0.010 * pressure

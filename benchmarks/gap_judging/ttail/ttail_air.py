@@ -177,7 +177,7 @@ def loads(x, felt, rho, s, memory):
     rolled = p * (1 + s("wing.roll_damping")) * WING.place - q * g.WING_X
     bent = g.DIHEDRAL * (1 + s("wing.dihedral"))
     down = w + rolled + SWIRL @ swirl + v * SIDE * bent
-    if s.has("outsider.wing_bend"):  # lift bends the outer wing up, and it follows by its motion's normal load
+    if s.has("outsider.wing_bend"):  # lift bends the outer wing up
         down = down + s("outsider.wing_bend") * v * SIDE * OUT * 0.6 * (w / u)
     if s.has("unsteady_lift"):
         acts = np.asarray(s("unsteady_lift.time_constant")) > 0

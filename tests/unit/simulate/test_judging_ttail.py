@@ -42,7 +42,7 @@ def settings(truth):
 
 
 def test_wing_of_elliptical_circulation_washes_evenly(air):
-    """Glauert: an ellipse is washed by its greatest circulation over twice the span; twice that far behind."""
+    """Glauert: an ellipse is washed by its circulation over twice the span; twice that far behind."""
     wing = air.WING
     ellipse = np.sqrt(1 - (wing.place / (0.5 * wing.span)) ** 2)[:, 0]
     np.testing.assert_allclose(wing.wash @ ellipse, 1 / (2 * wing.span), rtol=1e-9)
@@ -82,7 +82,7 @@ def test_section_goes_from_attached_to_kirchhoffs_quarter(air, settings):
 
 @pytest.mark.parametrize("kind", [0, 1])
 def test_propeller_is_the_sum_over_its_blades(air, kind):
-    """Blade elements station by station round the turn, with rings' momentum and Prandtl's loss solved apart."""
+    """Blade elements round the turn, with rings' momentum and Prandtl's loss solved apart."""
     module = importlib.import_module("tip_loss_propellers")
     radius, pitch, speed = (0.16, 0.20)[kind], float(air.PITCH[2 * kind, 0]), 560.0
     along, across = 28.0, 2.0
@@ -96,7 +96,9 @@ def test_propeller_is_the_sum_over_its_blades(air, kind):
 
         def lifted(through, tip=tip, angle=angle, element=element):
             whole = math.hypot(tip, through)
-            return element * module.SLOPE * whole**2 * math.sin(angle - math.atan2(through, tip)) * tip / whole
+            return (
+                element * module.SLOPE * whole**2 * math.sin(angle - math.atan2(through, tip)) * tip / whole
+            )
 
         def through_at(loss, ring=ring, lifted=lifted):
             return brentq(lambda t: ring * loss * t * (t - along) - lifted(t), along, 80.0, xtol=1e-12)
@@ -149,7 +151,9 @@ def test_truth_and_owner_are_symmetrical_and_agree(truth, simulation, settings):
     none = settings.Settings([{}])
     one = settled(truth, x, felt, none)[:, 0]
     mirrored = (turn * felt)[swap]
-    np.testing.assert_allclose(settled(truth, side * x, mirrored, none)[:, 0], sign * one, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        settled(truth, side * x, mirrored, none)[:, 0], sign * one, rtol=1e-9, atol=1e-9
+    )
     said = np.array(simulation.loads(math, x[:, 0].tolist(), felt[:, 0].tolist(), RHO, {}))
     again = simulation.loads(math, (side * x)[:, 0].tolist(), mirrored[:, 0].tolist(), RHO, {})
     np.testing.assert_allclose(again, sign * said, rtol=1e-9, atol=1e-9)

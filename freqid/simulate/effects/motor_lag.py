@@ -18,9 +18,20 @@ _KINDS = ("rotor", "thrust", "throttle")
 
 
 def _act(settings: Mapping[str, float], signals: Signals, dt: float, kinds: dict[str, str]) -> Signals:
-    """Return the speeds of rotors, thrusts and throttles behind those that are described."""
+    """Return the speeds of rotors, thrusts and throttles behind those that are described.
+
+    With a motor of time constant T and e more, they are the described ones through
+    ``(1 + T s) / (1 + (T + e) s)``: a share T of them at once and a share e with the new time constant.
+    """
+    own = settings["time_constant"]
+
+    def later(values: NDArray[np.float64], extra: float) -> NDArray[np.float64]:
+        if extra <= 0:
+            return values
+        return (own * values + extra * lagged(values, dt, own + extra)) / (own + extra)
+
     return {
-        name: lagged(v, dt, settings["extra"] + settings.get(name, 0.0)) if kinds.get(name) in _KINDS else v
+        name: later(v, settings["extra"] + settings.get(name, 0.0)) if kinds.get(name) in _KINDS else v
         for name, v in signals.items()
     }
 
@@ -46,7 +57,16 @@ EFFECT = Effect(
                 "Motors follow their commands later than described",
                 "Motors follow their commands sooner than described",
             ),
-        )
+        ),
+        "time_constant": Parameter(
+            0.0,
+            "s",
+            "of the described motor, which is that much slower; at zero a lag of its own stands before it",
+            0.05,
+            0.0,
+            0.5,
+            looked_at=(0.03, 0.1),
+        ),
     },
     needs=("command", "rotor"),
     states={"speed": "rad/s"},

@@ -29,7 +29,8 @@ def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[np.float64]:
     """Return the in-plane forces and hub moments of all rotors, as `propeller.discs` has them.
 
     ``-k rho D^2 S W`` along the in-plane velocity W with ``S^2 = (nD)^2 + U^2``, and D times that, with the
-    sign of the rotation, as the moment of the advancing side.
+    sign of the rotation, as the moment of the advancing side: less of it where blades flap, more where they
+    are stiff.
     """
     record, vehicle = replay.record, replay.vehicle
     found = np.zeros((6, record.time.size))
@@ -40,7 +41,8 @@ def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[np.float64]:
         speed = np.hypot(record[f"effector/{rotor.name}"] * rotor.diameter_m / (2 * pi), axial)
         size = settings["strength"] * _COEFFICIENT * record["air/rho"] * rotor.diameter_m**2 * speed
         force = -size * (velocity - axial * axis)
-        found += along.wrench(replay, force, hub, rotor.spin * rotor.diameter_m * force)
+        arm = rotor.spin * settings["hub_moment"] * rotor.diameter_m
+        found += along.wrench(replay, force, hub, arm * force)
     return found
 
 
@@ -59,7 +61,16 @@ EFFECT = Effect(
                 "A propeller in oblique flow is pushed along with it more than described",
                 "A propeller in oblique flow is pushed along with it less than described",
             ),
-        )
+        ),
+        "hub_moment": Parameter(
+            1.0,
+            "1",
+            "moment of the advancing side over the in-plane force and the diameter, in a replay",
+            0.5,
+            0.0,
+            20.0,
+            looked_at=(0.0, 4.0),
+        ),
     },
     needs=("rotor.diameter_m", "effector", "state/u", "state/v", "state/w", "air/rho"),
     replay=_replay,

@@ -152,6 +152,25 @@ def test_rotors_droop_with_the_power_that_all_of_them_take():
     np.testing.assert_allclose(1 - moved / speed, 0.03 * speed**3 / np.mean(speed**3))
 
 
+def test_rotors_slow_down_as_a_battery_empties():
+    speed = np.full(TIME.size, 500.0)
+    moved = act("battery_sag", {"n1": speed}, strength=0.5, emptying=2e-4)["n1"]
+    np.testing.assert_allclose(1 - moved / speed, 0.5 * (0.03 + 2e-4 * (TIME - TIME[0])))
+
+
+def test_a_motor_that_is_slower_is_not_a_lag_before_it():
+    """The answers of motors of 0.1 and of 0.15 s to a sine, in closed form."""
+    described, slower = (
+        500 + 50 * np.cos(turned) * np.sin(W * TIME - turned)
+        for turned in np.arctan(W * np.array([0.1, 0.15]))
+    )
+    settled = TIME > 3
+    moved = act("motor_lag", {"n1": described}, extra=0.05, time_constant=0.1)["n1"]
+    np.testing.assert_allclose(moved[settled], slower[settled], atol=1e-3)
+    before = act("motor_lag", {"n1": described}, extra=0.05)["n1"]
+    assert np.abs(before - slower)[settled].max() > 0.1
+
+
 @pytest.mark.parametrize("identifier", [i for i, e in effects.shipped().items() if e.distort])
 def test_a_log_is_untouched_at_zero(identifier):
     record = log(

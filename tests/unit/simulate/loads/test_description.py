@@ -67,7 +67,7 @@ def test_effects_are_set_by_size_or_by_name():
     found = effects.settings({"slipstream": 0.5, "wing_wake": {"strength": 0}})
     assert found["slipstream"] == {"strength": 0.5}
     assert found["wing_wake"] == {"strength": 0.0}
-    assert found["rotor_inplane_force"] == {"strength": 1.0}
+    assert found["rotor_inplane_force"] == {"strength": 1.0, "hub_moment": 1.0}
 
 
 def test_every_effect_declares_itself_in_the_file_of_its_name():

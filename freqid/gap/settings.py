@@ -73,3 +73,6 @@ ROUNDS = 2
 
 NOISE_SCALES = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)
 """Ratios of the loads' flown noise to what the record shows of it, among which the likeliest is taken."""
+
+FARTHEST = 3.0
+"""Sigmas of a tolerance: the largest departure that is believed, and that lines are drawn at."""

@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from freqid.gap.close.fit import fit
+from freqid.gap.close.fit import departures_beyond, fit
 from freqid.gap.infer.block_matrices import Form, Products
 from freqid.gap.infer.evidence import estimate, separation, weigh
 from freqid.gap.infer.explain import Explanation, explain
@@ -113,6 +113,36 @@ def test_evidence_of_no_effect_is_the_log_density_but_for_a_constant(dense):
     found = [dense.system.reduced(f).log_evidence for f in FORMS]
     expected = [dense.log_density(f) for f in FORMS]
     assert np.diff(found) == pytest.approx(np.diff(expected), rel=1e-8)
+
+
+def test_a_tolerance_that_is_held_is_known_and_nothing_of_it_is_left(dense):
+    """Its change is taken off the residual, its variance off the covariance."""
+    held = dense.system.held({1: 3.0, 3: -3.0})
+    t = np.concatenate(dense.t, axis=1)
+    known = 3.0 * t[1] - 3.0 * t[3]
+    gone = np.outer(t[1], t[1]) + np.outer(t[3], t[3])
+    found = [held.reduced(f).log_evidence for f in FORMS]
+    expected = [dense.log_density(f, mean=known, more=-gone) for f in FORMS]
+    assert np.diff(found) == pytest.approx(np.diff(expected), rel=1e-8)
+    assert held.tolerances == ("t0", "t2")
+
+
+def test_tolerances_that_are_asked_for_more_than_is_believed_are_held(dense):
+    t = np.concatenate(dense.t, axis=1)
+    assert departures_beyond(dense.system) == {}
+    far = System(dense.candidates, dense.start, dense.system.tolerances, with_residual(dense, 9.0 * t[2]))
+    assert departures_beyond(replace(far, form_errors=FORMS)) == {2: 3.0}
+
+
+def with_residual(dense, more):
+    """Return the blocks with something added to the data."""
+    parts = np.split(more, [NUMBERS[0]])
+    return [
+        Products.of(x, t, r + m, u, form, servos).matrices()
+        for x, t, r, m, u, form, servos in zip(
+            dense.x, dense.t, dense.r, parts, dense.u, dense.form, dense.servos, strict=True
+        )
+    ]
 
 
 def integral(dense, i, f):

@@ -9,7 +9,14 @@ import numpy as np
 
 from freqid.core.results.diagnosis import Closure, Interval, ScoredOn, Share
 from freqid.gap.close.closing import Closing
-from freqid.gap.close.fit import Fit, fit, joint_evidence, likeliest_form_error
+from freqid.gap.close.fit import (
+    Fit,
+    departures_beyond,
+    fit,
+    likeliest_form_error,
+    log_evidence,
+    log_evidence_of_tolerances,
+)
 from freqid.gap.close.flown import Flown, motions
 from freqid.gap.close.score import Responses, Scored, responses, shares
 from freqid.gap.infer.evidence import Evidence, estimate, weigh
@@ -94,11 +101,18 @@ def _prefix(evidence: Evidence, explanation: Explanation, count: int) -> Explana
 def _score(closing: Closing, whole: Evidence, explanation: Explanation) -> float:
     """Return the nats by which what was left out is predicted better than by tolerances alone.
 
-    The log predictive density of blocks given all others is the difference of two log evidences.
+    The log predictive density of blocks given all others is the difference of two log evidences. Tolerances
+    alone reach no further than is believed of them: where one is the effect by another name, it would
+    predict as well.
     """
-    system = closing.system
-    every = joint_evidence(system, whole, explanation)
-    return float(sum(every - joint_evidence(system.only(f.rest), whole, explanation) for f in closing.folds))
+    system, total = closing.system, 0.0
+    every = log_evidence(system, whole, explanation)
+    for fold in closing.folds:
+        rest = system.only(fold.rest)
+        held = departures_beyond(rest)
+        total += every - log_evidence(rest, whole, explanation)
+        total -= log_evidence_of_tolerances(system.held(held)) - log_evidence_of_tolerances(rest.held(held))
+    return total
 
 
 def _closed(

@@ -13,6 +13,7 @@ from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.evidence import Evidence
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.system import System
+from freqid.gap.settings import FARTHEST
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,13 +70,42 @@ def fit(evidence: Evidence, explanation: Explanation, form_error: Form | None = 
     return Fit(form_error, weights, np.clip(scale, 0.0, 2.0) * weights, beside[:few], alone[:few])
 
 
-def joint_evidence(system: System, evidence: Evidence, explanation: Explanation) -> float:
-    """Return the log Bayes factor of an explanation against none on some blocks, sizes integrated out.
+def log_evidence(system: System, evidence: Evidence, explanation: Explanation) -> float:
+    """Return the log evidence of an explanation on some blocks, sizes integrated out.
 
     Each effect in turn, given the estimated sizes of those before it.
     """
-    none = [system.reduced(f).log_evidence for f in system.form_errors]
-    return float(logsumexp(_by_form(system, evidence, explanation)) - logsumexp(none))
+    return float(logsumexp(_by_form(system, evidence, explanation)))
+
+
+def log_evidence_of_tolerances(system: System) -> float:
+    """Return the log evidence of tolerances alone on some blocks."""
+    return float(logsumexp([system.reduced(f).log_evidence for f in system.form_errors]))
+
+
+def departures_beyond(system: System) -> dict[int, float]:
+    """Return the tolerances that explain a stack only by more than `FARTHEST` of their sigmas, held there.
+
+    A centre of gravity that is off by ten of its sigmas is no tolerance: it is the effect of that name.
+
+    Returns
+    -------
+    dict of float
+        Sigmas by the place of the tolerance, largest departures first.
+    """
+    held: dict[int, float] = {}
+    likeliest = max(system.form_errors, key=lambda f: system.reduced(f).log_evidence)
+    for _ in system.tolerances:
+        free = [k for k in range(len(system.tolerances)) if k not in held]
+        left = system.held(held)
+        gram, _ = left.gram(likeliest)
+        t = slice(left.columns, len(gram) - 1)
+        departure = np.linalg.solve(np.eye(t.stop - t.start) + gram[t, t], gram[t, -1])[: len(free)]
+        farthest = int(np.argmax(np.abs(departure))) if len(free) else 0
+        if not len(free) or abs(departure[farthest]) <= FARTHEST:
+            break
+        held[free[farthest]] = float(np.sign(departure[farthest])) * FARTHEST
+    return held
 
 
 def likeliest_form_error(evidence: Evidence, explanation: Explanation) -> Form:

@@ -102,7 +102,8 @@ class _Fit:
         for _ in range(_STEPS):
             w, slopes, precision, pull = self.slopes(sizes)
             curve = slopes @ G @ slopes.T + np.diag(precision)
-            step = np.asarray(np.linalg.solve(curve, slopes @ (g - G @ w) - pull), dtype=float)
+            # the shortest step: two effects that do the same have no curvature between them
+            step = np.linalg.lstsq(curve, slopes @ (g - G @ w) - pull, rcond=None)[0].astype(float)
             for _ in range(_HALVINGS):
                 moved = self.moved(sizes, step)
                 better, G_there, g_there = self.at(moved)
@@ -121,10 +122,10 @@ class _Fit:
         _, G, _ = self.at(sizes)
         _, slopes, precision, _ = self.slopes(sizes)
         inverse = slopes @ G @ slopes.T + np.diag(precision)
-        covariance, found, k = np.linalg.inv(inverse), [], 0
+        covariance, found, k = np.linalg.pinv(inverse, hermitian=True), [], 0
         for c in self.candidates:
             n = 1 if c.kind == "scalar" else c.sizes.size
-            own = np.linalg.inv(inverse[k : k + n, k : k + n])
+            own = np.linalg.pinv(inverse[k : k + n, k : k + n], hermitian=True)
             found.append(np.sqrt(np.maximum(np.diag(covariance[k : k + n, k : k + n]) / np.diag(own), 1.0)))
             k += n
         return found

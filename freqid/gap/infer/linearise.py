@@ -18,11 +18,9 @@ from freqid.gap.infer.system import System
 from freqid.gap.model.changes import change_together
 from freqid.gap.model.testable import in_force_of
 from freqid.gap.model.tolerance import of_effects
-from freqid.gap.settings import INTERVAL, ROUNDS
+from freqid.gap.settings import FARTHEST, INTERVAL, ROUNDS
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
-
-_FARTHEST = 3.0  # sigmas: the largest departure that is believed, and that lines are drawn at
 
 
 def relinearised(
@@ -144,13 +142,13 @@ def likeliest_departures(
 ) -> tuple[dict[str, float], Array]:
     """Return the likeliest departures of the simulation's own parameters, and of all tolerances in sigmas.
 
-    None beyond `_FARTHEST`: where a large effect is not allowed for, tolerances are asked for what no
+    None beyond `FARTHEST`: where a large effect is not allowed for, tolerances are asked for what no
     simulation can do.
     """
     own = blocks[0].trial.simulation.tolerances
     system = replace(system, form_errors=(form_error,), _reduced={})
     fitted = _likeliest(system, _best_alone(system) if weights is None else weights)
-    fitted = np.clip(fitted, -_FARTHEST, _FARTHEST)
+    fitted = np.clip(fitted, -FARTHEST, FARTHEST)
     each = zip(system.tolerances, fitted.tolist(), strict=True)
     return {name: x * sizes.get(name, own[name].sigma) for name, x in each if name in own}, fitted
 

@@ -6,7 +6,7 @@ each and are integrated out there; tolerances are shared by all blocks and come 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -125,6 +125,23 @@ class System:
     def only(self, blocks: Sequence[int]) -> System:
         """Return the stack of some blocks."""
         return self.without([i for i in range(len(self.blocks)) if i not in blocks])
+
+    def held(self, departures: Mapping[int, float]) -> System:
+        """Return the stack with some tolerances, by place, known to depart by so many sigmas."""
+        if not departures:
+            return self
+        at = self.columns + np.array(list(departures), dtype=np.intp)
+        sigmas = np.array(list(departures.values()))
+        names = tuple(n for k, n in enumerate(self.tolerances) if k not in departures)
+        blocks = []
+        for b in self.blocks:
+            gram, form, last = b.gram.copy(), b.form.copy(), b.count - 1
+            form[:, last] -= form[:, at] @ sigmas
+            gram[last] -= sigmas @ gram[at]
+            gram[:, last] -= gram[:, at] @ sigmas
+            kept = np.delete(np.arange(len(gram)), at)
+            blocks.append(replace(b, gram=gram[np.ix_(kept, kept)], form=form[:, kept]))
+        return replace(self, tolerances=names, blocks=blocks, _reduced={})
 
     def inside(self, form_error: Form) -> tuple[NDArray[np.intp], Array]:
         """Return which products an error of form needs, of ``[X, T, A, r]``, and how large each column is.

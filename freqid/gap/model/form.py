@@ -176,36 +176,44 @@ def shared_columns(block: Block) -> dict[tuple[str, str], Complex]:
 
     What a simulation leaves out at one speed it leaves out at the next. A load's derivative is wrong by a
     share of itself, or of the load's average term: what is a small difference of large numbers, as the
-    pitching moment by angle of attack, is wrong by a share of these. An actuator or a sensor errs in phase
-    and out of it.
+    pitching moment by angle of attack, is wrong by a share of these. A model that is quasi-steady leaves out
+    how fast a motion changes, so a term is wrong by its first two derivatives in time too. Not that of an
+    effector without a row of its own: being late is an effect, which would be seen nowhere else. An actuator
+    or a sensor errs in phase and out of it.
 
     Returns
     -------
     dict
-        By the term's name, which the size of the error is known by, and which of its two columns it is.
+        By the term's name, which the size of the error is known by, and which of its columns it is.
     """
     found = {}
-    for term, (one, other) in _shared(block):
+    for term, ways in _shared(block):
         if _visible(block, term):
             name = term.name(block)
-            for which, spectrum in (("one", one), ("other", other)):
+            for which, spectrum in ways.items():
                 z = np.zeros((len(block.rows), block.lines.hz.size), dtype=complex)
                 z[term.row] = spectrum
                 found[name, which] = z
     return found
 
 
-def _shared(block: Block) -> Iterator[tuple[Term, tuple[Complex, Complex]]]:
-    """Yield terms of first order, each with its two columns."""
+def _shared(block: Block) -> Iterator[tuple[Term, dict[str, Complex]]]:
+    """Yield terms of first order, each with its columns."""
     if block.trial.inputs:
         names, moves, size, average, share = _sizes(block)
         sign = np.sign(block.trial.gradient.mean(axis=2))[:, [n in names for n in block.trial.inputs]]
         unit = block.grid.spectrum(moves)
+        rate = 1j * block.lines.hz / block.lines.hz[-1]
+        unseen = {n for n in names if n.startswith("effector/") and n[9:] not in block.trial.positions}
         for i, (own, mean) in enumerate(zip(sign * size, average, strict=True)):
             for name, a, b, z in zip(names, own, share * mean, unit, strict=True):
-                yield Term(i, name, max(abs(a), b) * z), (FORM_CONSTANT * a * z, FORM_CONSTANT * b * z)
+                largest = max(abs(a), b) * z
+                ways = {"share": a * z, "average": b * z}
+                if name not in unseen:
+                    ways |= {"rate": rate * largest / 2, "curve": rate**2 * largest / 3}
+                yield Term(i, name, largest), {which: FORM_CONSTANT * x for which, x in ways.items()}
     for term in [*actuator_terms(block), *kinematic_terms(block)]:
-        yield term, (term.spectrum, 1j * term.spectrum)
+        yield term, {"in phase": term.spectrum, "out of phase": 1j * term.spectrum}
 
 
 class FormColumns(NamedTuple):

@@ -18,7 +18,8 @@ Signals = dict[str, NDArray[np.float64]]
 def sound_speeds(settings: dict[str, jax.Array], order: jax.Array, speed: jax.Array) -> jax.Array:
     """Return the speeds at which sound propellers would do what these do, rad/s, shape (rotor,).
 
-    Thrust goes with the square of the speed, so half of the loss. `order` as in `places.spread`.
+    Thrust goes with the square of the speed, so half of the loss: 0.25 takes 23 %, and 1 leaves a rotor that
+    still turns. `order` as in `places.spread`.
     """
     return (1 - spread(settings, "loss", order) / 2) * speed
 

@@ -28,7 +28,7 @@ def grounds_of_gap(result: GapResult, source: str) -> Iterator[Ground]:
     """
     which, closures = result.which, result.how_far
     chance = Reversal(
-        "Probability that there is no gap",
+        "p of no gap",
         result.gap.p,
         result.gap.level,
         source,

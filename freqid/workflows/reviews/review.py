@@ -114,7 +114,10 @@ def review(
     conditions = tuple(dict.fromkeys(p.model.reference.id for p in points))
     loops = loops_compared(every)
     found = Review(
-        vehicle=next((name for one in every if (name := vehicle_of(one.result))), ""),
+        vehicle=next(
+            (name for one in every if (name := vehicle_of(one.result))),
+            described.aircraft().name if described is not None else "",
+        ),
         decisions=tuple(_decide(subject, grounds, every) for subject in _SUBJECTS),
         envelope=tuple(_envelope(points)),
         conditions=conditions,

@@ -57,8 +57,13 @@ def test_what_is_the_same_everywhere_is_a_share_of_the_derivative_and_of_the_ave
     name = block.rows[last].name
     for k, motion in enumerate(INPUTS):
         z = block.grid.spectrum(moved[k][None])[0]
-        own, other = (found[f"{name} by {motion}", which] for which in ("one", "other"))
+        own, other = (found[f"{name} by {motion}", which] for which in ("share", "average"))
         np.testing.assert_allclose(own[last], FORM_CONSTANT * SLOPES[last][k] * z, rtol=1e-6, atol=1e-9)
         wanted = FORM_CONSTANT * heard[k] * average[last] / moved[k].std() * z
         np.testing.assert_allclose(other[last], wanted, rtol=1e-6, atol=1e-9)
         assert not np.delete(own, last, axis=0).any()
+        largest = np.where(np.abs(own[last]).sum() > np.abs(wanted).sum(), np.abs(own[last]), np.abs(wanted))
+        of_top = block.lines.hz / block.lines.hz[-1]
+        for which, part in (("rate", of_top / 2), ("curve", of_top**2 / 3)):
+            changing = found[f"{name} by {motion}", which]
+            np.testing.assert_allclose(np.abs(changing[last]), part * largest, rtol=1e-6, atol=1e-9)

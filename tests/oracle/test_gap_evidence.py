@@ -323,3 +323,21 @@ def test_sizes_of_several_effects_at_once_are_as_the_whole_posterior_has_them():
     assert (found[1].hi - found[1].lo) / 2 == pytest.approx(spread[1:], rel=0.05)
     alone = estimate(evidence, 0, 0.9, given=np.r_[np.zeros(7), found[1].weights])
     assert np.all(found[0].hi - found[0].lo > alone.hi - alone.lo)
+
+
+def test_two_effects_that_do_the_same_have_sizes_and_intervals():
+    """As one of a user's own has that is in the library already: their sum is known, neither by itself."""
+    dense = Dense(effect=np.r_[2.0, np.zeros(9)])
+    twin = replace(dense.candidates[0], effect="heavy again")
+    few, start = [dense.candidates[0], twin], np.array([0, 1, 2])
+    same = [np.concatenate([x[:1], x[:1]]) for x in dense.x]
+    blocks = [
+        Products.of(x, t, r, u, form, servos).matrices()
+        for x, t, r, u, form, servos in zip(
+            same, dense.t, dense.r, dense.u, dense.form, dense.servos, strict=True
+        )
+    ]
+    evidence = weigh(System(few, start, dense.system.tolerances, blocks, (FORMS[1],)))
+    alone, found = estimate(evidence, 0, 0.9), joint_estimates(evidence, (0, 1))
+    assert found[0].size + found[1].size == pytest.approx(alone.size, rel=0.1)
+    assert all(np.isfinite([e.lo, e.hi]).all() for e in found)

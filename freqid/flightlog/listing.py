@@ -116,7 +116,8 @@ def list_log(path: Path, effectors: Collection[str] = ()) -> Listing:
         channels = tuple(_listed(signal) for signal in reader.signals(path))
     except DataError as error:
         raise error.at(str(path)) from None
-    shipped = _shipped_map([c.name for c in channels])
+    # every message of an autopilot's log has a clock of its own: one clock is another log with like names
+    shipped = "" if any(c.clock for c in channels) else _shipped_map([c.name for c in channels])
     proposal = shipped if shipped else _proposed(channels, effectors)
     return Listing(path, channels, proposal)
 

@@ -21,6 +21,7 @@ _SOURCES = {
     "simulation": "of the simulation",
     "default": "by default",
     "each record": "offsets of each record",
+    "clock": "by the log's clock",
 }
 
 

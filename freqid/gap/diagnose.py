@@ -239,7 +239,7 @@ def diagnose(
         how_far=closures,
         remarks=tuple(remarks_of(used, simulation, existence, relations)),
         sensors=sensors,
-        tolerances=tolerances_used(q.tolerances, simulation, library),
+        tolerances=tolerances_used(q.tolerances, simulation, library, used[0].trial.sent.dt),
     )
     return Findings(
         diagnosis,

@@ -10,7 +10,7 @@ from freqid.core.results.diagnosis import Closure, Existence, Place, SensorFault
 from freqid.core.results.gap import GapMap
 from freqid.gap.infer.evidence import NONE
 from freqid.gap.model.candidates import OTHER
-from freqid.gap.model.tolerance import DEFAULT, EACH_FLIGHT, UNDECLARED
+from freqid.gap.model.tolerance import DEFAULT, EACH_FLIGHT, TIMING, UNDECLARED, by_clock
 from freqid.gap.simulation import Simulation
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
@@ -199,7 +199,7 @@ def remarks_of(
 
 
 def tolerances_used(
-    sizes: Mapping[str, float], simulation: Simulation, library: Mapping[str, Effect]
+    sizes: Mapping[str, float], simulation: Simulation, library: Mapping[str, Effect], dt: float | None = None
 ) -> tuple[ToleranceUsed, ...]:
     """Return the tolerances that were allowed for, with their units and where each comes from.
 
@@ -210,6 +210,8 @@ def tolerances_used(
     simulation : Simulation
     library : dict of Effect
         Of the vehicle at hand.
+    dt : float, optional
+        Between samples of a log, s: how well it tells when a channel was taken, where nothing is stated.
     """
     own = simulation.tolerances
     silent = {**DEFAULT, **UNDECLARED}
@@ -224,6 +226,9 @@ def tolerances_used(
         else:
             source = "default" if name not in own and silent.get(name) == sigma else "stated"
         found.append(ToleranceUsed(name, float(sigma), _unit_of(name, simulation, library), source))
+    if dt is not None:
+        known = [n for n in TIMING if n in library and n not in sizes]
+        found += [ToleranceUsed(n, by_clock(dt), "s", "clock") for n in known]
     return tuple(found)
 
 

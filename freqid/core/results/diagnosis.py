@@ -183,8 +183,8 @@ class ToleranceUsed:
         One standard deviation.
     unit : str
         ``"1"`` for a share.
-    source : {"stated", "simulation", "default", "each record"}
-        The user, the simulation itself, or nobody; the last are offsets that are another in each record.
+    source : {"stated", "simulation", "default", "each record", "clock"}
+        The user, the simulation itself, or nobody; offsets that are another in each record; the log's rate.
     """
 
     name: str

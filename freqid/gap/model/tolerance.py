@@ -216,13 +216,18 @@ def of_effects(
             key = f"{effect.id}.{name}"
             if name in nested[1:] and key not in sizes:
                 continue
-            clock = trial.sent.dt / np.sqrt(12) if effect.id in TIMING else 0.0
+            clock = by_clock(trial.sent.dt) if effect.id in TIMING else 0.0
             size = sizes.get(key, sizes.get(effect.id, clock if parameter.unit == "s" else 0.0))
             if nested and key not in sizes and (name in nested or name in effectors):
                 size *= np.sqrt(0.5)  # stated once: half of its variance is of all, half of each by itself
             if key in EACH_FLIGHT or not size or parameter.scale == 0 or untestable(effect, trial):
                 continue
             yield key, effect, name, size
+
+
+def by_clock(dt: float) -> float:
+    """Return one sigma of the time at which a channel was taken, anywhere within a sample, s."""
+    return dt / 12**0.5
 
 
 def _together(effect: Effect, kinds: Mapping[str, str]) -> list[str]:

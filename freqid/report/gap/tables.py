@@ -65,6 +65,7 @@ def tolerance_rows(d: GapDiagnosis) -> list[tuple[str, list[tuple[str, str]]]]:
         "simulation": "Of the simulation",
         "default": "By default",
         "each record": "Offsets of each record",
+        "clock": "By the log's clock",
     }
     by_source = [
         (heading, [(t.name, with_si(t.sigma, t.unit)) for t in d.tolerances if t.source == source])

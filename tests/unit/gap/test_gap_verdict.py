@@ -4,6 +4,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from freqid.core.results.diagnosis import Closure, Existence, Interval, SensorFault, Share, Which
 from freqid.core.results.gap import GapMap
@@ -121,6 +122,10 @@ def test_tolerances_stand_with_unit_and_source():
         "lift_slope": (0.3, "1/rad", "simulation"),
         "sensor_bias.q": (0.002, "rad/s", "each record"),
     }
+    timed = {t.name: t for t in tolerances_used({**sizes, "time_skew": 0.001}, simulation, library(), 0.02)}
+    assert timed["time_skew"].source == "stated"
+    late = timed["actuator_delay"]
+    assert (late.sigma, late.unit, late.source) == (pytest.approx(0.02 / np.sqrt(12)), "s", "clock")
 
 
 def test_a_withdrawn_name_says_what_tolerances_would_have_to_be():

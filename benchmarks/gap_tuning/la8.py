@@ -11,7 +11,7 @@ from freqid.gap.connect.scenario import ScenarioSimulation
 from freqid.simulate.effects import library
 from freqid.simulate.maneuver import Conditions, fly_maneuver, with_effects
 
-SIMULATION = SCENARIO_FILE = f"scenarios/{PATH.name}"
+SIMULATION = SCENARIO_FILE = f"scenarios/{PATH}.toml"
 BAND_HZ = (0.05, 1.8)
 FLIGHTS = (("u20", 0), ("u45", 0), ("u30", 1))  # condition and phases; the last one is held out
 SECONDS = 60.0

@@ -20,7 +20,7 @@ _NEAR = 0.2  # of a size of an effect: what tolerances do beside it changes by l
 def flown(
     simulation: Simulation, blocks: Sequence[Block], departures: dict[str, float], **found: Settings
 ) -> tuple[list[Block], dict[str, float]]:
-    """Return blocks on the motion that a simulation flies with departures, and these.
+    """Return blocks on the motion that a simulation flies with departures, and the departures.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def flown(
 def closest(
     *flights: tuple[list[Block], dict[str, float]],
 ) -> tuple[list[Block], dict[str, float]]:
-    """Return the flights that miss least of the records.
+    """Return those of several flights, each with its departures, that miss least of the records.
 
     Departures that are fitted where a large effect is not allowed for are worse than none.
     """

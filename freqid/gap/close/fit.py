@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 from scipy.special import logsumexp
 
 from freqid.core.arrays import Array
@@ -59,15 +58,11 @@ def fit(evidence: Evidence, explanation: Explanation, form_error: Form | None = 
     weights = np.zeros(n)
     for i, e in zip(explanation.places, explanation.estimates, strict=True):
         weights[system.columns_of(i)] += e.weights
-    t = slice(n, len(gram) - 1)
-    factor = cho_factor(np.eye(t.stop - t.start) + gram[t, t])
-    beside = cho_solve(factor, gram[t, -1] - gram[t, :n] @ weights)
-    alone = cho_solve(factor, gram[t, -1])
+    beside, alone = system.likeliest_tolerances(gram, weights), system.likeliest_tolerances(gram)
     # with tolerances held at nominal, the size moves along its direction to where the residual is least
     energy = float(weights @ gram[:n, :n] @ weights)
     scale = float(weights @ gram[:n, -1]) / energy if energy > 0 else 1.0
-    few = len(system.tolerances)
-    return Fit(form_error, weights, np.clip(scale, 0.0, 2.0) * weights, beside[:few], alone[:few])
+    return Fit(form_error, weights, np.clip(scale, 0.0, 2.0) * weights, beside, alone)
 
 
 def log_evidence(system: System, evidence: Evidence, explanation: Explanation) -> float:
@@ -84,25 +79,24 @@ def log_evidence_of_tolerances(system: System) -> float:
 
 
 def departures_beyond(system: System) -> dict[int, float]:
-    """Return the tolerances that explain a stack only by more than `FARTHEST` of their sigmas, held there.
+    """Return the tolerances that alone would have to depart by more than `FARTHEST` sigmas, held there.
 
-    A centre of gravity that is off by ten of its sigmas is no tolerance: it is the effect of that name.
+    A centre of gravity that is off by ten of its sigmas is
+    no tolerance: it is the effect of that name. The farthest is held first, then all others are asked again.
 
     Returns
     -------
     dict of float
-        Sigmas by the place of the tolerance, largest departures first.
+        Sigmas, plus or minus `FARTHEST`, by the place of the tolerance.
     """
     held: dict[int, float] = {}
     likeliest = max(system.form_errors, key=lambda f: system.reduced(f).log_evidence)
-    for _ in system.tolerances:
+    while len(held) < len(system.tolerances):
         free = [k for k in range(len(system.tolerances)) if k not in held]
         left = system.held(held)
-        gram, _ = left.gram(likeliest)
-        t = slice(left.columns, len(gram) - 1)
-        departure = np.linalg.solve(np.eye(t.stop - t.start) + gram[t, t], gram[t, -1])[: len(free)]
-        farthest = int(np.argmax(np.abs(departure))) if len(free) else 0
-        if not len(free) or abs(departure[farthest]) <= FARTHEST:
+        departure = left.likeliest_tolerances(left.gram(likeliest)[0])
+        farthest = int(np.argmax(np.abs(departure)))
+        if abs(departure[farthest]) <= FARTHEST:
             break
         held[free[farthest]] = float(np.sign(departure[farthest])) * FARTHEST
     return held

@@ -7,7 +7,6 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.errors import ImpossibleSettings
@@ -147,7 +146,8 @@ def likeliest_departures(
     """
     own = blocks[0].trial.simulation.tolerances
     system = replace(system, form_errors=(form_error,), _reduced={})
-    fitted = _likeliest(system, _best_alone(system) if weights is None else weights)
+    gram, _ = system.gram(form_error)
+    fitted = system.likeliest_tolerances(gram, _best_alone(system) if weights is None else weights)
     fitted = np.clip(fitted, -FARTHEST, FARTHEST)
     each = zip(system.tolerances, fitted.tolist(), strict=True)
     return {name: x * sizes.get(name, own[name].sigma) for name, x in each if name in own}, fitted
@@ -161,12 +161,3 @@ def _best_alone(system: System) -> Array:
     if best >= 0 and evidence.candidate[best] > 0:
         weights[system.columns_of(best)] = estimate(evidence, best, INTERVAL).weights
     return weights
-
-
-def _likeliest(system: System, weights: Array) -> Array:
-    """Return the tolerances' departures, in sigmas, beside weights of the candidates' columns."""
-    gram, _ = system.gram(system.form_errors[0])
-    n = system.columns
-    t = slice(n, len(gram) - 1)
-    factor = cho_factor(np.eye(t.stop - t.start) + gram[t, t])
-    return cho_solve(factor, gram[t, -1] - gram[t, :n] @ weights)[: len(system.tolerances)]

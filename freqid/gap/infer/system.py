@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 
 from freqid.core.arrays import Array
 from freqid.gap.infer.block_matrices import FORMS, BlockMatrices, Form, rooted
@@ -163,6 +164,22 @@ class System:
         Of ``[X, T, A, r]``, shared errors at their size; without A where they have none.
         """
         return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks], 0)
+
+    def likeliest_tolerances(self, gram: Array, weights: Array | None = None) -> Array:
+        """Return the likeliest departures of the tolerances, in sigmas, shape (tolerance,).
+
+        Parameters
+        ----------
+        gram : ndarray
+            Inner products of the stack at an error of form, of `gram`.
+        weights : ndarray, shape (column,), optional
+            Of the candidates' columns, of what is in the data besides.
+        """
+        n = self.columns
+        t = slice(n, len(gram) - 1)
+        left = gram[t, -1] if weights is None else gram[t, -1] - gram[t, :n] @ weights
+        found = cho_solve(cho_factor(np.eye(t.stop - t.start) + gram[t, t]), left)
+        return found[: len(self.tolerances)]
 
     def reduced(self, form_error: Form) -> Reduced:
         """Return the small matrices at one error of form, made once."""

@@ -192,9 +192,10 @@ def candidates(
 
 
 def _of_effect(effect: Effect, vehicle: Vehicle, blocks: Sequence[Block]) -> list[Candidate]:
-    free = {n: p for n, p in effect.parameters.items() if p.scale > 0}
+    own = effect.id in blocks[0].trial.simulation.effects  # it has what stands for that in a replay
+    free = {n: p for n, p in effect.parameters.items() if p.scale > 0 and not (own and p.replay_only)}
     if effect.alternatives:
-        beside = [(n, x) for n, p in free.items() for x in p.looked_at]
+        shapes = [(n, x) for n, p in free.items() for x in p.looked_at]
         free = {n: p for n, p in free.items() if not p.looked_at}
         places = [Place(n, (n,), effectors=_effectors_of(n, vehicle)) for n in free]
         first = next(iter(free), "")
@@ -202,14 +203,13 @@ def _of_effect(effect: Effect, vehicle: Vehicle, blocks: Sequence[Block]) -> lis
         for group in vehicle.groups:
             if all(e in free for e in group.effectors):
                 places.append(Place(f"group {group.name}", group.effectors, effectors=group.effectors))
-        for name, value in beside:
-            if _shapes(effect, (name, value), free[effect.size], blocks[0]):
-                given = f"{name}={value:.4g}"
-                places += [
-                    replace(p, label=f"{p.label} {given}".strip(), fixed=((name, value),))
-                    for p in places
-                    if not p.fixed
-                ]
+        for name, value in shapes:
+            given = f"{name}={value:.4g}"
+            places += [
+                replace(p, label=f"{p.label} {given}".strip(), fixed=((name, value),))
+                for p in places
+                if not p.fixed
+            ]
         return [c for p in places if (c := _scalar(effect, p, free[p.parameters[0]], blocks))]
     moving = {n: c for n, p in free.items() if (c := _scalar(effect, Place(n, (n,)), p, blocks))}
     if set(moving) <= {effect.size}:
@@ -230,24 +230,11 @@ def _with_shapes(
         beside = (parameter.default - 2 * parameter.scale, parameter.default + 2 * parameter.scale)
         values = parameter.looked_at or tuple(np.clip(beside, parameter.low, parameter.high).tolist())
         for value in values:
-            if value != parameter.default and _shapes(effect, (name, value), free[size], blocks[0]):
+            if value != parameter.default:
                 place = Place(f"{name}={value:.4g}", (size,), ((name, value),))
                 made = _scalar(effect, place, free[size], blocks)
                 found += [made] if made else []
     return found
-
-
-def _shapes(effect: Effect, other: tuple[str, float], of: Parameter, block: Block) -> bool:
-    """Return whether another value of a parameter beside its size makes an effect another one.
-
-    How a battery empties does not where the simulation has a battery of its own.
-    """
-    at = {effect.size: in_force_of(effect, block.trial.simulation)[effect.size] + of.scale}
-    with_it, without = (
-        block.transform(change(effect, block.trial, at | beside, first_order=True))
-        for beside in (dict([other]), {})
-    )
-    return not np.array_equal(with_it, without)
 
 
 def _placed(candidate: Candidate, place: Place) -> Candidate:

@@ -177,9 +177,9 @@ def shared_columns(block: Block) -> dict[tuple[str, str], Complex]:
     What a simulation leaves out at one speed it leaves out at the next. A load's derivative is wrong by a
     share of itself, or of the load's average term: what is a small difference of large numbers, as the
     pitching moment by angle of attack, is wrong by a share of these. A model that is quasi-steady leaves out
-    how fast a motion changes, so a term is wrong by its first two derivatives in time too. Not that of an
-    effector without a row of its own: being late is an effect, which would be seen nowhere else. An actuator
-    or a sensor errs in phase and out of it.
+    how fast a motion changes, so a term is wrong by its first two derivatives in time too. An effector whose
+    position is not simulated has none of these: that it is late is an effect, and only its loads show it. An
+    actuator or a sensor errs in phase and out of it.
 
     Returns
     -------
@@ -204,6 +204,7 @@ def _shared(block: Block) -> Iterator[tuple[Term, dict[str, Complex]]]:
         sign = np.sign(block.trial.gradient.mean(axis=2))[:, [n in names for n in block.trial.inputs]]
         unit = block.grid.spectrum(moves)
         rate = 1j * block.lines.hz / block.lines.hz[-1]
+        # whether these are late shows in no row of their own
         unseen = {n for n in names if n.startswith("effector/") and n[9:] not in block.trial.positions}
         for i, (own, mean) in enumerate(zip(sign * size, average, strict=True)):
             for name, a, b, z in zip(names, own, share * mean, unit, strict=True):

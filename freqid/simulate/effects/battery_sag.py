@@ -66,6 +66,7 @@ EFFECT = Effect(
             0.0,
             0.01,
             looked_at=_EMPTYING,
+            replay_only=True,
         ),
     },
     needs=("command", "rotor"),

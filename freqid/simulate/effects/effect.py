@@ -33,6 +33,8 @@ class Parameter:
     looked_at : tuple of float
         Of one that says nothing while the effect's size is zero: values beside the default at which the size
         is looked for; two scales to either side where none are named.
+    replay_only : bool
+        Whether flights of a scenario do not have it: these have more of the physics that it stands for.
     signs : tuple of 2 str
         What is so where a simulation's number has to be raised, and where it has to be lowered: two
         sentences without a full stop; empty where only one sign is physical.
@@ -45,6 +47,7 @@ class Parameter:
     low: float = -inf
     high: float = inf
     looked_at: tuple[float, ...] = ()
+    replay_only: bool = False
     signs: tuple[str, str] = ("", "")
 
 

@@ -20,8 +20,9 @@ _KINDS = ("rotor", "thrust", "throttle")
 def _act(settings: Mapping[str, float], signals: Signals, dt: float, kinds: dict[str, str]) -> Signals:
     """Return the speeds of rotors, thrusts and throttles behind those that are described.
 
-    With a motor of time constant T and e more, they are the described ones through
-    ``(1 + T s) / (1 + (T + e) s)``: a share T of them at once and a share e with the new time constant.
+    What a motor of time constant T that is slower by e makes of a command is what the described one makes
+    of it times ``(1 + T s) / (1 + (T + e) s)``: T / (T + e) of that, plus e / (T + e) of it behind a lag of
+    T + e.
     """
     own = settings["time_constant"]
 
@@ -61,11 +62,12 @@ EFFECT = Effect(
         "time_constant": Parameter(
             0.0,
             "s",
-            "of the described motor, which is that much slower; at zero a lag of its own stands before it",
+            "of the described motor, which is slower by the extra time; at zero a lag stands before it",
             0.05,
             0.0,
             0.5,
             looked_at=(0.03, 0.1),
+            replay_only=True,
         ),
     },
     needs=("command", "rotor"),

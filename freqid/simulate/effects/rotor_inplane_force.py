@@ -70,6 +70,7 @@ EFFECT = Effect(
             0.0,
             20.0,
             looked_at=(0.0, 4.0),
+            replay_only=True,
         ),
     },
     needs=("rotor.diameter_m", "effector", "state/u", "state/v", "state/w", "air/rho"),

@@ -26,6 +26,7 @@ from freqid.simulate.effects import (
     loaded,
     motor_lag,
     rate_limit,
+    shipped,
 )
 from freqid.simulate.effects.places import alone
 from freqid.simulate.loads import airframe, description
@@ -149,6 +150,13 @@ def parameters(scenario: Scenario) -> Parameters:
         mass=multibody.mass_model(loaded(scenario.aircraft(), settings)),
         actuators=actuators(scenario),
     )
+    for effect in (e for i, e in shipped().items() if i in settings):
+        for name, value in settings[effect.id].items():
+            known = effect.parameters.get(name)
+            if known is not None and known.replay_only and value != known.default:
+                raise UsageError(
+                    f"effect {effect.id}: flights do not have its {name}", remedy=f"leave {name} out"
+                )
     for effect in (actuator_delay, actuator_lag, motor_lag, rate_limit, backlash):
         single = alone(effect.EFFECT, settings[effect.EFFECT.id])
         if single:

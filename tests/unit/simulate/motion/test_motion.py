@@ -259,6 +259,19 @@ def test_a_delay_that_is_longer_than_the_line_is_refused():
         motion.parameters(late)
 
 
+@pytest.mark.parametrize(
+    ("effect", "name"),
+    [("battery_sag", "emptying"), ("motor_lag", "time_constant"), ("rotor_inplane_force", "hub_moment")],
+)
+def test_what_flights_have_in_another_way_is_refused(effect, name):
+    effects = {**SCENARIO.simulation.effects, effect: {name: 0.005}}
+    changed = msgspec.structs.replace(
+        SCENARIO, simulation=msgspec.structs.replace(SCENARIO.simulation, effects=effects)
+    )
+    with pytest.raises(UsageError, match=f"{effect}: flights do not have its {name}"):
+        motion.parameters(changed)
+
+
 def test_a_delay_of_one_effector_alone_is_refused():
     effects = {**SCENARIO.simulation.effects, "actuator_delay": {"de1": 0.01}}
     late = msgspec.structs.replace(

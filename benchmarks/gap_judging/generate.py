@@ -33,10 +33,15 @@ VEHICLES = ("quadplane", "vtail", "tiltrotor", "canard", "blownwing", "tiltwing"
 CASES = 50  # flown together
 
 
-def matrices(out: Path, vehicle: str):
-    """Return truth, simulation, metric, signatures of effects and of outsiders, ideal scan; kept in `out`."""
+def matrices(out: Path, vehicle: str, scanned: bool = True):
+    """Return truth, simulation, metric, signatures of effects and of outsiders, ideal scan; kept in `out`.
+
+    Unless `scanned`, only truth and simulation.
+    """
     truth = load_module(HERE / vehicle / "truth.py")
     simulation = load_module(truth.SIMULATION)
+    if not scanned:
+        return truth, simulation, None, None, None, None
     kept = out / f"{vehicle}.pickle"
     if kept.exists():
         m, known, others = pickle.loads(kept.read_bytes())
@@ -165,19 +170,19 @@ def make(args, plan, setup) -> None:
                 case["own"].append(only(args.scatter, draw(biases, rng)))
                 departures.append(added(case["common"], case["own"][-1], effect))
     log = fly(truth, flights, Settings(departures))
-    seen = {id(source): source.beyond(m) for source in (known, others)}
+    seen = {id(source): source.beyond(m) for source in (known, others)} if scan else {}
     at = 0
     for case in plan:
         rng = np.random.default_rng([case["seed"], 1])
         folder = args.out / args.vehicle / case["id"]
-        mean = -m.bias
+        mean = -m.bias if scan else 0.0
         for c, condition in enumerate(conditions):
             rho = truth.TRIM[condition]["rho"]
             if not np.abs(log.state[:, 6:8, at]).max() < 1.0:
                 print(f"{case['id']} lost control in {condition}")
             for name in FILES:
                 channels = sensing.measure(truth, log, at, departures[at], rng)
-                if name != "h":
+                if scan and name != "h":
                     mean[c] += 0.5 * stack(truth, simulation, channels, rho)
                 for i, e in enumerate(truth.EFFECTORS):
                     channels[f"excitation/{e}"] = truth.excitation(sensing.TIME)[flights[at]["design"], i]
@@ -185,10 +190,11 @@ def make(args, plan, setup) -> None:
                 record = record_of(truth, scenario, sensing.with_air(channels, rho), condition, file)
                 write_record(folder / file, record, sha)
                 at += 1
-        # The scan is ideal in this too: it knows the owner's error of form and the mean of the scatter.
-        white = m.whiten(mean) - m.beyond_first
-        white = white - sum(source.column[i, j] - seen[id(source)][i, j] for source, i, j in case["acts"])
-        case["ideal"] = scan.judge(white, [s.candidates[i].id for s, i, _ in case["acts"]])
+        case["ideal"] = None
+        if scan:  # it is ideal in this too: it knows the owner's error of form and the mean of the scatter
+            white = m.whiten(mean) - m.beyond_first
+            white = white - sum(source.column[i, j] - seen[id(source)][i, j] for source, i, j in case["acts"])
+            case["ideal"] = scan.judge(white, [s.candidates[i].id for s, i, _ in case["acts"]])
         text = json.dumps(described(args, case, truth, m, conditions), indent=1)
         (folder / "case.json").write_text(text + "\n")
 
@@ -251,9 +257,14 @@ def main() -> None:
     parser.add_argument(
         "--scatter", nargs="*", choices=KINDS, default=list(KINDS), help="what is drawn, to tell causes"
     )
+    parser.add_argument(
+        "--no-scan", action="store_true", help="nulls alone: without the ideal scan, whose matrices take minutes"
+    )
     args = parser.parse_args()
+    if args.no_scan and args.kind != "null":
+        parser.error("--no-scan is for --kind null: sizes of effects are made from its matrices")
     start = time.time()
-    setup = matrices(args.out, args.vehicle)
+    setup = matrices(args.out, args.vehicle, not args.no_scan)
     print(f"matrices after {time.time() - start:.0f} s")
     plan = plans(args, setup[3], setup[4])
     for first in range(0, len(plan), CASES):

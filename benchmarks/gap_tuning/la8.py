@@ -6,9 +6,11 @@ import numpy as np
 from _la8 import PATH, RATE_HZ, SCENARIO, inputs
 from scatter import Settings, added, drawn, drawn_for_a_flight
 
+from freqid.core.errors import UsageError
 from freqid.core.record import FlightRecord
+from freqid.core.vehicle import Vehicle
 from freqid.gap.connect.scenario import ScenarioSimulation
-from freqid.simulate.effects import library
+from freqid.simulate.effects import library, loaded
 from freqid.simulate.maneuver import Conditions, fly_maneuver, with_effects
 
 SIMULATION = SCENARIO_FILE = f"scenarios/{PATH}.toml"
@@ -50,6 +52,8 @@ def flown(effect: Settings, seed: int) -> list[FlightRecord]:
         if not n.endswith(".gain")
     }
     common = drawn(library(), vehicle, 1 / RATE_HZ / np.sqrt(12), rng)
+    while not _a_body(vehicle, added(effect, common)):  # it is nearly flat, so 3 % may be more than it can
+        common = drawn(library(), vehicle, 1 / RATE_HZ / np.sqrt(12), rng)
     found = []
     for k, (at, phases) in enumerate(FLIGHTS):
         settings = added(effect, common, drawn_for_a_flight(rng))
@@ -62,3 +66,12 @@ def flown(effect: Settings, seed: int) -> list[FlightRecord]:
         flight = fly_maneuver(scenario, reference, inputs(phases), how, loop=loop, duration=SECONDS)
         found.append(flight.record)
     return found
+
+
+def _a_body(vehicle: Vehicle, settings: Settings) -> bool:
+    """Return whether there is a body of these mass properties."""
+    try:
+        loaded(vehicle, settings)
+    except UsageError:
+        return False
+    return True

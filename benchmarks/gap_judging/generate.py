@@ -258,7 +258,7 @@ def main() -> None:
         "--scatter", nargs="*", choices=KINDS, default=list(KINDS), help="what is drawn, to tell causes"
     )
     parser.add_argument(
-        "--no-scan", action="store_true", help="nulls alone: without the ideal scan, whose matrices take minutes"
+        "--no-scan", action="store_true", help="nulls only: without the ideal scan, which takes minutes"
     )
     args = parser.parse_args()
     if args.no_scan and args.kind != "null":

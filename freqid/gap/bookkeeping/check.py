@@ -19,7 +19,7 @@ from freqid.core.units import STANDARD_GRAVITY
 from freqid.core.vehicle import Vehicle
 from freqid.gap.bookkeeping.candidates import possible_faults
 from freqid.gap.bookkeeping.comparison import Comparison, bench_of, energy
-from freqid.gap.bookkeeping.correction import Correction
+from freqid.gap.bookkeeping.correction import LEAST, Correction
 from freqid.gap.bookkeeping.fault import Bench, Fault
 from freqid.gap.bookkeeping.gyroscopic import rotor_account
 from freqid.gap.simulation import Simulation
@@ -141,9 +141,8 @@ def _next(comparisons: Sequence[Comparison]) -> tuple[Fault, float] | None:
     """Return the mistake that explains most, if one explains sharply enough, with the share it explains."""
     likely = []
     for fault in possible_faults(comparisons):
-        mended = [comparison.without(fault) for comparison in comparisons]
-        there = [p for p in mended if p is not None]
-        if len(there) == len(comparisons):
+        there = _everywhere(fault, comparisons)
+        if there is not None:
             change = Correction.of(comparisons, there, fault.rows)
             if change.gain > 0 and change.explained(0.0) > _LIKELY and change.sharp:
                 likely.append((change, fault))
@@ -153,6 +152,20 @@ def _next(comparisons: Sequence[Comparison]) -> tuple[Fault, float] | None:
         if explained > EXPLAINED:
             return fault, explained
     return _trim_level(comparisons)
+
+
+def _everywhere(fault: Fault, comparisons: Sequence[Comparison]) -> list[Array] | None:
+    """Return the predictions with a mistake taken back; None where one is impossible, or worse for it."""
+    there: list[Array] = []
+    for comparison in comparisons:
+        predicted = comparison.without(fault)
+        if predicted is None:
+            return None
+        there.append(predicted)
+        alone = Correction.of([comparison], [predicted], fault.rows)
+        if alone.gain < -LEAST * len(alone.before):
+            return None  # a mistake that is made leaves every record worse
+    return there
 
 
 def _trim_level(comparisons: Sequence[Comparison]) -> tuple[Fault, float] | None:

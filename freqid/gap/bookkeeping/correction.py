@@ -13,7 +13,7 @@ from freqid.gap.bookkeeping.comparison import Comparison, difference, energy
 
 SHARP = 0.15  # departure of the fitted size from the mistake's own
 _SCATTERS = 2.0  # standard deviations of the noise's energy within which there is nothing but noise
-_LEAST = 0.003  # residual over the response's own energy that is worth a word
+LEAST = 0.003  # residual over the response's own energy that is worth a word
 # Of a change, its share in motion or in level, and of a response's energy: what has to be right by itself.
 # Levels are judged less, because sensors' offsets are among them.
 _MOTION, _LEVEL, _ROW = 0.02, 0.2, 0.005
@@ -96,7 +96,7 @@ class Correction:
         noise = np.broadcast_to(noise, self.before.shape)
         before, after = (np.maximum(e - noise, 0.0)[self.touched].sum() for e in (self.before, self.after))
         scatter = float(np.linalg.norm(noise[self.touched])) * np.sqrt(2 / freedom)
-        least = max(_LEAST * max(1, self.touched.size), _SCATTERS * scatter)
+        least = max(LEAST * max(1, self.touched.size), _SCATTERS * scatter)
         return float(1 - after / before) if before > least else 0.0
 
 

@@ -62,6 +62,7 @@ class JsbsimAircraft:
 
     given: str
     _models: dict[tuple[str, ...], Any] = field(default_factory=dict, repr=False)
+    _places: dict[str, list[tuple[str, float]]] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, given: str) -> JsbsimAircraft:
@@ -111,6 +112,11 @@ class JsbsimAircraft:
 
     def where(self, name: str) -> list[tuple[str, float]]:
         """Return the properties that an effector is, with their signs; empty where there is none."""
+        if name not in self._places:  # looked for in hundreds of names, and asked at every step
+            self._places[name] = self._found(name)
+        return self._places[name]
+
+    def _found(self, name: str) -> list[tuple[str, float]]:
         long = effector_name(name)
         if long == "aileron":
             pair = [("fcs/left-aileron-pos-rad", 1.0), ("fcs/right-aileron-pos-rad", -1.0)]

@@ -63,9 +63,8 @@ def change(
         return _relogged(trial, _with(effect, values, record, trial.carries), first_order=first_order)
     if route == "load" and effect.load is not None:
         return _loaded(trial, _carried(effect, values, maneuver.vehicle))
-    if route == "replay" and effect.replay is not None:
-        replay = Replay(trial.simulation, record, maneuver.vehicle)
-        return trial.rows(replay.responses(effect.replay(values, replay)))
+    if route == "replay":
+        return trial.rows(_added(effect, values, trial))
     kinds = maneuver.vehicle.effector_kinds
     if route == "act" and effect.act is not None and trial.positions:
         before = trial.positions
@@ -77,7 +76,19 @@ def change(
     hook = effect.act if route == "act" else effect.feel
     if hook is None:
         return trial.rows()
-    return trial.rows(trial.moved(_felt(hook, values, record, kinds), first_order=first_order))
+    shares, own = effect.departs(values) if effect.departs else {}, trial.simulation.tolerances
+    if shares and all(n in own and own[n].unit == "1" for n in shares):
+        return trial.departed(shares)
+    felt = trial.moved(_felt(hook, values, record, kinds), first_order=first_order)
+    return trial.rows(felt + _added(effect, values, trial))
+
+
+def _added(effect: Effect, values: Mapping[str, float], trial: Trial) -> Array:
+    """Return what an effect adds to the simulation's responses, shape (response, sample)."""
+    if effect.replay is None:
+        return np.zeros_like(trial.predicted)
+    replay = Replay(trial.simulation, trial.maneuver.record, trial.maneuver.vehicle)
+    return replay.responses(effect.replay(dict(values), replay))
 
 
 def _in_loop(effect: Effect, values: Mapping[str, float], trial: Trial) -> Signals:

@@ -17,11 +17,13 @@ from freqid.core.errors import DataError, ImpossibleSettings, UsageError, neares
 from freqid.core.vehicle import Vehicle
 from freqid.gap.model.changes import change
 from freqid.gap.model.following import late, slope_of, slower
+from freqid.gap.model.replay import Replay
 from freqid.gap.model.testable import in_force_of, untestable
 from freqid.gap.simulation import LARGEST_SIGMA, Simulation
 from freqid.gap.stack.block import Block
 from freqid.gap.stack.histories import Histories
 from freqid.gap.stack.trial import Trial
+from freqid.simulate.effects import along
 from freqid.simulate.effects.effect import Effect
 
 DERIVATIVES, DYNAMICS = "derivatives", "dynamics"
@@ -292,34 +294,18 @@ def _dynamics(trial: Trial, name: str, sizes: Mapping[str, float]) -> Iterator[t
 
 
 def _rotor(trial: Trial, name: str, what: str) -> Histories:
-    """Return what a relative error of a rotor's thrust or torque makes of the loads.
-
-    Both go with the square of the speed, so each is half the speed times its derivative: the force and its
-    moment about the centre of gravity, or the moment about the shaft that is left.
-    """
-    from freqid.core.channels import WRENCH
-    from freqid.dynamics.moment_reference_point import moment_about
-    from freqid.simulate.effects.along import centre, hub, shaft
-
+    """Return what a relative error of a rotor's thrust or torque makes of the loads."""
     record, vehicle = trial.maneuver.record, trial.maneuver.vehicle
     rotor = next(r for r in vehicle.rotors if r.name == name)
     if f"effector/{name}" not in trial.inputs:
         return trial.rows()
-    slope = np.zeros((6, record.time.size))
-    column = trial.gradient[:, trial.inputs.index(f"effector/{name}")]
-    for i, response in enumerate(trial.simulation.responses):
-        if response in WRENCH:
-            slope[WRENCH.index(response)] = column[i]
-    half = 0.5 * record[f"effector/{name}"] * slope
-    axis = shaft(record, vehicle, rotor)
-    force = axis * (axis * half[:3]).sum(axis=0)
-    moment = moment_about(hub(record, vehicle, rotor) - centre(record, vehicle), force)
-    about = axis * (axis * (half[3:] - moment)).sum(axis=0)
-    wrench = np.concatenate([force, moment]) if what == "thrust" else np.concatenate([0 * force, about])
-    rows = np.array(
-        [wrench[WRENCH.index(r)] if r in WRENCH else 0 * record.time for r in trial.simulation.responses]
-    )
-    return trial.rows(rows)
+    replay, axis = Replay(trial.simulation, record, vehicle), along.shaft(record, vehicle, rotor)
+    if what == "thrust":
+        force = along.thrusts(replay, [rotor]) * axis
+        wrench = along.wrench(replay, force, along.hub(record, vehicle, rotor))
+    else:
+        wrench = np.concatenate([0 * axis, along.torques(replay, [rotor]) * axis])
+    return trial.rows(replay.responses(wrench))
 
 
 def _offsets(

@@ -106,3 +106,18 @@ def thrusts(replay: Any, rotors: Sequence[Rotor]) -> Array:
     record, channels = replay.record, [f"effector/{rotor.name}" for rotor in rotors]
     axes = np.array([shaft(record, replay.vehicle, rotor) for rotor in rotors])
     return 0.5 * record.matrix(channels) * (replay.gradients(channels)[:, :3] * axes).sum(axis=1)
+
+
+def torques(replay: Any, rotors: Sequence[Rotor]) -> Array:
+    """Return the torques about their shafts that the simulation gives rotors, N m, shape (rotor, sample).
+
+    As `thrusts`, of the moment that is left once the rotor's force acts at its hub.
+    """
+    record, channels = replay.record, [f"effector/{rotor.name}" for rotor in rotors]
+    found = 0.5 * record.matrix(channels)[:, None] * replay.gradients(channels)
+    middle = centre(record, replay.vehicle)
+    for k, rotor in enumerate(rotors):
+        arm = hub(record, replay.vehicle, rotor) - middle
+        found[k, 3:] -= moment_about(arm, found[k, :3])
+    axes = np.array([shaft(record, replay.vehicle, rotor) for rotor in rotors])
+    return (found[:, 3:] * axes).sum(axis=1)

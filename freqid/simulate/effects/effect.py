@@ -109,6 +109,10 @@ class Effect:
         ``feel(settings, signals, dt, kinds) -> signals``: like `act`, but of what lies between the measured
         position and the airframe: positions that the airframe feels, of positions as they are measured. A
         surface that has lost effectiveness, backlash behind the servo, a weak propeller.
+    departs : callable, optional
+        ``departs(settings) -> dict of float``: shares by which parameters of a simulation's own, as
+        ``n1.thrust``, are off where the effect acts. A simulation that declares all of them is asked, in
+        place of `feel`: what it says of a rotor's thrust is nearer to a weak rotor than another speed is.
     distort : callable, optional
         ``distort(settings, record) -> record`` of a sensor or environment effect: the log that the effect
         makes of a log without it.
@@ -139,6 +143,7 @@ class Effect:
     replay: Callable[[dict[str, float], Any], Any] | None = None
     act: Callable[[dict[str, float], dict[str, Any], float, dict[str, str]], dict[str, Any]] | None = None
     feel: Callable[[dict[str, float], dict[str, Any], float, dict[str, str]], dict[str, Any]] | None = None
+    departs: Callable[[dict[str, float]], dict[str, float]] | None = None
     distort: Callable[[dict[str, float], Any], Any] | None = None
     inverse: Callable[[float], float] = operator.neg
     load: Callable[[dict[str, float], Any], Any] | None = None

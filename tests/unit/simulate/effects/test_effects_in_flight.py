@@ -16,6 +16,7 @@ from freqid.dynamics.frames import cross
 from freqid.gap.model.replay import Replay
 from freqid.simulate import effects
 from freqid.simulate.control.lq import close_loop
+from freqid.simulate.effects import along
 from freqid.simulate.fly import fly, sortie
 from freqid.simulate.loads import airframe
 from freqid.simulate.loads.airframe import Situation
@@ -289,6 +290,31 @@ def test_near_ground_a_hovering_rotor_gains_as_cheeseman_and_bennett_say(flown):
     height = 0.3 + 0.2  # the hub is 0.2 m above its pivot, which is at the origin's height
     near = (0.2032 / (4 * height)) ** 2
     assert found[2][0] == pytest.approx(-25.0 * near / (1 - near), rel=1e-3)
+
+
+class WithTorque(Quadratic):
+    """The same, whose first rotor turns the vehicle too: about its shaft, and by the thrust at its hub."""
+
+    def gradient(self, record, channels):
+        out = super().gradient(record, channels)
+        hub, shaft = (
+            along.hub(record, VEHICLE, VEHICLE.rotors[0]),
+            along.shaft(record, VEHICLE, VEHICLE.rotors[0]),
+        )
+        for i, channel in enumerate(channels):
+            out[3:, i] = np.cross(hub - along.centre(record, VEHICLE), out[:3, i], axis=0)
+            out[3:, i] -= 2 * 3e-6 * record[channel] * shaft
+        return out
+
+
+def test_a_weak_rotor_that_drags_as_before_keeps_the_torque_of_the_thrust_that_it_lost(flown):
+    _, truth, _ = flown()
+    record = steady(truth, effector__n1=500.0, effector__dw1=0.4)
+    found = replayed("weak_rotor", record, WithTorque(), n1=0.2, torque_kept=1.0)
+    kept = -0.2 * 3e-6 * 500.0**2
+    np.testing.assert_allclose(found[3:, 0], kept * np.array([np.cos(0.4), 0.0, -np.sin(0.4)]), atol=1e-12)
+    assert not found[:3].any()
+    assert not replayed("weak_rotor", record, WithTorque(), n1=0.2).any()
 
 
 def test_rotors_push_back_against_being_turned_and_sped_up(flown):

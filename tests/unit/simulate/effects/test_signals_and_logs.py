@@ -143,7 +143,9 @@ def test_losses_are_at_one_place_or_at_all():
     moved = act("surface_effectiveness", signals, loss=0.1, de2=0.3)
     assert [moved[n][0] for n in signals] == pytest.approx([0.18, 0.12, 400.0, 400.0])
     moved = act("weak_rotor", signals, n3=0.2)
-    assert [moved[n][0] for n in signals] == pytest.approx([0.2, 0.2, 360.0, 400.0])
+    assert [moved[n][0] for n in signals] == pytest.approx([0.2, 0.2, 400.0 * np.sqrt(0.8), 400.0])
+    moved = act("weak_rotor", signals, loss=1.0)  # no rotor at rest, whose advance ratio is infinite
+    assert moved["n3"][0] == pytest.approx(200.0)
 
 
 def test_rotors_droop_with_the_power_that_all_of_them_take():

@@ -29,7 +29,17 @@ from freqid.core.scenario import read_scenario
 
 HERE = Path(__file__).resolve().parent
 FILES = ("1", "2", "h")  # repeats of one excitation, and another that is held out
-VEHICLES = ("quadplane", "vtail", "tiltrotor", "canard", "blownwing", "tiltwing", "winghex", "ttail")
+VEHICLES = (
+    "quadplane",
+    "vtail",
+    "tiltrotor",
+    "canard",
+    "blownwing",
+    "tiltwing",
+    "winghex",
+    "ttail",
+    "airtaxi",
+)
 CASES = 50  # flown together
 
 

@@ -1,14 +1,39 @@
-"""The owner's simulation along flights of the truth, his parameters at their true values."""
+"""A judging vehicle's modules, its owner's coefficients made again, and his simulation along true flights."""
 
 import importlib
+import importlib.util
 import math
 from collections.abc import Iterator
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+
+def module_of(folder: Path, name: str) -> ModuleType:
+    """Return a module of a vehicle under a name of its own: all vehicles have one of the same name."""
+    alone = f"judging_{folder.name}_{Path(name).name}"
+    spec = importlib.util.spec_from_file_location(alone, folder / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def campaign_again(folder: Path, into: Path, absolute: float = 1e-6) -> None:
+    """Make the owner's coefficients again, into another folder, and compare them with those committed."""
+    tunnel = module_of(folder, "tunnel")
+    tunnel.HERE = into
+    tunnel.main()
+    made, committed = ((at / "tunnel.csv").read_text().splitlines() for at in (into, folder))
+    assert len(made) == len(committed)
+    for a, b in zip(made[1:], committed[1:], strict=True):
+        (*name_a, value_a), (*name_b, value_b) = a.split(","), b.split(",")
+        assert name_a == name_b
+        assert float(value_a) == pytest.approx(float(value_b), rel=1e-3, abs=absolute)
 
 
 def beside_truth(

@@ -297,10 +297,8 @@ class WithTorque(Quadratic):
 
     def gradient(self, record, channels):
         out = super().gradient(record, channels)
-        hub, shaft = (
-            along.hub(record, VEHICLE, VEHICLE.rotors[0]),
-            along.shaft(record, VEHICLE, VEHICLE.rotors[0]),
-        )
+        first = VEHICLE.rotors[0]
+        hub, shaft = along.hub(record, VEHICLE, first), along.shaft(record, VEHICLE, first)
         for i, channel in enumerate(channels):
             out[3:, i] = np.cross(hub - along.centre(record, VEHICLE), out[:3, i], axis=0)
             out[3:, i] -= 2 * 3e-6 * record[channel] * shaft

@@ -71,8 +71,15 @@ def matrices(out: Path, vehicle: str, scanned: bool = True):
     return truth, simulation, m, known, others, IdealScan(m, known)
 
 
-def plans(args, known, others) -> list[dict]:
+def plans(args, truth, known, others) -> list[dict]:
     """Return what acts in each case, without scatter."""
+    if args.effect:
+        key, _, size = args.effect.partition("=")
+        by_key = {c.key: c for c in candidates(truth)}
+        if key not in by_key:
+            sys.exit(f"{args.vehicle} has no effect '{key}', expected one of: {', '.join(by_key)}")
+        name = f"single_{key.replace('.', '-').replace('@', '-')}={size}_{args.seed}"
+        return [{"id": name, "stratum": None, "acts": [], "asked": [(by_key[key], float(size))]}]
     rng = np.random.default_rng([args.seed, 7])
     count = 10 if args.count is None else args.count
     if args.kind == "null":
@@ -170,7 +177,7 @@ def make(args, plan, setup) -> None:
         )
         rng = np.random.default_rng(case["seed"])
         case["common"], case["own"] = only(args.scatter, draw(sigmas, rng)), []
-        effect = {}
+        effect = {c.key: size for c, size in case.get("asked", ())}
         for source, i, j in case["acts"]:
             c: Candidate = source.candidates[i]
             effect[c.key] = c.sign * float(source.size[i, j])
@@ -219,6 +226,8 @@ def described(args, case, truth, m, conditions) -> dict:
     effects: dict[str, dict[str, float]] = {}
     places, power, where = {}, {}, {"rows": {}, "inputs": {}}
     total = 0.0
+    for c, size in case.get("asked", ()):
+        effects[c.id], places[c.id] = c.described(size), c.place
     for source, i, j in case["acts"]:
         c = source.candidates[i]
         name = f"outsider:{c.parameter}" if c.id == "outsider" else c.id
@@ -270,13 +279,18 @@ def main() -> None:
     parser.add_argument(
         "--no-scan", action="store_true", help="nulls only: without the ideal scan, which takes minutes"
     )
+    parser.add_argument(
+        "--effect", metavar="KEY=SIZE", help="one single at a size, without scan: weak_rotor.loss@ro_fl=0.25"
+    )
     args = parser.parse_args()
     if args.no_scan and args.kind != "null":
         parser.error("--no-scan is for --kind null: sizes of effects are made from its matrices")
+    if args.effect and args.kind != "single":
+        parser.error("--effect is for --kind single")
     start = time.time()
-    setup = matrices(args.out, args.vehicle, not args.no_scan)
+    setup = matrices(args.out, args.vehicle, not (args.no_scan or args.effect))
     print(f"matrices after {time.time() - start:.0f} s")
-    plan = plans(args, setup[3], setup[4])
+    plan = plans(args, setup[0], setup[3], setup[4])
     for first in range(0, len(plan), CASES):
         make(args, plan[first : first + CASES], setup)
         print(

@@ -23,7 +23,8 @@ _MOST = 0.75  # of the thrust that may be lost: without any a rotor is at rest, 
 def sound_speeds(settings: dict[str, jax.Array], order: jax.Array, speed: jax.Array) -> jax.Array:
     """Return the speeds at which sound propellers would do what these do, rad/s, shape (rotor,).
 
-    Thrust goes with the square of the speed. `order` as in `places.spread`.
+    Thrust goes with the square of the speed; a loss of all and one of a rotor's own add up to `_MOST` at
+    most. `order` as in `places.spread`.
     """
     losses = {n: x for n, x in settings.items() if n != "torque_kept"}
     return jnp.sqrt(jnp.maximum(1 - spread(losses, "loss", order), 1 - _MOST)) * speed

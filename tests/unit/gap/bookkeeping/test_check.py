@@ -261,7 +261,16 @@ def test_physics_is_not_called_bookkeeping(flight, physics):
 
 def test_two_mistakes_are_both_found(flight):
     both = Made(scaled(-1, "dr"), times(1 / 4.4482216, 0, 1, 2))
-    assert {f.fault for f in check(both, [flight()])} == {"effector_sign", "units"}
+    for flights in ([flight()], [flight(), flight(rho=0.9, seed=4), flight(seed=5)]):
+        assert {f.fault for f in check(both, flights)} == {"effector_sign", "units"}
+
+
+def test_a_mistake_that_is_in_one_record_of_two_is_none(flight):
+    def reversed_rudder(x):
+        return aerodynamics(x | {"dr": -x["dr"]})
+
+    assert {f.fault for f in check(Made(), [flight(reversed_rudder)])} == {"effector_sign"}
+    assert check(Made(), [flight(reversed_rudder), flight(seed=4)]) == []
 
 
 def test_a_simulation_that_does_not_reproduce_its_own_flight_is_told(flight):

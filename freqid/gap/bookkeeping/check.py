@@ -155,7 +155,11 @@ def _next(comparisons: Sequence[Comparison]) -> tuple[Fault, float] | None:
 
 
 def _everywhere(fault: Fault, comparisons: Sequence[Comparison]) -> list[Array] | None:
-    """Return the predictions with a mistake taken back; None where one is impossible, or worse for it."""
+    """Return the prediction of every record with a mistake taken back.
+
+    None where the simulation cannot be asked so, or where that makes one record worse: who makes a mistake
+    makes it in all of them, so the others need not be asked.
+    """
     there: list[Array] = []
     for comparison in comparisons:
         predicted = comparison.without(fault)
@@ -164,7 +168,7 @@ def _everywhere(fault: Fault, comparisons: Sequence[Comparison]) -> list[Array] 
         there.append(predicted)
         alone = Correction.of([comparison], [predicted], fault.rows)
         if alone.gain < -LEAST * len(alone.before):
-            return None  # a mistake that is made leaves every record worse
+            return None
     return there
 
 

@@ -110,9 +110,9 @@ class Effect:
         position and the airframe: positions that the airframe feels, of positions as they are measured. A
         surface that has lost effectiveness, backlash behind the servo, a weak propeller.
     departs : callable, optional
-        ``departs(settings) -> dict of float``: shares by which parameters of a simulation's own, as
-        ``n1.thrust``, are off where the effect acts. A simulation that declares all of them is asked, in
-        place of `feel`: what it says of a rotor's thrust is nearer to a weak rotor than another speed is.
+        ``departs(settings) -> dict of float``: the same effect as relative departures of a simulation's own
+        parameters, by name, as ``{"n1.thrust": -0.2}``. It takes the place of `feel` where a simulation
+        declares all of these: what it says of a rotor's thrust is nearer to a weak rotor than another speed.
     distort : callable, optional
         ``distort(settings, record) -> record`` of a sensor or environment effect: the log that the effect
         makes of a log without it.

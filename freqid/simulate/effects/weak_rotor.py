@@ -41,7 +41,7 @@ def _feel(settings: Mapping[str, float], signals: Signals, dt: float, kinds: dic
 
 
 def _departs(settings: Mapping[str, float]) -> dict[str, float]:
-    """Return the shares by which rotors' thrusts and torques are off."""
+    """Return the relative departures of rotors' thrusts and torques; of both alike unless torque is kept."""
     found = {}
     for name in (n for n in settings if n not in EFFECT.parameters):
         loss = settings["loss"] + settings[name]
@@ -53,7 +53,7 @@ def _departs(settings: Mapping[str, float]) -> dict[str, float]:
 
 
 def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[np.float64]:
-    """Return the torque that stays where thrust is lost, which speeds alone would take with it.
+    """Return the torque that weak rotors keep: `_feel` lowers it with the thrust, as another speed does.
 
     A blade that is set too flat loses both; one whose tip is worn or nicked still drags.
     """

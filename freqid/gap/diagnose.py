@@ -26,7 +26,7 @@ from freqid.gap.infer.null_draws import null_statistics, threshold_of
 from freqid.gap.infer.system import System
 from freqid.gap.infer.where import gap_map
 from freqid.gap.infer.which import Ranking, detectable_sizes, groups_of, probability_of_none, rank
-from freqid.gap.model.candidates import OTHER, Candidate
+from freqid.gap.model.candidate import OTHER, Candidate
 from freqid.gap.settings import FORM_ERRORS, INTERVAL, LEVEL, NAMED, NULL_DRAWS, TEMPERATURE
 from freqid.gap.simulation import Settings, Simulation
 from freqid.gap.stack.block import Block, stack_of

@@ -14,7 +14,7 @@ from freqid.gap.close.fit import Fit
 from freqid.gap.close.score import Scored
 from freqid.gap.diagnose import Findings
 from freqid.gap.infer.where import coherence
-from freqid.gap.model.candidates import OTHER
+from freqid.gap.model.candidate import OTHER
 from freqid.gap.model.tolerance import DERIVATIVES
 from freqid.gap.stack.block import Block
 from freqid.identify.regress.confidence_interval import half_width

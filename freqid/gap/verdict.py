@@ -9,7 +9,7 @@ import numpy as np
 from freqid.core.results.diagnosis import Closure, Existence, Place, SensorFault, ToleranceUsed, Which
 from freqid.core.results.gap import GapMap
 from freqid.gap.infer.evidence import NONE
-from freqid.gap.model.candidates import OTHER
+from freqid.gap.model.candidate import OTHER
 from freqid.gap.model.tolerance import DEFAULT, EACH_FLIGHT, TIMING, UNDECLARED, by_clock
 from freqid.gap.simulation import Simulation
 from freqid.gap.stack.block import Block

@@ -428,7 +428,7 @@ def test_the_consequence_gets_the_sizes_of_the_leading_closure(monkeypatch):
     """A group moves as one, a vector by its components; what is given with a size is no departure."""
     from freqid.compare import diagnosis_consequence
     from freqid.gap.infer.evidence import Estimate
-    from freqid.gap.model.candidates import Candidate, Place
+    from freqid.gap.model.candidate import Candidate, Place
 
     each = np.array([1.0])
     group = Candidate("weak", Place("row", ("a", "b"), (("at", 0.3),)), "scalar", each, each, [])

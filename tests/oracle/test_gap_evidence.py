@@ -17,7 +17,7 @@ from freqid.gap.infer.explain import Explanation, explain
 from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.infer.null_draws import drawn, effects_of
 from freqid.gap.infer.system import System
-from freqid.gap.model.candidates import Candidate, Place
+from freqid.gap.model.candidate import Candidate, Place
 from freqid.gap.self_test.answers import DrawnData
 
 NUMBERS = (30, 42)  # real numbers of each block

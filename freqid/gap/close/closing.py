@@ -16,7 +16,8 @@ from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.joint_replay import acted_on, settings_of, weights_of
 from freqid.gap.infer.linearise import likeliest_departures, straightened
 from freqid.gap.infer.system import System
-from freqid.gap.model.candidates import Candidate, recomputed
+from freqid.gap.model.candidate import Candidate
+from freqid.gap.model.candidates import recomputed
 from freqid.gap.settings import FOLDS
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect

@@ -14,7 +14,7 @@ from freqid.gap.close.own_flight import CannotFly, OwnFlight
 from freqid.gap.close.score import Scored, shares_of
 from freqid.gap.fidelity import frequency_cost
 from freqid.gap.infer.explain import Explanation
-from freqid.gap.model.candidates import Candidate
+from freqid.gap.model.candidate import Candidate
 from freqid.gap.model.tolerance import of_effects
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect

@@ -13,7 +13,7 @@ from freqid.core.arrays import Array, Complex
 from freqid.core.results.diagnosis import Change, Share
 from freqid.gap.close.fit import Fit
 from freqid.gap.infer.columns import Columns
-from freqid.gap.model.candidates import Candidate
+from freqid.gap.model.candidate import Candidate
 from freqid.gap.stack.block import Block
 
 _DRAWS = 400  # of the bootstrap

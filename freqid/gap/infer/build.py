@@ -15,7 +15,8 @@ from freqid.gap.infer.explain import likeliest
 from freqid.gap.infer.forms import common_form, likely_forms, of_all, reach
 from freqid.gap.infer.linearise import likeliest_departures, relinearised
 from freqid.gap.infer.system import System
-from freqid.gap.model.candidates import Candidate, candidates
+from freqid.gap.model.candidate import Candidate
+from freqid.gap.model.candidates import candidates
 from freqid.gap.model.form import shared_columns
 from freqid.gap.model.refine import refined
 from freqid.gap.model.tolerance import tolerance_columns

@@ -14,7 +14,7 @@ from freqid.core.arrays import Array, Complex
 from freqid.gap.infer.block_matrices import SEEN, BlockMatrices, Form, Products
 from freqid.gap.infer.evidence import weigh
 from freqid.gap.infer.system import System
-from freqid.gap.model.candidates import Candidate
+from freqid.gap.model.candidate import Candidate
 from freqid.gap.model.form import FormColumns, form_columns, form_terms, product_columns
 from freqid.gap.model.row_columns import RowColumns
 from freqid.gap.model.tolerance import record_columns

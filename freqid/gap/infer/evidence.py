@@ -14,7 +14,7 @@ from freqid.core.arrays import Array
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.system import System
 from freqid.gap.infer.weighing import Weighing, log_mean
-from freqid.gap.model.candidates import Candidate
+from freqid.gap.model.candidate import Candidate
 from freqid.gap.model.form import PRODUCTS, row_of
 from freqid.gap.settings import INTERVAL
 

@@ -12,7 +12,7 @@ from freqid.core.arrays import Array
 from freqid.gap.infer.evidence import Estimate, Evidence, directions, estimate, weigh
 from freqid.gap.infer.forms import forms_beside
 from freqid.gap.infer.joint_sizes import joint_estimates
-from freqid.gap.model.candidates import OTHER
+from freqid.gap.model.candidate import OTHER
 from freqid.gap.settings import INTERVAL, SEPARATE
 
 _MOST = 3  # effects of one explanation

@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 from freqid.core.arrays import Array
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.evidence import Estimate, Evidence, estimate
-from freqid.gap.model.candidates import Candidate
+from freqid.gap.model.candidate import Candidate
 from freqid.gap.settings import INTERVAL
 
 _STEPS = 30  # Gauss-Newton steps at most

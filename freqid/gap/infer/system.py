@@ -16,7 +16,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from freqid.core.arrays import Array
 from freqid.gap.infer.block_matrices import FORMS, BlockMatrices, Form, rooted
-from freqid.gap.model.candidates import Candidate
+from freqid.gap.model.candidate import Candidate
 
 _FREE = 1e-9  # of a free column's energy: what is left of it
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from freqid.gap.infer.evidence import NONE, Evidence, separation
-from freqid.gap.model.candidates import OTHER
+from freqid.gap.model.candidate import OTHER
 
 TOGETHER = 10.8
 """Separation ``lambda (1 - c^2)`` below which two effects are told apart in fewer than 95 of 100 cases:

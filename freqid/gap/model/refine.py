@@ -11,8 +11,10 @@ from scipy.linalg import block_diag
 
 from freqid.core.arrays import Complex
 from freqid.core.errors import ImpossibleSettings
-from freqid.gap.model.candidates import Candidate, Curve, few_of, recomputed, seen
+from freqid.gap.model.candidate import Candidate, Curve
+from freqid.gap.model.candidates import recomputed
 from freqid.gap.model.changes import acts_on, beside, change
+from freqid.gap.model.sizes import few_of, seen
 from freqid.gap.model.testable import in_force_of
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect

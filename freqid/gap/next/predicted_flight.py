@@ -17,7 +17,7 @@ from freqid.core.results.design import MultisineDesign, SampledInputs
 from freqid.design.multisine.orthogonal_set import sampled
 from freqid.gap.infer.block_matrices import BlockMatrices, Products
 from freqid.gap.infer.columns import Columns
-from freqid.gap.model.candidates import Candidate
+from freqid.gap.model.candidate import Candidate
 from freqid.gap.model.changes import change
 from freqid.gap.model.form import form_columns, form_terms, in_rows, product_columns, shared_columns
 from freqid.gap.model.testable import in_force_of, untestable

@@ -15,7 +15,7 @@ from freqid.gap.diagnose import Findings
 from freqid.gap.infer.block_matrices import BlockMatrices, Form
 from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate
 from freqid.gap.infer.system import System
-from freqid.gap.model.candidates import OTHER, Candidate
+from freqid.gap.model.candidate import OTHER, Candidate
 from freqid.gap.settings import INTERVAL
 
 Index = NDArray[np.intp]

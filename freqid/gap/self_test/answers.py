@@ -23,7 +23,7 @@ from freqid.gap.infer.null_draws import drawn
 from freqid.gap.infer.system import Reduced, System
 from freqid.gap.infer.weighing import Weighing
 from freqid.gap.infer.which import Ranking, probability_of_none, rank
-from freqid.gap.model.candidates import OTHER
+from freqid.gap.model.candidate import OTHER
 from freqid.gap.settings import INTERVAL, NAMED, TEMPERATURE
 
 Index = Sequence[int] | NDArray[np.intp]

@@ -17,7 +17,7 @@ from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import Evidence
 from freqid.gap.infer.system import System
-from freqid.gap.model.candidates import OTHER, Candidate, Place
+from freqid.gap.model.candidate import OTHER, Candidate, Place
 from freqid.gap.model.changes import change
 from freqid.gap.model.testable import in_force_of
 from freqid.gap.stack.block import Block

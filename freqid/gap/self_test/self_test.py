@@ -30,7 +30,7 @@ from freqid.core.results.gap_self_test import (
 from freqid.gap.diagnose import Findings
 from freqid.gap.infer.evidence import NONE
 from freqid.gap.infer.null_draws import threshold_of
-from freqid.gap.model.candidates import OTHER
+from freqid.gap.model.candidate import OTHER
 from freqid.gap.self_test.answers import Answer, DrawnData, Weighed, answers
 from freqid.gap.self_test.insertions import Inserted, insert
 from freqid.gap.self_test.smallest import smallest_sizes

@@ -8,7 +8,7 @@ import numpy as np
 
 from freqid.core.results.gap_self_test import SmallestSize
 from freqid.gap.infer.evidence import Evidence
-from freqid.gap.model.candidates import OTHER
+from freqid.gap.model.candidate import OTHER
 from freqid.gap.self_test.answers import DrawnData, Weighed, only_candidates
 from freqid.gap.self_test.insertions import size_at
 

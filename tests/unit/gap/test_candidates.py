@@ -9,7 +9,8 @@ import pytest
 from linear_flight import LIBRARY, Linear, Truth, effect, fly
 
 from freqid.core.errors import ImpossibleSettings
-from freqid.gap.model.candidates import OTHER, Candidate, Place, candidates, recomputed
+from freqid.gap.model.candidate import OTHER, Candidate, Place
+from freqid.gap.model.candidates import candidates, recomputed
 from freqid.gap.model.changes import change
 from freqid.gap.model.refine import refined
 from freqid.gap.stack.block import stack_of

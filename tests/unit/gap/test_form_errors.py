@@ -12,7 +12,7 @@ from freqid.gap.infer.block_matrices import Form, Products
 from freqid.gap.infer.evidence import Weighing, weigh
 from freqid.gap.infer.forms import common_form, forms_beside, likely_forms
 from freqid.gap.infer.system import System
-from freqid.gap.model.candidates import OTHER, Candidate, Place
+from freqid.gap.model.candidate import OTHER, Candidate, Place
 from freqid.gap.settings import (
     ACTUATOR_FORM,
     FORM_ALIKE,

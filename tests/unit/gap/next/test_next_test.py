@@ -14,7 +14,7 @@ from freqid.core.scenario import Reference
 from freqid.gap.diagnose import Question, diagnose
 from freqid.gap.infer.block_matrices import Form, Products
 from freqid.gap.infer.system import System
-from freqid.gap.model.candidates import Candidate, Place
+from freqid.gap.model.candidate import Candidate, Place
 from freqid.gap.next.excitations import STRONGEST, largest_scale, unflown
 from freqid.gap.next.ground_tests import TESTS, UNTESTABLE, distance
 from freqid.gap.next.next_test import ground_tables, propose_test

@@ -1,0 +1,128 @@
+"""A candidate: one effect at one place, with what it makes of the stack at several sizes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from freqid.core.arrays import Array, Complex
+
+OTHER = "other"
+"""Free changes of the simulation's terms: what no effect of the library explains."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where an effect may act, or what else is given about it.
+
+    Attributes
+    ----------
+    label : str
+        ``de1``, ``group v_tail``, ``onset=0.2``; empty where there is one place only.
+    parameters : tuple of str
+        That are moved: all by the same size, or each by its own in a vector.
+    fixed : tuple of (str, float)
+        Other parameters that are not at their default.
+    effectors : tuple of str
+        That it is at; empty where it is not at effectors.
+    """
+
+    label: str
+    parameters: tuple[str, ...]
+    fixed: tuple[tuple[str, float], ...] = ()
+    effectors: tuple[str, ...] = ()
+
+
+class Curve(NamedTuple):
+    """Changes at many sizes as sums of those at a few.
+
+    Attributes
+    ----------
+    sizes : ndarray, shape (size,)
+        Ascending, zero not among them.
+    mix : ndarray, shape (size, column)
+        What the change at each size is made of.
+    """
+
+    sizes: Array
+    mix: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One effect at one place.
+
+    Attributes
+    ----------
+    effect : str
+    place : Place
+    kind : {"scalar", "vector"}
+    sizes : ndarray, shape (column,)
+        Of a scalar: the sizes of its columns, ascending, zero not among them; of a vector: one sigma each.
+    prior : ndarray
+        Of a scalar: sizes that are equally likely; of a vector: multiples of `sizes` that are.
+    columns : list of ndarray of complex, shape (column, row, line)
+        By block: of a scalar, the change at each size; of a vector, by one sigma of each parameter.
+    unit : str
+        Of sizes.
+    units : tuple of str
+        Of a vector, by parameter.
+    bounds : tuple of 2 floats
+        Physical range of the size.
+    curve : Curve, optional
+        Of a scalar whose change was computed at more sizes than it has columns: the columns are those of
+        which all others are sums.
+    beside : tuple of (str, dict of float)
+        Effects that were in force where it was computed, with their parameters, in order.
+    """
+
+    effect: str
+    place: Place
+    kind: Literal["scalar", "vector"]
+    sizes: Array
+    prior: Array
+    columns: list[Complex]
+    unit: str = "1"
+    bounds: tuple[float, float] = (-inf, inf)
+    curve: Curve | None = None
+    units: tuple[str, ...] = ()
+    beside: tuple[tuple[str, dict[str, float]], ...] = ()
+
+    @property
+    def name(self) -> str:
+        """``effect`` or ``effect@place``."""
+        return f"{self.effect}@{self.place.label}" if self.place.label else self.effect
+
+    def weights(self, size: float | Array) -> Array:
+        """Return the weights of a scalar's columns at a size: straight between sizes, and to zero.
+
+        Shape (column,), or (size, column) at several sizes.
+        """
+        weights = _straight(self.sizes if self.curve is None else self.curve.sizes, np.atleast_1d(size))
+        weights = weights if self.curve is None else weights @ self.curve.mix
+        return weights if np.ndim(size) else weights[0]
+
+    def settings(self, size: float | Array) -> dict[str, float]:
+        """Return the effect's parameters at a size, as departures from their values in force."""
+        values = np.broadcast_to(np.asarray(size, dtype=float), (len(self.place.parameters),))
+        return dict(zip(self.place.parameters, values.tolist(), strict=True)) | dict(self.place.fixed)
+
+
+def _straight(sizes: Array, wanted: Array) -> Array:
+    """Return the weights of the changes at some sizes in those at others, shape (wanted, size)."""
+    weights = np.zeros((wanted.size, sizes.size))
+    for sign in (-1, 1):
+        mine, same = np.flatnonzero(np.sign(wanted) == sign), np.flatnonzero(np.sign(sizes) == sign)
+        if same.size == 0:  # proportional, or nothing is known on that side
+            weights[mine, 0] = wanted[mine] / sizes[0]
+            continue
+        order = same[np.argsort(np.abs(sizes[same]))]
+        at, x = np.abs(sizes[order]), np.abs(wanted[mine])
+        for k, column in enumerate(np.eye(at.size)):
+            weights[mine, order[k]] = np.interp(x, [0.0, *at], [0.0, *column])
+        beyond = x > at[-1]
+        weights[mine[beyond], order[-1]] = x[beyond] / at[-1]
+    return weights

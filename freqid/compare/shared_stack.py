@@ -15,6 +15,7 @@ from freqid.gap.infer.system import System
 from freqid.gap.infer.where import gap_map
 from freqid.gap.model.form import actuator_terms, form_columns, in_rows, load_terms
 from freqid.gap.model.tolerance import record_columns, tolerance_columns
+from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS
 from freqid.gap.simulation import Simulation
 from freqid.gap.stack.block import Block, stack_of
 from freqid.gap.stack.lines import Lines
@@ -25,6 +26,10 @@ from freqid.simulate.effects.effect import Effect
 
 BandHz = tuple[float, float]
 NamedColumns = dict[str, Complex]
+
+_FORMS = tuple(
+    Form(a, b) for a in FORM_ERRORS for b in ACTUATOR_FORM_ERRORS
+)  # of all terms, and of actuators
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,7 +307,7 @@ def _likeliest(blocks: Sequence[SharedBlock], simulation: int) -> tuple[Form, fl
         parts = (columns, b.residuals[i], b.own[i], b.form[i], b.actuators[i])
         white = [b.white(z) for z in parts]
         matrices.append(Products.of(white[0][:0], *white).matrices())
-    system = System([], np.zeros(1, dtype=np.intp), names, matrices)
+    system = System([], names, matrices, _FORMS)
     log = [system.reduced(form).log_evidence for form in system.form_errors]
     at = int(np.argmax(log))
     return system.form_errors[at], log[at]

@@ -228,7 +228,7 @@ def difference_of(
     departures x that the nearer one has; the larger of these is added to either.
     """
     t = slice(0, tolerances)
-    gram = np.sum([m.at_loads(form_error)[0] for m in matrices], axis=0)
+    gram = np.sum([m.at_loads(form_error) for m in matrices], axis=0)
     spread = np.linalg.inv(np.eye(tolerances) + gram[t, t])  # posterior covariance of the tolerances
     departed = spread @ gram[t, tolerances:]
     inner = gram[tolerances:, tolerances:] - gram[tolerances:, t] @ departed

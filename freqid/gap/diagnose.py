@@ -80,8 +80,9 @@ class Findings:
     blocks : list of Block
         Conditions.
     columns : list of Columns
-        By block.
+        By block, those of the evidence.
     system : System
+        With effects at the sizes of the explanation, where there is one.
     evidence : Evidence
     threshold : float
         Of the statistic, at the level asked for.
@@ -192,9 +193,10 @@ def diagnose(
     leading = _leading(q.named, ranking, evidence)
     explanation: Explanation | None = None
     joint: Evidence | None = None
+    joint_columns = columns
     if leading and exists:
         tell("looking for a second effect")
-        explanation, joint, columns = _explanation(
+        explanation, joint, joint_columns = _explanation(
             evidence, leading, bool(q.named), columns, used, library, q.tolerances
         )
         system = joint.system
@@ -204,21 +206,13 @@ def diagnose(
     closed: list[Closed] = []
     if q.close and explanation and joint:
         tell("closing the gap")
-        others = (
-            stack_of(
-                simulation,
-                held_out,
-                names[count:],
-                q.band_hz,
-                seed=q.seed + 500,
-                departures=departures,
-                **found,
-            )
-            if held_out
-            else []
+        others = stack_of(
+            simulation, held_out, names[count:], q.band_hz, seed=q.seed + 500, departures=departures, **found
         )
         form_error = form_beside(joint, explanation.places, explanation.estimates)
-        closing = closing_of(system, used, columns, others, explanation, library, q.tolerances, form_error)
+        closing = closing_of(
+            system, used, joint_columns, others, explanation, library, q.tolerances, form_error
+        )
         closed = close(closing, explanation, q.seed, library, q.tolerances)
     forms = evidence.form_sizes(columns[0].form_names)
     forms = {n: f if f >= FORM_ERRORS[1] else 0.0 for n, f in forms.items()}
@@ -378,10 +372,8 @@ def _which(
         )
         found = own or estimate(evidence, index, INTERVAL)
         c = found.candidate
-        each = c.place.parameters if c.kind == "vector" else (c.place.label or c.place.parameters[0],)
-        names = [n.partition("=")[0] if "=" in n else n for n in each]
-        if c.kind == "scalar" and c.place.fixed:
-            names = [c.place.parameters[0]]
+        label = "" if c.place.fixed else c.place.label
+        names = c.place.parameters if c.kind == "vector" else (label or c.place.parameters[0],)
         parameters[effect] = {
             n: Interval(float(x), float(lo), float(hi), unit)
             for n, x, lo, hi, unit in zip(
@@ -391,12 +383,10 @@ def _which(
         parameters[effect] |= {n: Interval(v, v, v, "") for n, v in c.place.fixed}
     withdrawn = {}
     pair = explanation.effects[:2] if explanation and len(explanation.effects) > 1 else ()
-    likely = ranking.alike[0] if ranking.alike else ""
     share = sum(ranking.probabilities.get(n, 0.0) for n in ranking.alike)
-    named = ranking.alike if exists and likely and share >= NAMED else ()
-    if closed and closed[0].withdrawn and (named or pair):
-        for name in dict.fromkeys((*named, *pair)):
-            withdrawn[name] = closed[0].withdrawn
+    named = ranking.alike if exists and share >= NAMED else ()
+    if closed and closed[0].withdrawn:
+        withdrawn = dict.fromkeys((*named, *pair), closed[0].withdrawn)
         named, pair = (), ()
     possible = [n for n in ranking.credible if ranking.probabilities[n] > 0.01]
     return Which(

@@ -140,7 +140,7 @@ def increments(findings: Findings) -> tuple[Increment, ...]:
     responses = [row.name for row in blocks[0].rows if row.kind == "response"]
     terms = _terms(system.candidates[found].place.parameters, responses, inputs.pop())
     free = [system.columns_of(found).start + k for k, _, _ in terms]
-    gram, _ = system.gram(findings.evidence.form_error())
+    gram = system.gram(findings.evidence.form_error())
     kept = [system.columns + k for k, n in enumerate(system.tolerances) if not n.startswith(DERIVATIVES)]
     if not free:
         return ()

@@ -48,8 +48,7 @@ class Dense:
             scalar("late", [0.2, 1.0, 4.0], LOG_SIZES, "da"),
             vector("off", 3),
         ]
-        self.start = np.concatenate([[0], np.cumsum([c.sizes.size for c in self.candidates])]).astype(int)
-        count = self.start[-1]
+        count = sum(c.sizes.size for c in self.candidates)
         self.x = [0.4 * rng.standard_normal((count, n)) for n in NUMBERS]
         self.t = [0.5 * rng.standard_normal((TOLERANCES, n)) for n in NUMBERS]
         for x, t in zip(self.x, self.t, strict=True):
@@ -72,7 +71,7 @@ class Dense:
             )
         ]
         names = tuple(f"t{k}" for k in range(TOLERANCES))
-        self.system = System(self.candidates, self.start, names, blocks, FORMS)
+        self.system = System(self.candidates, names, blocks, FORMS)
         self.columns, self.residual = np.concatenate(self.x, axis=1), np.concatenate(self.r)
 
     def covariance(self, f):
@@ -130,8 +129,8 @@ def test_a_tolerance_that_is_held_is_known_and_nothing_of_it_is_left(dense):
 def test_tolerances_that_are_asked_for_more_than_is_believed_are_held(dense):
     t = np.concatenate(dense.t, axis=1)
     assert departures_beyond(dense.system) == {}
-    far = System(dense.candidates, dense.start, dense.system.tolerances, with_residual(dense, 9.0 * t[2]))
-    assert departures_beyond(replace(far, form_errors=FORMS)) == {2: 3.0}
+    far = System(dense.candidates, dense.system.tolerances, with_residual(dense, 9.0 * t[2]), FORMS)
+    assert departures_beyond(far) == {2: 3.0}
 
 
 def with_residual(dense, more):
@@ -197,9 +196,9 @@ def test_rows_with_errors_of_form_of_their_own_are_as_if_each_column_had_that_si
     scale = np.array(sizes)[row]
     parts = list(zip(dense.x, dense.t, dense.r, dense.u, dense.form, dense.servos, strict=True))
     blocks = [Products.of(*one).matrices(form_row=row) for one in parts]
-    here = System(dense.candidates, dense.start, dense.system.tolerances, blocks, (f, NONE))
+    here = System(dense.candidates, dense.system.tolerances, blocks, (f, NONE))
     scaled = [Products.of(*one[:4], scale[:, None] * one[4], one[5]).matrices() for one in parts]
-    there = System(dense.candidates, dense.start, dense.system.tolerances, scaled, (Form(1.0, 0.1), NONE))
+    there = System(dense.candidates, dense.system.tolerances, scaled, (Form(1.0, 0.1), NONE))
     own, other = here.reduced(f), there.reduced(Form(1.0, 0.1))
     np.testing.assert_allclose(own.G, other.G, rtol=1e-8, atol=1e-9)
     np.testing.assert_allclose(own.g, other.g, rtol=1e-8, atol=1e-9)
@@ -329,7 +328,7 @@ def test_two_effects_that_do_the_same_have_sizes_and_intervals():
     """As one of a user's own has that is in the library already: their sum is known, neither by itself."""
     dense = Dense(effect=np.r_[2.0, np.zeros(9)])
     twin = replace(dense.candidates[0], effect="heavy again")
-    few, start = [dense.candidates[0], twin], np.array([0, 1, 2])
+    few = [dense.candidates[0], twin]
     same = [np.concatenate([x[:1], x[:1]]) for x in dense.x]
     blocks = [
         Products.of(x, t, r, u, form, servos).matrices()
@@ -337,7 +336,7 @@ def test_two_effects_that_do_the_same_have_sizes_and_intervals():
             same, dense.t, dense.r, dense.u, dense.form, dense.servos, strict=True
         )
     ]
-    evidence = weigh(System(few, start, dense.system.tolerances, blocks, (FORMS[1],)))
+    evidence = weigh(System(few, dense.system.tolerances, blocks, (FORMS[1],)))
     alone, found = estimate(evidence, 0, 0.9), joint_estimates(evidence, (0, 1))
     assert found[0].size + found[1].size == pytest.approx(alone.size, rel=0.1)
     assert all(np.isfinite([e.lo, e.hi]).all() for e in found)

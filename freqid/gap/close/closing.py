@@ -13,10 +13,9 @@ from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.build import columns_of
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.explain import Explanation
-from freqid.gap.infer.joint_replay import acted_on, settings_of, weights_of
+from freqid.gap.infer.joint_replay import acted_on, settings_of
 from freqid.gap.infer.linearise import likeliest_departures, straightened
 from freqid.gap.infer.system import System
-from freqid.gap.model.candidate import Candidate
 from freqid.gap.model.candidates import recomputed
 from freqid.gap.settings import FOLDS
 from freqid.gap.stack.block import Block
@@ -104,7 +103,7 @@ def closing_of(
         much on what is held out as on what was used.
     """
     few = [system.candidates[i] for i in explanation.places]
-    chosen = np.concatenate([np.arange(system.start[i], system.start[i + 1]) for i in explanation.places])
+    chosen = system.places(explanation.places)
     parts = [replace(c, effects=c.effects[chosen]) for c in columns]
     if held_out:
         added = [recomputed(c, library, held_out) for c in few]
@@ -118,7 +117,7 @@ def closing_of(
             for b, i in zip(flown, at, strict=True)
         ]
         departures, fitted = likeliest_departures(
-            system, used, tolerances, form_error, weights_of(system, explanation)
+            system, used, tolerances, form_error, explanation.weights(system)
         )
         parts += [
             straightened(c, b, system.tolerances, departures, fitted, library, tolerances) for c, b in made
@@ -138,12 +137,8 @@ def closing_of(
         parts = [_only(parts[0], number % 2 == k) for k in (0, 1)]
         source, folds = [0, 0], [Fold((0,), (1,)), Fold((1,), (0,))]
         names = (f"every other line of {blocks[0].names[0]}",)
-    return Closing(_system(few, system, parts), blocks, parts, source, folds, names)
-
-
-def _system(few: list[Candidate], like: System, parts: Sequence[Columns]) -> System:
-    start = np.concatenate([[0], np.cumsum([c.sizes.size for c in few])]).astype(int)
-    return System(few, start, like.tolerances, [c.matrices for c in parts], like.form_errors)
+    fewer = replace(system, candidates=few, blocks=[c.matrices for c in parts], _reduced={})
+    return Closing(fewer, blocks, parts, source, folds, names)
 
 
 def _only(columns: Columns, numbers: NDArray[np.bool_]) -> Columns:

@@ -40,7 +40,7 @@ class Fit:
     tolerances_alone: Array
 
 
-def fit(evidence: Evidence, explanation: Explanation, form_error: Form | None = None) -> Fit:
+def fit(evidence: Evidence, explanation: Explanation, form_error: Form) -> Fit:
     """Return the fit of an explanation to a stack: its sizes as estimated, tolerances given these.
 
     Parameters
@@ -48,16 +48,13 @@ def fit(evidence: Evidence, explanation: Explanation, form_error: Form | None = 
     evidence : Evidence
         Of which the explanation is.
     explanation : Explanation
-    form_error : Form, optional
-        At which it is fitted; the likeliest beside the explanation where absent.
+    form_error : Form
+        At which it is fitted.
     """
     system = evidence.system
-    form_error = form_error or likeliest_form_error(evidence, explanation)
-    gram, _ = system.gram(form_error)
+    gram = system.gram(form_error)
     n = system.columns
-    weights = np.zeros(n)
-    for i, e in zip(explanation.places, explanation.estimates, strict=True):
-        weights[system.columns_of(i)] += e.weights
+    weights = explanation.weights(system)
     beside, alone = system.likeliest_tolerances(gram, weights), system.likeliest_tolerances(gram)
     # with tolerances held at nominal, the size moves along its direction to where the residual is least
     energy = float(weights @ gram[:n, :n] @ weights)
@@ -81,8 +78,8 @@ def log_evidence_of_tolerances(system: System) -> float:
 def departures_beyond(system: System) -> dict[int, float]:
     """Return the tolerances that alone would have to depart by more than `FARTHEST` sigmas, held there.
 
-    A centre of gravity that is off by ten of its sigmas is
-    no tolerance: it is the effect of that name. The farthest is held first, then all others are asked again.
+    A centre of gravity that is off by ten sigmas is no tolerance but the effect of that name. The farthest is
+    held first, then the others are fitted again.
 
     Returns
     -------
@@ -94,7 +91,7 @@ def departures_beyond(system: System) -> dict[int, float]:
     while len(held) < len(system.tolerances):
         free = [k for k in range(len(system.tolerances)) if k not in held]
         left = system.held(held)
-        departure = left.likeliest_tolerances(left.gram(likeliest)[0])
+        departure = left.likeliest_tolerances(left.gram(likeliest))
         farthest = int(np.argmax(np.abs(departure)))
         if abs(departure[farthest]) <= FARTHEST:
             break

@@ -12,7 +12,6 @@ from scipy.linalg.lapack import dtrtri
 
 from freqid.core.arrays import Array
 from freqid.gap.model.row_columns import RowColumns
-from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS
 
 SEEN = 0.1  # standard deviations of the noise: directions of a form below it are left out
 _EMPTY = 1e-10  # of the largest eigenvalue of the form's columns: directions below it are none
@@ -24,7 +23,7 @@ class Form(NamedTuple):
     Attributes
     ----------
     loads : float or tuple of float
-        Share of each term of all rows, or of each row that has a form.
+        Of every term, or of each term that has a form: share of the load or movement.
     shared : float
         Size of the errors that are the same in all blocks, see `BlockMatrices`: over that of their term's
         own errors in each, where they are of a term.
@@ -35,10 +34,6 @@ class Form(NamedTuple):
     loads: float | tuple[float, ...]
     shared: float
     log_prior: float = 0.0
-
-
-FORMS = tuple(Form(a, b) for a in FORM_ERRORS for b in ACTUATOR_FORM_ERRORS)
-"""Where one share holds for all rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +96,7 @@ class Products:
         form_row: NDArray[np.intp] | None = None,
         shared_row: NDArray[np.intp] | None = None,
     ) -> BlockMatrices:
-        """Return the matrices where noise is so many times as large as that of the metric.
+        """Return the matrices for noise of so many times the standard deviation of the metric.
 
         Parameters
         ----------
@@ -140,9 +135,9 @@ class BlockMatrices:
     form : ndarray, shape (direction, n)
         Inner products with the columns of the form.
     form_gram : ndarray, shape (direction, direction)
-        Of these columns with each other; diagonal where they are of no row.
+        Of these columns with each other; diagonal where one size holds for all.
     form_row : ndarray of int, shape (direction,)
-        Row of each, among those that have a form; -1 where one share holds for all.
+        Place in `Form.loads` of each column's term; -1 where one size holds for all.
     shared_row : ndarray of int, shape (shared,)
         Term of each column of the shared errors of form, the last ones; -1 where it is of none.
     number : int
@@ -179,10 +174,10 @@ class BlockMatrices:
         """Columns of candidates, tolerances and the residual."""
         return len(self.gram) - len(self.shared_row)
 
-    def at_loads(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
-        """Return all inner products less an error of form, and half its log determinant."""
-        across, determinant = self.taken(error)
-        return self.gram - across.T @ across, determinant
+    def at_loads(self, error: float | tuple[float, ...]) -> Array:
+        """Return all inner products less what an error of form takes, shape (n, n)."""
+        across, _ = self.taken(error)
+        return self.gram - across.T @ across
 
     def taken(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
         """Return what an error of form takes off all products, as a root.

@@ -115,7 +115,6 @@ def _straight(
     names = tuple(dict.fromkeys(n for one in stated for n in one))
     alike = side_by_side(simulation, shared_columns, blocks)
     labels = tuple(dict.fromkeys(n for one in alike for n in one))
-    start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
 
     def parts_of(i: int) -> Parts:
         tolerances, shared = [stated[i].get(n) for n in names], [alike[i].get(n) for n in labels]
@@ -126,7 +125,7 @@ def _straight(
     terms = _terms(parts)
     every = (Form((FORM_ERRORS[-1],) * len(terms), 0.0),)
     columns = [_columns(p, terms, every, labels) for p in parts]
-    system = System(found, start, names, [c.matrices for c in columns], every)
+    system = System(found, names, [c.matrices for c in columns], every)
     common = common_form(system, terms)
     known = [p.block for p in parts]
     for _ in range(ROUNDS):
@@ -216,7 +215,6 @@ def rebuilt(
     tolerances : sequence of dict of ndarray of complex, shape (row, line), optional
         By block, what one sigma makes, by name: of those that are another.
     """
-    start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in candidates])]).astype(int)
     new = []
     for b, (old, block) in enumerate(zip(columns, blocks, strict=True)):
         parts = [
@@ -227,4 +225,4 @@ def rebuilt(
         other = [k for k, name in enumerate(system.tolerances) if name in here]
         sigmas = np.array([here[system.tolerances[k]] for k in other]) if other else old.sigmas[:0]
         new.append(old.with_columns(parts, other, block.white(sigmas), sigmas))
-    return System(candidates, start, system.tolerances, [c.matrices for c in new], system.form_errors), new
+    return replace(system, candidates=candidates, blocks=[c.matrices for c in new], _reduced={}), new

@@ -141,10 +141,9 @@ class Parts:
         shared, own = (z[_in(z, rows)] for z in (self.tolerances, self.own))
         x, t, r, o = (self.block.white(z, rows) for z in (effects, shared, self.block.residual, own))
         products = Products.of(x, t, r, o, RowColumns.of(self.block, self.form, rows), x[:0])
-        begin = np.concatenate([[0], np.cumsum([len(found[i].sizes) for i in few])]).astype(int)
         names = tuple(map(str, range(len(shared))))
         forms = tuple(Form(f, 0.0) for f in FORM_ERRORS)
-        return System([found[i] for i in few], begin, names, [], forms), products
+        return System([found[i] for i in few], names, [], forms), products
 
 
 def _in(columns: Complex, rows: Sequence[int]) -> NDArray[np.bool_]:
@@ -248,8 +247,6 @@ class Columns:
         white, whole = self.tolerances.copy(), self.sigmas.copy()
         white[at], whole[at] = tolerances, sigmas
         new = replace(self, effects=effects, tolerances=white, sigmas=whole)
-        if "matrices" not in self.__dict__:
-            return new
         m, count = self.matrices, len(self.effects)
         kept = [np.arange(count)[p] if isinstance(p, slice) else np.full(len(p), -1) for p in parts]
         source = np.concatenate([*kept, np.arange(count, len(m.gram))]).astype(int)

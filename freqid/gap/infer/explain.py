@@ -12,6 +12,7 @@ from freqid.core.arrays import Array
 from freqid.gap.infer.evidence import Estimate, Evidence, directions, estimate, weigh
 from freqid.gap.infer.forms import forms_beside
 from freqid.gap.infer.joint_sizes import joint_estimates
+from freqid.gap.infer.system import System
 from freqid.gap.model.candidate import OTHER
 from freqid.gap.settings import INTERVAL, SEPARATE
 
@@ -44,6 +45,14 @@ class Explanation:
     def effects(self) -> tuple[str, ...]:
         """Ids."""
         return tuple(e.candidate.effect for e in self.estimates)
+
+    def weights(self, system: System) -> Array:
+        """Return the weights of a system's columns at the estimated sizes, shape (column,)."""
+        weights = np.zeros(system.columns)
+        for i, e in zip(self.places, self.estimates, strict=True):
+            c = system.candidates[i]
+            weights[system.columns_of(i)] = c.weights(float(e.size[0])) if c.kind == "scalar" else e.weights
+        return weights
 
 
 def likeliest(evidence: Evidence) -> list[int]:

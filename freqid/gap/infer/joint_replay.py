@@ -9,9 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
-from freqid.core.arrays import Array, Complex
+from freqid.core.arrays import Complex
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.build import rebuilt
 from freqid.gap.infer.columns import Columns
@@ -111,13 +109,4 @@ def about_explanation(
         simulation = blocks[0].trial.simulation
         beside = side_by_side(simulation, lambda b: tolerance_columns(b, library, sizes), flown)
     system, columns = rebuilt(system, new, columns, blocks, beside)
-    return relinearised(system, columns, flown, library, sizes, form_error, weights_of(system, explanation))
-
-
-def weights_of(system: System, explanation: Explanation) -> Array:
-    """Return the weights of a system's columns in an explanation, shape (column,)."""
-    weights = np.zeros(system.columns)
-    for i, e in zip(explanation.places, explanation.estimates, strict=True):
-        c = system.candidates[i]
-        weights[system.columns_of(i)] = c.weights(float(e.size[0])) if c.kind == "scalar" else e.weights
-    return weights
+    return relinearised(system, columns, flown, library, sizes, form_error, explanation.weights(system))

@@ -87,7 +87,7 @@ class _Fit:
     @classmethod
     def of(cls, evidence: Evidence, places: Sequence[int]) -> _Fit:
         system = evidence.system
-        at = np.concatenate([np.arange(system.start[i], system.start[i + 1]) for i in places])
+        at = system.places(places)
         reduced = [system.reduced(f) for f in system.form_errors]
         return cls(
             [system.candidates[i] for i in places],

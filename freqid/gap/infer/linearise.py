@@ -77,7 +77,7 @@ def likelier_without(
     """
     parts = [replace(c, effects=c.effects[:0]) for c in columns]
     few = [c.matrices for c in parts]
-    alone = System([], np.zeros(1, dtype=int), system.tolerances, few, system.form_errors)
+    alone = System([], system.tolerances, few, system.form_errors)
     before = weigh(alone).log_none
     for _ in range(ROUNDS):
         alone, parts = relinearised(alone, parts, blocks, library, sizes, form_error)
@@ -146,8 +146,9 @@ def likeliest_departures(
     """
     own = blocks[0].trial.simulation.tolerances
     system = replace(system, form_errors=(form_error,), _reduced={})
-    gram, _ = system.gram(form_error)
-    fitted = system.likeliest_tolerances(gram, _best_alone(system) if weights is None else weights)
+    fitted = system.likeliest_tolerances(
+        system.gram(form_error), _best_alone(system) if weights is None else weights
+    )
     fitted = np.clip(fitted, -FARTHEST, FARTHEST)
     each = zip(system.tolerances, fitted.tolist(), strict=True)
     return {name: x * sizes.get(name, own[name].sigma) for name, x in each if name in own}, fitted

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from freqid.core.arrays import Array
-from freqid.gap.infer.block_matrices import FORMS, BlockMatrices, Form, rooted
+from freqid.gap.infer.block_matrices import BlockMatrices, Form, rooted
 from freqid.gap.model.candidate import Candidate
 
 _FREE = 1e-9  # of a free column's energy: what is left of it
@@ -90,19 +90,21 @@ class System:
     Attributes
     ----------
     candidates : list of Candidate
-    start : ndarray of int, shape (candidate + 1,)
-        Where each candidate's columns begin.
     tolerances : tuple of str
     blocks : list of BlockMatrices
     form_errors : tuple of Form
     """
 
     candidates: list[Candidate]
-    start: NDArray[np.intp]
     tolerances: tuple[str, ...]
     blocks: list[BlockMatrices]
-    form_errors: tuple[Form, ...] = FORMS
+    form_errors: tuple[Form, ...]
     _reduced: dict[Form, Reduced] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def start(self) -> NDArray[np.intp]:
+        """Where each candidate's columns begin and the last one's end, shape (candidate + 1,)."""
+        return np.cumsum([0, *(c.sizes.size for c in self.candidates)])
 
     @property
     def columns(self) -> int:
@@ -118,14 +120,14 @@ class System:
         """Return where a candidate's columns are."""
         return slice(int(self.start[candidate]), int(self.start[candidate + 1]))
 
-    def without(self, blocks: Sequence[int]) -> System:
-        """Return the stack without some blocks."""
-        kept = [b for i, b in enumerate(self.blocks) if i not in blocks]
-        return System(self.candidates, self.start, self.tolerances, kept, self.form_errors)
+    def places(self, candidates: Sequence[int]) -> NDArray[np.intp]:
+        """Return where the columns of some candidates are, one candidate after the other."""
+        return np.concatenate([np.arange(self.start[i], self.start[i + 1]) for i in candidates])
 
     def only(self, blocks: Sequence[int]) -> System:
         """Return the stack of some blocks."""
-        return self.without([i for i in range(len(self.blocks)) if i not in blocks])
+        kept = [b for i, b in enumerate(self.blocks) if i in blocks]
+        return replace(self, blocks=kept, _reduced={})
 
     def held(self, departures: Mapping[int, float]) -> System:
         """Return the stack with some tolerances, by place, known to depart by so many sigmas."""
@@ -158,12 +160,12 @@ class System:
         size[last:-1] = block.shared_sizes(form_error)
         return at, size
 
-    def gram(self, form_error: Form) -> tuple[Array, float]:
-        """Return the inner products of all blocks before tolerances, and the log determinant of the form.
+    def gram(self, form_error: Form) -> Array:
+        """Return the inner products of all blocks before tolerances are integrated out.
 
         Of ``[X, T, A, r]``, shared errors at their size; without A where they have none.
         """
-        return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks], 0)
+        return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks], 0)[0]
 
     def likeliest_tolerances(self, gram: Array, weights: Array | None = None) -> Array:
         """Return the likeliest departures of the tolerances, in sigmas, shape (tolerance,).
@@ -184,15 +186,12 @@ class System:
     def reduced(self, form_error: Form) -> Reduced:
         """Return the small matrices at one error of form, made once."""
         if form_error not in self._reduced:
-            self._reduced[form_error] = self.reduced_once(form_error)
+            taken = [b.taken(form_error.loads) for b in self.blocks]
+            gram, determinant = self._rows(form_error, taken, 0)
+            n = self.columns
+            across, g, log_evidence = _without_tolerances(gram[n:], determinant, n)
+            self._reduced[form_error] = Reduced(gram[:n, :n] - across.T @ across, g, log_evidence)
         return self._reduced[form_error]
-
-    def reduced_once(self, form_error: Form) -> Reduced:
-        """Return the small matrices at an error of form that is not asked for again: they fill megabytes."""
-        gram, determinant = self.gram(form_error)
-        n = self.columns
-        across, g, log_evidence = _without_tolerances(gram[n:], determinant, n)
-        return Reduced(gram[:n, :n] - across.T @ across, g, log_evidence)
 
     def own_products(self, form_error: Form, layout: Sequence[NDArray[np.intp]]) -> OwnProducts:
         """Return each candidate's own inner products at an error of form.
@@ -232,7 +231,7 @@ class System:
         n = self.columns
         names = (*map(str, range(len(directions))), *self.tolerances)
         blocks = [replace(b, **_moved(b.gram, b.form, directions, n)) for b in self.blocks]
-        return System([], np.zeros(1, dtype=np.intp), names, blocks, self.form_errors)
+        return System([], names, blocks, self.form_errors)
 
     def slope(self, form_error: Form) -> tuple[float, Array, Array]:
         """Return the log evidence without an effect, and what it tells of the logarithms of the sizes.

@@ -194,7 +194,7 @@ class Weighing:
         return self.system.candidates[index]
 
     def _columns(self, index: int) -> Index:
-        return np.arange(self.system.start[index], self.system.start[index + 1])
+        return self.system.places([index])
 
     def _together(self, places: Sequence[int]) -> Scalars:
         """Return some of the scalars, all of one shape."""

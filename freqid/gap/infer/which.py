@@ -11,9 +11,11 @@ from scipy.special import logsumexp
 from freqid.gap.infer.evidence import NONE, Evidence, separation
 from freqid.gap.model.candidate import OTHER
 
-TOGETHER = 10.8
-"""Separation ``lambda (1 - c^2)`` below which two effects are told apart in fewer than 95 of 100 cases:
-(2 * 1.645)^2."""
+APART = (2 * 1.645) ** 2
+"""Separation `lambda (1 - c^2)` from which the right one of two effects is the likelier in 95 of 100 cases.
+
+Two changes that are d standard deviations of noise apart are confused with probability ``Phi(-d / 2)``.
+"""
 
 
 @dataclass(frozen=True)
@@ -71,9 +73,9 @@ def _alike(evidence: Evidence, leading: str) -> list[str]:
     index = evidence.best_place(leading)
     found = []
     for name in evidence.effect:
-        if name in (leading, OTHER) or evidence.effect[leading] - evidence.effect[name] > TOGETHER / 2:
+        if name in (leading, OTHER) or evidence.effect[leading] - evidence.effect[name] > APART / 2:
             continue
-        if separation(evidence, index, evidence.best_place(name)) < TOGETHER:
+        if separation(evidence, index, evidence.best_place(name)) < APART:
             found.append(name)
     return found
 
@@ -90,7 +92,7 @@ def groups_of(evidence: Evidence, among: Sequence[str]) -> tuple[tuple[str, ...]
     while left:
         name = left.pop(0)
         index = evidence.best_place(name)
-        group = [n for n in left if separation(evidence, index, evidence.best_place(n)) < TOGETHER]
+        group = [n for n in left if separation(evidence, index, evidence.best_place(n)) < APART]
         left = [n for n in left if n not in group]
         if group:
             found.append((name, *group))
@@ -100,8 +102,8 @@ def groups_of(evidence: Evidence, among: Sequence[str]) -> tuple[tuple[str, ...]
 def detectable_sizes(evidence: Evidence, threshold: float) -> dict[str, tuple[float, str]]:
     """Return by effect the smallest size that is called a gap in 95 of 100 cases, and its unit.
 
-    Of the effect as a whole where it has such a place, else where it is least visible; of two signs, the one
-    that needs the larger size.
+    Of the effect as a whole where it has such a place, else at the least visible of the places where some
+    size is seen; of two signs, the one that needs the larger size.
 
     An effect at a size with detectability ``lambda`` has, without noise, a log Bayes factor; noise moves
     that by ``sqrt(lambda)``, one standard deviation.

@@ -15,7 +15,7 @@ from freqid.core.results.design import MultisineDesign
 from freqid.core.scenario import Reference, Scenario
 from freqid.core.sections.excitation import Excitation
 from freqid.core.vehicle import Vehicle
-from freqid.design.multisine.orthogonal_set import design_multisines
+from freqid.design.multisine.orthogonal_set import design_multisines, excited
 from freqid.gap.stack.block import Block
 
 STRONGEST = 2.0
@@ -60,6 +60,11 @@ def stated_excitation(blocks: Sequence[Block], scenario: Scenario | None) -> Exc
     blocks : sequence of Block
         That were used.
     scenario : Scenario, optional
+
+    Raises
+    ------
+    UsageError
+        Where it excites what the vehicle does not have, or what has no amplitude.
     """
     flown = amplitudes_flown(blocks)
     stated = scenario.excitation if scenario else None
@@ -79,13 +84,9 @@ def stated_excitation(blocks: Sequence[Block], scenario: Scenario | None) -> Exc
             amplitude=flown,
             starts=_STARTS,
         )
-    vehicle = blocks[0].trial.maneuver.vehicle
-    names = stated.effectors
-    if names is None:
-        given = stated.amplitude if isinstance(stated.amplitude, dict) else {}
-        names = tuple(given) or tuple(e.name for e in vehicle.effectors if e.kind != "tilt")
+    names = tuple(e.name for e in excited(stated, blocks[0].trial.maneuver.vehicle.effectors))
     said = stated.amplitude
-    amplitude = {n: flown.get(n, said.get(n, 1.0) if isinstance(said, dict) else said) for n in names}
+    amplitude = {n: flown.get(n, said[n] if isinstance(said, dict) else said) for n in names}
     starts = min(stated.starts, _STARTS)
     return msgspec.structs.replace(stated, effectors=names, amplitude=amplitude, spectrum=None, starts=starts)
 

@@ -202,7 +202,7 @@ def distance(
     Parameters
     ----------
     test : GroundTest
-    rivals : Rivals
+    rivals : RivalExplanations
     pair : tuple of str
         Effect ids.
     tolerances : dict of float

@@ -11,7 +11,7 @@ from freqid.core.errors import UsageError
 from freqid.core.record import FlightRecord
 from freqid.core.results.design import MultisineDesign
 from freqid.core.scenario import Scenario
-from freqid.core.sections.excitation import Excitation
+from freqid.gap.infer.which import APART
 from freqid.gap.next.excitations import (
     STRONGEST,
     Plan,
@@ -25,7 +25,7 @@ from freqid.gap.next.excitations import (
     whole,
 )
 from freqid.gap.next.predicted_flight import FlightContext, PredictedFlight, fly_alone, predict_columns
-from freqid.gap.next.rivals import APART, Pair
+from freqid.gap.next.rivals import Pair
 from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
 
@@ -75,7 +75,7 @@ def next_flight(
 
     Parameters
     ----------
-    around : Surroundings
+    around : FlightContext
     scenario : Scenario, optional
         Its excitation and conditions are what can be flown.
     tell : callable, optional
@@ -90,23 +90,25 @@ def next_flight(
     simulation = around.simulation
     if not simulation.can_fly:
         return None, f"{simulation.name} cannot fly, so no flight was predicted"
-    stated = stated_excitation(around.blocks, scenario)
-    if stated is None:
-        return None, "nothing was injected and no scenario states an excitation, so no flight was predicted"
     vehicle = around.blocks[0].trial.maneuver.vehicle
     try:
-        first = whole(stated, vehicle)
+        stated = stated_excitation(around.blocks, scenario)
+        first = whole(stated, vehicle) if stated else None
     except UsageError as error:
         return None, f"no excitation can be designed: {error}"
+    if stated is None or first is None:
+        return None, "nothing was injected and no scenario states an excitation, so no flight was predicted"
     conditions = dict(_conditions(around, scenario))
-    judged = _judged(around, [Plan(at, "all", first) for at in conditions], conditions, stated, tell)
+    there = {at: scenario.at(at).excitation if scenario else None for at in conditions}
+    abort = {at: (excitation or stated).abort for at, excitation in there.items()}
+    judged = _judged(around, [Plan(at, "all", first) for at in conditions], conditions, abort, tell)
     if not judged:
         return None, f"{simulation.name} flies none of the proposed flights inside the limits"
     best = max(judged, key=lambda one: one[0])[1].at
     plans = [Plan(best, "all", design) for design in halves(stated, vehicle)]
     tilts = tilting(stated, vehicle)
     plans += [Plan(best, "tilt", tilts)] if tilts else []
-    judged += _judged(around, plans, conditions, stated, tell)
+    judged += _judged(around, plans, conditions, abort, tell)
     _, plan, predicted, after = max(judged, key=lambda one: one[0])
     rivals = around.rivals
     if not any(x > max(_MORE * rivals.now[p], _LEAST) for p, x in after.items()):
@@ -120,7 +122,7 @@ def _judged(
     around: FlightContext,
     plans: Sequence[Plan],
     conditions: Mapping[str, Block],
-    stated: Excitation,
+    abort: Mapping[str, Mapping[str, float]],
     tell: Callable[[str], None],
 ) -> list[tuple[float, Plan, PredictedFlight, dict[Pair, float]]]:
     """Return what plans are worth, as strong as limits allow, and what makes them so; flown side by side."""
@@ -130,7 +132,7 @@ def _judged(
 
     def judge(plan: Plan) -> tuple[float, Plan, PredictedFlight, dict[Pair, float]] | None:
         tell(f"trying a flight{' at ' + plan.at if plan.at else ''}")
-        made = _tried(around, plan, conditions[plan.at], stated)
+        made = _tried(around, plan, conditions[plan.at], abort[plan.at])
         if made is None:
             return None
         after = rivals.separations(rivals.with_flight(made[1].matrices()))
@@ -157,14 +159,14 @@ def _conditions(around: FlightContext, scenario: Scenario | None) -> Iterator[tu
 
 
 def _tried(
-    around: FlightContext, plan: Plan, like: Block, stated: Excitation
+    around: FlightContext, plan: Plan, like: Block, abort: Mapping[str, float]
 ) -> tuple[Plan, PredictedFlight] | None:
     """Return a plan as strong as its limits allow, and its columns; None where it cannot be flown."""
     vehicle, factor = like.trial.maneuver.vehicle, STRONGEST
     record: FlightRecord | None = None
     for _ in range(_TRIES):
         record = fly_alone(around.simulation, scaled_signals(plan.design, factor), plan.at, like)
-        slack = largest_scale(record, vehicle, stated.abort) if record else 0.5
+        slack = largest_scale(record, vehicle, abort) if record else 0.5
         if slack >= 1:
             break
         factor, record = 0.98 * slack * factor, None

@@ -10,10 +10,11 @@ from typing import Any
 
 from freqid.core.scenario import Scenario
 from freqid.gap.diagnose import Findings, Question
+from freqid.gap.infer.which import APART
 from freqid.gap.next.ground_tests import TESTS, UNTESTABLE, distance
 from freqid.gap.next.next_flight import MOST_FLIGHTS, NextFlight, next_flight
 from freqid.gap.next.predicted_flight import FlightContext
-from freqid.gap.next.rivals import APART, Pair, RivalExplanations, rivals_of
+from freqid.gap.next.rivals import Pair, RivalExplanations, rivals_of
 from freqid.gap.simulation import Simulation
 
 _CLEARLY = 1.0  # of a pair's expected separation: what a ground test adds at least to be listed
@@ -90,7 +91,7 @@ def ground_tables(rivals: RivalExplanations, tolerances: Mapping[str, float]) ->
 
     Parameters
     ----------
-    rivals : Rivals
+    rivals : RivalExplanations
     tolerances : dict of float
         One sigma by name.
     """

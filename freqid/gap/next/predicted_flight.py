@@ -41,7 +41,7 @@ class FlightContext:
     Attributes
     ----------
     simulation : Simulation
-    rivals : Rivals
+    rivals : RivalExplanations
     candidates : dict of Effect
     sizes : dict of float
         Tolerances, one sigma by name.
@@ -197,7 +197,7 @@ def predict_columns(
 
     Parameters
     ----------
-    around : Surroundings
+    around : FlightContext
     record : FlightRecord
         Of `fly_alone`: one period.
     like : Block

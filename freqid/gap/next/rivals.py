@@ -21,12 +21,6 @@ from freqid.gap.settings import INTERVAL
 Index = NDArray[np.intp]
 Pair = tuple[str, str]
 
-APART = (2 * 1.645) ** 2
-"""Separation `lambda (1 - c^2)` from which the right one of two effects is the likelier in 95 of 100 cases.
-
-Two changes that are d standard deviations of noise apart are confused with probability ``Phi(-d / 2)``.
-"""
-
 _MOST = 5  # effects that are told apart: the likeliest
 _PLACES = 4  # of one effect: the likeliest
 _BEHIND = 10.0  # nats behind an effect's likeliest place, from which data exclude a place
@@ -76,12 +70,12 @@ class RivalExplanations:
     def with_flight(self, flight: BlockMatrices) -> System:
         """Return the stack with one block more."""
         s = self.system
-        return System(s.candidates, s.start, s.tolerances, [*s.blocks, flight], s.form_errors)
+        return replace(s, blocks=[*s.blocks, flight], _reduced={})
 
     @cached_property
     def tolerances(self) -> tuple[str, ...]:
         """Tolerances that separations depend on, at most 24; where they are fewer, the rest adds a tenth."""
-        gram = self.system.gram(self.form_error)[0]
+        gram = self.system.gram(self.form_error)
         n, count = self.system.columns, len(self.system.tolerances)
         own = np.diag(gram)[n : n + count]
         look = np.zeros(count)
@@ -227,9 +221,7 @@ def _part(system: System, columns: Mapping[int, Index]) -> System:
         chosen.append(replace(c, sizes=c.sizes[wanted], columns=[z[wanted] for z in c.columns]))
         at.append(int(system.start[i]) + wanted)
     kept = np.concatenate([*at, np.arange(n, n + len(system.tolerances) + 1)])
-    start = np.concatenate([[0], np.cumsum([a.size for a in at])]).astype(int)
-    blocks = [_kept(b, kept) for b in system.blocks]
-    return System(chosen, start, system.tolerances, blocks, system.form_errors)
+    return replace(system, candidates=chosen, blocks=[_kept(b, kept) for b in system.blocks], _reduced={})
 
 
 def _with_tolerances(system: System, chosen: Index) -> System:
@@ -237,8 +229,7 @@ def _with_tolerances(system: System, chosen: Index) -> System:
     n = system.columns
     kept = np.concatenate([np.arange(n), n + chosen, [n + len(system.tolerances)]]).astype(int)
     names = tuple(system.tolerances[i] for i in chosen)
-    blocks = [_kept(b, kept) for b in system.blocks]
-    return System(system.candidates, system.start, names, blocks, system.form_errors)
+    return replace(system, tolerances=names, blocks=[_kept(b, kept) for b in system.blocks], _reduced={})
 
 
 def _kept(block: BlockMatrices, at: Index) -> BlockMatrices:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -179,16 +179,13 @@ class Weighed:
             r = system.reduced(f)
             g = self.data[f][0][: system.columns, k]
             reduced[f] = Reduced(r.G, g, float(self.none[i, k]))
-        here = System(
-            system.candidates, system.start, system.tolerances, system.blocks, system.form_errors, reduced
-        )
-        return Evidence(Weighing(here), self.none[:, k], self.places[:, :, k])
+        return Evidence(Weighing(replace(system, _reduced=reduced)), self.none[:, k], self.places[:, :, k])
 
     def without(self, effect: str) -> Weighed:
         """Return the same data weighed by a library that lacks an effect."""
         system = self.evidence.system
         left = [i for i, c in enumerate(system.candidates) if c.effect != effect]
-        at = np.concatenate([np.arange(system.start[i], system.start[i + 1]) for i in left])
+        at = system.places(left)
         data = {f: (g[at], log) for f, (g, log) in self.data.items()}
         return Weighed(only_candidates(self.evidence, left), data, self.places[:, left], self.none)
 
@@ -196,15 +193,13 @@ class Weighed:
 def only_candidates(evidence: Evidence, left: Sequence[int]) -> Evidence:
     """Return the evidence of some candidates, as if there were no others."""
     system = evidence.system
-    at = np.concatenate([np.arange(system.start[i], system.start[i + 1]) for i in left])
-    start = np.concatenate([[0], np.cumsum([len(system.candidates[i].sizes) for i in left])]).astype(int)
+    at = system.places(left)
     reduced = {}
     for f in system.form_errors:
         r = system.reduced(f)
         reduced[f] = Reduced(r.G[np.ix_(at, at)], r.g[at], r.log_evidence)
     # products before tolerances keep all columns: nothing here asks for them
-    some = [system.candidates[i] for i in left]
-    here = System(some, start, system.tolerances, system.blocks, system.form_errors, reduced)
+    here = replace(system, candidates=[system.candidates[i] for i in left], _reduced=reduced)
     return Evidence(Weighing(here), evidence.none, evidence.places[:, left])
 
 

@@ -255,5 +255,4 @@ def _extended(
     ]
     one = np.ones(len(made))
     last = Candidate("inserted", Place("", ()), "vector", one, one, each)
-    start = np.append(system.start, system.start[-1] + len(made))
-    return System([*system.candidates, last], start, system.tolerances, more, system.form_errors)
+    return replace(system, candidates=[*system.candidates, last], blocks=more, _reduced={})

@@ -33,7 +33,7 @@ def smallest_sizes(
     Parameters
     ----------
     evidence : Evidence
-    draws : Draws
+    draws : DrawnData
         Without an effect.
     threshold : float
         Of the statistic.
@@ -67,7 +67,7 @@ class _Search:
         Of all candidates.
     alone : Evidence
         Of the places of one effect.
-    draws : Draws
+    draws : DrawnData
     needed : float
         Log Bayes factor of the effect, from which a gap is called.
     """
@@ -125,7 +125,7 @@ class _Search:
         weights = np.zeros(self.draws.system.columns)
         weights[system.columns_of(index)] = c.weights(size)
         places = self.evidence.weighing.places_of(c.effect)
-        at = np.concatenate([np.arange(system.start[i], system.start[i + 1]) for i in places])
+        at = system.places(places)
         count = min(_DRAWS, self.draws.count)
         called = done = 0
         for end in _PARTS:

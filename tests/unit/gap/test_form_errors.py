@@ -43,7 +43,7 @@ def stack(errors, seed=4):
     block = Products.of(none, none, residual, none, form, none).matrices(
         form_row=np.repeat(np.arange(len(ROWS)), TERMS)
     )
-    return System([], np.zeros(1, int), (), [block], (Form((LARGEST,) * len(ROWS), 0.0),))
+    return System([], (), [block], (Form((LARGEST,) * len(ROWS), 0.0),))
 
 
 def best(system):
@@ -72,7 +72,7 @@ def test_one_term_that_is_wrong_does_not_make_its_whole_row_uncertain():
     residual = rng.standard_normal(NUMBERS) + np.repeat(there, 4) * rng.standard_normal(48) @ form
     none = np.zeros((0, NUMBERS))
     block = Products.of(none, none, residual, none, form, none).matrices(form_row=np.repeat(np.arange(12), 4))
-    system = System([], np.zeros(1, int), (), [block], ())
+    system = System([], (), [block], ())
     found = np.array(likely_forms(system, names, np.full(12, 0.01))[0].loads)
     assert 0.1 < found[5] < 0.9
     others = np.delete(found, 5)
@@ -91,7 +91,8 @@ def test_slopes_of_the_evidence_are_those_of_the_dense_density():
         Products.of(x, t, r, o, d, a).matrices(form_row=row, shared_row=alike)
         for (x, t, o, d, a), r in zip(parts, residuals, strict=True)
     ]
-    system = System([], np.array([0, 2]), ("a", "b", "c"), blocks, ()).beside(beside)
+    pair = Candidate("pair", Place("", ("a", "b")), "vector", np.ones(2), np.ones(1), [])
+    system = System([pair], ("a", "b", "c"), blocks, ()).beside(beside)
 
     def density(log_sizes, shared):
         form, same = np.exp(log_sizes)[row, None], shared * np.exp(log_sizes)[alike, None]
@@ -129,7 +130,7 @@ def test_the_search_ends_at_the_largest_evidence(seed, alike):
         none = np.zeros((0, NUMBERS))
         products = Products.of(none, none, residual, none, form, alone)
         blocks.append(products.matrices(form_row=row, shared_row=np.arange(24)))
-    system = System([], np.zeros(1, int), (), blocks, ())
+    system = System([], (), blocks, ())
     largest = np.full(24, LARGEST)
     found = next(f for f in likely_forms(system, names, np.full(24, 0.05)) if f.shared == alike)
     load = np.repeat(np.arange(3), 8)
@@ -176,7 +177,7 @@ def test_a_second_effect_that_hides_in_the_form_of_several_rows_is_found_beside_
     prior = np.geomspace(0.05, 10.0, 33)
     both = [Candidate(n, Place("", (n,)), "scalar", np.ones(1), prior, []) for n in ("one", "other")]
     hidden = Form((0.05, 0.05, 0.05), 0.0)
-    system = replace(plain, candidates=both, start=np.arange(3), blocks=[block], form_errors=(hidden,))
+    system = replace(plain, candidates=both, blocks=[block], form_errors=(hidden,))
     forms = forms_beside(system, ROWS[:3], [np.array([[1.0, 0.0]]), np.eye(2)])
     assert forms[0] == hidden
     left = {f: system.reduced(f).freed(np.array([[1.0, 0.0]])) for f in forms}
@@ -201,9 +202,7 @@ def test_terms_may_be_wrong_alike_in_all_blocks():
     ]
     labels = tuple(f"Z:{k}" for k in range(terms))
     free = Candidate(OTHER, Place("", labels), "vector", np.ones(terms), np.array([0.3]), [])
-    system = System(
-        [free], np.array([0, terms]), (), blocks, tuple(Form((0.03,) * terms, alike) for alike in (0.0, 1.0))
-    )
+    system = System([free], (), blocks, tuple(Form((0.03,) * terms, alike) for alike in (0.0, 1.0)))
     found = weigh(system)
     x, y = np.concatenate(columns, axis=1), np.concatenate(residuals)
 

@@ -10,16 +10,17 @@ from pitching import BANDS, SIZES, VEHICLE, Pitching, effect, flight
 from scipy.stats import norm
 
 from freqid.core.results.design import read_design, read_inputs
-from freqid.core.scenario import Reference
+from freqid.core.scenario import Reference, read_scenario
 from freqid.gap.diagnose import Question, diagnose
 from freqid.gap.infer.block_matrices import Form, Products
 from freqid.gap.infer.system import System
+from freqid.gap.infer.which import APART
 from freqid.gap.model.candidate import Candidate, Place
 from freqid.gap.next.excitations import STRONGEST, largest_scale, unflown
 from freqid.gap.next.ground_tests import TESTS, UNTESTABLE, distance
 from freqid.gap.next.next_test import ground_tables, propose_test
 from freqid.gap.next.predicted_flight import FlightContext, fly_alone, predict_columns
-from freqid.gap.next.rivals import APART, RivalExplanations, rivals_of
+from freqid.gap.next.rivals import RivalExplanations, rivals_of
 from freqid.simulate.effects import library
 
 
@@ -36,7 +37,7 @@ def rivals(columns, estimates, tolerances=()):
     block = Products.of(x, t, np.zeros(x.shape[1]), none, none, none).matrices()
     names = tuple(columns)
     found = [scalar(n) for n in names]
-    system = System(found, np.arange(len(x) + 1), tuple(f"t{i}" for i in range(len(t))), [block])
+    system = System(found, tuple(f"t{i}" for i in range(len(t))), [block], (Form(0.0, 0.0),))
     sizes = {n: np.array([s]) for n, s in zip(names, estimates, strict=True)}
     places = {n: (i,) for i, n in enumerate(names)}
     return RivalExplanations((names,), (names,), system, places, sizes, Form(0.0, 0.0))
@@ -106,9 +107,9 @@ def test_a_flight_flown_again_is_predicted_as_it_was(unsure):
     predicted = predict_columns(here, record.with_channels(*channels), like, 1)
     assert predicted is not None
     matrices = predicted.matrices()
-    old = here.rivals.system.blocks[0].at_loads(here.rivals.form_error.loads)[0]
+    old = here.rivals.system.blocks[0].at_loads(here.rivals.form_error.loads)
     n = here.rivals.system.columns
-    new = matrices.at_loads(here.rivals.form_error.loads)[0]
+    new = matrices.at_loads(here.rivals.form_error.loads)
     assert new[:n, :n] == pytest.approx(old[:n, :n], rel=0.1, abs=1e-3 * np.abs(old[:n, :n]).max())
     apart = here.rivals.separations(here.rivals.with_flight(matrices))
     assert apart["slow", "wide"] > 1.5 * here.rivals.now["slow", "wide"]
@@ -132,6 +133,64 @@ def test_the_proposed_flight_adds_separation_within_limits_and_can_be_flown(unsu
     record = fly_alone(Pitching(), design, "c1", found.blocks[0])
     assert record is not None
     assert largest_scale(record, VEHICLE, {}) >= 0.99
+
+
+SCENARIO = """
+[vehicle]
+name = "pitching"
+mass_kg = 10.0
+inertia = { xx = 1.5, yy = 2.0, zz = 3.0 }
+[[effector]]
+name = "d1"
+kind = "surface"
+limits = [-0.3, 0.3]
+[[effector]]
+name = "d2"
+kind = "surface"
+limits = [-0.3, 0.3]
+[[reference]]
+id = "c1"
+u = 20.0
+rho = 1.2
+[excitation]
+band_hz = [0.1, 2.0]
+period_s = 20.0
+periods = 1
+dt_s = 0.05
+effectors = ["d1", "d2"]
+"""
+
+
+def stating(folder, amplitude, rest=""):
+    """Return a scenario of the pitching body with an excitation of both surfaces."""
+    (folder / "scenario.toml").write_text(f"{SCENARIO}amplitude = {amplitude}\n{rest}")
+    return read_scenario(folder / "scenario.toml")[0]
+
+
+def test_a_limit_that_is_stated_for_the_condition_is_kept(unsure, tmp_path):
+    found, question = unsure
+    free = stating(tmp_path, 0.03)
+    design = tmp_path / "next.h5"
+    propose_test(found, Pitching(), question, free, design)
+    peak = largest_rate(design, found.blocks[0])
+    limited = stating(tmp_path, 0.03, f"[excitation.at.c1]\nabort = {{ q = {peak / 2} }}\n")
+    propose_test(found, Pitching(), question, limited, design)
+    assert largest_rate(design, found.blocks[0]) <= 0.81 * peak / 2
+
+
+def largest_rate(path, block):
+    record = fly_alone(Pitching(), read_design(path), "c1", block)
+    assert record is not None
+    return float(np.abs(record["state/q"] - record["state/q"][0]).max())
+
+
+def test_what_is_excited_without_an_amplitude_is_said(unsure, tmp_path):
+    found, question = unsure
+    table = propose_test(found, Pitching(), question, stating(tmp_path, "{ d1 = 0.03 }"), tmp_path / "n.h5")
+    assert (
+        table["no_flight"]
+        == "no excitation can be designed: excitation.amplitude lacks 'd2'; give it an amplitude."
+    )
 
 
 def test_a_limit_lowers_all_signals(unsure):

@@ -7,6 +7,7 @@ import pytest
 
 from freqid.gap.infer.block_matrices import Form, Products
 from freqid.gap.infer.system import System
+from freqid.gap.model.candidate import Candidate, Place
 from freqid.gap.model.changes import change
 from freqid.gap.self_test.insertions import insert, size_at
 
@@ -53,8 +54,8 @@ def test_an_insertion_is_what_the_full_formula_makes_of_the_stack(findings, used
             ).matrices(form_row=k.form_row)
             for k, z in zip(columns, fresh, strict=True)
         ]
-        start = np.append(system.start[:-1], system.columns + 1)
-        own = System(system.candidates, start, system.tolerances, matrices)
+        unit = Candidate("inserted", Place("", ("size",)), "scalar", np.ones(1), np.ones(1), [])
+        own = System([*system.candidates, unit], system.tolerances, matrices, ())
         rows = len(columns[0].form_names)
         for f in (Form((0.0,) * rows, 0.0), Form((0.02,) * rows, 0.0)):
             expected = own.reduced(f).G[-1]

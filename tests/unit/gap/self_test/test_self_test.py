@@ -38,6 +38,15 @@ def test_every_effect_is_answered_in_every_stratum(tested, library):
     assert sum(r.count for r in tested.outside.values()) == tested.outside["named"].of
 
 
+def test_of_a_gap_that_was_called_the_columns_are_still_those_of_the_evidence(diagnosed, library):
+    """Once it is named, an effect is computed at more sizes: that is another stack."""
+    found = diagnosed(late=("p_dps", "q_dps", "r_dps"), samples=3)
+    assert found.diagnosis.which.named == ("time_skew",)
+    assert all(len(c.effects) == found.evidence.system.columns for c in found.columns)
+    assert found.system.columns != found.evidence.system.columns
+    assert self_test(found, library, draws=5).strata[-1].detected.share == 1.0
+
+
 def test_the_diagnosis_is_calibrated_only_where_the_self_test_says_so(findings, tested):
     assert tested.calibrated == tested.reliability.holds
     said = with_self_test(findings.diagnosis, tested)

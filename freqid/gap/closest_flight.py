@@ -8,13 +8,13 @@ from functools import partial
 import numpy as np
 
 from freqid.gap.infer.evidence import Evidence, estimate
-from freqid.gap.model.testable import route_of
+from freqid.gap.model.testable import in_force_of, route_of
 from freqid.gap.settings import INTERVAL
 from freqid.gap.simulation import Settings, Simulation, side_by_side
 from freqid.gap.stack.block import Block, flown_again
 from freqid.simulate.effects.effect import Effect
 
-_NEAR = 0.2  # of a size of an effect: what tolerances do beside it changes by less than a tenth
+_NEAR = 0.2  # share of an effect's size: below it, tolerances' columns beside it change by less than a tenth
 
 
 def flown(
@@ -56,11 +56,9 @@ def effect_of_its_own(
     c = evidence.system.candidates[i]
     if c.kind != "scalar" or c.effect not in simulation.effects:
         return {}
-    effect, in_force = library[c.effect], simulation.effects[c.effect]
+    effect, in_force = library[c.effect], in_force_of(library[c.effect], simulation)
     size = float(estimate(evidence, i, INTERVAL).size[0])
-    settings = {
-        c.effect: {**in_force, **{n: in_force[n] + size for n in c.place.parameters}, **dict(c.place.fixed)}
-    }
+    settings = {c.effect: {**in_force, **c.place.settings(in_force, size)}}
     loads = route_of(effect, simulation) == "own" and effect.stage != "command"
     return {"effects": settings, "acting": settings} if loads else {"effects": settings}
 

@@ -342,7 +342,7 @@ def _with_consequence(findings: Findings, simulation: Simulation, question: Ques
     spread = []
     for e in findings.closed[0].explanation.estimates:
         c = e.candidate
-        settings[c.effect] = c.settings(e.size)
+        settings[c.effect] = c.place.settings(dict.fromkeys(c.place.parameters, 0.0), e.size)  # departures
         own = simulation.effects.get(c.effect, {})
         baseline[c.effect] = {n: own.get(n, 0.0) for n, _ in c.place.fixed}  # these are no departures
         names += [(c.effect, n) for n in c.place.parameters]

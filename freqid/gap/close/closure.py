@@ -171,13 +171,10 @@ def _again(evidence: Evidence, explanation: Explanation) -> Explanation:
     if len(explanation.places) == 1:
         found = (estimate(evidence, explanation.places[0], INTERVAL),)
         return Explanation(explanation.places, explanation.gains, found)
-    found = []
-    given = np.zeros(evidence.system.columns)
-    for i, e in zip(explanation.places, explanation.estimates, strict=True):
-        given[evidence.system.columns_of(i)] += e.weights
-    for i, e in zip(explanation.places, explanation.estimates, strict=True):
+    found, given = [], explanation.weights(evidence.system)
+    for i in explanation.places:
         others = given.copy()
-        others[evidence.system.columns_of(i)] -= e.weights
+        others[evidence.system.columns_of(i)] = 0.0
         found.append(estimate(evidence, i, INTERVAL, given=others))
     return Explanation(explanation.places, explanation.gains, tuple(found))
 

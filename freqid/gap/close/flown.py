@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from freqid.gap.close.score import Scored, shares_of
 from freqid.gap.fidelity import frequency_cost
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.model.candidate import Candidate
+from freqid.gap.model.testable import in_force_of
 from freqid.gap.model.tolerance import of_effects
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
@@ -37,10 +37,7 @@ class Flown:
     blocks: Sequence[Block]
     known_effects: Mapping[str, Effect]
     tolerances: Mapping[str, float]
-
-    @cached_property
-    def _flights(self) -> dict[int, OwnFlight | str]:
-        return {}
+    _flights: dict[int, OwnFlight | str] = field(default_factory=dict, repr=False)
 
     def flight(self, index: int) -> OwnFlight | str:
         """Return the flight under a block's injected signals, or why there is none."""
@@ -109,14 +106,11 @@ def motions(
         effect = _moved(own, s, candidates, index, s.fit.effect, places) + logged
         alone = _moved(own, s, candidates, index, s.fit.effect_alone, places) + logged
         tolerances = _within(own, flown, names, s)
-        for held, left in (
-            (before, apart),
-            (only, apart - alone),
-            (both, apart - effect - tolerances),
-        ):
-            held.append(own.energy(left))
-        left = [own.steady(z) for z in (apart, apart - effect - tolerances)]
-        _add_costs(costs, own, left[0], left[1])
+        left = apart - effect - tolerances
+        before.append(own.energy(apart))
+        only.append(own.energy(apart - alone))
+        both.append(own.energy(left))
+        _add_costs(costs, own, own.steady(apart), own.steady(left))
     whole = np.concatenate(before)
     rng = np.random.default_rng([seed, 4])
     afters = {"both": np.concatenate(both), "effect": np.concatenate(only)}
@@ -132,7 +126,8 @@ def _logged(
     for i, e in zip(explanation.places, explanation.estimates, strict=True):
         effect = library.get(candidates[i].effect)
         if effect is not None and effect.distort is not None:
-            total = total + own.logged_with(effect, candidates[i].settings(e.size))
+            force = in_force_of(effect, own.block.trial.simulation)
+            total = total + own.logged_with(effect, candidates[i].place.settings(force, e.size))
             found.add(i)
     return total, found
 
@@ -161,7 +156,8 @@ def _within(own: OwnFlight, flown: Flown, names: Sequence[str], scored: Scored) 
     for key, effect, name, sigma in of_effects(own.block.trial, flown.known_effects, flown.tolerances):
         if effect.distort is not None and key in fitted:
             moving[names.index(key)] = 0.0
-            total = total + own.logged_with(effect, {name: fitted[key] * sigma})
+            at = in_force_of(effect, own.block.trial.simulation)[name]
+            total = total + own.logged_with(effect, {name: at + fitted[key] * sigma})
     return total + own.moved_by(np.tensordot(moving, scored.columns.sigmas, 1))
 
 

@@ -158,7 +158,7 @@ class OwnFlight:
         return self._white(self.steady(left)[None])[0] ** 2 + self._unsteady[1]
 
     def _white(self, z: Complex) -> Array:
-        """Return spectra, shape (..., state, line), as real numbers of variance one, shape (..., number)."""
+        """Return spectra, shape (column, state, line), as numbers of variance one, shape (column, number)."""
         flat = (np.sqrt(2 / self.power) * z).reshape(len(z), -1)
         return np.concatenate([flat.real, flat.imag], axis=1)
 
@@ -174,8 +174,7 @@ class OwnFlight:
 
     def logged_with(self, effect: Effect, settings: Mapping[str, float]) -> Complex:
         """Return what an effect of sensors makes of the log of the flight, shape (state, line)."""
-        if effect.distort is None:
-            return np.zeros_like(self.flown)
+        assert effect.distort is not None
         values = {**in_force_of(effect, self.block.trial.simulation), **settings}
         logged = effect.distort(values, self.record)
         return _spectra(logged, self.states, self.block.lines)[:, self.lines] - self.flown

@@ -150,9 +150,9 @@ def responses(
     parts = []
     for s, index, columns in zip(scored, indices, tolerances, strict=True):
         effect = s.spectra(candidates, index, s.fit.effect)
-        moved = np.tensordot(s.fit.tolerances, columns, 1) if len(columns) else 0 * effect
+        moved = np.tensordot(s.fit.tolerances, columns, 1)
         residual = s.block.residual
-        simulated = s.block.transform(s.block.trial.simulated)
+        simulated = s.block.transform(s.block.trial.nominal.simulated)
         parts.append((s.block, residual, residual - effect - moved))
         for i, row in enumerate(s.block.rows):
             own, left = (_rms(s.block, z[i]) for z in (residual, residual - effect - moved))

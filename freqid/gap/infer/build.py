@@ -47,7 +47,7 @@ def build(
     known : dict of list of Candidate, optional
         By effect, candidates that stay as they are, on blocks whose noise is as loud as it was flown.
     """
-    found, not_tested = candidates(library, blocks, known or {})
+    found, not_tested = candidates(library, blocks, known)
     system, columns, parts, common = _straight(blocks, found, library, sizes, quiet=known is None)
     blocks = [p.block for p in parts]
     evidence = weigh(replace(system, form_errors=(common,), _reduced={}))
@@ -78,8 +78,7 @@ def at_their_size(
     system = evidence.system
     new = list(system.candidates)
     for i in likeliest(evidence):
-        if new[i].kind == "scalar":
-            new[i] = refined(new[i], float(estimate(evidence, i, INTERVAL).size[0]), library, blocks)
+        new[i] = refined(new[i], float(estimate(evidence, i, INTERVAL).size[0]), library, blocks)
     if all(a is b for a, b in zip(new, system.candidates, strict=True)):
         return system, list(columns)
     system, columns = rebuilt(system, new, columns, blocks)

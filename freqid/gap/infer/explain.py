@@ -32,7 +32,8 @@ class Explanation:
     places : tuple of int
         Candidates.
     gains : tuple of float
-        Nats by which each raised the evidence, given those before it.
+        Nats by which each raised the evidence when it was added, given those before it. The effects may have
+        been exchanged since.
     estimates : tuple of Estimate
         Of each alone where there is one; jointly where there are several.
     """
@@ -72,7 +73,6 @@ def explain(
     *,
     asked: bool = False,
     compute: Compute | None = None,
-    most: int = _MOST,
 ) -> tuple[Explanation, Evidence]:
     """Return an effect and those that the evidence supports beside it, and the evidence with them.
 
@@ -94,19 +94,19 @@ def explain(
     compute : callable, optional
         Returns the evidence once an explanation's effects, and other estimates beside it, are computed again
         at their sizes.
-    most : int
     """
     places, gains = [evidence.best_place(first)], [evidence.effect[first]]
     computed: list[int] = []
     while True:
         if compute is not None and places != computed:
             computed, evidence = places, _settled(evidence, _explanation(evidence, places, gains), compute)
-        if len(places) == most:
+        if len(places) == _MOST:
             break
         evidence = _with_forms_beside(evidence, places, terms)
         found = _finalists(evidence, places)
         if compute is not None and found:
-            others = [_beside(evidence, places, i) for _, i in found]
+            given = _weights(evidence, places)
+            others = [(i, estimate(evidence, i, INTERVAL, given=given)) for _, i in found]
             evidence = compute(evidence, _explanation(evidence, places, gains), others)
             found = _finalists(evidence, places)
         if not found or found[0][0] < SEPARATE:
@@ -147,11 +147,6 @@ def _finalists(evidence: Evidence, places: list[int]) -> list[tuple[float, int]]
     return [one for one in gains[:_FINALISTS] if one[0] >= least]
 
 
-def _beside(evidence: Evidence, places: list[int], index: int) -> tuple[int, Estimate]:
-    """Return a candidate and its size beside others as these are estimated."""
-    return index, estimate(evidence, index, INTERVAL, given=_weights(evidence, places))
-
-
 def _weights(evidence: Evidence, places: list[int]) -> Array:
     """Return the weights of all columns where some effects are as they are estimated together."""
     weights = np.zeros(evidence.system.columns)
@@ -161,14 +156,14 @@ def _weights(evidence: Evidence, places: list[int]) -> Array:
 
 
 def _with_forms_beside(evidence: Evidence, places: list[int], terms: Sequence[str]) -> Evidence:
-    """Return the evidence with the errors of form too that are likely beside effects and a second one."""
+    """Return the evidence with more errors of form: the likeliest beside effects, and beside a second one."""
     system = evidence.system
     if not terms:
         return evidence
-    first = free(evidence, places)
+    first, given = free(evidence, places), _weights(evidence, places)
     explanations = [first]
     for _, i in _finalists(evidence, places):
-        explanations.append(np.concatenate([first, directions(evidence, i, _weights(evidence, places))]))
+        explanations.append(np.concatenate([first, directions(evidence, i, given)]))
     forms = forms_beside(system, terms, explanations)
     if forms == system.form_errors:
         return evidence

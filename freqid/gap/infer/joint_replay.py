@@ -45,8 +45,7 @@ def settings_of(
         c = e.candidate
         if c.kind == "scalar" and c.effect in library:
             force = in_force_of(library[c.effect], simulation)
-            moved = {n: force[n] + float(e.size[0]) for n in c.place.parameters}
-            found.append((c.effect, moved | dict(c.place.fixed)))
+            found.append((c.effect, c.place.settings(force, e.size)))
     return found
 
 
@@ -95,11 +94,9 @@ def about_explanation(
     new = list(system.candidates)
     for i, e in zip(explanation.places, explanation.estimates, strict=True):
         before = acting[: next((k for k, (n, _) in enumerate(acting) if n == e.candidate.effect), 0)]
-        if e.candidate.kind == "scalar":
-            new[i] = refined(new[i], float(e.size[0]), library, blocks, before)
+        new[i] = refined(new[i], float(e.size[0]), library, blocks, before)
     for i, e in others:
-        if e.candidate.kind == "scalar":
-            new[i] = refined(new[i], float(e.size[0]), library, blocks, acting)
+        new[i] = refined(new[i], float(e.size[0]), library, blocks, acting)
     flown = acted_on(blocks, acting, library)
     alone = len(explanation.places) == 1 and flown[0] is blocks[0]
     if alone and all(a is b for a, b in zip(new, system.candidates, strict=True)):

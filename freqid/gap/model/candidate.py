@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Literal, NamedTuple
 
@@ -34,6 +35,11 @@ class Place:
     parameters: tuple[str, ...]
     fixed: tuple[tuple[str, float], ...] = ()
     effectors: tuple[str, ...] = ()
+
+    def settings(self, in_force: Mapping[str, float], size: float | Array) -> dict[str, float]:
+        """Return the effect's parameters at a size, or at one each, added to their values in force."""
+        sizes = np.broadcast_to(size, len(self.parameters)).tolist()
+        return {n: in_force[n] + s for n, s in zip(self.parameters, sizes, strict=True)} | dict(self.fixed)
 
 
 class Curve(NamedTuple):
@@ -105,10 +111,12 @@ class Candidate:
         weights = weights if self.curve is None else weights @ self.curve.mix
         return weights if np.ndim(size) else weights[0]
 
-    def settings(self, size: float | Array) -> dict[str, float]:
-        """Return the effect's parameters at a size, as departures from their values in force."""
-        values = np.broadcast_to(np.asarray(size, dtype=float), (len(self.place.parameters),))
-        return dict(zip(self.place.parameters, values.tolist(), strict=True)) | dict(self.place.fixed)
+    def settings(self, column: int, in_force: Mapping[str, float], share: float = 1.0) -> dict[str, float]:
+        """Return the effect's parameters at which a column is computed, at a share of its size."""
+        place = self.place
+        if self.kind == "vector":
+            place = replace(place, parameters=place.parameters[column : column + 1])
+        return place.settings(in_force, share * self.sizes[column])
 
 
 def _straight(sizes: Array, wanted: Array) -> Array:

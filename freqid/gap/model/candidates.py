@@ -93,23 +93,20 @@ def _with_shapes(
 ) -> list[Candidate]:
     """Return an effect of one size, with what else it has at its default and at a few other values."""
     size = effect.size
-    found = [_placed(c, Place("", (size,))) for c in moving.values()]
+    if size not in free:  # its scale is zero: it is taken as known
+        return []
+    found = [replace(c, place=Place("", (size,))) for c in moving.values()]
     for name, parameter in free.items():
         if name == size:
             continue
-        beside = (parameter.default - 2 * parameter.scale, parameter.default + 2 * parameter.scale)
-        values = parameter.looked_at or tuple(np.clip(beside, parameter.low, parameter.high).tolist())
+        two_sigma = (parameter.default - 2 * parameter.scale, parameter.default + 2 * parameter.scale)
+        values = parameter.looked_at or tuple(np.clip(two_sigma, parameter.low, parameter.high).tolist())
         for value in values:
             if value != parameter.default:
                 place = Place(f"{name}={value:.4g}", (size,), ((name, value),))
                 made = _scalar(effect, place, free[size], blocks)
                 found += [made] if made else []
     return found
-
-
-def _placed(candidate: Candidate, place: Place) -> Candidate:
-    c = candidate
-    return Candidate(c.effect, place, c.kind, c.sizes, c.prior, c.columns, c.unit, c.bounds, c.curve)
 
 
 def _effectors_of(name: str, vehicle: Vehicle) -> tuple[str, ...]:
@@ -146,7 +143,7 @@ def _scalar(effect: Effect, place: Place, of: Parameter, blocks: Sequence[Block]
     force = {n: in_force_of(effect, blocks[0].trial.simulation)[n] for n in place.parameters}
 
     def at(size: float) -> list[Complex] | None:
-        settings = {n: force[n] + size for n in place.parameters} | dict(place.fixed)
+        settings = place.settings(force, size)
         try:
             made = side_by_side(
                 blocks[0].trial.simulation,
@@ -209,13 +206,11 @@ def recomputed(candidate: Candidate, library: Mapping[str, Effect], blocks: Sequ
         force = in_force_of(effect, block.trial.simulation)
         trial = beside(others, block.trial)
         made = []
-        for k, size in enumerate(c.sizes):
-            moved = c.place.parameters if c.kind == "scalar" else c.place.parameters[k : k + 1]
-            fixed = dict(c.place.fixed)
+        for k in range(c.sizes.size):
             for share in (1.0,) if c.kind == "scalar" else _SHARES:
-                settings = {n: force[n] + share * size for n in moved} | fixed
                 try:
-                    made.append(block.transform(change(effect, trial, settings)) / share)
+                    moved = change(effect, trial, c.settings(k, force, share))
+                    made.append(block.transform(moved) / share)
                     break
                 except ImpossibleSettings:
                     if c.kind == "scalar" or share == _SHARES[-1]:
@@ -227,13 +222,9 @@ def recomputed(candidate: Candidate, library: Mapping[str, Effect], blocks: Sequ
 def _free_changes(block: Block, labels: Sequence[str]) -> Complex:
     """Return the columns of `OTHER` on one block in the order of some labels; zero where it has none."""
     own = _other([block])
-    shape = (len(labels), len(block.rows), block.lines.hz.size)
-    z = np.zeros(shape, dtype=complex)
-    if own:
-        for k, label in enumerate(labels):
-            if label in own.place.parameters:
-                z[k] = own.columns[0][own.place.parameters.index(label)]
-    return z
+    known = dict(zip(own.place.parameters, own.columns[0], strict=True)) if own else {}
+    none = np.zeros((len(block.rows), block.lines.hz.size), dtype=complex)
+    return np.array([known.get(n, none) for n in labels])
 
 
 def _other(blocks: Sequence[Block]) -> Candidate | None:
@@ -242,15 +233,15 @@ def _other(blocks: Sequence[Block]) -> Candidate | None:
     columns: list[Complex] = []
     for block in blocks:
         kinds = [r.kind for r in block.rows]
-        made, keys, seen = [], [], dict[int, int]()
+        made, keys, place = [], [], dict[int, int]()
         for i, _, spectrum in [*load_terms(block), *actuator_terms(block)]:
-            seen[i] = seen.get(i, -1) + 1
+            place[i] = place.get(i, -1) + 1
             for phase in (1, 1j) if kinds[i] == "actuator" else (1,):
                 z = np.zeros((len(block.rows), block.lines.hz.size), dtype=complex)
                 z[i] = phase * spectrum
                 made.append(z)
-                keys.append((f"{block.rows[i].name}{'' if phase == 1 else ' out of phase'}", seen[i]))
-        if names and keys != names:
+                keys.append((f"{block.rows[i].name}{'' if phase == 1 else ' out of phase'}", place[i]))
+        if columns and keys != names:
             common = [k for k in names if k in keys]
             columns = [c[[names.index(k) for k in common]] for c in columns]
             made = [made[keys.index(k)] for k in common]

@@ -60,7 +60,7 @@ def refined(
     low, high = c.bounds
 
     def at_size(s: float) -> list[Complex]:
-        settings = {n: force[n] + s for n in c.place.parameters} | dict(c.place.fixed)
+        settings = c.place.settings(force, s)
         return [b.transform(change(effect, t, settings)) for b, t in zip(blocks, trials, strict=True)]
 
     if c.sizes.size == 1 and not anew and _is_straight(c, size, at_size, blocks):

@@ -54,5 +54,5 @@ def route_of(effect: Effect, simulation: Simulation) -> str | None:
 def in_force_of(effect: Effect, simulation: Simulation) -> dict[str, float]:
     """Return the settings that a simulation has an effect at: zero size where it does not have it."""
     if route_of(effect, simulation) == "own":
-        return dict(simulation.effects[effect.id])
-    return {name: p.default for name, p in effect.parameters.items()} | {effect.size: 0.0}
+        return {n: p.default for n, p in effect.parameters.items()} | dict(simulation.effects[effect.id])
+    return {n: p.default for n, p in effect.parameters.items()} | {effect.size: 0.0}

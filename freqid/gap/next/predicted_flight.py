@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -84,8 +85,6 @@ class PredictedFlight:
 
     Attributes
     ----------
-    record : FlightRecord
-        Without noise.
     effects, tolerances, own, shared, form : ndarray, shape (column, number)
         `own` are unknowns of this flight alone, `shared` errors of form of size one that are the same in
         all flights; `form` at the size that the data give.
@@ -93,7 +92,6 @@ class PredictedFlight:
         Term of each of the shared.
     """
 
-    record: FlightRecord
     effects: Array
     tolerances: Array
     own: Array
@@ -219,19 +217,8 @@ def predict_columns(
 
 def _block(around: FlightContext, record: FlightRecord, like: Block, periods: int) -> Block | None:
     maneuver = Maneuver(record, like.trial.maneuver.vehicle)
-    plain = Trial.of(around.simulation, maneuver, carries=False)
-    trial = _QuickTrial(
-        plain.simulation,
-        plain.maneuver,
-        plain.measured,
-        plain.predicted,
-        plain.positions,
-        plain.inputs,
-        plain.sent,
-        carries=False,
-        still=around.airframe,
-    )
-    rows, there = [r.name for r in plain.measured.rows], [r.name for r in like.rows]
+    trial = replace(_QuickTrial.of(around.simulation, maneuver, carries=False), still=around.airframe)
+    rows, there = [r.name for r in trial.measured.rows], [r.name for r in like.rows]
     if not set(rows) <= set(there):
         return None
     lines = lines_of(record, around.band_hz)
@@ -269,7 +256,7 @@ def _columns(around: FlightContext, block: Block, like: Block) -> PredictedFligh
     same = shared_columns(block)
     alike = [same.get(n, none) for n in before.shared_names]
     x, t, o, a, d = (_white(block, z) for z in (effects, tolerances, own, alike, form))
-    return PredictedFlight(block.trial.maneuver.record, x, t, o, a, d, before.matrices.shared_row)
+    return PredictedFlight(x, t, o, a, d, before.matrices.shared_row)
 
 
 def _white(block: Block, columns: Sequence[Complex]) -> Array:
@@ -287,13 +274,9 @@ def _columns_of(candidate: Candidate, effect: Effect, block: Block) -> Complex:
     if untestable(effect, block.trial):
         return found
     force = in_force_of(effect, block.trial.simulation)
-    for k, size in enumerate(c.sizes):
-        moved = c.place.parameters if c.kind == "scalar" else (c.place.parameters[k],)
-        settings = {n: force[n] + float(size) for n in moved} | dict(c.place.fixed)
-        try:
-            found[k] = block.transform(change(effect, block.trial, settings))
-        except ImpossibleSettings:
-            continue
+    for k in range(c.sizes.size):
+        with suppress(ImpossibleSettings):
+            found[k] = block.transform(change(effect, block.trial, c.settings(k, force)))
     return found
 
 

@@ -111,14 +111,13 @@ def insert(
     wanted = list(_wanted(evidence, form_error, goals, rng))
     exact = [w for w in wanted if _proportional(evidence.system.candidates[w.candidate])]
     computed = [w for w in wanted if not _proportional(evidence.system.candidates[w.candidate])]
-    made: list[list[Complex]] = []
     system = evidence.system
-    for last in (False,) * (_ROUNDS - 1) + (True,):
+    for k in range(_ROUNDS):
         pairs = [(w, z) for w in computed if (z := _change(w, evidence.system, library, blocks)) is not None]
         computed, made = [w for w, _ in pairs], [z for _, z in pairs]
         system = _extended(evidence.system, columns, blocks, made)
         power = np.diag(system.reduced(form_error).G)[evidence.system.columns :]
-        if last or np.all(np.abs(power / [w.goal for w in computed] - 1) < _CLOSE):
+        if k == _ROUNDS - 1 or np.all(np.abs(power / [w.goal for w in computed] - 1) < _CLOSE):
             break
         computed = [_corrected(w, p, evidence.system) for w, p in zip(computed, power, strict=True)]
     found = []
@@ -230,14 +229,13 @@ def _change(
     c = system.candidates[wanted.candidate]
     effect = library[c.effect].of(blocks[0].trial.maneuver.vehicle)
     force = in_force_of(effect, blocks[0].trial.simulation)
-    values = np.broadcast_to(wanted.size, (len(c.place.parameters),))
-    settings = {n: force[n] + float(s) for n, s in zip(c.place.parameters, values, strict=True)}
-    for name, value in settings.items():
+    settings = c.place.settings(force, wanted.size)
+    for name in c.place.parameters:
         parameter = effect.parameters[name]
-        if not parameter.low <= value <= parameter.high:
+        if not parameter.low <= settings[name] <= parameter.high:
             return None
     try:
-        return [b.transform(change(effect, b.trial, settings | dict(c.place.fixed))) for b in blocks]
+        return [b.transform(change(effect, b.trial, settings)) for b in blocks]
     except ImpossibleSettings:
         return None
 

@@ -27,7 +27,7 @@ from freqid.cli.options import FILE
     "--effect", "effects", multiple=True, help="Effect to close the gap with; may be repeated: together."
 )
 @options.own_effects
-@options.band("the scenario's, else what the injected signals drive")
+@options.band("the scenario's, else what is injected; the mean and what is slower than LOW count too")
 @click.option(
     "--tolerance",
     "tolerances",

@@ -84,9 +84,8 @@ def maneuvers(
     DataError
         Where vehicles do not match, or a record is too short or too still to tell anything.
     """
-    if (
-        simulation.kind == "scenario"
-    ):  # it needs u v w; others would gain relations that their sensors only copy
+    # a scenario needs u v w; others would gain relations that their sensors only copy
+    if simulation.kind == "scenario":
         records = [with_velocity(record) for record in records]
     found = [
         Maneuver.of(r, vehicle or r.vehicle or simulation.vehicle or without_vehicle("unnamed vehicle", r))
@@ -95,7 +94,7 @@ def maneuvers(
     for record, name in zip(records, names, strict=True):
         _refuse_without_motion(record, name)
         _refuse_stuck(record, name)
-    _told_apart(records, names)
+    _refuse_duplicates(records, names)
     first = found[0].vehicle
     for m, name in zip(found[1:], names[1:], strict=True):
         if m.vehicle.effector_kinds != first.effector_kinds:
@@ -142,8 +141,8 @@ def injected_band(records: Sequence[FlightRecord]) -> tuple[float, float]:
     """Return the band, Hz, that the injected signals of all records drive; `BAND_HZ` without any."""
     driven = []
     for record in records:
-        lines = lines_of(record, (1.5 / record.duration, 0.4 / record.dt))
-        driven += list(lines.hz[lines.owner >= 0])
+        lines = lines_of(record, 0.4 / record.dt)
+        driven += list(lines.hz[lines.driven])
     if not driven:
         return BAND_HZ
     return max(0.8 * min(driven), 1e-3), 1.05 * max(driven)
@@ -218,7 +217,7 @@ def refuse_without_noise(records: Sequence[FlightRecord], names: Sequence[str]) 
         )
 
 
-def _told_apart(records: Sequence[FlightRecord], names: Sequence[str]) -> None:
+def _refuse_duplicates(records: Sequence[FlightRecord], names: Sequence[str]) -> None:
     for i, record in enumerate(records):
         for other, name in zip(records[:i], names, strict=False):
             if _same(record, other):

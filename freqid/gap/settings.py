@@ -47,8 +47,7 @@ integrates differs by as much again: with 0.002 the lag of a late elevator was t
 """
 
 ACTUATOR_FORM_ERRORS = (0.0, 0.003, 0.02)
-"""Sizes of the actuators' error of form where two simulations are compared: share of their movement.
-"""
+"""Sizes of the actuators' error of form where two simulations are compared: share of their movement."""
 
 FORM_ORDER = 4
 """Highest Chebyshev polynomial in frequency of an error of form."""

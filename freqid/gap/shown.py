@@ -10,7 +10,6 @@ from scipy.linalg import cho_factor, cho_solve
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.results.gap import BeforeAfter, GapResult, Increment, ResidualSpectra
-from freqid.gap.close.fit import Fit
 from freqid.gap.close.score import Scored
 from freqid.gap.diagnose import Findings
 from freqid.gap.infer.where import coherence
@@ -87,14 +86,10 @@ def _before_after(findings: Findings) -> list[BeforeAfter]:
     for i in at:
         block, columns = closing.blocks[i], closing.columns[i]
         effect = Scored(block, columns, fit).spectra(closing.system.candidates, i, fit.effect)
-        change = effect + _of_tolerances(fit, columns.sigmas)
+        change = effect + np.tensordot(fit.tolerances, columns.sigmas, 1)
         made.append((float((np.abs(effect) ** 2 / block.noise_power).sum()), block, change))
     made.sort(key=lambda one: -one[0])
     return [_histories(block, change, held_out) for _, block, change in made[:_DRAWN]]
-
-
-def _of_tolerances(fit: Fit, sigmas: Complex) -> Complex:
-    return np.tensordot(fit.tolerances, sigmas, 1)
 
 
 def _histories(block: Block, change: Complex, held_out: bool) -> BeforeAfter:

@@ -102,32 +102,7 @@ def checked_departures(
 
 
 class Simulation(Protocol):
-    """A simulation that is replayed on what an aircraft flew; ``connect/`` holds one adapter a file.
-
-    Attributes
-    ----------
-    name : str
-        For messages and reports.
-    kind : {"scenario", "callable", "predictions", "fmu", "jsbsim"}
-    responses : tuple of str
-        What it predicts: among X Y Z L M N, N and N m about the instantaneous centre of gravity, their
-        coefficients CX ... Cn, or state channels such as q.
-    vehicle : Vehicle or None
-        As the simulation has it; None where it does not say.
-    effects : dict of dict of float
-        Effects that it models itself, with the settings in force: these are tested as errors in them.
-    parts : tuple of str
-        Fields that effects may need and the vehicle does not have, ``simulation.airframe.wake`` for one.
-    tolerances : dict of Tolerance
-        The simulation's own parameters that may be off, by name; empty where none are known.
-    can_fly : bool
-        Whether `fly` returns a flight.
-    has_actuators : bool
-        Whether `positions` may return something.
-    gyroscopic : bool or None
-        Whether its wrench leaves the gyroscopic moments of the vehicle's rotors to the rigid body, so that
-        they are subtracted from the measured moments; None where nobody said.
-    """
+    """A simulation that is replayed on what an aircraft flew; ``connect/`` holds one adapter a file."""
 
     @property
     def name(self) -> str:
@@ -136,47 +111,54 @@ class Simulation(Protocol):
 
     @property
     def kind(self) -> str:
-        """Which adapter it came through."""
+        """Which adapter it came through: scenario, callable, predictions, fmu or jsbsim."""
         ...
 
     @property
     def responses(self) -> tuple[str, ...]:
-        """What it predicts."""
+        """What it predicts.
+
+        Among X Y Z L M N, N and N m about the instantaneous centre of gravity, their coefficients CX ... Cn,
+        or state channels such as q.
+        """
         ...
 
     @property
     def vehicle(self) -> Vehicle | None:
-        """As the simulation has it."""
+        """As the simulation has it; None where it does not say."""
         ...
 
     @property
     def effects(self) -> Settings:
-        """What it models itself, with the settings in force."""
+        """Effects that it models itself, with the settings in force: these are tested as errors in them."""
         ...
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """Fields that effects may need beside the vehicle's."""
+        """Fields that effects may need beside the vehicle's, ``simulation.airframe.wake`` for one."""
         ...
 
     @property
     def tolerances(self) -> Mapping[str, Tolerance]:
-        """Its own parameters that may be off."""
+        """Its own parameters that may be off, by name; empty where none are known."""
         ...
 
     @property
     def can_fly(self) -> bool:
-        """Whether it has a flight of its own."""
+        """Whether `fly` returns a flight."""
         ...
 
     @property
     def has_actuators(self) -> bool:
-        """Whether it turns commands into positions."""
+        """Whether `positions` may return something."""
         ...
 
     @property
     def gyroscopic(self) -> bool | None:
-        """Whether the rotors' gyroscopic moments are left to the rigid body."""
+        """Whether its wrench leaves the gyroscopic moments of the vehicle's rotors to the rigid body.
+
+        They are then subtracted from the measured moments; None where nobody said.
+        """
         ...
 
     def predict(

@@ -115,7 +115,7 @@ def _said(effect: str, which: Which) -> str:
     """Return an effect with its place and its size."""
     place = which.places.get(effect, "")
     sizes = which.parameters.get(effect, {})
-    label = f"{effect} of {place}" if place and place not in ("all",) and "=" not in place else effect
+    label = f"{effect} of {place}" if place and place != "all" and "=" not in place else effect
     if len(sizes) == 1 or (sizes and "=" in place):
         one = next(iter(sizes.values()))
         return f"{label} {_number(one.estimate, one.unit)} ({one.lo:.2g} to {one.hi:.2g})"

@@ -119,7 +119,7 @@ def _refuse_constants(comparisons: Sequence[Comparison], where: str) -> None:
 
 def _not_its_own(comparisons: Sequence[Comparison]) -> list[Finding]:
     """Return a finding where a simulation does not reproduce flights of its own."""
-    nothing = Fault("", "", "", "", mend=lambda record: record)
+    nothing = Fault("", "", "", "")
     left = np.mean([energy(t.residual(t.predicted)) - t.noise(nothing) for t in comparisons], axis=0)
     worst = int(np.argmax(left))
     if left[worst] < _OWN:

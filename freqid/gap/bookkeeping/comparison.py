@@ -86,8 +86,8 @@ class Comparison:
             return total
         return total / _DRAWS
 
-    def linear(self, fault: Fault) -> Array | None:
-        """Return the same by the derivatives along the record, for finding candidates."""
+    def linear(self, fault: Fault) -> Array:
+        """Return the prediction with one more mistake of inputs taken back, to first order: to rank them."""
         record = self._mended(())
         names = [n for n in record.channels if n.partition("/")[0] in ("state", "effector")]
         if self._slopes is None:

@@ -71,11 +71,10 @@ def rotor_account(
     moments = [n for n in simulation.responses if COEFFICIENT.get(n, n) in ("L", "M", "N")]
     # a recorded moment is what it is; only a reconstructed one is made with the rotors
     made = [n for n in moments if not all(f"response/{n}" in record for record in records)]
-    if described is None or not made or not any(rotor.inertia for rotor in described.rotors):
+    spinning = described is not None and any(rotor.inertia for rotor in described.rotors)
+    if described is None or not made or not spinning or simulation.gyroscopic is True:
         return RotorAccount(described)
     without = without_rotor_inertia(described)
-    if simulation.gyroscopic is True:
-        return RotorAccount(described)
     if simulation.gyroscopic is False:
         return RotorAccount(
             without,

@@ -36,7 +36,7 @@ def connect(
     predictions : sequence of Path, optional
         Recorded predictions in place of a simulation.
     record : FlightRecord, optional
-        On which a function that does not state its responses is asked for them.
+        On which a function is evaluated once to learn its responses, if it does not state them.
 
     Raises
     ------
@@ -47,16 +47,14 @@ def connect(
     """
     if sim is not None and predictions:
         raise UsageError("both a simulation and recorded predictions are given", remedy="give one of them")
-    described = scenario
-    if scenario is not None and not isinstance(scenario, Scenario):
-        described = read_scenario(scenario)[0]
-    beside = described.aircraft() if isinstance(described, Scenario) else None
+    described = read_scenario(scenario)[0] if isinstance(scenario, str | Path) else scenario
+    beside = described.aircraft() if described else None
     if predictions:
         from freqid.gap.connect import predictions as recorded
 
         return recorded.load(predictions, beside)
     if sim is None:
-        if not isinstance(described, Scenario):
+        if described is None:
             raise UsageError("no simulation is given", remedy=f"give --sim {KINDS}, or --predictions P.h5")
         from freqid.gap.connect.scenario import ScenarioSimulation
 

@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from freqid.core.arrays import Array
 from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
-from freqid.gap.connect.loads import Along, torques
+from freqid.gap.connect.loads import Along, piece, torques
 from freqid.gap.simulation import Settings
 from freqid.simulate.effects import actuator_delay, actuator_lag, battery_sag, rate_limit
 from freqid.simulate.loads import airframe
@@ -128,7 +128,7 @@ def _arriving(first: float, sent: Array, delay: float, lag: float) -> Array:
 
 
 def _between_steps(values: Array, time: Array) -> Array:
-    """Return values at every step, shape (step, ...), at some times: of the cubic through the next four."""
+    """Return values at every step, shape (step, ...), at some times: by the cubic through four of them."""
     at = time / STEP
     k = np.clip(at.astype(int), 1, len(values) - 3)
     s = (at - k)[:, None]
@@ -213,16 +213,10 @@ def follow(
     count, legs = len(ratio) - 1, []
     schedule = (arriving, ratio[:-1], ratio[1:])
     for first in range(0, count, _LEG):
-        now = jax.tree.map(lambda x: _leg(x, first), schedule)  # noqa: B023  used at once
+        now = jax.tree.map(lambda x: piece(x, first, _LEG), schedule)  # noqa: B023  used at once
         positions, carry = _followed(actuators, lag, carry, now)
         legs.append(jax.tree.map(np.asarray, positions))
     return jax.tree.map(lambda *x: np.concatenate(x)[:count], *legs)
-
-
-def _leg(values: Array, first: int) -> Array:
-    piece = np.asarray(values[first : first + _LEG])
-    short = _LEG - len(piece)
-    return np.concatenate([piece, np.repeat(piece[-1:], short, axis=0)]) if short else piece
 
 
 @jax.jit

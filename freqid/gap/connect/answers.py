@@ -16,7 +16,6 @@ KNOWN = {**RESPONSE, **STATE}
 
 _DIVERGED = 100.0
 """Of a channel's largest value in the record, or of one SI unit: a flight beyond this is none any more."""
-_EFFECTORS = ("effector",)
 
 
 def stacked(
@@ -75,15 +74,15 @@ def stacked(
 def row(values: Any, name: str, time: Array, where: str) -> Array:
     """Return one predicted signal, shape (sample,); a single number is held. Errors as in `stacked`."""
     try:
-        complex_valued = np.iscomplexobj(values)
-        found = np.asarray(values.real if complex_valued else values, dtype=float)
+        given = np.asarray(values)
+        found = np.asarray(np.real(given), dtype=float)
     except (TypeError, ValueError):
         raise DataError(
             f"what the simulation returned as '{name}' is no array of numbers but {type(values).__name__}",
             where=where,
             remedy=f"return one number a sample, an array of shape {time.shape}",
         ) from None
-    if complex_valued:
+    if np.iscomplexobj(given):
         raise DataError(
             f"what the simulation returned as '{name}' is complex, expected real numbers",
             where=where,
@@ -158,11 +157,11 @@ def check_moving(names: Sequence[str], rows: Array, record: FlightRecord, where:
     ------
     DataError
     """
-    if rows.shape[1] < 2 or np.ptp(rows, axis=1).any() or not _moves(record, _EFFECTORS):
+    if rows.shape[1] < 2 or np.ptp(rows, axis=1).any() or not _moves(record, ("effector",)):
         return
     raise DataError(
         f"the simulation returned the constant {rows[0, 0]:.4g} as '{names[0]}', and nothing that moves, "
-        "while states or effectors of the record move",
+        "while effectors of the record move",
         where=where,
         remedy="compute the responses from state and effector, sample by sample",
     )

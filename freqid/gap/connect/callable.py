@@ -6,7 +6,8 @@ import importlib.util
 import sys
 import traceback
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -62,7 +63,7 @@ class CallableSimulation:
     name: str
     responses: tuple[str, ...] = ()
     vehicle: Vehicle | None = None
-    effects: Settings = None  # type: ignore[assignment]
+    effects: Settings = field(default_factory=dict)
     source: str = ""
     kind: Literal["callable"] = "callable"
     parts: tuple[str, ...] = ()
@@ -82,7 +83,6 @@ class CallableSimulation:
                     where=self.name,
                     remedy=f"give a function, or leave out {hook}",
                 )
-        fill("effects", {})
         fill("tolerances", _tolerances(self.function, self.effects, self.name))
         fill("gyroscopic", _gyroscopic(self.function, self.name))
 
@@ -160,8 +160,8 @@ class CallableSimulation:
 
     def _parameters(self, changed: Settings | None, departures: Departures | None) -> dict[str, Any]:
         """Return settings by effect and departures by name, as the function gets them."""
-        names = {**self.effects, **(changed or {})}
-        settings = {i: {**self.effects.get(i, {}), **(changed or {}).get(i, {})} for i in names}
+        changed = changed or {}
+        settings = {i: {**self.effects.get(i, {}), **changed.get(i, {})} for i in {**self.effects, **changed}}
         own = checked_departures(departures, self.tolerances, self.name)
         return {**settings, **dict.fromkeys(self.tolerances, 0.0), **own}
 
@@ -321,7 +321,7 @@ def simulation_of(
         )
     responses = tuple(stated)
     for response in responses:
-        if response not in answers.KNOWN:
+        if not isinstance(response, str) or response not in answers.KNOWN:
             raise DataError(
                 f"'{response}' among the responses is no response and no state",
                 where=name,
@@ -330,14 +330,24 @@ def simulation_of(
     vehicle = getattr(function, "vehicle", None)
     if isinstance(vehicle, str | Path):
         vehicle = read_scenario(Path(source).parent / vehicle)[0].aircraft()
+    if vehicle is not None and not isinstance(vehicle, Vehicle):
+        raise DataError(
+            f"vehicle is {type(vehicle).__name__}, expected a Vehicle or the path of a scenario",
+            where=name,
+            remedy='write vehicle = "my_aircraft.toml", beside this file',
+        )
     effects = getattr(function, "effects", {})
-    if not isinstance(effects, Mapping) or not all(isinstance(x, Mapping) for x in effects.values()):
+    if not isinstance(effects, Mapping) or not all(map(_are_settings, effects.values())):
         raise DataError(
             f"effects is {effects!r}, expected settings by effect",
             where=name,
             remedy='write effects = {"extra_drag": {"coefficient": 0.1}}',
         )
     return CallableSimulation(function, name, responses, vehicle, effects, source)
+
+
+def _are_settings(value: Any) -> bool:
+    return isinstance(value, Mapping) and all(isinstance(x, int | float) for x in value.values())
 
 
 def import_file(path: Path) -> Any:
@@ -353,13 +363,15 @@ def import_file(path: Path) -> Any:
         raise UsageError("it is no Python file", where=str(path), remedy="write FILE.py:NAME")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
-    sys.path.insert(0, str(path.parent.resolve()))  # its neighbours
+    folder = str(path.parent.resolve())
+    sys.path.insert(0, folder)  # its neighbours
     try:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         raise DataError(f"the file cannot be run: {_described(error, str(path))}", where=str(path)) from error
     finally:
-        sys.path.pop(0)
+        with suppress(ValueError):  # the file may have changed the path itself
+            sys.path.remove(folder)
     return module
 
 

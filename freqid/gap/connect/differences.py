@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from freqid.core.arrays import Array
-from freqid.core.channels import VELOCITY
+from freqid.core.channels import FLOW, VELOCITY
 from freqid.core.record import FlightRecord
 from freqid.dynamics.frames import flow_angles
 
@@ -80,15 +80,12 @@ def moved(record: FlightRecord, name: str, step: float) -> FlightRecord:
     """Return a record with one channel changed by a constant, and the air data that follow from it."""
     channel = record.channel(name)
     changed = {name: channel.values + step}
-    follows = [n for n in ("V", "alpha", "beta") if f"air/{n}" in record]
     if name in VELOCITY and all(n in record for n in VELOCITY):
         before = record.matrix(VELOCITY)
         after = before.copy()
         after[VELOCITY.index(name)] += step
         change = np.subtract(flow_angles(after), flow_angles(before))
-        for row, which in zip(change, ("V", "alpha", "beta"), strict=True):
-            if which in follows:
-                changed[f"air/{which}"] = record[f"air/{which}"] + row
+        changed |= {n: record[n] + row for n, row in zip(FLOW, change, strict=True) if n in record}
     if "air/qbar" in record and "air/V" in record and "air/rho" in record and name != "air/qbar":
         rho, speed = (changed.get(n, record[n]) for n in ("air/rho", "air/V"))
         old = record["air/rho"] * record["air/V"] ** 2

@@ -36,6 +36,10 @@ class FmuSimulation:
     responses : tuple of str
     inputs, outputs : dict of int
         Value references by name, as the FMU describes them.
+    description
+        Of the FMU, as fmpy reads it.
+    folder : str
+        Where it is unpacked.
     vehicle : Vehicle or None
     """
 
@@ -65,7 +69,7 @@ class FmuSimulation:
     ) -> Array:
         """Return the responses, shape (response, sample)."""
         self._nothing_to_set(effects, departures)
-        given = {n: row for n in self.inputs if (row := self._channel(record, n)) is not None}
+        given = self._given(record)
         lacking = [n for n in self.inputs if n not in given and not n.startswith("command.")]
         if lacking:
             raise DataError(
@@ -73,7 +77,9 @@ class FmuSimulation:
                 where=self.name,
                 remedy="name its inputs as the record's channels: state.u, effector.de1, air.rho",
             )
-        outputs = [self._output("response.", r) or self._output("state.", r) or r for r in self.responses]
+        outputs = [
+            next(n for n in (f"response.{r}", f"state.{r}", r) if n in self.outputs) for r in self.responses
+        ]
         rows = self._stepped(record.time, given, outputs)
         predicted = dict(zip(self.responses, rows, strict=True))
         names, rows = answers.stacked(predicted, record.time, self.name, self.responses)
@@ -96,7 +102,7 @@ class FmuSimulation:
         """Return its outputs ``effector.<name>`` at the record's commands; empty where it has none."""
         self._nothing_to_set(effects, departures)
         names = [n for n in record.group("command") if f"effector.{n}" in self.outputs]
-        given = {n: row for n in self.inputs if (row := self._channel(record, n)) is not None}
+        given = self._given(record)
         if not names or not any(n.startswith("command.") for n in given):
             return {}
         rows = self._stepped(record.time, given, [f"effector.{n}" for n in names])
@@ -112,18 +118,14 @@ class FmuSimulation:
         if effects:
             raise UsageError("an FMU has no effects that could be set", where=self.name)
 
-    def _output(self, prefix: str, response: str) -> str | None:
-        return prefix + response if prefix + response in self.outputs else None
-
-    def _channel(self, record: FlightRecord, name: str) -> Array | None:
-        """Return the signal that an input is named after; None where the record has none."""
-        group, _, short = name.rpartition(".")
+    def _given(self, record: FlightRecord) -> dict[str, Array]:
+        """Return the record's signal by the input that is named after it; other inputs are left out."""
         state, effector, air = arguments(record, self.vehicle)
         command = {n: record[f"command/{n}"] for n in record.group("command")}
         tables = {"state": state, "effector": effector, "air": air, "command": command}
-        if group:
-            return tables.get(group, {}).get(short)
-        return next((tables[g][short] for g in ("state", "air", "effector") if short in tables[g]), None)
+        signals = {**effector, **air, **state}  # without a group: states first, then air
+        signals |= {f"{group}.{n}": x for group, table in tables.items() for n, x in table.items()}
+        return {n: signals[n] for n in self.inputs if n in signals}
 
     def _stepped(self, time: Array, given: dict[str, Array], outputs: Sequence[str]) -> Array:
         from fmpy.fmi2 import FMU2Slave  # type: ignore[import-not-found]
@@ -131,7 +133,7 @@ class FmuSimulation:
         description = self.description
         references = [self.inputs[n] for n in given]
         wanted = [self.outputs[n] for n in outputs]
-        values = np.array(list(given.values())).reshape(len(given), -1)
+        values = np.array(list(given.values())).reshape(len(given), time.size)
         unit = FMU2Slave(
             guid=description.guid,
             unzipDirectory=self.folder,
@@ -182,9 +184,15 @@ def load(file: Path, vehicle: Vehicle | None = None) -> FmuSimulation:
         ) from None
     try:
         description = fmpy.read_model_description(where)
-        folder = fmpy.extract(where)
+        platforms, folder = fmpy.supported_platforms(where), fmpy.extract(where)
     except Exception as error:
         raise DataError(f"is no FMU ({error})", where=where, remedy="export it again") from error
+    if fmpy.platform not in platforms:
+        raise DataError(
+            f"has no binary for {fmpy.platform}, only for {', '.join(platforms) or 'none'}",
+            where=where,
+            remedy=f"export it for {fmpy.platform}",
+        )
     if description.coSimulation is None or not description.fmiVersion.startswith("2."):
         raise DataError(
             f"is FMI {description.fmiVersion} without co-simulation or another version than 2.0",
@@ -194,7 +202,7 @@ def load(file: Path, vehicle: Vehicle | None = None) -> FmuSimulation:
     variables = [v for v in description.modelVariables if v.type == "Real"]
     inputs = {v.name: v.valueReference for v in variables if v.causality == "input"}
     outputs = {v.name: v.valueReference for v in variables if v.causality == "output"}
-    short = [n.rpartition(".")[2] for n in outputs if not n.startswith(("effector.", "command."))]
+    short = {n.removeprefix("response.").removeprefix("state.") for n in outputs}
     responses = tuple(n for n in (*RESPONSE, *STATE) if n in short)
     if not responses:
         raise DataError(

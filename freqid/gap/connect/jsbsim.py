@@ -171,7 +171,7 @@ class JsbsimSimulation:
         self._nothing_to_set(effects, departures)
         names = [n for n in record.group("command") if self.aircraft.where(n)]
         run = self._run(record)
-        commands = np.array([run.command(n) for n in names]).reshape(len(names), -1)
+        commands = np.array([run.command(n) for n in names]).reshape(len(names), record.time.size)
         fdm, steps = run.ready(())
         start = run.velocity[:, 0]
         fdm["ic/vt-fps"], fdm["ic/gamma-deg"] = float(np.linalg.norm(start)) / FOOT, 0.0
@@ -318,7 +318,7 @@ class _Run:
             names.append(name)
             prescribed += [p for p, _ in where]
         fdm, steps = self.ready(tuple(prescribed))
-        places = record.matrix(f"effector/{n}" for n in names).reshape(len(names), -1)
+        places = record.matrix(f"effector/{n}" for n in names).reshape(len(names), record.time.size)
 
         def move(k: int) -> None:
             put(fdm, self.motion[:, k])

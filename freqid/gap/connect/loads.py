@@ -109,16 +109,16 @@ def _chunked(function: Callable, fixed: tuple, samples: Any, size: int) -> Any:
     count = jax.tree.leaves(samples)[0].shape[0]
     pieces = []
     for first in range(0, count, size):
-        chunk = jax.tree.map(lambda x: _piece(x, first, size), samples)  # noqa: B023  used at once
+        chunk = jax.tree.map(lambda x: piece(x, first, size), samples)  # noqa: B023  used at once
         pieces.append(function(*fixed, chunk))
     return jax.tree.map(lambda *x: np.concatenate([np.asarray(p) for p in x])[:count], *pieces)
 
 
-def _piece(values: Array, first: int, size: int) -> Array:
-    piece = values[first : first + size]
-    if len(piece) == size:
-        return piece
-    return np.concatenate([piece, np.repeat(piece[-1:], size - len(piece), axis=0)])
+def piece(values: Array, first: int, size: int) -> Array:
+    """Return so many samples from a first one on, the last one repeated where there are fewer."""
+    found = np.asarray(values[first : first + size])
+    short = size - len(found)
+    return np.concatenate([found, np.repeat(found[-1:], short, axis=0)]) if short else found
 
 
 def _about_centre(aero: Aero, mass: MassModel, tilt: jax.Array) -> jax.Array:

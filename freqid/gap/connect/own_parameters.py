@@ -112,13 +112,9 @@ def with_departures(scenario: Scenario, departures: Departures) -> Scenario:
         By the names of `own_tolerances`; those of actuators change nothing here.
     """
     table = msgspec.json.decode(msgspec.json.encode(scenario.simulation.loads))
-    changed = False
     for name, holder, key in _numbers(table):
         if departures.get(name):
             holder[key] = np.multiply(holder[key], 1 + departures[name]).tolist()
-            changed = True
-    if not changed:
-        return scenario
     simulation = msgspec.structs.replace(scenario.simulation, **{scenario.simulation.kind: table})
     return msgspec.structs.replace(scenario, simulation=simulation)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from freqid.core.arrays import Array
 from freqid.core.channels import RESPONSE
@@ -69,9 +70,9 @@ class RecordedPredictions:
     def gradient(self, record: FlightRecord, inputs: Sequence[str]) -> Array:
         """Return derivatives identified from the predictions, shape (response, input, sample).
 
-        Least squares of the responses' departures from their means on all states, densities and effectors
-        of the record at once, constant in time, so that what a manoeuvre did not move gets nothing:
-        a prior of zero weighs little beside anything excited. Other inputs get zero.
+        Least squares of the responses on u v w p q r and all effectors, each about its mean, constant in
+        time, so that what a manoeuvre did not move gets nothing: a prior of zero weighs little beside
+        anything excited. Other inputs get zero.
         """
         for name in inputs:
             record.channel(name)
@@ -134,10 +135,11 @@ class RecordedPredictions:
             raise DataError(
                 f"channel '{missing[0]}' is missing", where=file, remedy=nearest(missing[0], log.channels)
             )
-        rows = log.matrix(channels).reshape(len(channels), -1)
+        rows = log.matrix(channels)
         if log.time.size == record.time.size and np.abs(log.time - record.time).max() < _CLOCK * record.dt:
             return rows
-        return np.array([_resampled(row, log, record) for row in rows]).reshape(len(channels), -1)
+        spline = CubicSpline(log.time, rows, axis=1)
+        return spline(np.clip(record.time, log.time[0], log.time[-1]))
 
 
 def load(paths: Sequence[Path], vehicle: Vehicle | None = None) -> RecordedPredictions:
@@ -191,10 +193,3 @@ def _correlation(a: Array, b: Array) -> float:
     a, b = a - a.mean(), b - b.mean()
     size = float(np.linalg.norm(a) * np.linalg.norm(b))
     return float(a @ b) / size if size else 0.0
-
-
-def _resampled(values: Array, log: FlightRecord, record: FlightRecord) -> Array:
-    """Return a prediction on a record's clock: a spline through its own samples."""
-    from scipy.interpolate import CubicSpline
-
-    return CubicSpline(log.time, values)(np.clip(record.time, log.time[0], log.time[-1]))

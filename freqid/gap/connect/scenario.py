@@ -52,7 +52,7 @@ from freqid.simulate.truth import truth_of
 MOTION = ("state/u", "state/v", "state/w", *RATES, "air/rho", "state/alt")
 _ACCELERATIONS = ("state/pdot", "state/qdot", "state/rdot")
 _DESIGNING = Lock()
-_COARSE = 2  # samples of smooth motion of which one is enough for what a parameter makes
+_COARSE = 2  # every second sample is enough for what a parameter makes: the motion is smooth
 _GRID_HZ = 10.0  # of the states at which derivatives are taken: beyond what is excited
 
 
@@ -176,7 +176,6 @@ class ScenarioSimulation:
         if not any(f"command/{e.name}" in record for e in self.vehicle.effectors):
             return {}
         settings, own = self._settings(effects), self._departures(departures)
-        self._scenario(effects)  # refuses what is unknown
         act = actuators_with(self._parameters.actuators, self.vehicle, own)
         gain, kinds = gains(self.vehicle, own), self.vehicle.effector_kinds
         unmeasured = [n for n in kinds if f"effector/{n}" not in record and f"command/{n}" in record]
@@ -202,17 +201,18 @@ class ScenarioSimulation:
         scenario, reference = self._scenario(effects), self._reference(record)
         own = self._departures(departures)
         gain = gains(self.vehicle, own)
-        excited = record.group("excitation")
-        inputs = SampledInputs(
-            excited,
-            tuple(record.channel(f"excitation/{n}").unit for n in excited),
-            record.time - record.time[0],
-            np.array([gain[n] * record[f"excitation/{n}"] for n in excited]).reshape(len(excited), -1),
-        )
+        excited, inputs = record.group("excitation"), None
+        if excited:
+            inputs = SampledInputs(
+                excited,
+                tuple(record.channel(f"excitation/{n}").unit for n in excited),
+                record.time - record.time[0],
+                np.array([gain[n] * record[f"excitation/{n}"] for n in excited]),
+            )
         loop = self._loop(scenario, reference, effects)
         if own:
             loop = self._off_nominal(scenario, loop, reference, own)
-        flight = fly(sortie(scenario, loop, reference, inputs if excited else None, duration=record.duration))
+        flight = fly(sortie(scenario, loop, reference, inputs, duration=record.duration))
         if flight.divergence:
             raise DataError(
                 f"the simulation's own flight fails: {flight.divergence}",
@@ -263,9 +263,8 @@ class ScenarioSimulation:
             return self._loops[key]
 
     def _settings(self, changed: Settings | None) -> dict[str, dict[str, float]]:
-        """Return the settings of every effect with some of them changed."""
-        settings = library.settings(self.scenario.simulation.effects, self.vehicle)
-        return {i: {**s, **(changed or {}).get(i, {})} for i, s in settings.items()}
+        """Return the settings of every effect with some of them changed; what is unknown is refused."""
+        return library.settings(self._scenario(changed).simulation.effects, self.vehicle)
 
     def _scenario(self, changed: Settings | None) -> Scenario:
         return (
@@ -294,7 +293,6 @@ class ScenarioSimulation:
             airframe = self._airframes[key]
         if not changed:
             return airframe
-        self._scenario(changed)  # refuses what is unknown
         settings = self._settings(changed)
         leaves = {i: jax.tree.map(jnp.asarray, actuation.leaves(settings[i])) for i in changed}
         return airframe._replace(effects={**airframe.effects, **leaves})

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.special import logsumexp
 
 from freqid.core.arrays import Array
@@ -152,12 +153,7 @@ class _Fit:
                 wide = 1 / float(c.prior.max()) ** 2
                 slopes.append(np.eye(c.sizes.size))
                 precision, pull = [*precision, *[wide] * c.sizes.size], [*pull, *(wide * s)]
-        full = np.zeros((len(precision), sum(w.size for w in weights)))
-        row = column = 0
-        for one in slopes:
-            full[row : row + one.shape[0], column : column + one.shape[1]] = one
-            row, column = row + one.shape[0], column + one.shape[1]
-        return np.concatenate(weights), full, np.array(precision), np.array(pull)
+        return np.concatenate(weights), block_diag(*slopes), np.array(precision), np.array(pull)
 
     def moved(self, sizes: list, step: Array) -> list:
         """Return sizes after a step, a scalar's within its prior and of its sign."""

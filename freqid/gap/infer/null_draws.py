@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpstrf
+from scipy.special import logsumexp
 
 from freqid.core.arrays import Array
 from freqid.gap.infer.block_matrices import BlockMatrices, Form
@@ -114,8 +115,6 @@ def _without_residual(block: BlockMatrices, columns: Array) -> Array:
 
 def statistics_of(evidence: Evidence, data: dict[Form, tuple[Array, Array]]) -> Array:
     """Return the statistic of drawn data, shape (draw,)."""
-    from scipy.special import logsumexp
-
     effects, none = effects_of(evidence, data)
     log_none = logsumexp(none, axis=0)
     joint = logsumexp(none[:, None] + effects, axis=0) - log_none

@@ -105,19 +105,17 @@ def stated(
         For a value that is no size, or absurd.
     """
     effects = [e.of(vehicle) for e in library.values()]
+    own = dict(simulation.tolerances) if simulation else {}
     known = {
         *DEFAULT,
         *UNDECLARED,
         *EACH_FLIGHT,
         *library,
         *(f"{e.id}.{p}" for e in effects for p in e.parameters),
+        *own,
     }
-    own = dict(simulation.tolerances) if simulation else {}
-    known |= set(own)
-    if vehicle is not None:
-        for e in vehicle.effectors:
-            known |= {f"{e.name}.{what}" for what in (_ROTOR if e.kind == "rotor" else _SERVO)}
-            known |= {f"{e.name}.{what}" for what in _SERVO}
+    for e in vehicle.effectors if vehicle else ():
+        known |= {f"{e.name}.{what}" for what in (*_SERVO, *(_ROTOR if e.kind == "rotor" else ()))}
     for name, value in table.items():
         if name not in known:
             raise UsageError(f"[tolerance] has no '{name}'", remedy=nearest(name, known))
@@ -164,13 +162,9 @@ def record_columns(
     Repeats are averaged, so one sigma of their mean is smaller by the root of their number.
     """
     share = 1 / np.sqrt(len(block.names))
-    found = {
-        name: share * block.transform(h) for name, h in _offsets(block.trial, library, sizes) if _acts(h)
-    }
-    found |= {name: share * block.transform(h) for name, h in _starts(block.trial) if _acts(h)}
-    for name, z in _ends(block).items():
-        found[name] = share * z
-    return found
+    unknown = (*_offsets(block.trial, library, sizes), *_starts(block.trial))
+    found = {name: share * block.transform(h) for name, h in unknown if _acts(h)}
+    return found | {name: share * z for name, z in _ends(block).items()}
 
 
 def _acts(change: Histories) -> bool:
@@ -358,9 +352,8 @@ def _ends(block: Block) -> dict[str, Complex]:
             continue
         power = np.mean(np.abs(block.draws.odd[:, i, 1:]) ** 2, axis=0)
         omega2 = (2 * np.pi * lines.hz[1:]) ** 2
-        density = float(
-            np.sum(power * omega2) / np.sum(omega2**2)
-        )  # of the momentum: power is density omega^2
+        # of the momentum: power is density omega^2
+        density = float(np.sum(power * omega2) / np.sum(omega2**2))
         size = np.sqrt(2 * density / lines.dt) * lines.end_gain / np.sqrt(lines.duration)
         z = np.zeros((len(block.rows), lines.hz.size), dtype=complex)
         z[i] = size

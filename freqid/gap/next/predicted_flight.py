@@ -221,7 +221,7 @@ def _block(around: FlightContext, record: FlightRecord, like: Block, periods: in
     rows, there = [r.name for r in trial.measured.rows], [r.name for r in like.rows]
     if not set(rows) <= set(there):
         return None
-    lines = lines_of(record, around.band_hz)
+    lines = lines_of(record, around.band_hz[1])
     at = [there.index(n) for n in rows]
     near = np.abs(like.lines.hz - lines.hz[:, None]).argmin(axis=1)
     near[1:] = np.maximum(near[1:], 1)  # the zero line has noise of its own

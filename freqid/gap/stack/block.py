@@ -200,7 +200,7 @@ def flown_again(
     motion = noise_free(simulation, mean, block.lines, departures, effects)
     if effects and motion.source != OWN_FLIGHT:
         motion = noise_free(simulation, mean, block.lines, departures)
-    trial = _trial(_departed(simulation, departures, acting), motion)
+    trial = Trial.of(_departed(simulation, departures, acting), motion.maneuver)
     return replace(block, motion=motion, trial=_thin(trial, block.lines))
 
 
@@ -211,10 +211,6 @@ def _departed(
         return simulation
     # all else that a simulation has is the nominal one's
     return cast(Simulation, Departed(simulation, departures or {}, acting or {}))
-
-
-def _trial(simulation: Simulation, motion: Motion) -> Trial:
-    return Trial.of(simulation, motion.maneuver)
 
 
 def _thin(trial: Trial, lines: Lines) -> Trial:
@@ -247,11 +243,11 @@ def _block(
     departures: Departures | None,
 ) -> Block:
     first = maneuvers[0].record
-    lines = lines_of(first, band_hz)
+    lines = lines_of(first, band_hz[1])
     try:
         mean = _mean_of(maneuvers)
         motion = noise_free(simulation, mean, lines, departures)
-        trial = _trial(simulation, motion)
+        trial = Trial.of(simulation, motion.maneuver)
         residuals = []
         for m in maneuvers:
             own = Trial.of(simulation, m) if len(maneuvers) > 1 or m is not motion.maneuver else trial
@@ -280,7 +276,7 @@ def _block(
         tuple(maneuvers),
         lines,
         motion,
-        _thin(_trial(_departed(simulation, departures), motion) if departures else trial, lines),
+        _thin(Trial.of(_departed(simulation, departures), motion.maneuver) if departures else trial, lines),
         sigma,
         draws,
         unbiased,
@@ -337,7 +333,7 @@ def _apart(
 ) -> Complex:
     """Return differences between records, shape (difference, row, line), each with the noise of one.
 
-    Without what constant offsets of channels make of them, and ends: these are other ones in each record.
+    What constant offsets of channels and end values explain is projected out: both differ between records.
     """
     count, rows = residuals.shape[:2]
     contrasts = np.linalg.qr(np.eye(count) - 1 / count)[0][:, : count - 1].T

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -53,9 +52,3 @@ class Histories:
 
     def __mul__(self, factor: float) -> Histories:
         return Histories(self.rows, factor * self.direct, factor * self.momentum)
-
-    def select(self, names: Sequence[str]) -> Histories:
-        """Return some rows, in the order of `names`."""
-        have = [row.name for row in self.rows]
-        at = [have.index(name) for name in names]
-        return Histories(tuple(self.rows[i] for i in at), self.direct[at], self.momentum[at])

@@ -21,7 +21,7 @@ _END_S = 0.4  # s at either end over which a polynomial gives the end value of a
 _END_ORDER = 5  # of that polynomial: at 2 Hz it misses less than 1 per cent, a parabola would miss 60
 _FEWEST = 5  # its samples
 _SAMPLES = 12  # of the motion without noise in one period of the fastest line
-_MARGIN_S = 0.5  # s: the latest that a channel is looked for to be
+_MARGIN_S = 0.5  # s, the largest delay of a channel that is looked for
 _MARGIN = 0.025  # ... at most, of the record
 
 
@@ -138,7 +138,7 @@ class Lines:
         return np.concatenate([z[..., :1].real, root * z[..., 1:].real, root * z[..., 1:].imag], axis=-1)
 
     def complex(self, y: Array) -> Complex:
-        """Return spectra, shape (..., line), that `real` made real numbers of, shape (..., number)."""
+        """Return the spectra, shape (..., line), from which `real` made y, shape (..., number)."""
         count = self.hz.size
         z = np.zeros((*y.shape[:-1], count), dtype=np.complex128)
         z[..., 0] = y[..., 0]
@@ -146,7 +146,7 @@ class Lines:
         return z
 
 
-def lines_of(record: FlightRecord, band_hz: tuple[float, float]) -> Lines:
+def lines_of(record: FlightRecord, top_hz: float) -> Lines:
     """Return the lines of a record from zero to the top of a band.
 
     Lines that nothing drives are thinned evenly where there are more than `MOST_LINES`. Where nothing was
@@ -157,10 +157,10 @@ def lines_of(record: FlightRecord, band_hz: tuple[float, float]) -> Lines:
     ----------
     record : FlightRecord
         ``excitation/*`` are its injected signals.
-    band_hz : tuple of 2 floats
-        Hz; the lower end matters for what counts as driven only: slow lines and zero are always there.
+    top_hz : float
+        Hz; lines from zero up to it.
     """
-    top = min(band_hz[1], 0.4 / record.dt)
+    top = min(top_hz, 0.4 / record.dt)
     inputs = record.group("excitation")
     samples = record.time.size
     margin = 0 if inputs else int(min(_MARGIN_S, _MARGIN * record.duration) / record.dt)
@@ -172,7 +172,7 @@ def lines_of(record: FlightRecord, band_hz: tuple[float, float]) -> Lines:
     if inputs:
         injected = record.matrix(f"excitation/{name}" for name in inputs)
         injected = injected - injected.mean(axis=1, keepdims=True)
-        power = np.abs(plan_of(record.time.size, record.dt, tuple(hz[1:]))(injected)) ** 2
+        power = np.abs(plan_of(samples, record.dt, tuple(hz[1:]))(injected)) ** 2
         power /= np.maximum(power.max(axis=1, keepdims=True), np.finfo(float).tiny)
         power[~injected.any(axis=1)] = 0.0
         driven = power.max(axis=0) > EXCITED
@@ -187,7 +187,7 @@ def lines_of(record: FlightRecord, band_hz: tuple[float, float]) -> Lines:
 
 
 def thinning(samples: int, dt: float, top_hz: float) -> int:
-    """Return how many samples of motion without noise one can stand for, it is smooth up to `top_hz`."""
+    """Return how many samples one may stand for: motion without noise is smooth up to `top_hz`, Hz."""
     most = max(int(1 / (_SAMPLES * top_hz * dt)), 1)
     return next(k for k in range(most, 0, -1) if (samples - 1) % k == 0)
 

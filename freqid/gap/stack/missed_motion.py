@@ -86,13 +86,13 @@ def _missed(
         z[j, used] = np.concatenate([y[at].real, y[at].imag])
 
     def said(spreads: tuple[int, int]) -> Array:
-        """Return what all other lines say of each, shape (signal, number)."""
+        """Return each line's value as predicted from all other lines, shape (signal, number)."""
         a, b = (_SPREADS[k] ** 2 for k in spreads)
         known = a * shares + b * responses
         return _by_the_others(known @ np.linalg.inv(np.eye(number) + known), z)
 
     def left(spreads: tuple[int, int]) -> float:
-        """Return the energy of what is not said."""
+        """Return the squared error of that prediction."""
         return float(((z - said(spreads)) ** 2).sum())
 
     best, known = (0, 0), {(0, 0): left((0, 0))}
@@ -110,7 +110,7 @@ def _missed(
 
 
 def _by_the_others(hat: Array, z: Array) -> Array:
-    """Return what all other lines say of each, shape (signal, number): real parts, then imaginary ones.
+    """Return each line as predicted from all others, shape (signal, number): real parts, then imaginary ones.
 
     The noise of a line is in the residual too. Motion that held any of it would be alike to the residual, and
     most so in what multiplies accelerations: mass and inertia.

@@ -78,9 +78,9 @@ def noise_free(
 ) -> Motion:
     """Return the flight of a manoeuvre without its noise.
 
-    Of the simulation's own flight with what it misses and a fitted closed loop the one that misses less of
-    the record's rates is taken, whole. A simulation that cannot fly, or flies something else, leaves the
-    fitted one.
+    Candidates are the simulation's own flight, corrected by `with_missed`, and a closed loop fitted to the
+    record. The one that reproduces the record's rates better gives all channels. If the simulation cannot
+    fly, or flies something else, the fitted loop does.
 
     Parameters
     ----------

@@ -85,7 +85,7 @@ def covariance_of(draws: Draws, scale: Array, least: Array) -> Complex:
     least : ndarray, shape (row,)
         Power below which no row's noise is believed to be.
     """
-    power = np.maximum(_averaged(np.mean(np.abs(draws.odd) ** 2, axis=0).T, _NARROW), least)  # (line, row)
+    power = np.maximum(sensor_power(draws).T, least)  # (line, row)
     white = draws.odd / np.sqrt(power.T)
     correlation = _averaged(np.einsum("kil,kjl->lij", white, white.conj()) / len(white), _WIDE)
     size = np.sqrt(np.maximum(np.einsum("lii->li", correlation).real, 1e-12))
@@ -97,7 +97,7 @@ def covariance_of(draws: Draws, scale: Array, least: Array) -> Complex:
     quieter = power + np.minimum(more, 0.0)  # than the sensors say: rows and correlations alike
     root = np.sqrt(quieter)
     covariance = correlation * root[:, :, None] * root[:, None, :]
-    diagonal = np.maximum(more, 0.0) + _RIDGE * quieter + np.abs(draws.bias_error.T) ** 2
+    diagonal = np.maximum(more, 0.0) + _RIDGE * quieter + draws.bias_error.T**2
     return covariance + diagonal[:, :, None] * np.eye(power.shape[1])
 
 
@@ -138,7 +138,7 @@ def sensor_power(draws: Draws) -> Array:
 
 
 def least_power(trial: Trial, lines: Lines) -> Array:
-    """Return the power by which a row without any noise is still not trusted, shape (row,)."""
+    """Return the smallest noise power that is assumed for each row, shape (row,)."""
     z = lines.transform(trial.measured)[:, 1:]
     return _LEAST * np.mean(np.abs(z) ** 2, axis=1) + np.finfo(float).tiny ** 0.5
 

@@ -12,7 +12,6 @@ from freqid.core.errors import DataError
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.units import STANDARD_GRAVITY
 from freqid.dynamics.frames import cross
-from freqid.gap.simulation import Settings, Simulation
 from freqid.gap.stack.histories import Histories, Row
 from freqid.identify.loads.wrench import applied_wrench
 
@@ -58,44 +57,9 @@ def measured_part(maneuver: Maneuver, responses: Sequence[str], actuators: Seque
     )
 
 
-def simulated_part(like: Histories, responses: Array, positions: dict[str, Array]) -> Histories:
-    """Return what a simulation says, in the rows of what was measured; zero in kinematic rows.
-
-    Parameters
-    ----------
-    like : Histories
-        Of `measured_part`.
-    responses : ndarray, shape (response, sample)
-    positions : dict of ndarray, shape (sample,)
-        By effector.
-    """
-    direct = np.zeros_like(like.direct)
-    direct[: len(responses)] = responses
-    for i, row in enumerate(like.rows):
-        if row.kind == "actuator":
-            direct[i] = positions[row.name.partition("/")[2]]
-    return Histories(like.rows, direct, np.zeros_like(direct))
-
-
-def residual(simulation: Simulation, maneuver: Maneuver, effects: Settings | None = None) -> Histories:
-    """Return measured less simulated over one manoeuvre.
-
-    Parameters
-    ----------
-    simulation : Simulation
-        Replayed on the manoeuvre's own states and effector positions.
-    maneuver : Maneuver
-    effects : dict of dict of float, optional
-        Settings of effects that the simulation has itself.
-    """
-    positions = simulation.positions(maneuver.record, effects)
-    measured = measured_part(maneuver, simulation.responses, tuple(positions))
-    return measured - simulated_part(measured, simulation.predict(maneuver.record, effects), positions)
-
-
 def _responses(maneuver: Maneuver, responses: Sequence[str]) -> Histories:
     record = maneuver.record
-    rows, direct, momentum = [], np.zeros((len(responses), record.time.size)), None
+    rows, direct = [], np.zeros((len(responses), record.time.size))
     momentum = np.zeros_like(direct)
     rebuilt: dict[str, list[tuple[int, str]]] = {"force": [], "coefficient": []}
     for i, name in enumerate(responses):

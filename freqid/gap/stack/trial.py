@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from freqid.core.arrays import Array
+from freqid.core.channels import FLOW, RATES, VELOCITY
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.gap.departed import Departed
 from freqid.gap.simulation import Departures, Settings, Simulation
@@ -20,9 +21,6 @@ Act = Callable[[dict[str, Array]], dict[str, Array]]
 
 _QUICK = ("callable", "fmu", "scenario")
 """Kinds that answer any record in milliseconds. Others are asked for their derivatives once."""
-
-_BY_DERIVATIVES = ("jsbsim", "predictions", "scenario")
-"""Kinds whose response to moved effectors is taken to first order in the effector."""
 
 
 class Inside(NamedTuple):
@@ -264,7 +262,7 @@ class Trial:
     @property
     def approximates(self) -> bool:
         """Whether `on` is quicker by derivatives, though the simulation can be asked again."""
-        return self.simulation.kind in _QUICK and self.simulation.kind in _BY_DERIVATIVES
+        return self.simulation.kind == "scenario"
 
     def on(self, record: FlightRecord, *, first_order: bool = False) -> Histories:
         """Return the residual that another log of the same flight would leave.
@@ -317,7 +315,7 @@ class Trial:
         return sum((self.gradient[:, j] * x for j, x in known), np.zeros_like(self.predicted))
 
     def departed(self, departures: Departures) -> Histories:
-        """Return the change of the residual where the truth's parameters depart further than these do."""
+        """Return the change of the residual if the true parameters depart so far from the simulation's."""
         record, simulation = self.maneuver.record, self.simulation
         after = simulation.predict(record, departures=departures)
         if not self._moves_actuators(departures):
@@ -342,7 +340,7 @@ class Trial:
         return bool(self.positions) and not all(n in own and own[n].loads_only for n in names)
 
     def with_own_effects(self, settings: Settings, *, actuators: bool) -> Histories:
-        """Return the change of the residual where the truth has other settings of own effects."""
+        """Return the change of the residual if effects of the simulation's own truly have other settings."""
         record, simulation = self.maneuver.record, self.simulation
         positions = {}
         if actuators and self.positions:
@@ -356,8 +354,8 @@ class Trial:
 
 def inputs_of(simulation: Simulation, record: FlightRecord) -> tuple[str, ...]:
     """Return the channels that a simulation's responses may depend on and that move."""
-    names = [f"state/{n}" for n in ("u", "v", "w", "p", "q", "r")]
+    names = [*VELOCITY, *RATES]
     if simulation.kind in ("callable", "fmu") or "state/u" not in record:
-        names += [f"air/{n}" for n in ("V", "alpha", "beta")]
+        names += FLOW
     names += [f"effector/{n}" for n in record.group("effector")]
     return tuple(n for n in names if n in record and np.ptp(record[n]) > 0)

@@ -134,7 +134,7 @@ def test_lines_that_slow_motion_takes_tell_no_noise():
     slow = {n: np.sin(2 * np.pi * (1 + i) * time / 30 + i) for i, n in enumerate(("u", "w", "q"))}
     channels = {f"state/{n}": Channel(f"state/{n}", UNITS[n], x, 50.0, "made here") for n, x in slow.items()}
     record = FlightRecord(time, channels, vehicle())
-    lines = lines_of(record, (0.05, 2.0))
+    lines = lines_of(record, 2.0)
     rows, count = 400, lines.hz.size
     rng = np.random.default_rng(3)
     noise = lines.complex(rng.standard_normal((rows, 2 * count - 1)))

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from freqid.gap.stack.histories import Histories, Row
 from freqid.gap.stack.lines import MOST_LINES, lines_of
 
-BAND = (0.05, 2.0)
+TOP = 2.0  # Hz
 
 
 def rows(direct, momentum=None):
@@ -23,7 +23,7 @@ def rows(direct, momentum=None):
 
 @pytest.fixture(scope="module")
 def lines():
-    return lines_of(fly(duration=20.0).record, BAND)
+    return lines_of(fly(duration=20.0).record, TOP)
 
 
 def test_a_line_belongs_to_the_signal_that_drives_it(lines):
@@ -39,7 +39,7 @@ def test_a_line_belongs_to_the_signal_that_drives_it(lines):
 
 
 def test_of_two_periods_every_second_line_is_driven_by_nothing():
-    lines = lines_of(fly(duration=20.0, period=10.0).record, BAND)
+    lines = lines_of(fly(duration=20.0, period=10.0).record, TOP)
     k = np.rint(20 * lines.hz).astype(int)
     assert not lines.driven[k % 2 == 1].any()
     driven = lines.driven[(k % 2 == 0) & (k < 40)]
@@ -49,14 +49,14 @@ def test_of_two_periods_every_second_line_is_driven_by_nothing():
 def test_where_nothing_is_injected_nothing_is_driven():
     record = fly().record
     channels = {n: c for n, c in record.channels.items() if not n.startswith("excitation/")}
-    lines = lines_of(replace(record, channels=channels), BAND)
+    lines = lines_of(replace(record, channels=channels), TOP)
     assert (lines.owner == -1).all()
     assert not lines.driven.any()
     assert lines.inputs == ()
 
 
 def test_a_long_record_keeps_its_driven_lines_before_others():
-    lines = lines_of(fly(duration=400.0, period=20.0).record, BAND)
+    lines = lines_of(fly(duration=400.0, period=20.0).record, TOP)
     k = np.rint(400 * lines.hz).astype(int)
     driven = [20 * j for j in range(2, 40) if j % 3 != 1]
     assert set(driven) <= set(k.tolist())

@@ -38,7 +38,7 @@ def test_most_of_what_a_slower_and_heavier_aircraft_does_otherwise_is_taken_up(s
     record, clean = recorded(Truth(mass=10.5, late=0.01, slow=0.01), SIGMA, seed)
     nominal = motion(Truth(), 20.0, 20.0, 0)
     own = {n: nominal[n] for n in NAMES}
-    found = with_missed(record, own, lines_of(record, (0.05, 2.0)))
+    found = with_missed(record, own, lines_of(record, 2.0))
     for name in ("state/w", "state/q", "effector/d1"):
         assert apart(found[name], clean[name]) < 0.4 * apart(own[name], clean[name]), name
 
@@ -47,7 +47,7 @@ def test_most_of_what_a_slower_and_heavier_aircraft_does_otherwise_is_taken_up(s
 def test_noise_is_not_taken_for_motion(seed):
     record, clean = recorded(Truth(), SIGMA, seed)
     own = {n: clean[n] for n in NAMES}
-    found = with_missed(record, own, lines_of(record, (0.05, 2.0)))
+    found = with_missed(record, own, lines_of(record, 2.0))
     for name in NAMES:
         assert apart(found[name], clean[name]) < 0.1 * SIGMA[name], name
 
@@ -57,5 +57,5 @@ def test_where_nothing_was_injected_the_model_stays_as_it_is():
     quiet = [replace(record.channel(n), values=0 * record[n]) for n in record.channels if "excitation" in n]
     own = {n: 0.9 * clean[n] for n in NAMES}
     record = record.with_channels(*quiet)
-    found = with_missed(record, own, lines_of(record, (0.05, 2.0)))
+    found = with_missed(record, own, lines_of(record, 2.0))
     assert all(np.array_equal(found[n], own[n]) for n in NAMES)

@@ -43,7 +43,7 @@ def test_its_own_flight_is_used_where_it_returns_effector_positions(moved):
     """Under feedback measured positions hold what the law made of noise: they are no substitute."""
     flight = fed_back_flight()
     assert fed_back(flight.record)
-    found = noise_free(Flying(moved=moved), flight, lines_of(flight.record, (0.05, 2.0)))
+    found = noise_free(Flying(moved=moved), flight, lines_of(flight.record, 2.0))
     assert (found.source == OWN_FLIGHT, found.flown) == (moved, moved)
     if moved:
         own = motion(Truth(), 20.0, 20.0, 0)["effector/d1"]
@@ -55,6 +55,6 @@ def test_its_own_flight_is_used_where_it_returns_effector_positions(moved):
 
 def test_without_feedback_measured_positions_stand_in():
     flown = fly(noise=1.0, phases=0)
-    found = noise_free(Flying(moved=False), flown, lines_of(flown.record, (0.05, 2.0)))
+    found = noise_free(Flying(moved=False), flown, lines_of(flown.record, 2.0))
     assert isinstance(found.maneuver.record, FlightRecord)
     assert found.flown

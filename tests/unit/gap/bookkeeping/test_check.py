@@ -279,6 +279,17 @@ def test_a_simulation_that_does_not_reproduce_its_own_flight_is_told(flight):
     assert check(Made(), [flight(noise=0.0)], own=True) == []
 
 
+def test_a_simulation_that_is_made_for_the_densities_flown_alone_is_checked(flight):
+    """Whether it uses the density cannot be told; that is no reason to end the check."""
+
+    def bounded(x):
+        if x["rho"].max() > 1.15:
+            raise DataError("the density is outside the table")
+        return x
+
+    assert check(Made(bounded), [flight()]) == []
+
+
 def test_a_constant_where_the_records_move_is_refused(flight):
     with pytest.raises(DataError, match=r"returned the constant 0 as 'Y', which changes by .* \(rms\)"):
         check(Made(after=times(0.0, 1)), [flight()])

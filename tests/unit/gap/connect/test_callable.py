@@ -131,7 +131,17 @@ def wrench(body):
         (wrench("return {'X': time}") + "wrench.responses = ('X', 'Z')", "no 'Z', which it says it predicts"),
         (wrench("return {'X': time}") + "wrench.responses = ('Q',)", "'Q' among the responses"),
         (wrench("return {'X': 3.0}"), "returned the constant 3 as 'X', and nothing that moves"),
+        (wrench("return {'X': time}") + "wrench.responses = (['X'],)", "'['X']' among the responses"),
+        (wrench("return {'X': [1j * t for t in time]}"), "returned as 'X' is complex, expected real numbers"),
         (wrench("return {'X': time}") + "wrench.gyroscopic = 1", "gyroscopic is 1, expected True or False"),
+        (
+            wrench("return {'X': time}") + "wrench.vehicle = {'mass': 3}",
+            "vehicle is dict, expected a Vehicle",
+        ),
+        (
+            wrench("return {'X': time}") + "wrench.effects = {'extra_drag': {'coefficient': '0.1'}}",
+            "effects is {'extra_drag': {'coefficient': '0.1'}}, expected settings by effect",
+        ),
         ("def wrench(:\n", "cannot be run: SyntaxError"),
         ("1 / 0\n", "cannot be run: ZeroDivisionError: division by zero (line 1 of model.py)"),
     ],
@@ -141,6 +151,14 @@ def test_what_goes_wrong_is_said_in_one_sentence(function, record, text, words):
         function(text).predict(record)
     assert words in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_a_file_that_changes_the_path_still_finds_its_neighbours_later(function, record, tmp_path):
+    (tmp_path / "lib").mkdir()
+    (tmp_path / "lib" / "gains.py").write_text("DRAG = 0.5\n")
+    text = f"import sys\nsys.path.insert(0, {str(tmp_path / 'lib')!r})\n"
+    late = "from gains import DRAG; return {'X': -DRAG * air['V'] ** 2}"
+    assert np.allclose(function(text + wrench(late)).predict(record)[0], -0.5 * record["air/V"] ** 2)
 
 
 def test_words_that_name_no_simulation_are_refused(tmp_path, function, record):

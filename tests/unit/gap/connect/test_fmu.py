@@ -102,3 +102,11 @@ def test_a_record_without_an_input_of_the_fmu_is_refused(unit, record):
     short = FlightRecord(record.time, {"state/q": record.channel("state/q")})
     with pytest.raises(DataError, match="no channel for input 'de'"):
         connect(str(unit)).predict(short)
+
+
+def test_an_fmu_of_another_machine_is_refused(unit, tmp_path):
+    with zipfile.ZipFile(unit) as whole, zipfile.ZipFile(tmp_path / "pitch.fmu", "w") as archive:
+        archive.writestr("modelDescription.xml", whole.read("modelDescription.xml"))
+        archive.writestr("binaries/win64/pitch.dll", b"")
+    with pytest.raises(DataError, match="has no binary for linux64, only for win64"):
+        connect(str(tmp_path / "pitch.fmu"))

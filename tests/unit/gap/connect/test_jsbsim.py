@@ -116,6 +116,13 @@ def test_its_own_flight_is_the_record(simulation, record):
         assert np.abs(found[name] - record[f"state/{name}"]).max() < tolerance, name
 
 
+def test_without_commands_it_flies_by_itself(simulation, record):
+    """As a log has them that holds positions alone."""
+    channels = {n: c for n, c in record.channels.items() if not n.startswith("command/")}
+    flown = simulation.fly(FlightRecord(record.time, channels, record.vehicle))
+    assert all(np.isfinite(x).all() for x in flown.values())
+
+
 def test_derivatives_are_those_of_the_prediction(simulation, record):
     short = record.cut(0.0, 2.0)
     found = simulation.gradient(short, ["effector/elevator", "state/phi"])

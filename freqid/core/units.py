@@ -16,6 +16,7 @@ RHO0 = 1.225  # kg/m3, sea level of the standard atmosphere: where equivalent qu
 STANDARD_GRAVITY = 9.80665  # m/s2, ISO 80000-3
 FOOT = 0.3048  # m, exact
 POUND = 0.45359237  # kg, exact
+POUND_FORCE = POUND * STANDARD_GRAVITY  # N
 
 _BASE = ("m", "kg", "s", "rad", "K", "A")
 
@@ -46,7 +47,6 @@ def _unit(factor: float, offset: float = 0.0, **powers: int) -> Unit:
     return Unit(factor, tuple(powers.get(b, 0) for b in _BASE), offset)
 
 
-_LBF = POUND * STANDARD_GRAVITY
 _SYMBOLS = {
     "1": _unit(1.0),
     "%": _unit(0.01),
@@ -62,7 +62,7 @@ _SYMBOLS = {
     "kg": _unit(1.0, kg=1),
     "gram": _unit(1e-3, kg=1),
     "lb": _unit(POUND, kg=1),
-    "slug": _unit(_LBF / FOOT, kg=1),
+    "slug": _unit(POUND_FORCE / FOOT, kg=1),
     # time and frequency
     "s": _unit(1.0, s=1),
     "sec": _unit(1.0, s=1),
@@ -86,12 +86,12 @@ _SYMBOLS = {
     "g": _unit(STANDARD_GRAVITY, m=1, s=-2),
     "N": _unit(1.0, kg=1, m=1, s=-2),
     "kN": _unit(1e3, kg=1, m=1, s=-2),
-    "lbf": _unit(_LBF, kg=1, m=1, s=-2),
+    "lbf": _unit(POUND_FORCE, kg=1, m=1, s=-2),
     "Pa": _unit(1.0, kg=1, m=-1, s=-2),
     "hPa": _unit(1e2, kg=1, m=-1, s=-2),
     "kPa": _unit(1e3, kg=1, m=-1, s=-2),
-    "psf": _unit(_LBF / FOOT**2, kg=1, m=-1, s=-2),
-    "psi": _unit(_LBF / (FOOT / 12) ** 2, kg=1, m=-1, s=-2),
+    "psf": _unit(POUND_FORCE / FOOT**2, kg=1, m=-1, s=-2),
+    "psi": _unit(POUND_FORCE / (FOOT / 12) ** 2, kg=1, m=-1, s=-2),
     # temperature and electricity
     "K": _unit(1.0, K=1),
     "degC": _unit(1.0, 273.15, K=1),

@@ -85,7 +85,7 @@ def _before_after(findings: Findings) -> list[BeforeAfter]:
     made = []
     for i in at:
         block, columns = closing.blocks[i], closing.columns[i]
-        effect = Scored(block, columns, fit).spectra(closing.system.candidates, i, fit.effect)
+        effect = Scored(block, columns, fit).spectra(closing.system, i, fit.effect)
         change = effect + np.tensordot(fit.tolerances, columns.sigmas, 1)
         made.append((float((np.abs(effect) ** 2 / block.noise_power).sum()), block, change))
     made.sort(key=lambda one: -one[0])

@@ -18,10 +18,9 @@ from freqid.blend.exports.calculation import Apply, Calculation, Expression, Loo
 from freqid.core.channels import WRENCH
 from freqid.core.errors import UsageError
 from freqid.core.store import replacing
-from freqid.core.units import FOOT, POUND, RHO0, STANDARD_GRAVITY
+from freqid.core.units import FOOT, POUND_FORCE, RHO0
 from freqid.core.vehicle import Rotor, Vehicle
 
-POUND_FORCE = POUND * STANDARD_GRAVITY  # N
 SLUG = POUND_FORCE / FOOT  # kg
 _FUNCTIONS = {"+": "sum", "-": "difference", "*": "product", "/": "quotient"}
 _FUNCTIONS |= {name: name for name in ("sqrt", "abs", "floor", "min", "max")}

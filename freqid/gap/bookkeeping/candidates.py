@@ -12,12 +12,12 @@ from freqid.core.arrays import Array
 from freqid.core.channels import COEFFICIENT, WRENCH
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord
-from freqid.core.units import STANDARD_GRAVITY
+from freqid.core.units import FOOT, POUND_FORCE, STANDARD_GRAVITY
 from freqid.dynamics.frames import cross
 from freqid.dynamics.moment_reference_point import moment_about
 from freqid.gap.bookkeeping.comparison import Comparison
 from freqid.gap.bookkeeping.correction import gain_of
-from freqid.gap.bookkeeping.fault import FOOT, POUND, RADIAN, Bench, Fault
+from freqid.gap.bookkeeping.fault import RADIAN, Bench, Fault
 from freqid.gap.connect.differences import moved
 from freqid.identify.loads.momentum import rotor_momentum
 from freqid.identify.spectra.smoothing import local_derivative
@@ -38,14 +38,14 @@ _INPUTS = {  # groups of a record's channels, and what a simulation may expect t
 _TURNED = {"y left and z up": ("v", "w", "q", "r"), "x aft and z up": ("u", "w", "p", "r"), "z up": ("w",)}
 _SCALES = {  # what a prediction in other units has to be multiplied by
     "X Y Z": {
-        "in pounds": POUND,
-        "in newtons taken for pounds": 1 / POUND,
+        "in pounds": POUND_FORCE,
+        "in newtons taken for pounds": 1 / POUND_FORCE,
         "in kilograms of force": STANDARD_GRAVITY,
         "in kilonewtons": 1e3,
     },
     "L M N": {
-        "in pound-feet": POUND * FOOT,
-        "in newton metres taken for pound-feet": 1 / (POUND * FOOT),
+        "in pound-feet": POUND_FORCE * FOOT,
+        "in newton metres taken for pound-feet": 1 / (POUND_FORCE * FOOT),
         "in kilogram-force metres": STANDARD_GRAVITY,
     },
 }

@@ -15,7 +15,6 @@ from freqid.dynamics.frames import level_from_body
 Mend = Callable[[FlightRecord], FlightRecord]
 
 RADIAN = 180 / np.pi  # degrees
-FOOT, POUND = 0.3048, 4.4482216152605  # m, N
 
 
 @dataclass(frozen=True)

@@ -142,10 +142,8 @@ def _closed(
     share = shares(scored, seed, INTERVAL)
     if closing.by_lines:
         scored, index, anew = scored[:1], index[:1], anew[:1]  # histories are of the whole block
-    system = closing.system
-    moved = motions(flown, scored, index, system.candidates, system.tolerances, anew, seed, INTERVAL)
-    sigmas = [s.columns.sigmas for s in scored]
-    figures = responses(scored, index, system.candidates, sigmas)
+    moved = motions(flown, scored, index, closing.system, anew, seed, INTERVAL)
+    figures = responses(scored, index, closing.system)
     closure = Closure(
         effects=explanation.effects,
         settings=_settings(explanation),

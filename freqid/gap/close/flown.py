@@ -13,7 +13,7 @@ from freqid.gap.close.own_flight import CannotFly, OwnFlight
 from freqid.gap.close.score import Scored, shares_of
 from freqid.gap.fidelity import frequency_cost
 from freqid.gap.infer.explain import Explanation
-from freqid.gap.model.candidate import Candidate
+from freqid.gap.infer.system import System
 from freqid.gap.model.testable import in_force_of
 from freqid.gap.model.tolerance import of_effects
 from freqid.gap.stack.block import Block
@@ -71,8 +71,7 @@ def motions(
     flown: Flown,
     scored: Sequence[Scored],
     indices: Sequence[int],
-    candidates: Sequence[Candidate],
-    names: Sequence[str],
+    system: System,
     explanations: Sequence[Explanation],
     seed: int,
     level: float,
@@ -85,9 +84,8 @@ def motions(
     scored : sequence of Scored
     indices : sequence of int
         Of the blocks among those flown.
-    candidates : sequence of Candidate
-    names : sequence of str
-        Tolerances.
+    system : System
+        Of the candidates and tolerances.
     explanations : sequence of Explanation
         By block, as they are fitted to the others.
     seed : int
@@ -102,10 +100,10 @@ def motions(
             nothing = Share(float("nan"), float("nan"), float("nan"), own)
             return Motions(nothing, nothing, {})
         apart = own.measured - own.flown
-        logged, places = _logged(own, flown.known_effects, candidates, explanation)
-        effect = _moved(own, s, candidates, index, s.fit.effect, places) + logged
-        alone = _moved(own, s, candidates, index, s.fit.effect_alone, places) + logged
-        tolerances = _within(own, flown, names, s)
+        logged, places = _logged(own, flown.known_effects, explanation)
+        effect = _moved(own, s, system, index, s.fit.effect, places) + logged
+        alone = _moved(own, s, system, index, s.fit.effect_alone, places) + logged
+        tolerances = _within(own, flown, system.tolerances, s)
         left = apart - effect - tolerances
         before.append(own.energy(apart))
         only.append(own.energy(apart - alone))
@@ -119,15 +117,15 @@ def motions(
 
 
 def _logged(
-    own: OwnFlight, library: Mapping[str, Effect], candidates: Sequence[Candidate], explanation: Explanation
+    own: OwnFlight, library: Mapping[str, Effect], explanation: Explanation
 ) -> tuple[Complex, set[int]]:
     """Return what effects of sensors make of the flight's log, and which candidates these are."""
     total, found = np.zeros_like(own.flown), set()
     for i, e in zip(explanation.places, explanation.estimates, strict=True):
-        effect = library.get(candidates[i].effect)
+        effect = library.get(e.candidate.effect)
         if effect is not None and effect.distort is not None:
             force = in_force_of(effect, own.block.trial.simulation)
-            total = total + own.logged_with(effect, candidates[i].place.settings(force, e.size))
+            total = total + own.logged_with(effect, e.candidate.place.settings(force, e.size))
             found.add(i)
     return total, found
 
@@ -135,18 +133,16 @@ def _logged(
 def _moved(
     own: OwnFlight,
     scored: Scored,
-    candidates: Sequence[Candidate],
+    system: System,
     index: int,
     weights: Array,
     logged: set[int],
 ) -> Complex:
     """Return the increment of the motion by the candidates' columns, those of sensors left out."""
-    kept, start = weights.copy(), 0
-    for i, c in enumerate(candidates):
-        if i in logged:
-            kept[start : start + c.sizes.size] = 0.0
-        start += c.sizes.size
-    return own.moved_by(scored.spectra(candidates, index, kept))
+    kept = weights.copy()
+    for i in logged:
+        kept[system.columns_of(i)] = 0.0
+    return own.moved_by(scored.spectra(system, index, kept))
 
 
 def _within(own: OwnFlight, flown: Flown, names: Sequence[str], scored: Scored) -> Complex:

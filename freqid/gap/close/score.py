@@ -13,7 +13,7 @@ from freqid.core.arrays import Array, Complex
 from freqid.core.results.diagnosis import Change, Share
 from freqid.gap.close.fit import Fit
 from freqid.gap.infer.columns import Columns
-from freqid.gap.model.candidate import Candidate
+from freqid.gap.infer.system import System
 from freqid.gap.stack.block import Block
 
 _DRAWS = 400  # of the bootstrap
@@ -45,13 +45,11 @@ class Scored:
             return y * y
         return y * (y - own.T @ cho_solve(cho_factor(np.eye(len(own)) + own @ own.T), own @ y))
 
-    def spectra(self, candidates: Sequence[Candidate], index: int, effect: Array) -> Complex:
-        """Return what weights of the candidates' columns make of the block, shape (row, line)."""
+    def spectra(self, system: System, index: int, effect: Array) -> Complex:
+        """Return what weights of a system's columns make of the block, its `index`-th, shape (row, line)."""
         z = np.zeros((len(self.block.rows), self.block.lines.hz.size), dtype=complex)
-        start = 0
-        for c in candidates:
-            w = effect[start : start + c.sizes.size]
-            start += c.sizes.size
+        for i, c in enumerate(system.candidates):
+            w = effect[system.columns_of(i)]
             if np.any(w):
                 z += np.tensordot(w, c.columns[index], 1)
         return z
@@ -127,12 +125,7 @@ class Responses:
     rises: bool
 
 
-def responses(
-    scored: Sequence[Scored],
-    indices: Sequence[int],
-    candidates: Sequence[Candidate],
-    tolerances: Sequence[Complex],
-) -> Responses:
+def responses(scored: Sequence[Scored], indices: Sequence[int], system: System) -> Responses:
     """Return classical figures of replays on blocks that were left out.
 
     Parameters
@@ -140,17 +133,16 @@ def responses(
     scored : sequence of Scored
     indices : sequence of int
         Of the blocks among those of the candidates' columns.
-    candidates : sequence of Candidate
-    tolerances : sequence of ndarray of complex, shape (tolerance, row, line)
-        One sigma of each, by block.
+    system : System
+        Of the candidates.
     """
-    rmse: dict[str, list[tuple[float, float, float, float]]] = {}
+    rms: dict[str, list[tuple[float, float, float, float]]] = {}
     energy: dict[str, float] = {}
     error = {"before": 0.0, "after": 0.0}
     parts = []
-    for s, index, columns in zip(scored, indices, tolerances, strict=True):
-        effect = s.spectra(candidates, index, s.fit.effect)
-        moved = np.tensordot(s.fit.tolerances, columns, 1)
+    for s, index in zip(scored, indices, strict=True):
+        effect = s.spectra(system, index, s.fit.effect)
+        moved = np.tensordot(s.fit.tolerances, s.columns.sigmas, 1)
         residual = s.block.residual
         simulated = s.block.transform(s.block.trial.nominal.simulated)
         parts.append((s.block, residual, residual - effect - moved))
@@ -158,7 +150,7 @@ def responses(
             own, left = (_rms(s.block, z[i]) for z in (residual, residual - effect - moved))
             moves = _rms(s.block, simulated[i] + residual[i])
             said = _rms(s.block, simulated[i])
-            rmse.setdefault(row.name, []).append((own, left, moves, said))
+            rms.setdefault(row.name, []).append((own, left, moves, said))
             power = (np.abs(effect[i]) ** 2 / s.block.noise_power[i]).sum()
             energy[row.name] = energy.get(row.name, 0.0) + float(power)
     total = max(sum(energy.values()), 1e-300)
@@ -169,7 +161,7 @@ def responses(
                 for end, z in (("before", before), ("after", after)):
                     error[end] += float((np.abs(z[i, 1:]) ** 2 / block.noise_power[i, 1:]).sum())
     changes, theil = {}, {}
-    for name, each in rmse.items():
+    for name, each in rms.items():
         before, after, moves, said = (float(np.sqrt(np.mean(np.square(x)))) for x in zip(*each, strict=True))
         changes[name] = Change(before, after, moves)
         below = max(moves + said, 1e-300)

@@ -19,13 +19,13 @@ from freqid.core.arrays import Array
 from freqid.core.channels import RATES, WRENCH
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord
+from freqid.core.units import FOOT
 from freqid.core.vehicle import Vehicle
 from freqid.gap.connect import answers
 from freqid.gap.connect.differences import by_parameters, size
 from freqid.gap.connect.feedback import HEARD, law
 from freqid.gap.connect.flow import velocity
 from freqid.gap.connect.jsbsim_aircraft import (
-    FOOT,
     SETTLED,
     STATES,
     JsbsimAircraft,

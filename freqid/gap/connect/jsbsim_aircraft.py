@@ -20,10 +20,11 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError
+from freqid.core.units import FOOT, POUND_FORCE
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 
 SETTLED = 3.0  # s, after which a flight control system stands still
-FOOT, POUND, SLUG = 0.3048, 4.4482216152605, 14.593902937206364
+SLUG = POUND_FORCE / FOOT  # kg
 STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta", "psi", "ax", "ay", "az", "alt")
 _FORCES = ("fbx", "fby", "fbz")
 _MOMENTS = ("l", "m", "n")
@@ -275,8 +276,8 @@ def put(fdm: Any, motion: Array) -> None:
 
 def loads(fdm: Any) -> list[float]:
     """Return aerodynamic and propulsive X Y Z L M N, N and N m."""
-    forces = [POUND * (fdm[f"forces/{n}-aero-lbs"] + fdm[f"forces/{n}-prop-lbs"]) for n in _FORCES]
-    size = POUND * FOOT
+    forces = [POUND_FORCE * (fdm[f"forces/{n}-aero-lbs"] + fdm[f"forces/{n}-prop-lbs"]) for n in _FORCES]
+    size = POUND_FORCE * FOOT
     return forces + [
         size * (fdm[f"moments/{n}-aero-lbsft"] + fdm[f"moments/{n}-prop-lbsft"]) for n in _MOMENTS
     ]

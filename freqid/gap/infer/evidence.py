@@ -8,7 +8,7 @@ from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import logsumexp, ndtri
 
 from freqid.core.arrays import Array
 from freqid.gap.infer.block_matrices import Form
@@ -253,8 +253,6 @@ def _density(
 def _vector_estimate(
     evidence: Evidence, index: int, level: float, mix: Array, given: Array | None
 ) -> Estimate:
-    from scipy.stats import norm
-
     system, c = evidence.system, evidence.system.candidates[index]
     at = system.columns_of(index)
     mean, second = np.zeros(c.sizes.size), np.zeros(c.sizes.size)
@@ -274,7 +272,7 @@ def _vector_estimate(
         share = mix[k] * np.exp(np.array(log) - logsumexp(log))
         mean += share @ np.array(means)
         second += share @ (np.array(variances) + np.array(means) ** 2)
-    spread = np.sqrt(np.maximum(second - mean**2, 0.0)) * norm.ppf((1 + level) / 2)
+    spread = np.sqrt(np.maximum(second - mean**2, 0.0)) * ndtri((1 + level) / 2)
     size = mean * c.sizes
     return Estimate(c, size, size - spread * c.sizes, size + spread * c.sizes, False)
 

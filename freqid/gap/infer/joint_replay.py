@@ -25,12 +25,10 @@ from freqid.gap.simulation import Simulation, side_by_side
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
 
-Settings = dict[str, float]
-
 
 def settings_of(
     explanation: Explanation, library: Mapping[str, Effect], simulation: Simulation
-) -> list[tuple[str, Settings]]:
+) -> list[tuple[str, dict[str, float]]]:
     """Return the effects of one size that an explanation holds, with their parameters as estimated.
 
     Parameters
@@ -50,7 +48,7 @@ def settings_of(
 
 
 def acted_on(
-    blocks: Sequence[Block], acting: Sequence[tuple[str, Settings]], library: Mapping[str, Effect]
+    blocks: Sequence[Block], acting: Sequence[tuple[str, dict[str, float]]], library: Mapping[str, Effect]
 ) -> list[Block]:
     """Return blocks on whose trials effects are in force; the same where they change nothing for others."""
     effects = [(library[n], x) for n, x in acting]

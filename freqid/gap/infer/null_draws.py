@@ -28,9 +28,16 @@ def null_statistics(evidence: Evidence, count: int, seed: int) -> Array:
     seed : int
     """
     rng = np.random.default_rng([seed, 77])
+    return statistics_of(evidence, drawn_from_posterior(evidence, evidence.system, count, rng))
+
+
+def drawn_from_posterior(
+    evidence: Evidence, system: System, count: int, rng: np.random.Generator
+) -> dict[Form, tuple[Array, Array]]:
+    """Return draws of the data, each with an error of form of the evidence's posterior; see `drawn`."""
     weights = evidence.form_weights()
     chosen = rng.choice(len(weights), size=count, p=weights / weights.sum())
-    return statistics_of(evidence, drawn(evidence.system, chosen, rng))
+    return drawn(system, chosen, rng)
 
 
 def threshold_of(null: Array, level: float) -> float:

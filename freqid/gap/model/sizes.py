@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -45,11 +45,8 @@ def about_zero(at: At, up: float, down: float, scale: float) -> list[Made]:
     if len(found) < 2 or found[0][0] != near:
         return found
     for end, last in found[1:]:
-        energy = sum(float((np.abs(z) ** 2).sum()) for z in last)
-        apart = sum(
-            float((np.abs(b - a * (end / near)) ** 2).sum()) for a, b in zip(found[0][1], last, strict=True)
-        )
-        if apart > _STRAIGHT**2 * energy:
+        apart = _energy(b - a * (end / near) for a, b in zip(found[0][1], last, strict=True))
+        if apart > _STRAIGHT**2 * _energy(last):
             inner = np.sign(end) * np.geomspace(SMALLEST * 4 * scale, abs(end), _SIZES)[:-1]
             more = [(float(s), c) for s in inner if abs(s - near) > 0.1 * scale and (c := at(float(s)))]
             found += more
@@ -84,9 +81,7 @@ def proportional(made: Sequence[Made], blocks: Sequence[Block]) -> int | None:
             (z - size * u) / np.sqrt(b.noise_power) for z, u, b in zip(columns, unit, blocks, strict=True)
         ]
         whole = [z / np.sqrt(b.noise_power) for z, b in zip(columns, blocks, strict=True)]
-        if sum((np.abs(z) ** 2).sum() for z in apart) > _STRAIGHT**2 * sum(
-            (np.abs(z) ** 2).sum() for z in whole
-        ):
+        if _energy(apart) > _STRAIGHT**2 * _energy(whole):
             return None
     return first
 
@@ -146,14 +141,16 @@ def _between(at: At, one: Made, other: Made, depth: int = 0) -> list[Made]:
     made = at(size)
     if not made:
         return []
-    energy = sum(float((np.abs(z) ** 2).sum()) for z in made)
-    ends = zip(made, one[1], other[1], strict=True)
-    apart = sum(float((np.abs(z - (a + b) / 2) ** 2).sum()) for z, a, b in ends)
+    apart = _energy(z - (a + b) / 2 for z, a, b in zip(made, one[1], other[1], strict=True))
     middle = (size, made)
-    if depth == _DEPTH or apart < _BENT**2 * energy:
+    if depth == _DEPTH or apart < _BENT**2 * _energy(made):
         return [middle]
     return [
         middle,
         *_between(at, one, middle, depth + 1),
         *_between(at, middle, other, depth + 1),
     ]
+
+
+def _energy(change: Iterable[Complex]) -> float:
+    return sum(float((np.abs(z) ** 2).sum()) for z in change)

@@ -19,7 +19,7 @@ from freqid.core.arrays import Array
 from freqid.core.results.gap_self_test import SEVERAL
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.evidence import NONE, Evidence
-from freqid.gap.infer.null_draws import drawn
+from freqid.gap.infer.null_draws import drawn_from_posterior
 from freqid.gap.infer.system import Reduced, System
 from freqid.gap.infer.weighing import Weighing
 from freqid.gap.infer.which import Ranking, probability_of_none, rank
@@ -101,10 +101,7 @@ class DrawnData:
     def of(cls, evidence: Evidence, system: System, count: int, seed: int) -> DrawnData:
         """Draw noise, tolerances and errors of form."""
         rng = np.random.default_rng([seed, 79])
-        weights = evidence.form_weights()
-        chosen = rng.choice(len(weights), size=count, p=weights / weights.sum())
-        data = drawn(system, chosen, rng)
-        return cls(system, data)
+        return cls(system, drawn_from_posterior(evidence, system, count, rng))
 
     @property
     def count(self) -> int:

@@ -27,9 +27,8 @@ from freqid.simulate.effects.effect import Effect
 BandHz = tuple[float, float]
 NamedColumns = dict[str, Complex]
 
-_FORMS = tuple(
-    Form(a, b) for a in FORM_ERRORS for b in ACTUATOR_FORM_ERRORS
-)  # of all terms, and of actuators
+# of all terms, and of actuators
+_FORMS = tuple(Form(a, b) for a in FORM_ERRORS for b in ACTUATOR_FORM_ERRORS)
 
 
 @dataclass(frozen=True, eq=False)

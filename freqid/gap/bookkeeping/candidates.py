@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -307,17 +307,18 @@ def _gravity(bench: Bench) -> Iterator[Fault]:
             "log specific force, what an accelerometer feels",
         ),
     ):
-        more = sign * weight[part]
-        yield Fault(
-            "gravity", "X Y Z", sentence, remedy, rows, undo=lambda p, _, more=more: _plus(p, rows, more)
-        )
+        yield Fault("gravity", "X Y Z", sentence, remedy, rows, undo=_adding(rows, sign * weight[part]))
 
 
-def _plus(predicted: Array, rows: Sequence[int], what: Array) -> Array:
-    """Return a prediction with something added to some of its rows, shape (response, sample)."""
-    out = predicted.copy()
-    out[list(rows)] += what
-    return out
+def _adding(rows: Sequence[int], what: Array) -> Callable[[Array, Bench], Array]:
+    """Return a correction that adds loads, shape (row, sample), to some rows of a prediction."""
+
+    def undo(predicted: Array, _: Bench) -> Array:
+        out = predicted.copy()
+        out[list(rows)] += what
+        return out
+
+    return undo
 
 
 def _reference_points(bench: Bench) -> Iterator[Fault]:
@@ -334,7 +335,8 @@ def _reference_points(bench: Bench) -> Iterator[Fault]:
         if np.linalg.norm(arm) > 0.02:
             # about the centre of gravity: M + (point - centre) x F
             def undo(predicted: Array, _: Bench, arm: Array = arm) -> Array:
-                return _plus(predicted, moments, moment_about(arm[:, None], predicted[list(forces)]))
+                more = moment_about(arm[:, None], predicted[list(forces)])
+                return _adding(moments, more)(predicted, _)
 
             yield Fault(
                 "moment_reference",
@@ -357,9 +359,7 @@ def _gyroscopic(bench: Bench, rows: tuple[int, ...]) -> Iterator[Fault]:
         (1.0, "the rotors' gyroscopic moments are in the predicted moments, and in the reconstructed ones"),
         (-1.0, "the rotors' gyroscopic moments are taken out of the predicted moments with the wrong sign"),
     ):
-        more = sign * term
         remedy = (
             "count them once: leave them out of the simulation's moments, or the rotors out of the vehicle"
         )
-        undo = lambda p, _, more=more: _plus(p, rows, more)  # noqa: E731
-        yield Fault("gyroscopic", "L M N", sentence, remedy, rows, undo=undo)
+        yield Fault("gyroscopic", "L M N", sentence, remedy, rows, undo=_adding(rows, sign * term))

@@ -12,7 +12,7 @@ from freqid.core.arrays import Array, Complex
 from freqid.core.record import Maneuver
 from freqid.gap.infer.block_matrices import Form, Products
 from freqid.gap.infer.system import System
-from freqid.gap.infer.where import gap_map
+from freqid.gap.infer.where import bands_of
 from freqid.gap.model.form import actuator_terms, form_columns, in_rows, load_terms
 from freqid.gap.model.tolerance import record_columns, tolerance_columns
 from freqid.gap.settings import ACTUATOR_FORM_ERRORS, FORM_ERRORS
@@ -179,7 +179,7 @@ def shared_stack(
     for label, simulation in zip("AB", pair, strict=True):
         tell(f"replaying {label}")
         stacks.append(stack_of(simulation, maneuvers, names, band_hz, seed=seed))
-    bands = gap_map(stacks[0], [b.residual for b in stacks[0]]).bands_hz
+    bands = bands_of(stacks[0])
     found = []
     for i, (a, b) in enumerate(zip(*stacks, strict=True)):
         tell(f"computing tolerances of {a.names[0]} ({i + 1} of {len(stacks[0])})")

@@ -200,8 +200,9 @@ def diagnose(
             evidence, leading, bool(q.named), columns, used, library, q.tolerances
         )
         system = joint.system
-    explained = _explained(explanation, used)
-    cells = gap_map(used, explained if explanation else [b.residual for b in used])
+    by_effect = [_made(e, used) for e in explanation.estimates] if explanation else []
+    explained = [sum((one[i] for one in by_effect), np.zeros_like(b.residual)) for i, b in enumerate(used)]
+    cells = gap_map(used, joint_columns, by_effect or [[b.residual for b in used]])
     closing: Closing | None = None
     closed: list[Closed] = []
     if q.close and explanation and joint:
@@ -313,15 +314,9 @@ def _figures(closed: Closed, system: System) -> Closure:
     return replace(closed.closure, theil=theil, strained=strained)
 
 
-def _explained(explanation: Explanation | None, blocks: Sequence[Block]) -> list[Complex]:
-    """Return what an explanation makes of every block, shape (row, line) each."""
-    found = []
-    for b, block in enumerate(blocks):
-        z = np.zeros((len(block.rows), block.lines.hz.size), dtype=complex)
-        for e in explanation.estimates if explanation else ():
-            z += np.tensordot(e.weights, e.candidate.columns[b], 1)
-        found.append(z)
-    return found
+def _made(estimate: Estimate, blocks: Sequence[Block]) -> list[Complex]:
+    """Return what an effect makes of every block, shape (row, line) each."""
+    return [np.tensordot(estimate.weights, estimate.candidate.columns[i], 1) for i in range(len(blocks))]
 
 
 def _existence(

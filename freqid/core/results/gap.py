@@ -12,14 +12,17 @@ from freqid.core.arrays import Array, Complex
 from freqid.core.layout import Attribute, Dataset, Nested, NestedSeries, ResultFile, Rows, Table
 from freqid.core.results.diagnosis import Change, Closure, Existence, GapDiagnosis, Place, SensorFault, Which
 
-LISTED = 0.1  # share of the energy from which a cell is listed
+LISTED = 0.1  # share of what is detectable from which a cell is listed
 _THIRDS = ("first third", "middle third", "last third")
-_ONE_THIRD = 0.6  # of the energy in one third of a manoeuvre is a phase; less is all of it
+_ONE_THIRD = 0.6  # of it in one third of a manoeuvre is a phase; less is all of it
 
 
 @dataclass(frozen=True, eq=False)
 class GapMap:
-    """Energy of a gap over noise, by cell.
+    """Where a gap is detectable beyond noise and tolerances, by cell.
+
+    The detectability of an effect is ``s' S^-1 s``, with s what it makes and S the covariance of noise, of
+    the records' own unknowns and of tolerances. Where several explain the gap each counts alike.
 
     Attributes
     ----------
@@ -27,9 +30,10 @@ class GapMap:
         The last input is ``""``: lines that no injected signal drives.
     bands_hz : tuple of tuple of 2 floats
     energy : ndarray, shape (row, band, regime, input)
-        Of white noise of variance one a line.
+        Each cell's share of it. Below zero where the effect makes less than tolerances that are fitted to all
+        of it would make there; sums of cells below zero count as none.
     phase : ndarray, shape (row, 3)
-        Share of a row's energy in each third of the manoeuvres.
+        Share of a row's detectability in each third of the manoeuvres.
     """
 
     rows: tuple[str, ...]
@@ -48,34 +52,43 @@ class GapMap:
             "input": self.inputs,
         }
         at = list(names).index(axis)
-        each = self.energy.sum(axis=tuple(i for i in range(4) if i != at))
+        each = self.parts(*(i for i in range(4) if i != at))
         total = max(float(each.sum()), 1e-300)
         shares = {name: float(e / total) for name, e in zip(names[axis], each, strict=True)}
         return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
+    def parts(self, *axes: int) -> Array:
+        """Return the energy summed over some axes, none of the sums below zero."""
+        return np.maximum(self.energy.sum(axis=axes), 0.0)
+
     def places(self) -> list[Place]:
-        """Return the cells of row and band that hold `LISTED` of the energy or more, largest first."""
-        total = float(self.energy.sum())
-        if not total > 0:
+        """Return the cells of row and band that hold `LISTED` of the gap or more, largest first."""
+        shares = self.parts(2, 3)
+        if not shares.any():
             return []
+        shares = shares / shares.sum()
+        by_regime, by_input = self.parts(3), self.parts(2)
         found = []
-        for i, row in enumerate(self.rows):
+        for i, j in zip(*np.nonzero(shares >= LISTED), strict=True):
             third = int(np.argmax(self.phase[i]))
             phase = _THIRDS[third] if self.phase[i, third] > _ONE_THIRD else "all"
-            for j, band in enumerate(self.bands_hz):
-                cell = self.energy[i, j]
-                share = float(cell.sum() / total)
-                if share >= LISTED:
-                    regime = _holding(cell.sum(axis=1), self.regimes)
-                    each = cell.sum(axis=0)
-                    driven = each[:-1].sum() >= LISTED * each.sum()
-                    inputs = _holding(each[:-1], self.inputs[:-1]) if driven else ""
-                    found.append(Place(row, band, regime, inputs, phase, share))
+            each = by_input[i, j]
+            driven = each[:-1].sum() >= LISTED * each.sum()
+            found.append(
+                Place(
+                    self.rows[i],
+                    self.bands_hz[j],
+                    _holding(by_regime[i, j], self.regimes),
+                    _holding(each[:-1], self.inputs[:-1]) if driven else "",
+                    phase,
+                    float(shares[i, j]),
+                )
+            )
         return sorted(found, key=lambda place: -place.share)
 
 
 def _holding(energy: Array, names: Sequence[str]) -> str:
-    """Return the names that hold a tenth of the energy or more, in their order."""
+    """Return the names that hold a tenth of it or more, in their order."""
     total = energy.sum()
     return " ".join(n for n, e in zip(names, energy, strict=True) if total > 0 and e / total >= LISTED)
 

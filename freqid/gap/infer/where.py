@@ -1,4 +1,4 @@
-"""Where a gap is: its energy by response, band, regime, injected signal and time."""
+"""Where a gap is seen beyond noise and tolerances: by response, band, regime, injected signal and time."""
 
 from __future__ import annotations
 
@@ -6,45 +6,86 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.results.gap import GapMap
+from freqid.gap.infer.columns import Columns
 from freqid.gap.stack.block import Block
 
 _BANDS = 4
 
 
-def gap_map(blocks: Sequence[Block], explained: Sequence[Complex]) -> GapMap:
-    """Return the energy of what an explanation makes of the stack, over noise.
+def gap_map(
+    blocks: Sequence[Block], columns: Sequence[Columns], explained: Sequence[Sequence[Complex]]
+) -> GapMap:
+    """Return where the detectability of what an explanation makes of the stack lies.
+
+    With s what an effect makes and S the covariance of noise, of the records' own unknowns and of tolerances,
+    its detectability is ``s' S^-1 s``; the terms of a cell are that cell's part. A cell in which tolerances
+    do the same as the effect counts little, however much of the effect is there. Each of several effects
+    counts alike.
 
     Parameters
     ----------
     blocks : sequence of Block
-    explained : sequence of ndarray of complex, shape (row, line)
-        By block; the residual itself where nothing explains it.
+    columns : sequence of Columns
+        By block, with tolerances and own unknowns.
+    explained : sequence of sequence of ndarray of complex, shape (row, line)
+        By effect and block; the residual itself where nothing explains it.
     """
     rows = tuple(dict.fromkeys(r.name for b in blocks for r in b.rows))
     regimes = tuple(dict.fromkeys(b.regime for b in blocks))
     inputs = (*dict.fromkeys(n for b in blocks for n in b.lines.inputs), "")
-    bands = _bands(blocks)
+    bands = bands_of(blocks)
     energy = np.zeros((len(rows), len(bands), len(regimes), len(inputs)))
     phase = np.zeros((len(rows), 3))
-    for block, z in zip(blocks, explained, strict=True):
-        cells = np.abs(z) ** 2 / block.noise_power
-        at = [rows.index(r.name) for r in block.rows]
-        owner = [
-            inputs.index(block.lines.inputs[o]) if o >= 0 else len(inputs) - 1 for o in block.lines.owner
-        ]
-        band = np.clip(np.searchsorted([b for _, b in bands], block.lines.hz, side="left"), 0, len(bands) - 1)
-        regime = regimes.index(block.regime)
-        for k in range(block.lines.hz.size):
-            energy[at, band[k], regime, owner[k]] += cells[:, k]
-        phase[at] += _thirds(block, z)
+    for one in explained:
+        weighed = _beyond(blocks, columns, one)
+        terms = [_terms(b, z, w) for b, z, w in zip(blocks, one, weighed, strict=True)]
+        whole = max(sum(float(t.sum()) for t in terms), 1e-300) * len(explained)
+        for block, z, w, parts in zip(blocks, one, weighed, terms, strict=True):
+            at = [rows.index(r.name) for r in block.rows]
+            owner = [
+                inputs.index(block.lines.inputs[o]) if o >= 0 else len(inputs) - 1 for o in block.lines.owner
+            ]
+            tops = [b for _, b in bands]
+            band = np.clip(np.searchsorted(tops, block.lines.hz, side="left"), 0, len(bands) - 1)
+            regime = regimes.index(block.regime)
+            for k in range(block.lines.hz.size):
+                energy[at, band[k], regime, owner[k]] += parts[:, k] / whole
+            phase[at] += _thirds(block, z, w) / whole
+    phase = np.maximum(phase, 0.0)
     total = phase.sum(axis=1, keepdims=True)
     return GapMap(rows, regimes, inputs, bands, energy, phase / np.where(total > 0, total, 1.0))
 
 
-def _bands(blocks: Sequence[Block]) -> tuple[tuple[float, float], ...]:
+def _terms(block: Block, z: Complex, weighed: Complex) -> Array:
+    """Return the terms of ``s' S^-1 s``, shape (row, line)."""
+    return np.where(block.lines.hz == 0, 1.0, 2.0) * (z.conj() * weighed).real
+
+
+def _beyond(blocks: Sequence[Block], columns: Sequence[Columns], change: Sequence[Complex]) -> list[Complex]:
+    """Return ``S^-1 s`` by block, shape (row, line) each."""
+
+    def beside_own(c: Columns, y: Array) -> Array:
+        if not len(c.own):
+            return y
+        return y - cho_solve(cho_factor(np.eye(len(c.own)) + c.own @ c.own.T), c.own @ y.T).T @ c.own
+
+    white = [b.white(z) for b, z in zip(blocks, change, strict=True)]
+    tolerances = [beside_own(c, c.tolerances) for c in columns]
+    inside = np.sum([t @ c.tolerances.T for t, c in zip(tolerances, columns, strict=True)], axis=0)
+    seen = np.sum([t @ y for t, y in zip(tolerances, white, strict=True)], axis=0)
+    departures = cho_solve(cho_factor(np.eye(len(seen)) + inside), seen) if len(seen) else seen
+    found = []
+    for block, c, y, t in zip(blocks, columns, white, tolerances, strict=True):
+        left = (beside_own(c, y) - departures @ t).reshape(len(block.rows), -1)
+        found.append(np.einsum("lji,jl->il", block.whitening.conj(), block.lines.complex(left)))
+    return found
+
+
+def bands_of(blocks: Sequence[Block]) -> tuple[tuple[float, float], ...]:
     """Return bands of equal width in the logarithm; the lowest one begins at zero."""
     top = max(b.lines.hz[-1] for b in blocks)
     driven = [b.lines.hz[b.lines.driven] for b in blocks if b.lines.driven.any()]
@@ -55,16 +96,15 @@ def _bands(blocks: Sequence[Block]) -> tuple[tuple[float, float], ...]:
     return tuple((float(a), float(b)) for a, b in pairwise(edges))
 
 
-def _thirds(block: Block, z: Complex) -> Array:
-    """Return the energy of spectra in each third of the manoeuvre, over noise, shape (row, 3)."""
-    white = z / np.sqrt(block.noise_power)
+def _thirds(block: Block, z: Complex, weighed: Complex) -> Array:
+    """Return the detectability in each third of the manoeuvre, up to a factor, shape (row, 3)."""
+    root = np.sqrt(block.noise_power)
     count = 6 * max(int(np.ceil(block.lines.hz[-1] * block.lines.duration)), 4)
     time = np.arange(count) / count
     angle = 2j * np.pi * np.outer(block.lines.hz * block.lines.duration, time)
-    double = np.where(block.lines.hz == 0, 1.0, 2.0)[:, None]
-    history = (white @ (double * np.exp(angle))).real
-    third = history.reshape(len(z), 3, -1)
-    return (third**2).mean(axis=2)
+    waves = np.where(block.lines.hz == 0, 1.0, 2.0)[:, None] * np.exp(angle)
+    product = ((z / root) @ waves).real * ((weighed * root) @ waves).real
+    return product.reshape(len(z), 3, -1).mean(axis=2)
 
 
 def coherence(blocks: Sequence[Block]) -> dict[str, dict[str, float]]:

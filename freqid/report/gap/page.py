@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from freqid import __version__
+from freqid.core.arrays import Array
 from freqid.core.results.gap import BeforeAfter, GapResult, ResidualSpectra
 from freqid.core.results.gap_self_test import ENDS, Rate, SelfTest, Stratum
 from freqid.report.gap import figures as gap_figures
@@ -183,20 +184,23 @@ def _facts(result: GapResult) -> list[tuple[str, str]]:
 
 def _order(result: GapResult) -> list[int]:
     """Return the map's rows that hold some of the gap, largest first."""
-    each = result.cells.energy.sum(axis=(1, 2, 3))
+    each = result.cells.parts(1, 2, 3)
     total = max(float(each.sum()), 1e-300)
     return [int(i) for i in np.argsort(-each) if each[i] / total >= _LEAST][:_ROWS]
+
+
+def _per_whole(parts: Array) -> Array:
+    return parts / max(float(parts.sum()), 1e-300)
 
 
 def _maps(result: GapResult) -> list[Picture]:
     cells, rows = result.cells, _order(result)
     if not rows:
         return []
-    energy = cells.energy / max(float(cells.energy.sum()), 1e-300)
     names = [cells.rows[i] for i in rows]
     bands = [f"{low:.2g}–{high:.2g}" for low, high in cells.bands_hz]
-    by_regime = energy.sum(axis=3)[rows].transpose(2, 0, 1)
-    held = energy.sum(axis=(0, 1, 3))
+    by_regime = _per_whole(cells.parts(3))[rows].transpose(2, 0, 1)
+    held = np.array([cells.share("regime")[n] for n in cells.regimes])
     regimes = sorted(np.argsort(-held)[:_REGIMES].tolist())
     left = 1 - float(held[regimes].sum())
     shown = by_regime[regimes]
@@ -205,18 +209,19 @@ def _maps(result: GapResult) -> list[Picture]:
         picture(
             gap_figures.heat_panels(titles, names, bands, shown, float(shown.max()), "Frequency (Hz)"),
             "map-regime",
-            f"Gap map: share of the explained energy by response and band, in {', '.join(titles)}",
-            "Where the gap is: per cent of what is explained, by response and band in each flight regime. "
-            "Rows that act on loads are named by their letter, actuator/ is between command and position, "
+            f"Gap map: share of what is detectable by response and band, in {', '.join(titles)}",
+            "Where the gap is: per cent of what is detectable of it beyond noise and tolerances, by response "
+            "and band in each flight regime. Rows that act on loads "
+            "are named by their letter, actuator/ is between command and position, "
             "kinematic/ is what the sensors say of each other."
             + (f" {percent(left)} is in other regimes." if left >= _LEAST else ""),
         )
     ]
-    by_input = energy.sum(axis=(1, 2))[rows]
+    by_input = _per_whole(cells.parts(1, 2))[rows]
     inputs = [n or "none" for n in cells.inputs]
     kept = [k for k in range(len(inputs)) if by_input[:, k].max() >= _LEAST]
     table = by_input[:, kept][None]
-    driven = percent(float(energy[..., :-1].sum()))
+    driven = percent(1 - cells.share("input")[""])
     if any(cells.inputs[k] for k in kept):
         pictures.append(
             picture(
@@ -224,8 +229,8 @@ def _maps(result: GapResult) -> list[Picture]:
                     ["All regimes"], names, [inputs[k] for k in kept], table, float(table.max()), "Signal"
                 ),
                 "map-input",
-                "Gap map: share of the explained energy by response and injected signal",
-                "The same by injected signal: per cent of what is explained on the lines that a signal "
+                "Gap map: share of what is detectable by response and injected signal",
+                "The same by injected signal: per cent of what is detectable on the lines that a signal "
                 "drives. Under feedback all signals move the vehicle, so a gap in a derivative by motion "
                 "shows under every one of them."
                 + (" Signals without any are left out." if len(kept) < len(inputs) else ""),
@@ -244,7 +249,7 @@ def _maps(result: GapResult) -> list[Picture]:
                 "Coherence of the residual with each injected signal: per cent of the residual's power on "
                 "the signal's lines that noise does not account for. Near 100: what is left there is no "
                 "noise. How much of the gap that is, it does not say: all driven lines together hold "
-                f"{driven} of what is explained.",
+                f"{driven} of what is detectable.",
             )
         )
     return pictures

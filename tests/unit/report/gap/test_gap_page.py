@@ -186,7 +186,7 @@ def test_no_signal_is_named_or_drawn_for_a_gap_that_none_drives():
     assert (place.response, place.input) == ("Z", "")
     page = build_gap_page(found)
     assert 'id="figure-map-input"' not in page
-    assert "all driven lines together hold 0 % of what is explained" in page
+    assert "all driven lines together hold 0 % of what is detectable" in page
     energy = found.cells.energy.copy()
     energy[0, 0, :, 0] = 0.2  # 17 % on the lines of de
     (place,) = replace(found.cells, energy=energy).places()

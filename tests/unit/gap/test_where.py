@@ -1,0 +1,92 @@
+"""Where a gap is: what is detectable of it in each cell, beside noise, own unknowns and tolerances."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from linear_flight import LIBRARY, Linear, Truth, fly
+from scipy.linalg import block_diag
+
+from freqid.gap.diagnose import Question, diagnose
+from freqid.gap.infer.where import gap_map
+from freqid.gap.model.tolerance import record_columns, stated
+
+QUESTION = Question(
+    LIBRARY, stated({"derivatives": 0.02, "dynamics": 0.02}, LIBRARY), (0.05, 2.0), draws=400, close=False
+)
+
+
+def real(block, z):
+    """Return spectra as the real numbers of all rows in one vector."""
+    return block.lines.real(z).ravel()
+
+
+def noise(block):
+    """Return the covariance of those numbers, from that of complex spectra."""
+    rows, count = len(block.rows), block.lines.hz.size
+    found = np.zeros((rows, 2 * count - 1, rows, 2 * count - 1))
+    for k, c in enumerate(block.covariance):
+        found[:, k, :, k] = c.real
+        if k:
+            imaginary = k + count - 1
+            found[:, imaginary, :, imaginary] = c.real
+            found[:, k, :, imaginary], found[:, imaginary, :, k] = -c.imag, c.imag
+    return found.reshape(rows * (2 * count - 1), -1)
+
+
+@pytest.fixture(scope="module")
+def worn():
+    flights = [
+        fly(Truth(loss=0.1), noise=1.0, duration=40.0, seed=s, phases=s, reference=f"r{s}") for s in (1, 2)
+    ]
+    return diagnose(Linear(), flights, QUESTION)
+
+
+def test_parts_add_up_to_the_detectability_of_a_dense_covariance(worn):
+    s = np.concatenate([real(b, z) for b, z in zip(worn.blocks, worn.explained, strict=True)])
+    S = block_diag(*(noise(b) for b in worn.blocks))
+    own = [record_columns(b, LIBRARY, QUESTION.tolerances).values() for b in worn.blocks]
+    S += block_diag(
+        *(sum(np.outer(v, v) for v in (real(b, z) for z in o)) for b, o in zip(worn.blocks, own, strict=True))
+    )
+    for k in range(len(worn.system.tolerances)):
+        t = np.concatenate([real(b, c.sigmas[k]) for b, c in zip(worn.blocks, worn.columns, strict=True)])
+        S += np.outer(t, t)
+    expected = (s * np.linalg.solve(S, s)).reshape(2, len(worn.blocks[0].rows), -1).sum(axis=2)
+    found = gap_map(worn.blocks, worn.columns, [worn.explained]).energy.sum(axis=(1, 3)).T
+    np.testing.assert_allclose(found, expected / expected.sum(), rtol=1e-6, atol=1e-6)
+
+
+def test_a_weak_elevator_is_in_pitch_on_its_own_lines(worn):
+    first = worn.diagnosis.where[0]
+    assert (first.response, first.input) == ("M", "d1")
+
+
+def test_where_a_tolerance_may_do_the_same_little_is_seen_however_much_is_there(worn):
+    """The surface's derivatives of pitch may be anything: what remains is in the other loads."""
+    free = np.ones(len(worn.system.tolerances))
+    free[worn.system.tolerances.index("derivatives.M.d1")] = 1e3
+    columns = [replace(c, tolerances=free[:, None] * c.tolerances) for c in worn.columns]
+    pitch = worn.map.rows.index("M")
+    before, after = (
+        gap_map(worn.blocks, c, [worn.explained]).parts(1, 2, 3) for c in (worn.columns, columns)
+    )
+    assert before[pitch] > 0.5 * before.sum()
+    assert after[pitch] < 0.05 * after.sum()
+
+
+def test_each_of_two_effects_counts_alike_however_large_it_is(worn):
+    """One of them a hundred times as large, in Z; the other in M."""
+
+    def alone(row, size):
+        made = [np.zeros_like(z) for z in worn.explained]
+        for block, z in zip(worn.blocks, made, strict=True):
+            i = [r.name for r in block.rows].index(row)
+            z[i] = size * np.sqrt(block.noise_power[i])
+        return made
+
+    shares = gap_map(worn.blocks, worn.columns, [alone("M", 1.0), alone("Z", 100.0)]).share("row")
+    assert shares["M"] == pytest.approx(0.5, abs=0.05)
+    assert shares["Z"] == pytest.approx(0.5, abs=0.05)

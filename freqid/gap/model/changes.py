@@ -196,7 +196,7 @@ def _with(effect: Effect, values: dict[str, float], record: FlightRecord, carrie
 
 def _relogged(trial: Trial, logged: FlightRecord, *, first_order: bool = False) -> Histories:
     """Return the change of a residual between a trial's record and what `_with` made of it."""
-    moved = trial.on(logged, first_order=first_order) - trial.residual
+    moved = trial.relogged(logged, first_order=first_order)
     return moved * -1.0 if trial.carries else moved
 
 

@@ -316,11 +316,11 @@ def _offsets(
             for e in (e for e in record.group("effector") if kinds.get(e) == name):
                 channel = record.channel(f"effector/{e}")
                 moved = record.with_channels(replace(channel, values=channel.values + size))
-                yield f"offset.{e}", trial.on(moved) - trial.residual
+                yield f"offset.{e}", trial.relogged(moved)
         elif effect is not None and effect.distort is not None and not untestable(effect, trial):
             moved = effect.distort(dict.fromkeys(effect.parameters, 0.0) | {name: size}, record)
             if moved is not record:
-                yield f"offset.{stem}.{name}", trial.on(moved) - trial.residual
+                yield f"offset.{stem}.{name}", trial.relogged(moved)
 
 
 def _starts(trial: Trial) -> Iterator[tuple[str, Histories]]:

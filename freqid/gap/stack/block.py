@@ -343,7 +343,7 @@ def _apart(
     for name, size in sigma.items():
         channel = record.channel(name)
         moved = record.with_channels(replace(channel, values=channel.values + size))
-        columns.append(lines.transform(trial.on(moved) - trial.residual))
+        columns.append(lines.transform(trial.relogged(moved)))
     for i in range(rows):
         z = np.zeros((2, rows, lines.hz.size), dtype=complex)
         z[0, i, 0] = 1.0

@@ -261,11 +261,11 @@ class Trial:
 
     @property
     def approximates(self) -> bool:
-        """Whether `on` is quicker by derivatives, though the simulation can be asked again."""
+        """Whether `relogged` is quicker by derivatives, though the simulation can be asked again."""
         return self.simulation.kind == "scenario"
 
-    def on(self, record: FlightRecord, *, first_order: bool = False) -> Histories:
-        """Return the residual that another log of the same flight would leave.
+    def relogged(self, record: FlightRecord, *, first_order: bool = False) -> Histories:
+        """Return by how much the residual would be another if the same flight had another log.
 
         Replayed in full, or by derivatives where the simulation is too slow or cannot be asked again.
 
@@ -276,10 +276,9 @@ class Trial:
             By derivatives too where that is quicker: enough to weigh hundreds of candidates.
         """
         before = self.maneuver.record
-        measured = self.measured + (self._logged(record) - self.logged)
+        measured = self._logged(record) - self.logged
         moved = {n: record[n] - before[n] for n in self.inputs if not np.array_equal(record[n], before[n])}
-        change = self.moved(moved, first_order=first_order) if moved else None
-        return measured - self.simulated - self.rows(change)
+        return measured - self.rows(self.moved(moved, first_order=first_order)) if moved else measured
 
     def _logged(self, record: FlightRecord) -> Histories:
         """Return the measured part of another log; positions of surfaces enter rows of their own alone."""
@@ -297,13 +296,13 @@ class Trial:
         """Return the residual with noise added to channels, shape (sample,) each."""
         record = self.maneuver.record
         channels = [replace(record.channel(n), values=record[n] + sign * x) for n, x in noise.items()]
-        return self.on(record.with_channels(*channels))
+        return self.residual + self.relogged(record.with_channels(*channels))
 
     def moved(self, changes: Mapping[str, Array], *, first_order: bool = False) -> Array:
         """Return what changes of input channels make of the responses, shape (response, sample).
 
-        As `on` computes them: a rotor's thrust goes with the square of its speed, so that a derivative at the
-        speed that was flown is enough for small changes alone.
+        As `relogged` has them: a rotor's thrust goes with the square of its speed, so that a derivative at
+        the speed that was flown is enough for small changes alone.
         """
         if self.simulation.kind in _QUICK and not (first_order and self.approximates):
             record = self.maneuver.record

@@ -53,9 +53,9 @@ def test_an_offset_is_felt_as_the_changed_scenario_feels_it(without, trial):
     record = trial.maneuver.record
     channel = record.channel("state/u")
     moved = record.with_channels(replace(channel, values=channel.values + 0.5))
-    change = trial.on(moved) - trial.residual
+    change = trial.relogged(moved)
     alone = Trial.of(without, trial.maneuver)
-    expected = alone.on(moved) - alone.residual
+    expected = alone.relogged(moved)
     np.testing.assert_allclose(change.direct, expected.direct, atol=1e-9)
 
 

@@ -85,7 +85,7 @@ def expand_about_zero(model: ResponseModel) -> tuple[Array, Array]:
     ----------
     model : ResponseModel
         ``response = bias + sum_j estimate[j] (x[j] - trim[j])``; a product of regressors is that of their
-        departures from the trim.
+        departures from the trim, and its own trim the mean of that.
 
     Returns
     -------
@@ -94,6 +94,9 @@ def expand_about_zero(model: ResponseModel) -> tuple[Array, Array]:
     covariance : ndarray, shape (1 + p, 1 + p)
     """
     turn = about_zero(model.regressors, model.trim)
+    for j, (name, trim) in enumerate(zip(model.regressors, model.trim, strict=True)):
+        if len(factors_of(name)) > 1:  # the bias is the load at the product's mean
+            turn[0, 1 + j] -= trim
     value = np.append(model.bias, model.estimate)
     spread = np.zeros_like(turn)
     spread[0, 0] = model.bias_std_error**2  # independent of the estimates
@@ -103,6 +106,8 @@ def expand_about_zero(model: ResponseModel) -> tuple[Array, Array]:
 
 def about_zero(regressors: Sequence[str], trim: Array) -> Array:
     """Return the matrix from bias and derivatives about a trim to those about zero.
+
+    The bias is the response where all departures from the trim are zero, those of products too.
 
     Parameters
     ----------

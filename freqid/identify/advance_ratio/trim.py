@@ -60,6 +60,17 @@ def trim_advance_ratio(maneuver: Maneuver) -> float:
             )
         speeds.append(rotor.diameter_m * float(record[f"effector/{rotor.name}"].mean()))
     speed, airspeed = float(np.mean(speeds)), float(history(maneuver, "V").mean())
+    for rotor, one in zip(vehicle.rotors, speeds, strict=True):
+        if one < 0 and airspeed <= STOPPED * -one / (2 * pi):
+            raise DataError(
+                f"channel 'effector/{rotor.name}' is negative in the mean, expected a speed from zero up",
+                remedy="import the speed without its sign; spin of its [[rotor]] says the direction",
+            )
+    if airspeed == speed == 0:
+        raise DataError(
+            "neither the vehicle nor a propeller moves, so there is no advance ratio",
+            remedy="log the airspeed and the propellers' speeds",
+        )
     if airspeed > STOPPED * speed / (2 * pi):
         return inf
     return 2 * pi * airspeed / speed
@@ -89,10 +100,12 @@ def flown_trim(maneuvers: Sequence[Maneuver]) -> tuple[dict[str, float], str]:
         except DataError:
             continue
     try:
-        inverse = float(np.average([1 / trim_advance_ratio(m) for m in maneuvers], weights=weights))
+        each = np.array([trim_advance_ratio(m) for m in maneuvers])
     except DataError as error:
         return trim, error.message
-    trim["advance_ratio"] = 1 / inverse if inverse > 0 else inf
+    # the inverse of zero, as in hover, is infinite, and that of infinity zero
+    inverse = np.average(np.divide(1.0, each, out=np.full(len(each), inf), where=each > 0), weights=weights)
+    trim["advance_ratio"] = float(1 / inverse) if inverse > 0 else inf
     return trim, ""
 
 

@@ -74,7 +74,8 @@ def parameter_history(
     -------
     dict of str to ParameterHistory
         By response. The estimates at any time are those of `identify_point` on the record cut there,
-        where wings that tilt do not make it differentiate angles.
+        where wings that tilt do not make it differentiate angles; but products of regressors are of the
+        departures from the means of the whole record.
 
     Raises
     ------

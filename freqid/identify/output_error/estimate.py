@@ -21,6 +21,7 @@ from freqid.identify.output_error.parameters import (
     ParameterSet,
     choose_parameters,
     numbered,
+    spelled_out,
 )
 from freqid.identify.output_error.starts import equation_error_starts
 from freqid.identify.output_error.time_domain import EXACT, NoiseKind, TimeDomain
@@ -122,7 +123,8 @@ def estimate(
         own = dict.fromkeys(model.own, 0.0)
         choices = replace(choices, fixed={**own, **(choices.fixed or {})}, initial="zero")
     fixed = choices.fixed or {}
-    values = equation_error_starts(model, signals, choices.start or {}, fixed)
+    start = spelled_out(model, len(signals), "start", choices.start or {})
+    values = equation_error_starts(model, signals, start, fixed)
     if choices.initial == "zero":
         values |= {n: 0.0 for n in values if n.startswith("x0_")}
     parameters = choose_parameters(model, signals, values, choices)

@@ -131,12 +131,12 @@ def choose_parameters(
     """
     count = len(signals)
     names = all_names(model, count)
-    fixed = _spelled_out(model, count, "fixed", choices.fixed or {})
+    fixed = spelled_out(model, count, "fixed", choices.fixed or {})
     tied = {
         n: (t, 1.0) if isinstance(t, str) else (t[0], float(t[1]))
-        for n, t in _spelled_out(model, count, "tied", choices.tied or {}).items()
+        for n, t in spelled_out(model, count, "tied", choices.tied or {}).items()
     }
-    bounds = _spelled_out(model, count, "bounds", choices.bounds or {})
+    bounds = spelled_out(model, count, "bounds", choices.bounds or {})
     full = np.array([float(values[n]) for n in names])
     for name, value in fixed.items():
         full[names.index(name)] = value
@@ -181,7 +181,7 @@ def choose_parameters(
     )
 
 
-def _spelled_out(model: DynamicModel, count: int, kind: str, given: Mapping) -> dict:
+def spelled_out(model: DynamicModel, count: int, kind: str, given: Mapping) -> dict:
     """Return choices by full name."""
     names, found = all_names(model, count), {}
     for name, value in given.items():

@@ -190,6 +190,11 @@ def _response(
     highest_hz: float | None,
 ) -> ResponseModel:
     told = [n for n in settings.regressors_of(response) if f"{response}_{n}" not in result.not_excited]
+    if not told:
+        raise DataError(
+            f"the manoeuvres tell no derivative of {response}",
+            remedy=f"excite what {response} depends on, or leave it out of [identification] responses",
+        )
     each = [explanatory_variables(m, told)[0] for m in maneuvers]
     means = [x.mean(axis=1) for x in each]
     duration = [m.record.duration for m in maneuvers]
@@ -208,8 +213,10 @@ def _response(
     )
     own = [numbered(f"{response}_bias", i, len(maneuvers)) for i in range(len(maneuvers))]
     biases = np.array([result[n][0] for n in own])
-    # a manoeuvre's bias is about its own means, the model's about those of all
-    biases = biases + [float(estimate @ (trim - mean)) for mean in means]
+    # a manoeuvre's bias is about its own means, the model's about those of all; of a product it is that at
+    # zero, the model's that at its mean
+    products = np.array([len(factors_of(n)) > 1 for n in told])
+    biases = biases + [float(estimate @ (trim - np.where(products, 0.0, mean))) for mean in means]
     where = [result.names.index(n) for n in own if n in result.names]
     bias_error = 0.0
     if len(where) == len(own):

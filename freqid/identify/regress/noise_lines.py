@@ -141,7 +141,8 @@ def _weights(at: Array, lines: Array) -> Array:
     reach = (HALF_WIDTH + 0.5) * np.min(np.diff(lines))
     distance = np.abs(lines - at[:, None])
     # at the ends of the band there are fewer lines on one side, so the window reaches as many on the other
-    least = np.partition(distance, HALF_WIDTH, axis=1)[:, [HALF_WIDTH]]
+    farthest = min(HALF_WIDTH, lines.size - 1)
+    least = np.partition(distance, farthest, axis=1)[:, [farthest]]
     weight = np.maximum(1 - distance / np.maximum(reach, 1.01 * least), 0.0)
     return weight / weight.sum(axis=1, keepdims=True)
 

@@ -72,9 +72,11 @@ def estimate_frequency_response(
     UsageError
         Where records hold no injected signals, or an input is none that is excited.
     DataError
-        Where a channel is missing, no period is found, or lines are too few.
+        Where some records hold injected signals and others do not, a channel is missing, no period is found,
+        or lines are too few.
     """
     excited = _excited(maneuvers)
+    _all_hold_signals(maneuvers)
     group, asked = _inputs(inputs, excited, maneuvers[0].record)
     if order < 0 or poles < 0:
         raise UsageError(f"the order is {order} with {poles} poles, expected 0 or more")
@@ -137,14 +139,10 @@ def estimate_swept_response(
     """
     if order < 0:
         raise UsageError(f"the order is {order}, expected 0 or more")
-    has = [bool(injected_signals(m.record)) for m in maneuvers]
     remarks: tuple[str, ...]
-    if any(has):
-        if not all(has):
-            raise DataError(
-                f"{has.count(False)} of {len(has)} records hold no injected signals and the others do",
-                remedy="import them with the log, or give the records apart",
-            )
+    injects = any(injected_signals(m.record) for m in maneuvers)
+    if injects:
+        _all_hold_signals(maneuvers)
         excited = _excited(maneuvers)
         group, asked = _inputs(inputs, excited, maneuvers[0].record)
         remarks = _remarks(maneuvers, excited, group)
@@ -160,16 +158,16 @@ def estimate_swept_response(
     parts, drifting, open_ = [], np.zeros(len(outputs), dtype=bool), False
     for m in maneuvers:
         record = m.record
-        source = "excitation" if any(has) else group
+        source = "excitation" if injects else group
         injected = np.array(
             [
                 record[f"{source}/{n}"] if f"{source}/{n}" in record else np.zeros(record.time.size)
                 for n in excited
             ]
         )
-        cuts = stretches(injected) if any(has) else [slice(0, record.time.size)]
-        open_ |= any(has) and bool(np.any(injected[:, [0, -1]]))
-        injected = injected if any(has) else injected - injected.mean(axis=1, keepdims=True)
+        cuts = stretches(injected) if injects else [slice(0, record.time.size)]
+        open_ |= injects and bool(np.any(injected[:, [0, -1]]))
+        injected = injected if injects else injected - injected.mean(axis=1, keepdims=True)
         for cut in cuts:
             lines, drifts = swept_lines(m, cut, len(parts), injected, group, excited, outputs)
             parts.append(lines)
@@ -292,6 +290,15 @@ def _excited(maneuvers: Sequence[Maneuver]) -> tuple[str, ...]:
             remedy="import them with the log, or use --sweeps, whose responses feedback then biases",
         )
     return found
+
+
+def _all_hold_signals(maneuvers: Sequence[Maneuver]) -> None:
+    without = sum(not injected_signals(m.record) for m in maneuvers)
+    if without:
+        raise DataError(
+            f"{without} of {len(maneuvers)} records hold no injected signals and the others do",
+            remedy="import them with the log, or give the records apart",
+        )
 
 
 def _inputs(

@@ -71,3 +71,25 @@ def test_the_excited_part_is_cut():
     cut = excited(maneuver([600.0]).record)
     assert cut.time[0] == pytest.approx(2.02)
     assert cut.time[-1] == pytest.approx(7.98)
+
+
+def test_hover_has_an_advance_ratio_of_zero():
+    still = maneuver([600.0], airspeed=0.0)
+    still.record["air/V"][:] = 0.0
+    assert trim_advance_ratio(still) == 0.0
+    trim, why = flown_trim([still])
+    assert trim["advance_ratio"] == 0.0
+    assert not why
+
+
+def test_where_nothing_moves_there_is_none():
+    still = maneuver([0.0], airspeed=0.0)
+    still.record["air/V"][:] = 0.0
+    trim, why = flown_trim([still])
+    assert "advance_ratio" not in trim
+    assert "neither the vehicle nor a propeller moves" in why
+
+
+def test_a_signed_speed_is_refused():
+    with pytest.raises(DataError, match="'effector/n1' is negative in the mean"):
+        trim_advance_ratio(maneuver([600.0, -600.0]))

@@ -158,6 +158,7 @@ def test_a_full_noise_covariance_is_worth_more_where_noise_is_common_to_outputs(
     ("choices", "words"),
     [
         (Choices(fixed={"Mqq": 1.0}), "fixed names 'Mqq'"),
+        (Choices(start={"Mqq": 1.0}), "start names 'Mqq'"),
         (Choices(bounds={"Mq": (1.0, -1.0)}), "expected the lower one first"),
         (Choices(tied={"Mq": "Mx"}), "tied to 'Mx', which is not estimated"),
         (Choices(fixed=dict.fromkeys(MODEL.parameters, 0.0), initial="zero"), "no parameter is left"),

@@ -35,6 +35,14 @@ def test_a_record_of_less_than_two_periods_has_none():
         noise_lines(HARMONICS, 60.0, 100.0)
 
 
+@pytest.mark.parametrize("harmonics", [[6], [6, 8, 9]])
+def test_few_lines_are_enough(harmonics):
+    hz = np.array(harmonics) / 60.0
+    lines = noise_lines(hz, 60.0, 120.0)
+    power = noise_power(hz, Noise(lines, np.full((1, lines.size), 3.0)))
+    np.testing.assert_allclose(power, 3.0)
+
+
 def _spectra(rng, power_of, size):
     power = power_of(size)
     return np.sqrt(power / 2) * (rng.standard_normal(size.shape) + 1j * rng.standard_normal(size.shape))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from unittest.mock import MagicMock
+
 import msgspec
 import numpy as np
 import pytest
@@ -12,8 +14,11 @@ from freqid.core.results.point import read_point, write_point
 from freqid.core.sections.identification import Identification
 from freqid.core.toml import convert
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
+from freqid.identify.advance_ratio.local import expand_about_zero
 from freqid.identify.loads.explanatory import explanatory_variables
 from freqid.identify.model.selection import candidate_products
+from freqid.identify.output_error.forms.form import Loads
+from freqid.identify.output_error.point_model import _response
 from freqid.identify.point import identify_point, predict_responses
 
 UNITS = {"w": "m/s", "p": "rad/s", "de1": "rad", "de2": "rad", "n1": "rad/s", "n2": "rad/s"}
@@ -105,3 +110,33 @@ def test_a_model_with_products_survives_its_file(tmp_path):
 def test_settings_that_do_not_fit_are_refused(changes, said):
     with pytest.raises(UsageError, match=said.replace("*", r"\*")):
         convert({"regressors": ["w"], "responses": ["Z"], **changes}, Identification, "scenario.toml")
+
+
+def test_about_zero_a_model_with_products_has_the_loads_own_constant():
+    """A model's bias is the load at the mean of the products, not where they are zero."""
+    value, _ = expand_about_zero(identify_point(bent_flight(0), SETTINGS)["Z"])
+    constant = 3.0 + 5.0 * 0.1 + 4.0 * 0.5 * 0.1 + 0.02 * 400.0**2
+    np.testing.assert_allclose(value[:3], [constant, 2.0 - 4.0 * 0.1, -5.0 - 4.0 * 0.5], rtol=1e-4)
+
+
+def test_output_error_states_the_load_at_the_means_as_equation_error_does():
+    """Its own bias is the load where departures are zero; the point model's, at the mean of their product."""
+    rng = np.random.default_rng(3)
+    w = rng.normal(size=2501)
+    flight = flown(w, 0.1 + 0.05 * w + 0.01 * rng.normal(size=2501), 400.0 + w)
+    regressors = ("w", "de", "w*de")
+    names = [f"Z_{n}" for n in (*regressors, "bias")]
+    values = dict(zip(names, (2.0, -5.0, 4.0, 3.0), strict=True))
+    result = MagicMock(
+        names=tuple(names), not_excited={}, covariance=np.eye(4), upper=np.ones(4), lower=-np.ones(4)
+    )
+    result.__getitem__.side_effect = lambda name: (values[name], 0.01)
+    settings = Identification(regressors=regressors, responses=("Z",), response_source="record")
+    model = _response("Z", result, [flight], settings, None, None)
+    at_means = Loads((("Z", regressors),), "force", ()).of(
+        {}, {"w": 0.7, "de": 0.2, "trim_w": w.mean(), "trim_de": flight.record["effector/de"].mean()}, values
+    )
+    away = np.array([0.7 - w.mean(), 0.2 - flight.record["effector/de"].mean()])
+    x = np.append(model.trim[:2] + away, away.prod())
+    assert abs(model.estimate[2] * model.trim[2]) > 0.1
+    assert model.bias + model.estimate @ (x - model.trim) == pytest.approx(at_means["Z"])

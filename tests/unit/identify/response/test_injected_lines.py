@@ -77,3 +77,10 @@ def test_records_without_injected_signals_are_refused():
 def test_a_single_period_without_its_length_is_refused():
     with pytest.raises(DataError, match="do not repeat"):
         estimate_frequency_response([record(multisine(40.0))], None, ["q"])
+
+
+@pytest.mark.parametrize("period", [20.0, None])
+def test_a_record_without_signals_beside_one_with_them_is_one_sentence(period):
+    flights = [record(multisine(20.0)), record(0 * TIME)]
+    with pytest.raises(DataError, match="1 of 2 records hold no injected signals"):
+        estimate_frequency_response(flights, None, ["q"], period_s=period)

@@ -376,6 +376,11 @@ def _which(
             )
         }
         parameters[effect] |= {n: Interval(v, v, v, "") for n, v in c.place.fixed}
+    own = evidence.best_place(OTHER) if OTHER in ranking.credible else None
+    if own is not None and evidence.system.candidates[own].kind == "scalar":
+        found, name = estimate(evidence, own, INTERVAL), evidence.system.candidates[own].place.label
+        size, lo, hi = (float(x[0]) for x in (found.size, found.lo, found.hi))
+        parameters[OTHER] = {name: Interval(size, lo, hi, found.candidate.unit)}
     withdrawn = {}
     pair = explanation.effects[:2] if explanation and len(explanation.effects) > 1 else ()
     share = sum(ranking.probabilities.get(n, 0.0) for n in ranking.alike)

@@ -14,6 +14,9 @@ NAMED = 0.75
 SEPARATE = 4.0
 """Nats (natural logarithm of odds) by which a second effect has to raise the evidence to be called a pair."""
 
+ALIKE = 0.9
+"""Cosine beside noise and tolerances from which a parameter of the simulation does what an effect does."""
+
 FORM_ERRORS = (0.0, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 """Sizes of the error of form that are tried where all terms have one: share of a load, or of a movement."""
 

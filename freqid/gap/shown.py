@@ -128,7 +128,9 @@ def increments(findings: Findings) -> tuple[Increment, ...]:
     Empty where the simulation has no derivatives, or differs in its inputs between conditions.
     """
     system, blocks = findings.system, findings.blocks
-    found = next((i for i, c in enumerate(system.candidates) if c.effect == OTHER), None)
+    found = next(
+        (i for i, c in enumerate(system.candidates) if c.effect == OTHER and c.kind == "vector"), None
+    )
     inputs = {b.trial.inputs for b in blocks}
     if found is None or len(inputs) > 1:
         return ()

@@ -141,7 +141,12 @@ def _name(which: Which, faults: Sequence[str], library: Mapping[str, Effect]) ->
         return f"{_said(rest[0], which)}{meaning}, probability {chance:.2f}"
     name, chance = next((n, p) for n, p in which.probabilities.items() if n != NONE)
     if name == OTHER:
-        return f"no effect of the library explains it ({100 * chance:.0f} % for another)"
+        said = f"no effect of the library explains it ({100 * chance:.0f} % for another)"
+        own = [
+            f"; its own parameter {n} would, off by {_number(i.estimate, i.unit)} ({i.lo:.2g} to {i.hi:.2g})"
+            for n, i in which.parameters.get(OTHER, {}).items()
+        ]
+        return "".join([said, *own])
     rest = [n for n in which.set if n not in (NONE, OTHER)]
     listed = ", ".join(rest[:_FEW]) + (f" and {len(rest) - _FEW} more" if len(rest) > _FEW else "")
     return f"no single name; {listed} remain possible"

@@ -15,12 +15,12 @@ from freqid.gap.infer.explain import likeliest
 from freqid.gap.infer.forms import common_form, likely_forms, of_all, reach
 from freqid.gap.infer.linearise import likeliest_departures, relinearised
 from freqid.gap.infer.system import System
-from freqid.gap.model.candidate import Candidate
-from freqid.gap.model.candidates import candidates
+from freqid.gap.model.candidate import OTHER, Candidate
+from freqid.gap.model.candidates import beyond_tolerance, candidates
 from freqid.gap.model.form import shared_columns
 from freqid.gap.model.refine import refined
 from freqid.gap.model.tolerance import tolerance_columns
-from freqid.gap.settings import FORM_ERRORS, INTERVAL, ROUNDS
+from freqid.gap.settings import ALIKE, FORM_ERRORS, INTERVAL, ROUNDS
 from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
@@ -111,6 +111,7 @@ def _straight(
     """
     simulation = blocks[0].trial.simulation
     stated = side_by_side(simulation, lambda b: tolerance_columns(b, library, sizes), blocks)
+    found = [*found, *beyond_tolerance(blocks, stated, sizes)] if found else found
     names = tuple(dict.fromkeys(n for one in stated for n in one))
     alike = side_by_side(simulation, shared_columns, blocks)
     labels = tuple(dict.fromkeys(n for one in alike for n in one))
@@ -125,11 +126,38 @@ def _straight(
     every = (Form((FORM_ERRORS[-1],) * len(terms), 0.0),)
     columns = [_columns(p, terms, every, labels) for p in parts]
     system = System(found, names, [c.matrices for c in columns], every)
+    system, columns = _told_apart(system, columns)
     common = common_form(system, terms)
     known = [p.block for p in parts]
     for _ in range(ROUNDS):
         system, columns = relinearised(system, columns, known, library, sizes, common)
     return system, columns, parts, common
+
+
+def _told_apart(system: System, columns: Sequence[Columns]) -> tuple[System, list[Columns]]:
+    """Return a system without own parameters of the simulation that do what an effect of the library does.
+
+    Beside noise and all other tolerances: such a parameter is left to that effect.
+    """
+    n, last = system.columns, system.columns + len(system.tolerances)
+    gram = np.sum([b.gram for b in system.blocks], axis=0)[:last, :last]
+    within = gram - gram[:, n:] @ np.linalg.solve(np.eye(last - n) + gram[n:, n:], gram[n:])
+    library = np.array([c.effect != OTHER for c in system.candidates for _ in c.sizes], dtype=bool)
+    kept = []
+    for i, c in enumerate(system.candidates):
+        if c.effect == OTHER and c.kind == "scalar":
+            k = n + system.tolerances.index(c.place.label)
+            own, across = within[k, k], within[k, :n][library]
+            power = np.diag(within)[:n][library] + across**2 / (1 - own)  # without that tolerance itself
+            if np.any(across**2 > ALIKE**2 * own * (1 - own) * power):
+                continue
+        kept.append(i)
+    if len(kept) == len(system.candidates):
+        return system, list(columns)
+    parts = [system.columns_of(i) for i in kept]
+    new = [c.with_columns(parts, [], c.tolerances[:0], c.sigmas[:0]) for c in columns]
+    candidates = [system.candidates[i] for i in kept]
+    return replace(system, candidates=candidates, blocks=[c.matrices for c in new]), new
 
 
 def _terms(parts: Sequence[Parts]) -> tuple[str, ...]:

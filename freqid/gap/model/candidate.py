@@ -12,7 +12,8 @@ import numpy as np
 from freqid.core.arrays import Array, Complex
 
 OTHER = "other"
-"""Free changes of the simulation's terms: what no effect of the library explains."""
+"""What no effect of the library explains: free changes of the simulation's terms, and its own parameters
+beyond their tolerances."""
 
 
 @dataclass(frozen=True)

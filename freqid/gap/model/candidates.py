@@ -23,6 +23,7 @@ _LARGEST = 10.0  # size that is looked at, of an effect's scale, within its phys
 _GRID = 33  # sizes of the prior, either sign
 _VECTOR_SCALES = (0.3, 1.0, 3.0, 10.0)  # prior standard deviations of a vector, of each parameter's scale
 _SHARES = (1.0, -1.0, 0.1, -0.1)  # of one sigma of a vector, of which what no body can be is passed over
+_BEYOND = (3.0, 30.0)  # sigmas of an own parameter that is further off than it is stated to be
 _OTHER_SCALES = (0.1, 0.3, 1.0)  # ... of free changes: share of each term; smaller ones are of form
 
 
@@ -194,9 +195,42 @@ def _scalar(effect: Effect, place: Place, of: Parameter, blocks: Sequence[Block]
     )
 
 
+def beyond_tolerance(
+    blocks: Sequence[Block], stated: Sequence[Mapping[str, Complex]], sizes: Mapping[str, float]
+) -> list[Candidate]:
+    """Return the simulation's own parameters, further off than they are stated to be, as places of `OTHER`.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+    stated : sequence of dict of ndarray of complex, shape (row, line)
+        By block, what one sigma of each tolerance makes.
+    sizes : dict of float
+        One sigma by name, where it is not that of the simulation.
+    """
+    made = []
+    for name, tolerance in blocks[0].trial.simulation.tolerances.items():
+        sigma = sizes.get(name, tolerance.sigma)
+        columns = [s[name][None] for s in stated if name in s]
+        if not sigma or len(columns) < len(blocks) or not seen([z[0] for z in columns], blocks):
+            continue
+        beyond = sigma * np.geomspace(*_BEYOND, _GRID)
+        prior = np.concatenate([-beyond[::-1], beyond])
+        place = Place(name, (name,))
+        made.append(Candidate(OTHER, place, "scalar", np.array([sigma]), prior, columns, tolerance.unit))
+    return made
+
+
+def _departing(block: Block, name: str, size: float) -> Complex:
+    """Return the column of a departure of one of the simulation's own parameters."""
+    return np.array([block.transform(change) for _, change in block.trial.departing({name: size})])
+
+
 def recomputed(candidate: Candidate, library: Mapping[str, Effect], blocks: Sequence[Block]) -> list[Complex]:
     """Return a candidate's columns on other blocks, shape (column, row, line) each."""
     c = candidate
+    if c.effect == OTHER and c.kind == "scalar":
+        return [_departing(b, c.place.label, c.sizes[0]) for b in blocks]
     if c.effect == OTHER:
         return [_free_changes(b, c.place.parameters) for b in blocks]
     vehicle = blocks[0].trial.maneuver.vehicle

@@ -20,7 +20,7 @@ from freqid.cli import options
 )
 @click.option("--axis", default="", help="Setting to show results against, in place of the file's.")
 @click.option("--by", default="", help="Setting or column with one curve for each of its values, likewise.")
-@click.option("--jobs", type=int, default=2, show_default=True, help="Processes at once; -1 for one a core.")
+@options.jobs
 @click.option(
     "--workers",
     type=click.IntRange(min=0),

@@ -76,7 +76,7 @@ def command(
     pieces = {destination: flights[0]}
     if split:
         name = f"{destination.stem}-{{}}{destination.suffix}"
-        every = [piece for flight in flights for piece in split_flight(flight, name=str(log))]
+        every = split_flight(flights, name=str(log))
         pieces = {destination.with_name(name.format(i)): piece for i, piece in enumerate(every, start=1)}
     for path in pieces:
         options.keep_inputs(path, log, columns, scenario, design)

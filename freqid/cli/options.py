@@ -15,6 +15,23 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 FILE = click.Path(path_type=Path)
 
 
+class _Jobs(click.IntRange):
+    """Processes at once; none is no number of them."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number, from -1 up and not 0."""
+        found = super().convert(value, param, ctx)
+        if found == 0:
+            self.fail("0 processes do nothing; give 1 or more, or -1 for one a core.", param, ctx)
+        return found
+
+
+def jobs(command: Command) -> Command:
+    """Add ``--jobs``."""
+    meaning = "Processes at once; -1 for one a core."
+    return click.option("--jobs", type=_Jobs(min=-1), default=2, show_default=True, help=meaning)(command)
+
+
 def output(default: str) -> Callable[[Command], Command]:
     """Return the ``-o`` option; `default` says in words where the result goes without it."""
     return click.option("-o", "--output", "destination", type=FILE, help=f"Result; default: {default}.")

@@ -52,8 +52,8 @@ from freqid.cli import options
     help="Flights, by name, that validate and are not modelled; the last of each condition without it.",
 )
 @options.estimator
-@click.option("--seed", type=int, default=0, show_default=True)
-@click.option("--jobs", type=int, default=2, show_default=True, help="Processes at once; -1 for one a core.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@options.jobs
 @options.page_option("the study")
 @options.as_json
 def command(

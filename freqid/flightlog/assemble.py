@@ -344,9 +344,11 @@ def _mass_properties(mass: Sequence[Column], rows: slice) -> MassProperties | No
     mean = {}
     for column in mass:
         values = _si_values(column, MASS_PROPERTIES[column.name])
-        mean[column.name] = float(np.mean(values[rows] if values.size > 1 else values))
-        if not np.isfinite(mean[column.name]):
+        values = values[rows] if values.size > 1 else values
+        known = values[~np.isnan(values)]  # blank cells of a slower column
+        if not known.size or not np.isfinite(known).all():
             raise DataError(f"mass property '{column.name}' is not finite", remedy="repair the log")
+        mean[column.name] = float(known.mean())
     if not mean:
         return None
     missing = [name for name in ("mass", "Ixx", "Iyy", "Izz") if name not in mean]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from math import pi
 
 import numpy as np
@@ -41,7 +41,7 @@ def derived(column_map: ColumnMap, fetch: Fetch) -> Iterator[Signal]:
     if column_map.velocity:
         yield from _body_velocity(column_map, column_map.velocity, fetch)
     for rotor in column_map.rotor:
-        found = _rotor_speed(rotor, fetch)
+        found = _rotor_speed(rotor, fetch, table=column_map.time is not None)
         if found is not None:
             yield found
 
@@ -50,7 +50,7 @@ def _quaternion(column_map: ColumnMap, fetch: Fetch) -> tuple[NDArray[np.float64
     """Return the clock, shape (sample,), and the unit quaternions w x y z, shape (4, sample)."""
     assert column_map.attitude is not None
     signals = [fetch(column) for column in column_map.attitude.quaternion]
-    q = np.array([signal.values for signal in signals])
+    q = _together(signals)
     length = np.linalg.norm(q, axis=0)
     wrong = np.abs(length - 1) > 0.05  # single precision leaves 1e-7; 5 % is another quantity
     if wrong.any():
@@ -77,26 +77,29 @@ def _euler(q: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _body_velocity(column_map: ColumnMap, place: VelocityPlace, fetch: Fetch) -> Iterator[Signal]:
     """Yield u v w: the velocity over the ground, less the wind where it is logged, turned into body axes."""
-    north, east, down = (fetch(column) for column in place.ned)
-    time = north.time
+    velocities = [fetch(column) for column in place.ned]
+    time = velocities[0].time
     if place.attitude is None:
         attitude = _euler(np.array(_turned(time, *_quaternion(column_map, fetch))))
     else:
         factor = to_si(place.attitude_unit, "rad", "[velocity] attitude_unit").factor
         angles = [fetch(column) for column in place.attitude]
-        attitude = np.array([at(time, s.time, np.unwrap(factor * s.values)) for s in angles])
+        attitude = np.array([at(time, s.time, _unwrapped(factor * s.values)) for s in angles])
     wind = np.zeros((3, time.size))
     note = "velocity over the ground turned into body axes, still air assumed"
     if place.wind is not None:
         try:
             for row, column in enumerate(place.wind):
                 estimate = fetch(column)
-                wind[row] = np.interp(time, estimate.time, estimate.values)  # slow, so held beyond its ends
+                known = np.isfinite(estimate.values)
+                if not known.any():
+                    raise DataError(f"'{column}' has no value", remedy="leave wind out of the map")
+                # slow, so held beyond its ends
+                wind[row] = np.interp(time, estimate.time[known], estimate.values[known])
             note = "velocity over the ground less the logged wind, turned into body axes"
         except NotLogged:
             wind[:] = 0.0
-    ground = np.array([north.values, east.values, down.values])
-    body = np.einsum("ji...,j...->i...", level_from_body(attitude), ground - wind)
+    body = np.einsum("ji...,j...->i...", level_from_body(attitude), _together(velocities) - wind)
     for name, x in zip(VELOCITY, body, strict=True):
         yield Signal(name, time, x, "m/s", note)
 
@@ -105,13 +108,30 @@ def _turned(
     time: NDArray[np.float64], own: NDArray[np.float64], q: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
     """Return quaternions at other times, shape (4, sample); q and -q are one attitude: signs are aligned."""
+    known = np.isfinite(q).all(axis=0)
+    own, q = own[known], q[:, known]
     flips = np.sign(np.einsum("ij,ij->j", q[:, 1:], q[:, :-1]))
     continuous = q * np.concatenate([[1.0], np.cumprod(np.where(flips < 0, -1.0, 1.0))])
     between = np.array([at(time, own, row) for row in continuous])
     return list(between / np.linalg.norm(between, axis=0))
 
 
-def _rotor_speed(rotor: RotorPlace, fetch: Fetch) -> Signal | None:
+def _together(signals: Sequence[Signal]) -> NDArray[np.float64]:
+    """Return values on the first one's clock, shape (signal, sample)."""
+    time = signals[0].time
+    return np.array(
+        [s.values if np.array_equal(s.time, time) else at(time, s.time, s.values) for s in signals]
+    )
+
+
+def _unwrapped(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return an angle without its jumps by a turn, NaN where it is blank."""
+    found, known = np.full(angle.shape, np.nan), np.isfinite(angle)
+    found[known] = np.unwrap(angle[known])
+    return found
+
+
+def _rotor_speed(rotor: RotorPlace, fetch: Fetch, *, table: bool) -> Signal | None:
     """Return a rotor's speed from telemetry, else from its command; None for a rotor that the log has not."""
     name = f"effector/{rotor.name}"
     if rotor.telemetry is not None:
@@ -136,8 +156,9 @@ def _rotor_speed(rotor: RotorPlace, fetch: Fetch) -> Signal | None:
     share = (command.values - rotor.off) / (rotor.full - rotor.off)
     if not np.isfinite(share).any() or not share[np.isfinite(share)].any():
         return None
-    # What is below the off command is a motor that stands, and a command that is not driven is logged as NaN.
-    share = np.where(np.isnan(share), 0.0, np.maximum(share, 0.0))
+    share = np.where(share < 0, 0.0, share)  # what is below the off command is a motor that stands
+    if not table:  # an autopilot logs a command that is not driven as NaN; a table has blank cells
+        share = np.nan_to_num(share)
     note = f"no ESC telemetry: command {rotor.command}"
     relative = rotor.full_speed_rpm is None or rotor.full_voltage is None
     voltage = None

@@ -65,7 +65,8 @@ def assemble_map(
             time=raw.time if isinstance(raw, Signal) else None,
         )
 
-    clock, start, about = _log_clock(column_map, picked)
+    weeks = _weeks(column_map, picked)
+    clock, start, about = _log_clock(column_map, picked, weeks)
     log_clock = None if clock is None else clock.values  # already s
     own_clocks: dict[int | str, tuple[NDArray[np.float64], NDArray[np.bool_]]] = {}
 
@@ -77,7 +78,7 @@ def assemble_map(
                 spot = Place(variable=place.time, unit="s")
             else:
                 spot = Place(column=place.time, unit="s")
-            seconds = _seconds(picked(spot), column_map) - start
+            seconds = _seconds(picked(spot), column_map, weeks) - start
             there = np.isfinite(seconds)
             own_clocks[place.time] = seconds[there], there
         time, there = own_clocks[place.time]
@@ -174,29 +175,46 @@ def _first_logged(
 _EPOCH = {"unix": datetime(1970, 1, 1, tzinfo=UTC), "gps": datetime(1980, 1, 6, tzinfo=UTC)}
 
 
-def _seconds(raw: NDArray[np.float64] | Signal, column_map: ColumnMap) -> NDArray[np.float64]:
-    """Return a clock in s; dates are s since 1970 already."""
+Pick = Callable[[Place], NDArray[np.float64] | Signal]
+
+
+def _weeks(column_map: ColumnMap, picked: Pick) -> NDArray[np.float64] | None:
+    """Return the GPS week of each row, where the map has it."""
+    if column_map.time is None or column_map.time.week is None:
+        return None
+    found = picked(Place(column=column_map.time.week, unit="1"))
+    return found.values if isinstance(found, Signal) else found
+
+
+def _seconds(
+    raw: NDArray[np.float64] | Signal, column_map: ColumnMap, weeks: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
+    """Return a clock in s, GPS weeks added; dates are s since 1970 already."""
     if column_map.time is None:
         raise UsageError("the map has no [time]", remedy="say in which unit the clocks count")
     values = raw.values if isinstance(raw, Signal) else raw
-    return (
-        values if column_map.time.unit == "date" else to_si(column_map.time.unit, "s", "time").factor * values
-    )
+    if column_map.time.unit != "date":
+        values = to_si(column_map.time.unit, "s", "time").factor * values
+    if weeks is None:
+        return values
+    if weeks.shape != values.shape:
+        raise DataError(
+            f"'{column_map.time.week}' has {weeks.size} weeks for a clock of {values.size} values"
+        )
+    return values + 604800.0 * weeks
 
 
 def _log_clock(
-    column_map: ColumnMap, picked: Callable[[Place], NDArray[np.float64] | Signal]
+    column_map: ColumnMap, picked: Pick, weeks: NDArray[np.float64] | None
 ) -> tuple[Column | None, float, dict[str, Any]]:
     """Return the clock of the map, s, what was taken off it, and the date that it starts at."""
     place = column_map.time
     if place is None:
         return None, 0.0, {}
-    seconds, epoch = _seconds(picked(place), column_map), place.epoch
+    seconds, epoch = _seconds(picked(place), column_map, weeks), place.epoch
     if place.unit == "date":
         epoch = "unix"
     if place.week is not None:
-        weeks = picked(Place(column=place.week, unit="1"))
-        seconds = seconds + 604800.0 * (weeks.values if isinstance(weeks, Signal) else weeks)
         epoch = "gps"
     finite = seconds[np.isfinite(seconds)]
     if not epoch or not finite.size:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -118,7 +119,8 @@ def read_pieces(path: File, columns: ColumnMap | File | None = None, **options: 
     [41.2, 18.3]
     """
     longest = read_log(path, columns, **options)
-    spans = longest.provenance.get("whole_spans_s", [])
+    # of a log; a record that freqid wrote keeps those of the log that it is one stretch of
+    spans = [] if Path(path).suffix == ".h5" else longest.provenance.get("whole_spans_s", [])
     if len(spans) < 2:
         return [longest]
     options.pop("cut", None)
@@ -189,13 +191,13 @@ def align_excitation(record: FlightRecord | File, design: SampledInputs | File) 
     return unlogged_excitation.align_excitation(flight, inputs)[0]
 
 
-def split_flight(record: FlightRecord, *, name: str = "") -> list[FlightRecord]:
+def split_flight(records: FlightRecord | Sequence[FlightRecord], *, name: str = "") -> list[FlightRecord]:
     """Find the manoeuvres of a record and return each by itself, with some trim before and after.
 
     Parameters
     ----------
-    record : FlightRecord
-        With effectors, commands or excitations.
+    records : FlightRecord, or a sequence of them
+        With effectors, commands or excitations; of several stretches of a flight, some may hold no manoeuvre.
     name : str
         Of the log, for errors.
 
@@ -206,14 +208,20 @@ def split_flight(record: FlightRecord, *, name: str = "") -> list[FlightRecord]:
     Raises
     ------
     DataError
-        Where the record holds no manoeuvre.
+        Where there is no manoeuvre.
 
     Examples
     --------
     >>> [piece.duration for piece in split_flight(flight)]  # doctest: +SKIP
     [62.0, 61.98]
     """
-    spans = find_maneuvers(record)
-    if not spans:
-        raise DataError("no manoeuvre was found", where=name or None, remedy="cut it by hand with --cut")
-    return [record.cut(*span) for span in spans]
+    found, why = [], None
+    for record in [records] if isinstance(records, FlightRecord) else records:
+        try:
+            found += [record.cut(*span) for span in find_maneuvers(record)]
+        except DataError as error:
+            why = error
+    if not found:
+        said = why.message if why else "no manoeuvre was found"
+        raise DataError(said, where=name or None, remedy="cut it by hand with --cut")
+    return found

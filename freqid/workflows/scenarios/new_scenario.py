@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -65,6 +66,11 @@ def new_scenario(effectors: Iterable[str] = (), *, log: File | None = None, name
             remedy="name them with --effectors, such as --effectors de1,de2,n1:rotor",
         )
     for taken in kinds:
+        if not re.fullmatch(r"[\w.+-]*", taken.replace("/", "")):
+            raise UsageError(
+                f"effector '{taken}' has a name with other signs than letters, digits and _ . + -",
+                remedy="rename it",
+            )
         if taken in TAKEN or "/" in taken or not taken:
             raise UsageError(
                 f"effector '{taken}' has the name of a state, of air data or of nothing", remedy="rename it"
@@ -135,7 +141,7 @@ def _text(kinds: Mapping[str, str], name: str) -> str:
     by_kind = {kind: [n for n, k in kinds.items() if k == kind] for kind in sorted(set(kinds.values()))}
     count = ", ".join(f"{len(n)} {kind}{'s' if len(n) > 1 else ''}" for kind, n in by_kind.items())
     tilts, rotors = by_kind.get("tilt", []), by_kind.get("rotor", [])
-    blocks = [_HEAD.format(name=name.replace('"', "'"), count=count, fill=FILL_IN)]
+    blocks = [_HEAD.format(name=name.replace("\\", "/").replace('"', "'"), count=count, fill=FILL_IN)]
     for effector, kind in kinds.items():
         limits, rate, _ = _START[kind]
         unit = EFFECTOR_UNITS[kind]

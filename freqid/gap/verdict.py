@@ -141,12 +141,10 @@ def _name(which: Which, faults: Sequence[str], library: Mapping[str, Effect]) ->
         return f"{_said(rest[0], which)}{meaning}, probability {chance:.2f}"
     name, chance = next((n, p) for n, p in which.probabilities.items() if n != NONE)
     if name == OTHER:
-        said = f"no effect of the library explains it ({100 * chance:.0f} % for another)"
-        own = [
-            f"; its own parameter {n} would, off by {_number(i.estimate, i.unit)} ({i.lo:.2g} to {i.hi:.2g})"
-            for n, i in which.parameters.get(OTHER, {}).items()
-        ]
-        return "".join([said, *own])
+        for own, i in which.parameters.get(OTHER, {}).items():
+            size = f"{_number(i.estimate, i.unit)} ({i.lo:.2g} to {i.hi:.2g})"
+            return f"no effect of the library explains it; its own parameter {own} does, off by {size}"
+        return f"no effect of the library explains it ({100 * chance:.0f} % for another)"
     rest = [n for n in which.set if n not in (NONE, OTHER)]
     listed = ", ".join(rest[:_FEW]) + (f" and {len(rest) - _FEW} more" if len(rest) > _FEW else "")
     return f"no single name; {listed} remain possible"

@@ -96,16 +96,19 @@ def _in_loop(effect: Effect, values: Mapping[str, float], trial: Trial) -> Signa
 
     Actuators do not feel each other, so one effector's own size is asked for as that of all: what a place
     asks for is there once it was asked for at another. Many sizes at once are asked for as they are, of a
-    simulation that knows those of single effectors.
+    simulation that knows those of single effectors. They come on top of what is in force.
     """
+    own = trial.simulation.effects[effect.id]
+    every = own.get(effect.size, 0.0)
     made, sizes = _POSITIONS.setdefault(trial, {}), _sizes(effect, values, trial)
     each = {n: x for n, x in sizes.items() if x}
     if len(set(each.values())) > 1 and set(each) <= set(trial.simulation.effects[effect.id]):
-        return trial.positions_with({effect.id: {effect.size: 0.0, **each}})
+        alone = {n: own.get(n, 0.0) + x for n, x in each.items()}
+        return trial.positions_with({effect.id: {effect.size: every, **alone}})
     found = {}
     for name, size in sizes.items():
         if (effect.id, size) not in made:
-            made[effect.id, size] = trial.positions_with({effect.id: {effect.size: size}})
+            made[effect.id, size] = trial.positions_with({effect.id: {effect.size: every + size}})
         found[name] = made[effect.id, size][name]
     return found
 

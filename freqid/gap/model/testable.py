@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from freqid.core.vehicle import Vehicle
 from freqid.gap.simulation import Simulation
 from freqid.gap.stack.trial import Trial
 from freqid.simulate.effects.effect import Effect
@@ -19,6 +20,10 @@ def untestable(effect: Effect, trial: Trial) -> str | None:
     for need in effect.needs:
         if not _there(need, trial, route):
             return f"needs {need}, which is not there"
+        # what a rotor or wing does cannot be computed without how fast it turns, or where it is
+        for name in _described(need, trial.maneuver.vehicle) if "effector" in effect.needs else ():
+            if f"effector/{name}" not in record:
+                return f"needs effector/{name}, which is not there"
     if route == "act" and not (trial.positions or record.group("effector")):
         return "needs positions or commands of effectors, which are not there"
     return None
@@ -32,12 +37,21 @@ def _there(need: str, trial: Trial, route: str) -> bool:
         return route != "own" or any(part.startswith(need) for part in trial.simulation.parts)
     if head == "vehicle":
         return getattr(vehicle, rest, None) is not None
+    if need == "rotor":  # a kind of effector that needs no description
+        return bool(vehicle.rotors) or need in vehicle.effector_kinds.values()
     if head in ("rotor", "wing"):
-        items = getattr(vehicle, f"{head}s")
-        return any(not rest or getattr(item, rest) for item in items)
+        return bool(_described(need, vehicle))
     if "/" in need:
         return need in record
     return need in vehicle.effector_kinds.values() or bool(record.group(need))
+
+
+def _described(need: str, vehicle: Vehicle) -> list[str]:
+    """Return the effectors of the rotors, or tilting wings, that meet a need such as ``rotor.diameter_m``."""
+    head, _, rest = need.partition(".")
+    if head == "wing":
+        return [w.tilt for w in vehicle.wings]
+    return [r.name for r in vehicle.rotors if getattr(r, rest)] if head == "rotor" and rest else []
 
 
 def route_of(effect: Effect, simulation: Simulation) -> str | None:

@@ -147,7 +147,8 @@ class Trial:
                 own = {n: dict(s) for n, s in effects.items()}
                 for inside, size in zip(self.inside, at, strict=True):
                     settings = own.setdefault(inside.effect, {})
-                    settings[inside.size] = settings.get(inside.size, 0.0) + size
+                    in_force = self.simulation.effects[inside.effect].get(inside.size, 0.0)
+                    settings[inside.size] = settings.get(inside.size, in_force) + size
                 made[at] = self.simulation.positions(sent, own or None, departures)
             found[name] = made[at][name]
         return found

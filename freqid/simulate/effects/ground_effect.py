@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.channels import RATES, VELOCITY
 from freqid.dynamics.moment_reference_point import moment_about
 from freqid.simulate.effects import along
 from freqid.simulate.effects.effect import Effect, Parameter
@@ -77,7 +78,7 @@ EFFECT = Effect(
         "strength": Parameter(0.0, "1", "share of the gain in thrust; manoeuvres are flown high", 0.5, 0.0),
         "ground": Parameter(0.0, "m", "altitude of the ground where a record is replayed", 0.0),
     },
-    needs=("rotor.diameter_m", "effector", "state/alt", "state/u", "state/v", "state/w", "air/rho"),
+    needs=("rotor.diameter_m", "effector", "state/alt", *VELOCITY, *RATES, "air/rho"),
     add=_add,
     replay=_replay,
 )

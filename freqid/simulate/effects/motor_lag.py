@@ -70,7 +70,7 @@ EFFECT = Effect(
             replay_only=True,
         ),
     },
-    needs=("command", "rotor"),
+    needs=("command",),
     states={"speed": "rad/s"},
     alternatives=True,
     in_loop=True,

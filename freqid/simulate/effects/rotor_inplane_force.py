@@ -10,6 +10,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.channels import RATES, VELOCITY
 from freqid.dynamics.frames import cross
 from freqid.simulate.effects import along
 from freqid.simulate.effects.effect import Effect, Parameter
@@ -73,6 +74,6 @@ EFFECT = Effect(
             replay_only=True,
         ),
     },
-    needs=("rotor.diameter_m", "effector", "state/u", "state/v", "state/w", "air/rho"),
+    needs=("rotor.diameter_m", "effector", *VELOCITY, *RATES, "air/rho"),
     replay=_replay,
 )

@@ -10,6 +10,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.channels import RATES, VELOCITY
 from freqid.core.vehicle import Rotor
 from freqid.dynamics.frames import cross, turn_about_y
 from freqid.simulate.effects import along
@@ -84,6 +85,6 @@ EFFECT = Effect(
             ),
         )
     },
-    needs=("rotor.diameter_m", "vehicle.chord_m", "effector", "state/u", "state/v", "state/w", "air/rho"),
+    needs=("rotor.diameter_m", "vehicle.chord_m", "effector", *VELOCITY, *RATES, "air/rho"),
     replay=_replay,
 )

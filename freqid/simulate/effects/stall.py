@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.channels import RATES, VELOCITY
 from freqid.dynamics.frames import cross, turn_about_y
 from freqid.dynamics.moment_reference_point import moment_about
 from freqid.simulate.effects import along
@@ -81,7 +82,7 @@ EFFECT = Effect(
             0.3, "1", "sine of the angle of attack at which it begins", 0.05, 0.0, 1.0, _ONSETS
         ),
     },
-    needs=("vehicle.area_m2", "state/u", "state/w", "air/rho"),
+    needs=("vehicle.area_m2", *VELOCITY, *RATES, "air/rho"),
     add=_add,
     replay=_replay,
 )

@@ -9,6 +9,8 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
+from freqid.core.channels import RATES, VELOCITY
+from freqid.core.vehicle import Wing
 from freqid.dynamics.frames import cross, turn_about_y
 from freqid.simulate.effects import along
 from freqid.simulate.effects.effect import Effect, Parameter
@@ -16,6 +18,7 @@ from freqid.simulate.loads.quantities import Wake
 
 # That strength 1 stands for in a replay: downwash over the front wing's normal velocity, and lift slope.
 _DOWNWASH, _SLOPE = 0.15, 4.5
+_STATION = 0.05  # m, within which pivots are at one station along the body
 _SLOWEST = 3.0  # m/s, at which a wake travels in hover
 
 
@@ -25,7 +28,22 @@ def received(settings: dict[str, jax.Array], wake: Wake) -> Wake:
 
 
 def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[np.float64]:
-    """Return what the front wing's downwash, once arrived, takes from the lift of the wing behind it.
+    """Return what the front wings' downwash, once arrived, takes from the lift of the wings behind them.
+
+    Each of the second station from ahead is in the wake of the one of the first that is nearest beside it.
+    """
+    wings = sorted(replay.vehicle.wings, key=lambda w: -w.pivot_m[0])
+    front = [w for w in wings if w.pivot_m[0] > wings[0].pivot_m[0] - _STATION]
+    behind = wings[len(front) :]
+    rear = [w for w in behind if w.pivot_m[0] > behind[0].pivot_m[0] - _STATION]
+    found = np.zeros((6, replay.record.time.size))
+    for wing in rear:
+        found += _taken(settings, replay, min(front, key=lambda w: abs(w.pivot_m[1] - wing.pivot_m[1])), wing)
+    return found
+
+
+def _taken(settings: Mapping[str, float], replay: Any, front: Wing, rear: Wing) -> NDArray[np.float64]:
+    """Return what the wake of one wing takes from the lift of another.
 
     ``rho S a V eps w / 2`` across the flow, with w the normal velocity that the front wing had a convection
     time ago.
@@ -33,7 +51,6 @@ def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[np.float64]:
     from scipy.interpolate import CubicSpline
 
     record, vehicle = replay.record, replay.vehicle
-    front, rear = sorted(vehicle.wings, key=lambda w: -w.pivot_m[0])[:2]
     velocity = along.velocity(record)
     speed = np.maximum(np.sqrt((velocity**2).sum(axis=0)), _SLOWEST)
     ahead = velocity + cross(along.rates(record), np.array(front.pivot_m)[:, None])
@@ -63,6 +80,6 @@ EFFECT = Effect(
             ),
         )
     },
-    needs=("wing", "vehicle.area_m2", "effector", "state/u", "state/v", "state/w", "air/rho"),
+    needs=("wing", "vehicle.area_m2", "effector", *VELOCITY, *RATES, "air/rho"),
     replay=_replay,
 )

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
 import pytest
 from linear_flight import LIBRARY, OWN, Linear, fly
 
+from freqid.core.vehicle import Rotor
 from freqid.gap.model.testable import untestable
 from freqid.gap.stack.trial import Trial
 
@@ -31,3 +33,11 @@ def test_what_is_missing_leaves_an_effect_untested(needs, missing):
 def test_an_effect_without_a_hook_is_tested_where_the_simulation_has_it_alone():
     assert untestable(OWN, Trial.of(HAS_IT, fly())) is None
     assert "does not have it" in (untestable(OWN, Trial.of(Linear(), fly())) or "")
+
+
+def test_a_rotor_whose_speed_was_not_logged_leaves_what_it_does_untested():
+    flight = fly()
+    rotor = Rotor(name="n1", spin=1, inertia=0.0, diameter_m=0.3)
+    turning = replace(flight, vehicle=msgspec.structs.replace(flight.vehicle, rotors=(rotor,)))
+    effect = replace(LIBRARY["drag"], needs=("rotor.diameter_m", "effector"))
+    assert "needs effector/n1" in (untestable(effect, Trial.of(HAS_IT, turning)) or "")

@@ -190,7 +190,7 @@ def diagnose(
         evidence = replace(weigh(system), without=without)
     p_none = probability_of_none(evidence)
     ranking = rank(evidence, exists, INTERVAL, TEMPERATURE, p_none if exists else max(p_none, 0.5))
-    leading = _leading(q.named, ranking, evidence)
+    leading = _leading(q.named, ranking)
     explanation: Explanation | None = None
     joint: Evidence | None = None
     joint_columns = columns
@@ -200,7 +200,7 @@ def diagnose(
             evidence, leading, bool(q.named), columns, used, library, q.tolerances
         )
         system = joint.system
-    by_effect = [_made(e, used) for e in explanation.estimates] if explanation else []
+    by_effect = [_made(e, used) for e in _clear(explanation)]
     explained = [sum((one[i] for one in by_effect), np.zeros_like(b.residual)) for i, b in enumerate(used)]
     cells = gap_map(used, joint_columns, by_effect or [[b.residual for b in used]])
     closing: Closing | None = None
@@ -214,7 +214,7 @@ def diagnose(
         closing = closing_of(
             system, used, joint_columns, others, explanation, library, q.tolerances, form_error
         )
-        closed = close(closing, explanation, q.seed, library, q.tolerances)
+        closed = close(closing, explanation, q.seed, library, q.tolerances, max(len(q.named), 1))
     forms = evidence.form_sizes(columns[0].form_names)
     forms = {n: f if f >= FORM_ERRORS[1] else 0.0 for n, f in forms.items()}
     relations = {n.partition("/")[2]: f for n, f in forms.items() if n.startswith("kinematic/")}
@@ -264,14 +264,14 @@ def _behind(evidence: Evidence, library: Mapping[str, Effect]) -> dict[str, list
 
 def _explanation(
     evidence: Evidence,
-    leading: str,
+    leading: Sequence[str],
     asked: bool,
     columns: list[Columns],
     blocks: Sequence[Block],
     library: Mapping[str, Effect],
     tolerances: Mapping[str, float],
 ) -> tuple[Explanation, Evidence, list[Columns]]:
-    """Return the explanation that a leading effect begins, its effects and what they change made together."""
+    """Return the explanation that leading effects begin, its effects and what they change made together."""
     kept, beside = [columns], [dict[str, dict[str, float]]()]  # what tolerances' columns were made beside
 
     def compute(evidence: Evidence, explanation: Explanation, others: list[tuple[int, Estimate]]) -> Evidence:
@@ -297,10 +297,14 @@ def _explanation(
     return explanation, evidence, kept[0]
 
 
-def _leading(named: Sequence[str], ranking: Ranking, evidence: Evidence) -> str:
-    if named:
-        return max(named, key=lambda e: evidence.effect[e])
-    return next((n for n in ranking.probabilities if n != NONE), "")
+def _leading(named: Sequence[str], ranking: Ranking) -> tuple[str, ...]:
+    return tuple(named) or tuple(n for n in ranking.probabilities if n != NONE)[:1]
+
+
+def _clear(explanation: Explanation | None) -> list[Estimate]:
+    """Return the effects of an explanation whose intervals leave out zero; those asked for need not."""
+    found = explanation.estimates if explanation else ()
+    return [e for e in found if np.any((e.lo > 0) | (e.hi < 0))]
 
 
 def _figures(closed: Closed, system: System) -> Closure:
@@ -382,10 +386,11 @@ def _which(
         size, lo, hi = (float(x[0]) for x in (found.size, found.lo, found.hi))
         parameters[OTHER] = {name: Interval(size, lo, hi, found.candidate.unit)}
     withdrawn = {}
-    pair = explanation.effects[:2] if explanation and len(explanation.effects) > 1 else ()
+    pair = tuple(e.candidate.effect for e in _clear(explanation))[:2]
+    pair = pair if len(pair) > 1 else ()
     share = sum(ranking.probabilities.get(n, 0.0) for n in ranking.alike)
     named = ranking.alike if exists and share >= NAMED else ()
-    if closed and closed[0].withdrawn:
+    if closed and closed[0].withdrawn and {*named, *pair} & set(closed[0].closure.effects):
         withdrawn = dict.fromkeys((*named, *pair), closed[0].withdrawn)
         named, pair = (), ()
     possible = [n for n in ranking.credible if ranking.probabilities[n] > 0.01]

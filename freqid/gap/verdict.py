@@ -48,7 +48,7 @@ def verdict(
         words.append(f"Your sensors: {' and '.join(_said(n, which) for n in faults)}. ")
     words.append(f"Your simulation: {_name(which, faults, library)}")
     if closures and np.isfinite(closures[0].wrench.G) and (which.named or which.pair):
-        words.append(_closed(closures[0]))
+        words.append(_closed(closures[0], which))
     if closures and which.withdrawn and (off := _strained(closures[0])):
         words.append(f"; without any effect it takes {off} to close it")
     words.append(".")
@@ -65,10 +65,12 @@ def _driven(place: Place, cells: GapMap) -> str:
     return ", on lines that no signal drives" + (", the mean among them" if place.band_hz[0] == 0 else "")
 
 
-def _closed(closure: Closure) -> str:
+def _closed(closure: Closure, which: Which) -> str:
     """Return what goes with the effect, and what tolerances would have to do without it."""
     alone = closure.tolerances_only.G
-    text = f"; with it {100 * closure.wrench.G:.0f} % of the gap is closed {closure.scored_text}"
+    same = {*which.named, *which.pair} & set(closure.effects)
+    what = "it" if same else " and ".join(closure.effects)
+    text = f"; with {what} {100 * closure.wrench.G:.0f} % of the gap is closed {closure.scored_text}"
     if not np.isfinite(alone):
         return text
     strained = _strained(closure)

@@ -288,7 +288,7 @@ def test_separation_from_a_vector_is_what_no_combination_of_it_copies(dense):
 def test_a_second_effect_is_weighed_with_the_first_one_free():
     dense = Dense(effect=np.r_[2.0, np.zeros(6), 1.5, -1.0, 1.0])
     evidence = weigh(dense.system)
-    found, _ = explain(evidence, "heavy")
+    found, _ = explain(evidence, ("heavy",))
     assert set(found.effects) == {"heavy", "off"}
     first = estimate(evidence, 0, 0.9).weights @ dense.at(0)
     free = 1e8 * np.outer(first, first)

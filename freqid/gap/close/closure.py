@@ -51,6 +51,7 @@ def close(
     seed: int,
     library: Mapping[str, Effect],
     tolerances: Mapping[str, float],
+    least: int = 1,
 ) -> list[Closed]:
     """Return the closure of an explanation, then of each of its effects alone where it has several.
 
@@ -66,15 +67,17 @@ def close(
         Of the vehicle.
     tolerances : dict of float
         One sigma by name.
+    least : int
+        How many of the effects stay whether they predict better or not.
     """
     flown = Flown(closing.blocks, library, tolerances)
     whole = weigh(closing.system)
     fitted = whole if len(closing.folds) > 1 else weigh(closing.system.only(closing.folds[0].rest))
     order = tuple(range(len(explanation.places)))
     every = replace(explanation, places=order)
-    best = _prefix(fitted, every, 1)
+    best = _prefix(fitted, every, least)
     score = _score(closing, whole, best)
-    for count in range(2, len(order) + 1):
+    for count in range(least + 1, len(order) + 1):
         longer = _prefix(fitted, every, count)
         more = _score(closing, whole, longer)
         if more <= score:

@@ -68,13 +68,13 @@ Compute = Callable[[Evidence, Explanation, list[tuple[int, Estimate]]], Evidence
 
 def explain(
     evidence: Evidence,
-    first: str,
+    first: Sequence[str],
     terms: Sequence[str] = (),
     *,
     asked: bool = False,
     compute: Compute | None = None,
 ) -> tuple[Explanation, Evidence]:
-    """Return an effect and those that the evidence supports beside it, and the evidence with them.
+    """Return effects and those that the evidence supports beside them, and the evidence with these.
 
     The likeliest place's columns are freed, and all others are asked again, until none gains `SEPARATE` nats.
     What one effect alone leaves looks like an error of form in every row where the second acts: so the errors
@@ -85,22 +85,22 @@ def explain(
     Parameters
     ----------
     evidence : Evidence
-    first : str
-        Effect id.
+    first : sequence of str
+        Effect ids.
     terms : sequence of str
         That have an error of form.
     asked : bool
-        Whether the first effect stays whatever the others are.
+        Whether the first effects stay whatever the others are.
     compute : callable, optional
         Returns the evidence once an explanation's effects, and other estimates beside it, are computed again
         at their sizes.
     """
-    places, gains = [evidence.best_place(first)], [evidence.effect[first]]
+    places, gains = [evidence.best_place(e) for e in first], [evidence.effect[e] for e in first]
     computed: list[int] = []
     while True:
         if compute is not None and places != computed:
             computed, evidence = places, _settled(evidence, _explanation(evidence, places, gains), compute)
-        if len(places) == _MOST:
+        if len(places) >= _MOST:
             break
         evidence = _with_forms_beside(evidence, places, terms)
         found = _finalists(evidence, places)
@@ -112,7 +112,7 @@ def explain(
         if not found or found[0][0] < SEPARATE:
             break
         gains.append(found[0][0])
-        places = _exchanged(evidence, [*places, found[0][1]], first=1 if asked else 0)
+        places = _exchanged(evidence, [*places, found[0][1]], first=len(first) if asked else 0)
     return _explanation(evidence, places, gains), evidence
 
 

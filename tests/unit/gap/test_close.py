@@ -89,7 +89,7 @@ def test_a_second_effect_stays_only_where_it_predicts_what_was_not_used(worn):
     """The held-out flight lacks the drag that both flights used have beside the loss."""
     both = replace(WORN, drag=1.0)
     used = diagnosed(both, question=replace(QUESTION, close=False))
-    explanation, _ = explain(used.evidence, "worn")
+    explanation, _ = explain(used.evidence, ("worn",))
     assert set(explanation.effects) == {"worn", "drag"}
     scored = {}
     for name, truth in (("with it", both), ("without it", WORN)):
@@ -175,3 +175,14 @@ def test_a_simulation_that_cannot_fly_says_so(worn):
     assert np.isnan(closure.response.G)
     assert "does not fly" in closure.response.why_undefined
     assert closure.J == {}
+
+
+def test_effects_that_were_asked_for_are_closed_with_and_found_only_where_they_are_there():
+    """The surface is worn; drag and a gyro are asked for, and their sizes are no clearer than zero."""
+    question = replace(QUESTION, named=("drag", "gyro"))
+    found = diagnosed(WORN, [flight(WORN, 3)], question).diagnosis
+    assert found.how_far[0].effects == ("drag", "gyro", "worn")
+    assert found.which.named == ("worn",)
+    assert (found.which.pair, found.which.withdrawn) == ((), {})
+    assert found.where[0].response == "M"
+    assert "Your simulation: worn 0.1" in found.verdict

@@ -56,7 +56,8 @@ def effect_of_its_own(
     c = evidence.system.candidates[i]
     if c.kind != "scalar" or c.effect not in simulation.effects:
         return {}
-    effect, in_force = library[c.effect], in_force_of(library[c.effect], simulation)
+    effect = library[c.effect]
+    in_force = {**in_force_of(effect, simulation), **simulation.effects[c.effect]}  # what was found is on top
     size = float(estimate(evidence, i, INTERVAL).size[0])
     settings = {c.effect: {**in_force, **c.place.settings(in_force, size)}}
     loads = route_of(effect, simulation) == "own" and effect.stage != "command"

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from freqid.core.record import Channel, FlightRecord, write_record
+from freqid.core.record import Channel, FlightRecord, read_record, write_record
 from freqid.workflows.import_log import read_log, read_pieces, split_flight
 
 TIME = np.arange(0, 60, 0.02)
@@ -110,3 +110,10 @@ def test_stretches_of_a_log_are_none_of_the_record_that_was_kept(tmp_path):
     kept = replace(stretch(0.2), provenance={"whole_spans_s": [[-30.0, -2.0], [0.0, 19.98]]})
     write_record(tmp_path / "kept.h5", kept)
     assert [p.duration for p in read_pieces(tmp_path / "kept.h5")] == [pytest.approx(19.98)]
+
+
+def test_a_log_whose_name_is_not_utf8_is_written(tmp_path):
+    named = stretch(0.2)
+    channel = replace(named.channels["state/q"], source="fl\udcfcg.csv: q")
+    write_record(tmp_path / "named.h5", named.with_channels(channel))
+    assert read_record(tmp_path / "named.h5").channels["state/q"].source == "fl\ufffdg.csv: q"

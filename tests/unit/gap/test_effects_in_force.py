@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from freqid.core.record import Channel, FlightRecord, Maneuver
+from freqid.gap import closest_flight
 from freqid.gap.connect.scenario import ScenarioSimulation
+from freqid.gap.model.candidate import Place
 from freqid.gap.model.changes import beside, change
 from freqid.gap.stack.trial import Trial
 from freqid.simulate.effects import library
@@ -55,3 +58,12 @@ def test_a_further_delay_is_as_late_whatever_delay_is_simulated(in_force, size):
     if size > 0:
         after = beside([(effect, {"extra": size})], trial).positions["de"]
         assert lateness(after - trial.positions["de"], trial.positions["de"]) == pytest.approx(size, abs=2e-4)
+
+
+def test_the_simulation_flies_with_what_was_found_on_top_of_what_it_has(monkeypatch):
+    monkeypatch.setattr(closest_flight, "estimate", lambda *_: SimpleNamespace(size=np.array([0.3])))
+    found = SimpleNamespace(kind="scalar", effect="gyroscopic", place=Place("", ("strength",)))
+    evidence = SimpleNamespace(candidate=np.ones(1), system=SimpleNamespace(candidates=[found]))
+    simulation = SimpleNamespace(effects={"gyroscopic": {"strength": 1.0}})
+    flown = closest_flight.effect_of_its_own(evidence, simulation, library())
+    assert flown["effects"]["gyroscopic"]["strength"] == pytest.approx(1.3)

@@ -63,7 +63,7 @@ def size_of(found: Findings, effect: str, parameter: str, sign: int, wanted: flo
 
 
 def where(found: Findings, effect: str, parameter: str, size: float) -> dict[str, dict[str, float]]:
-    """Return where the energy of an effect is, by row and by injected input, over noise."""
+    """Return where an effect is detectable beyond noise and tolerances, by row and by injected input."""
     for c in found.evidence.system.candidates:
         if (
             c.effect == effect
@@ -71,13 +71,11 @@ def where(found: Findings, effect: str, parameter: str, size: float) -> dict[str
             and parameter in c.place.parameters
             and not c.place.fixed
         ):
-            made = gap_map(found.blocks, [np.tensordot(c.weights(size), z, 1) for z in c.columns])
-            energy = made.energy / made.energy.sum()
-            rows = dict(zip(made.rows, energy.sum(axis=(1, 2, 3)).tolist(), strict=True))
-            inputs = dict(zip(made.inputs, energy.sum(axis=(0, 1, 2)).tolist(), strict=True))
+            made = [np.tensordot(c.weights(size), z, 1) for z in c.columns]
+            cells = gap_map(found.blocks, found.columns, [made])
             return {
-                "rows": {n.removeprefix("load/"): round(x, 4) for n, x in rows.items() if x > 1e-3},
-                "inputs": {n or "none": round(x, 4) for n, x in inputs.items() if x > 1e-3},
+                "rows": {n: round(x, 4) for n, x in cells.share("row").items() if x > 1e-3},
+                "inputs": {n or "none": round(x, 4) for n, x in cells.share("input").items() if x > 1e-3},
             }
     return {}
 

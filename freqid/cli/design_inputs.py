@@ -25,13 +25,7 @@ from freqid.cli.options import FILE
 @click.option(
     "--at", default="", help="Reference condition: its own excitation, limits counted from its tilts."
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="The same seed gives the same design.",
-)
+@options.seed("The same seed gives the same design.")
 @click.option("--model", type=FILE, help="Point model, to forecast accuracy and motion.")
 @click.option(
     "--optimal",

@@ -50,7 +50,7 @@ from freqid.cli.options import FILE
     show_default=True,
     help="Of flights without a gap, with noise and tolerances, for the level.",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the draws.")
+@options.seed("Of the draws.")
 @click.option(
     "--next-flight/--no-next-flight",
     "plan",

@@ -25,13 +25,7 @@ from freqid.cli.options import FILE
 @click.option(
     "--noise", type=click.FloatRange(min=0), default=1.0, show_default=True, help="Multiple of its noise."
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Draws the effect, its place and size.",
-)
+@options.seed("Draws the effect, its place and size.")
 @options.as_json
 def command(scenario: Path, folder: Path | None, json_: bool, **asked: Any) -> None:
     """Fly SCENARIO's aircraft with an effect that SCENARIO does not have, drawn by the seed.

@@ -42,7 +42,7 @@ def _places(text: str) -> tuple[str | float, ...]:
     show_default=True,
     help="Models drawn from the covariance for the intervals; 0 for none.",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of the draws.")
+@options.seed("Of the draws.")
 @click.option(
     "--level",
     type=click.FloatRange(0, 1, min_open=True, max_open=True),

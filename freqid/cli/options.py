@@ -32,6 +32,11 @@ def jobs(command: Command) -> Command:
     return click.option("--jobs", type=_Jobs(min=-1), default=2, show_default=True, help=meaning)(command)
 
 
+def seed(meaning: str | None = None) -> Callable[[Command], Command]:
+    """Return the ``--seed`` option; `meaning` is its help."""
+    return click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help=meaning)
+
+
 def output(default: str) -> Callable[[Command], Command]:
     """Return the ``-o`` option; `default` says in words where the result goes without it."""
     return click.option("-o", "--output", "destination", type=FILE, help=f"Result; default: {default}.")

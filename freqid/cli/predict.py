@@ -40,7 +40,7 @@ from freqid.cli.options import FILE
     show_default=True,
     help="Models drawn from the covariance.",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of these.")
+@options.seed("Of these.")
 @options.page_option("the bands")
 @options.as_json
 def command(

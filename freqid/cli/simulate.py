@@ -44,13 +44,7 @@ _FROM_ZERO = click.FloatRange(min=0)
     default=0.0,
     help="Fly in turbulence; m/s of wind at 20 ft, 7.7 (light) where only the flag is given.",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
-    show_default=True,
-    help="Of wind, gusts and sensor errors.",
-)
+@options.seed("Of wind, gusts and sensor errors.")
 @click.option(
     "--effect",
     "effects",

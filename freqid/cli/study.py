@@ -52,7 +52,7 @@ from freqid.cli import options
     help="Flights, by name, that validate and are not modelled; the last of each condition without it.",
 )
 @options.estimator
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@options.seed()
 @options.jobs
 @options.page_option("the study")
 @options.as_json

@@ -398,7 +398,7 @@ def put_record(file: h5py.Group, record: FlightRecord) -> None:
         dataset = store.put(file.require_group(group), name, channel.values, channel.unit)
         dataset.dims[0].attach_scale(time)
         dataset.attrs["native_rate_hz"] = channel.native_rate_hz
-        # a file's name that is not UTF-8 is in it
+        # it names the log, and the name of a file need not be UTF-8
         dataset.attrs["source"] = channel.source.encode("utf-8", "surrogateescape").decode("utf-8", "replace")
         if channel.position_m is not None:
             dataset.attrs["position_m"] = channel.position_m

@@ -214,7 +214,7 @@ def diagnose(
         closing = closing_of(
             system, used, joint_columns, others, explanation, library, q.tolerances, form_error
         )
-        closed = close(closing, explanation, q.seed, library, q.tolerances, max(len(q.named), 1))
+        closed = close(closing, explanation, q.seed, library, q.tolerances, len(leading))
     forms = evidence.form_sizes(columns[0].form_names)
     forms = {n: f if f >= FORM_ERRORS[1] else 0.0 for n, f in forms.items()}
     relations = {n.partition("/")[2]: f for n, f in forms.items() if n.startswith("kinematic/")}
@@ -298,7 +298,7 @@ def _explanation(
 
 
 def _leading(named: Sequence[str], ranking: Ranking) -> tuple[str, ...]:
-    return tuple(named) or tuple(n for n in ranking.probabilities if n != NONE)[:1]
+    return tuple(dict.fromkeys(named)) or tuple(n for n in ranking.probabilities if n != NONE)[:1]
 
 
 def _clear(explanation: Explanation | None) -> list[Estimate]:

@@ -35,7 +35,7 @@ def verdict(
         said = f"No gap beyond noise and tolerances (p = {gap.p:.2g}){_larger_than(gap)}."
         return said + _limited_by_form(gap)
     words = ["A gap beyond noise and tolerances"]
-    if cells.energy.sum() > 0:
+    if cells.detectability.any():
         row, share = next(iter(cells.share("row").items()))
         words.append(f", {100 * share:.0f} % of it in {row}")
         if where:
@@ -143,9 +143,10 @@ def _name(which: Which, faults: Sequence[str], library: Mapping[str, Effect]) ->
         return f"{_said(rest[0], which)}{meaning}, probability {chance:.2f}"
     name, chance = next((n, p) for n, p in which.probabilities.items() if n != NONE)
     if name == OTHER:
-        for own, i in which.parameters.get(OTHER, {}).items():
+        if own := which.parameters.get(OTHER):
+            parameter, i = next(iter(own.items()))
             size = f"{_number(i.estimate, i.unit)} ({i.lo:.2g} to {i.hi:.2g})"
-            return f"no effect of the library explains it; its own parameter {own} does, off by {size}"
+            return f"no effect of the library explains it; its own parameter {parameter} does, off by {size}"
         return f"no effect of the library explains it ({100 * chance:.0f} % for another)"
     rest = [n for n in which.set if n not in (NONE, OTHER)]
     listed = ", ".join(rest[:_FEW]) + (f" and {len(rest) - _FEW} more" if len(rest) > _FEW else "")

@@ -119,8 +119,7 @@ def read_pieces(path: File, columns: ColumnMap | File | None = None, **options: 
     [41.2, 18.3]
     """
     longest = read_log(path, columns, **options)
-    # of a log; a record that freqid wrote keeps those of the log that it is one stretch of
-    spans = [] if Path(path).suffix == ".h5" else longest.provenance.get("whole_spans_s", [])
+    spans = longest.provenance.get("whole_spans_s", [])
     if len(spans) < 2:
         return [longest]
     options.pop("cut", None)
@@ -215,13 +214,12 @@ def split_flight(records: FlightRecord | Sequence[FlightRecord], *, name: str = 
     >>> [piece.duration for piece in split_flight(flight)]  # doctest: +SKIP
     [62.0, 61.98]
     """
-    found, why = [], None
+    found, why = [], "no record is given"
     for record in [records] if isinstance(records, FlightRecord) else records:
         try:
             found += [record.cut(*span) for span in find_maneuvers(record)]
-        except DataError as error:
-            why = error
+        except DataError as error:  # it holds no manoeuvre
+            why = error.message
     if not found:
-        said = why.message if why else "no manoeuvre was found"
-        raise DataError(said, where=name or None, remedy="cut it by hand with --cut")
+        raise DataError(why, where=name or None, remedy="cut it by hand with --cut")
     return found

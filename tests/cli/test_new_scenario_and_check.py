@@ -136,6 +136,21 @@ def test_check_says_what_is_missing_for_which_command(freqid, tmp_path):
     assert not (tmp_path / "a.svg").exists()
 
 
+@pytest.mark.parametrize("name", ["A\\B", "two\nlines", 'My "own"'])
+def test_a_name_stays_as_it_is_in_what_is_written(freqid, tmp_path, name):
+    path = tmp_path / "named.toml"
+    assert freqid("new-scenario", "--effectors", "de1,n1", "--name", name, "-o", path)[0] == 0
+    assert read_scenario(path)[0].vehicle.name == name
+
+
+def test_an_effector_that_toml_cannot_hold_is_refused(freqid, tmp_path):
+    path = tmp_path / "s.toml"
+    code, _, err = freqid("new-scenario", "--effectors", 'de"1:surface', "-o", path)
+    assert code == 2
+    assert "has a name with other signs" in err
+    assert not path.exists()
+
+
 def test_check_names_the_file_whose_wing_has_no_place(freqid, tmp_path):
     path = tmp_path / "s.toml"
     text = TILTROTOR.read_text()

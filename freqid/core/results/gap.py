@@ -29,7 +29,7 @@ class GapMap:
     rows, regimes, inputs : tuple of str
         The last input is ``""``: lines that no injected signal drives.
     bands_hz : tuple of tuple of 2 floats
-    energy : ndarray, shape (row, band, regime, input)
+    detectability : ndarray, shape (row, band, regime, input)
         Each cell's share of it. Below zero where the effect makes less than tolerances that are fitted to all
         of it would make there; sums of cells below zero count as none.
     phase : ndarray, shape (row, 3)
@@ -40,7 +40,7 @@ class GapMap:
     regimes: tuple[str, ...]
     inputs: tuple[str, ...]
     bands_hz: tuple[tuple[float, float], ...]
-    energy: Array
+    detectability: Array
     phase: Array
 
     def share(self, axis: str) -> dict[str, float]:
@@ -52,22 +52,18 @@ class GapMap:
             "input": self.inputs,
         }
         at = list(names).index(axis)
-        each = self.parts(*(i for i in range(4) if i != at))
-        total = max(float(each.sum()), 1e-300)
-        shares = {name: float(e / total) for name, e in zip(names[axis], each, strict=True)}
-        return dict(sorted(shares.items(), key=lambda item: -item[1]))
+        each = self.shares(*(i for i in range(4) if i != at))
+        found = dict(zip(names[axis], each.tolist(), strict=True))
+        return dict(sorted(found.items(), key=lambda item: -item[1]))
 
-    def parts(self, *axes: int) -> Array:
-        """Return the energy summed over some axes, none of the sums below zero."""
-        return np.maximum(self.energy.sum(axis=axes), 0.0)
+    def shares(self, *summed: int) -> Array:
+        """Return the share of each cell, some axes summed over; sums below zero count as none."""
+        parts = np.maximum(self.detectability.sum(axis=summed), 0.0)
+        return parts / max(float(parts.sum()), 1e-300)
 
     def places(self) -> list[Place]:
         """Return the cells of row and band that hold `LISTED` of the gap or more, largest first."""
-        shares = self.parts(2, 3)
-        if not shares.any():
-            return []
-        shares = shares / shares.sum()
-        by_regime, by_input = self.parts(3), self.parts(2)
+        shares, by_regime, by_input = self.shares(2, 3), self.shares(3), self.shares(2)
         found = []
         for i, j in zip(*np.nonzero(shares >= LISTED), strict=True):
             third = int(np.argmax(self.phase[i]))
@@ -87,10 +83,10 @@ class GapMap:
         return sorted(found, key=lambda place: -place.share)
 
 
-def _holding(energy: Array, names: Sequence[str]) -> str:
-    """Return the names that hold a tenth of it or more, in their order."""
-    total = energy.sum()
-    return " ".join(n for n, e in zip(names, energy, strict=True) if total > 0 and e / total >= LISTED)
+def _holding(parts: Array, names: Sequence[str]) -> str:
+    """Return the names that hold a tenth of the whole or more, in their order."""
+    total = parts.sum()
+    return " ".join(n for n, x in zip(names, parts, strict=True) if total > 0 and x / total >= LISTED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,7 +294,8 @@ _DENSITY = "unit of the row times s^0.5"  # of spectra
 _MAP = {
     **{name: Attribute(f"map@{name}", json=True) for name in ("rows", "regimes", "inputs")},
     "bands_hz": Dataset("map/bands", "Hz", ("band", 2)),
-    "energy": Dataset("map/energy", "1", ("rows", "band", "regimes", "inputs")),
+    # stands where files of releases that had the energy have it
+    "detectability": Dataset("map/energy", "1", ("rows", "band", "regimes", "inputs")),
     "phase": Dataset("map/phase", "1", ("rows", 3)),
 }
 _SPECTRA = {

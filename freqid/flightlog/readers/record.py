@@ -48,6 +48,9 @@ def read_own(
             "a flight record has no spikes left out any more", where=str(path), remedy="despike its log"
         )
     record = read_record(path)
+    # dropouts were those of the log, of which the record is one whole stretch
+    about = {n: x for n, x in record.provenance.items() if n not in ("dropouts", "whole_spans_s")}
+    record = replace(record, provenance=about)
     if cut is not None:
         record = record.cut(*cut)
     if resample_hz is not None:

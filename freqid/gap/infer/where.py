@@ -38,7 +38,7 @@ def gap_map(
     regimes = tuple(dict.fromkeys(b.regime for b in blocks))
     inputs = (*dict.fromkeys(n for b in blocks for n in b.lines.inputs), "")
     bands = bands_of(blocks)
-    energy = np.zeros((len(rows), len(bands), len(regimes), len(inputs)))
+    found = np.zeros((len(rows), len(bands), len(regimes), len(inputs)))
     phase = np.zeros((len(rows), 3))
     for one in explained:
         weighed = _beyond(blocks, columns, one)
@@ -53,11 +53,11 @@ def gap_map(
             band = np.clip(np.searchsorted(tops, block.lines.hz, side="left"), 0, len(bands) - 1)
             regime = regimes.index(block.regime)
             for k in range(block.lines.hz.size):
-                energy[at, band[k], regime, owner[k]] += parts[:, k] / whole
+                found[at, band[k], regime, owner[k]] += parts[:, k] / whole
             phase[at] += _thirds(block, z, w) / whole
     phase = np.maximum(phase, 0.0)
     total = phase.sum(axis=1, keepdims=True)
-    return GapMap(rows, regimes, inputs, bands, energy, phase / np.where(total > 0, total, 1.0))
+    return GapMap(rows, regimes, inputs, bands, found, phase / np.where(total > 0, total, 1.0))
 
 
 def _terms(block: Block, z: Complex, weighed: Complex) -> Array:

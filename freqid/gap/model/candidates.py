@@ -221,18 +221,18 @@ def beyond_tolerance(
     return made
 
 
-def _departing(block: Block, name: str, size: float) -> Complex:
-    """Return the column of a departure of one of the simulation's own parameters."""
-    return np.array([block.transform(change) for _, change in block.trial.departing({name: size})])
+def _departing(block: Block, own: Candidate) -> Complex:
+    """Return the column of one of the simulation's own parameters on one block."""
+    size = {own.place.label: float(own.sizes[0])}
+    return np.array([block.transform(change) for _, change in block.trial.departing(size)])
 
 
 def recomputed(candidate: Candidate, library: Mapping[str, Effect], blocks: Sequence[Block]) -> list[Complex]:
     """Return a candidate's columns on other blocks, shape (column, row, line) each."""
     c = candidate
-    if c.effect == OTHER and c.kind == "scalar":
-        return [_departing(b, c.place.label, c.sizes[0]) for b in blocks]
     if c.effect == OTHER:
-        return [_free_changes(b, c.place.parameters) for b in blocks]
+        own = c.kind == "scalar"
+        return [_departing(b, c) if own else _free_changes(b, c.place.parameters) for b in blocks]
     vehicle = blocks[0].trial.maneuver.vehicle
     effect, others = library[c.effect].of(vehicle), [(library[n].of(vehicle), x) for n, x in c.beside]
     found = []

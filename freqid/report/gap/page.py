@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from freqid import __version__
-from freqid.core.arrays import Array
 from freqid.core.results.gap import BeforeAfter, GapResult, ResidualSpectra
 from freqid.core.results.gap_self_test import ENDS, Rate, SelfTest, Stratum
 from freqid.report.gap import figures as gap_figures
@@ -184,13 +183,8 @@ def _facts(result: GapResult) -> list[tuple[str, str]]:
 
 def _order(result: GapResult) -> list[int]:
     """Return the map's rows that hold some of the gap, largest first."""
-    each = result.cells.parts(1, 2, 3)
-    total = max(float(each.sum()), 1e-300)
-    return [int(i) for i in np.argsort(-each) if each[i] / total >= _LEAST][:_ROWS]
-
-
-def _per_whole(parts: Array) -> Array:
-    return parts / max(float(parts.sum()), 1e-300)
+    each = result.cells.shares(1, 2, 3)
+    return [int(i) for i in np.argsort(-each) if each[i] >= _LEAST][:_ROWS]
 
 
 def _maps(result: GapResult) -> list[Picture]:
@@ -199,8 +193,8 @@ def _maps(result: GapResult) -> list[Picture]:
         return []
     names = [cells.rows[i] for i in rows]
     bands = [f"{low:.2g}–{high:.2g}" for low, high in cells.bands_hz]
-    by_regime = _per_whole(cells.parts(3))[rows].transpose(2, 0, 1)
-    held = np.array([cells.share("regime")[n] for n in cells.regimes])
+    by_regime = cells.shares(3)[rows].transpose(2, 0, 1)
+    held = cells.shares(0, 1, 3)
     regimes = sorted(np.argsort(-held)[:_REGIMES].tolist())
     left = 1 - float(held[regimes].sum())
     shown = by_regime[regimes]
@@ -217,7 +211,7 @@ def _maps(result: GapResult) -> list[Picture]:
             + (f" {percent(left)} is in other regimes." if left >= _LEAST else ""),
         )
     ]
-    by_input = _per_whole(cells.parts(1, 2))[rows]
+    by_input = cells.shares(1, 2)[rows]
     inputs = [n or "none" for n in cells.inputs]
     kept = [k for k in range(len(inputs)) if by_input[:, k].max() >= _LEAST]
     table = by_input[:, kept][None]

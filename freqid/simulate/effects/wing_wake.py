@@ -30,7 +30,8 @@ def received(settings: dict[str, jax.Array], wake: Wake) -> Wake:
 def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[np.float64]:
     """Return what the front wings' downwash, once arrived, takes from the lift of the wings behind them.
 
-    Each of the second station from ahead is in the wake of the one of the first that is nearest beside it.
+    Wings at one place along the body are a station. A wing of the second station is in the wake of that wing
+    of the first whose pivot is nearest to its own in y.
     """
     wings = sorted(replay.vehicle.wings, key=lambda w: -w.pivot_m[0])
     front = [w for w in wings if w.pivot_m[0] > wings[0].pivot_m[0] - _STATION]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -66,14 +67,14 @@ def new_scenario(effectors: Iterable[str] = (), *, log: File | None = None, name
             remedy="name them with --effectors, such as --effectors de1,de2,n1:rotor",
         )
     for taken in kinds:
-        if not re.fullmatch(r"[\w.+-]*", taken.replace("/", "")):
-            raise UsageError(
-                f"effector '{taken}' has a name with other signs than letters, digits and _ . + -",
-                remedy="rename it",
-            )
         if taken in TAKEN or "/" in taken or not taken:
             raise UsageError(
                 f"effector '{taken}' has the name of a state, of air data or of nothing", remedy="rename it"
+            )
+        if not re.fullmatch(r"[\w.+-]+", taken):
+            raise UsageError(
+                f"effector '{taken}' has a name with other signs than letters, digits and _ . + -",
+                remedy="rename it",
             )
     return _text(kinds, name)
 
@@ -141,7 +142,8 @@ def _text(kinds: Mapping[str, str], name: str) -> str:
     by_kind = {kind: [n for n, k in kinds.items() if k == kind] for kind in sorted(set(kinds.values()))}
     count = ", ".join(f"{len(n)} {kind}{'s' if len(n) > 1 else ''}" for kind, n in by_kind.items())
     tilts, rotors = by_kind.get("tilt", []), by_kind.get("rotor", [])
-    blocks = [_HEAD.format(name=name.replace("\\", "/").replace('"', "'"), count=count, fill=FILL_IN)]
+    quoted = json.dumps(name, ensure_ascii=False)  # a TOML string too
+    blocks = [_HEAD.format(name=" ".join(name.split()), quoted=quoted, count=count, fill=FILL_IN)]
     for effector, kind in kinds.items():
         limits, rate, _ = _START[kind]
         unit = EFFECTOR_UNITS[kind]
@@ -222,7 +224,7 @@ _HEAD = """\
 # and draws the aircraft. Every key: docs/scenarios.md.
 
 [vehicle]
-name = "{name}"
+name = {quoted}
 mass_kg = 10.0 # of all, what tilts included; {fill}
 cg_m = [0.0, 0.0, 0.0] # x forward, y right, z down, from an origin of your choice; {fill}
 inertia = {{ xx = 1.0, yy = 1.0, zz = 1.5, xz = 0.0 }} # kg m2 about cg_m, xz = + integral of x z dm; {fill}

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from freqid.core.errors import DataError, UsageError
-from freqid.core.record import Channel, FlightRecord, Maneuver, check_time
+from freqid.core.record import Channel, FlightRecord, Maneuver, check_time, read_record, write_record
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
 
 
@@ -68,3 +68,10 @@ def test_the_records_own_mass_overrides_the_vehicles():
     assert Maneuver.of(flight, vehicle).vehicle.mass_properties.mass_kg == 10.0
     weighed = FlightRecord(flight.time, flight.channels, vehicle, mass_properties=body(11.0))
     assert Maneuver.of(weighed, span=(1.0, 2.0)).vehicle.mass_properties.mass_kg == 11.0
+
+
+def test_a_source_whose_bytes_are_not_utf8_is_written(tmp_path):
+    """The name of the log, as the system gives it."""
+    channel = Channel("state/q", "rad/s", np.zeros(3), 50.0, "fl\udcfcg.csv: q")
+    write_record(tmp_path / "named.h5", FlightRecord(0.02 * np.arange(3), {"state/q": channel}))
+    assert read_record(tmp_path / "named.h5").channels["state/q"].source == "fl\ufffdg.csv: q"

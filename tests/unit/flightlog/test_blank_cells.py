@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from freqid.core.record import Channel, FlightRecord, read_record, write_record
-from freqid.workflows.import_log import read_log, read_pieces, split_flight
+from freqid.workflows.import_log import read_log
 
 TIME = np.arange(0, 60, 0.02)
 PSI = 0.3 * np.sin(0.4 * TIME)
@@ -93,27 +90,3 @@ def test_gps_weeks_are_those_of_a_channels_own_clock_too(tmp_path):
     p, middle = found["state/p"], slice(100, -100)
     late = p - 0.003 * np.gradient(p, found.time)  # q is what p was 3 ms before
     np.testing.assert_allclose(found["state/q"][middle], late[middle], atol=1e-3)
-
-
-def stretch(moves):
-    time = np.arange(0, 20, 0.02)
-    de = np.where((time > 5) & (time < 15), moves * np.sin(2 * time), 0.0)
-    channels = {"effector/de": ("rad", de), "state/q": ("rad/s", de)}
-    return FlightRecord(time, {n: Channel(n, u, x, 50.0, "test") for n, (u, x) in channels.items()})
-
-
-def test_a_stretch_without_a_manoeuvre_is_passed_over():
-    assert len(split_flight([stretch(0.2), stretch(0.0)])) == 1
-
-
-def test_stretches_of_a_log_are_none_of_the_record_that_was_kept(tmp_path):
-    kept = replace(stretch(0.2), provenance={"whole_spans_s": [[-30.0, -2.0], [0.0, 19.98]]})
-    write_record(tmp_path / "kept.h5", kept)
-    assert [p.duration for p in read_pieces(tmp_path / "kept.h5")] == [pytest.approx(19.98)]
-
-
-def test_a_log_whose_name_is_not_utf8_is_written(tmp_path):
-    named = stretch(0.2)
-    channel = replace(named.channels["state/q"], source="fl\udcfcg.csv: q")
-    write_record(tmp_path / "named.h5", named.with_channels(channel))
-    assert read_record(tmp_path / "named.h5").channels["state/q"].source == "fl\ufffdg.csv: q"

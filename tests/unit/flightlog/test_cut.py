@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from freqid.core.errors import DataError
-from freqid.core.record import Channel, FlightRecord
+from freqid.core.record import Channel, FlightRecord, write_record
 from freqid.flightlog.cut import find_maneuvers
+from freqid.workflows.import_log import read_pieces, split_flight
 
 RATE = 50.0
 T = 10.0 + np.arange(0, 60, 1 / RATE)
@@ -114,3 +117,24 @@ def test_nothing_found_is_said():
         find_maneuvers(record_of(effector__de=0 * T, state__q=0 * T))
     with pytest.raises(DataError, match="no effector, command or excitation"):
         find_maneuvers(record_of(state__q=0 * T))
+
+
+def stretch(moves):
+    time = np.arange(0, 20, 0.02)
+    de = np.where((time > 5) & (time < 15), moves * np.sin(2 * time), 0.0)
+    channels = {"effector/de": ("rad", de), "state/q": ("rad/s", de)}
+    return FlightRecord(time, {n: Channel(n, u, x, 50.0, "test") for n, (u, x) in channels.items()})
+
+
+def test_a_stretch_without_a_manoeuvre_is_passed_over():
+    assert len(split_flight([stretch(0.2), stretch(0.0)])) == 1
+
+
+def test_stretches_of_a_log_are_none_of_the_record_that_was_kept(tmp_path):
+    """Nor are the log's dropouts told again."""
+    about = {"whole_spans_s": [[-30.0, -2.0], [0.0, 19.98]], "dropouts": [{"channel": "state/q"}], "kept": 1}
+    write_record(tmp_path / "kept.h5", replace(stretch(0.2), provenance=about))
+    (piece,) = read_pieces(tmp_path / "kept.h5")
+    assert piece.duration == pytest.approx(19.98)
+    assert piece.provenance["kept"] == 1
+    assert not {"dropouts", "whole_spans_s"} & set(piece.provenance)

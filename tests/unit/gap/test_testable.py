@@ -11,6 +11,7 @@ from linear_flight import LIBRARY, OWN, Linear, fly
 from freqid.core.vehicle import Rotor
 from freqid.gap.model.testable import untestable
 from freqid.gap.stack.trial import Trial
+from freqid.simulate.effects import library
 
 HAS_IT = Linear(effects={"damping": {"extra": 0.0}})
 
@@ -41,3 +42,10 @@ def test_a_rotor_whose_speed_was_not_logged_leaves_what_it_does_untested():
     turning = replace(flight, vehicle=msgspec.structs.replace(flight.vehicle, rotors=(rotor,)))
     effect = replace(LIBRARY["drag"], needs=("rotor.diameter_m", "effector"))
     assert "needs effector/n1" in (untestable(effect, Trial.of(HAS_IT, turning)) or "")
+
+
+def test_a_lag_of_motors_is_tested_on_throttles_too():
+    flight = fly()
+    throttles = tuple(msgspec.structs.replace(e, kind="throttle") for e in flight.vehicle.effectors)
+    flown = replace(flight, vehicle=msgspec.structs.replace(flight.vehicle, effectors=throttles))
+    assert untestable(library()["motor_lag"], Trial.of(HAS_IT, flown)) is None

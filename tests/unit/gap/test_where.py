@@ -55,7 +55,7 @@ def test_parts_add_up_to_the_detectability_of_a_dense_covariance(worn):
         t = np.concatenate([real(b, c.sigmas[k]) for b, c in zip(worn.blocks, worn.columns, strict=True)])
         S += np.outer(t, t)
     expected = (s * np.linalg.solve(S, s)).reshape(2, len(worn.blocks[0].rows), -1).sum(axis=2)
-    found = gap_map(worn.blocks, worn.columns, [worn.explained]).energy.sum(axis=(1, 3)).T
+    found = gap_map(worn.blocks, worn.columns, [worn.explained]).detectability.sum(axis=(1, 3)).T
     np.testing.assert_allclose(found, expected / expected.sum(), rtol=1e-6, atol=1e-6)
 
 
@@ -71,7 +71,7 @@ def test_where_a_tolerance_may_do_the_same_little_is_seen_however_much_is_there(
     columns = [replace(c, tolerances=free[:, None] * c.tolerances) for c in worn.columns]
     pitch = worn.map.rows.index("M")
     before, after = (
-        gap_map(worn.blocks, c, [worn.explained]).parts(1, 2, 3) for c in (worn.columns, columns)
+        gap_map(worn.blocks, c, [worn.explained]).shares(1, 2, 3) for c in (worn.columns, columns)
     )
     assert before[pitch] > 0.5 * before.sum()
     assert after[pitch] < 0.05 * after.sum()

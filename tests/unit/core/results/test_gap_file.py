@@ -86,5 +86,5 @@ def test_what_is_damaged_is_refused(tmp_path):
     with store.editing(path) as file:
         del file["map/energy"]
         file["map/energy"] = np.ones((1, 2))
-    with pytest.raises(DataError, match=r"'energy' has shape \(1, 2\), expected \(2, 3, 2, 2\)"):
+    with pytest.raises(DataError, match=r"'detectability' has shape \(1, 2\), expected \(2, 3, 2, 2\)"):
         read_gap(path)

@@ -143,9 +143,9 @@ def steady():
     one = replace(
         one, measured_hz=rest, before_hz=0 * rest, after_hz=rest * 39.0 / 40.0, noise=0 * one.noise + 1
     )
-    energy = np.zeros_like(found.cells.energy)
-    energy[0, 0, :, 1] = 1.0
-    cells = replace(found.cells, energy=energy)
+    held = np.zeros_like(found.cells.detectability)
+    held[0, 0, :, 1] = 1.0
+    cells = replace(found.cells, detectability=held)
     return replace(found, spectra=spectra, before_after=(one,), cells=cells)
 
 
@@ -187,7 +187,7 @@ def test_no_signal_is_named_or_drawn_for_a_gap_that_none_drives():
     page = build_gap_page(found)
     assert 'id="figure-map-input"' not in page
     assert "all driven lines together hold 0 % of what is detectable" in page
-    energy = found.cells.energy.copy()
-    energy[0, 0, :, 0] = 0.2  # 17 % on the lines of de
-    (place,) = replace(found.cells, energy=energy).places()
+    held = found.cells.detectability.copy()
+    held[0, 0, :, 0] = 0.2  # 17 % on the lines of de
+    (place,) = replace(found.cells, detectability=held).places()
     assert place.input == "de"

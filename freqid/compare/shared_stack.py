@@ -144,7 +144,7 @@ class SharedForm:
 
 def shared_stack(
     pair: tuple[Simulation, Simulation],
-    maneuvers: Sequence[Maneuver],
+    maneuvers: tuple[Sequence[Maneuver], Sequence[Maneuver]],
     names: Sequence[str],
     library: Mapping[str, Effect],
     sizes: tuple[Mapping[str, float], Mapping[str, float]],
@@ -158,7 +158,8 @@ def shared_stack(
     Parameters
     ----------
     pair : tuple of 2 Simulation
-    maneuvers : sequence of Maneuver
+    maneuvers : tuple of 2 sequence of Maneuver
+        The same flights for A and for B; rotors have inertia where a simulation leaves their moments out.
     names : sequence of str
         Of the manoeuvres.
     library : dict of Effect
@@ -176,9 +177,9 @@ def shared_stack(
         Where a record lacks a channel that one of them needs.
     """
     stacks = []
-    for label, simulation in zip("AB", pair, strict=True):
+    for label, simulation, flown in zip("AB", pair, maneuvers, strict=True):
         tell(f"replaying {label}")
-        stacks.append(stack_of(simulation, maneuvers, names, band_hz, seed=seed))
+        stacks.append(stack_of(simulation, flown, names, band_hz, seed=seed))
     bands = bands_of(stacks[0])
     found = []
     for i, (a, b) in enumerate(zip(*stacks, strict=True)):
@@ -274,8 +275,9 @@ def _one_motion(blocks: tuple[Block, Block], seed: int) -> tuple[Block, Block]:
 
 
 def _on(block: Block, motion: Motion, seed: int) -> Block:
-    """Return a block whose trial and draws are of another motion."""
-    trial = Trial.of(block.trial.simulation, motion.maneuver)
+    """Return a block whose trial and draws are of another motion; its vehicle stays."""
+    flown = replace(motion.maneuver, vehicle=block.trial.maneuver.vehicle)
+    trial = Trial.of(block.trial.simulation, flown)
     draws = antithetic(trial, block.lines, block.sigma, seed)
     residuals = block.residuals + block.draws.bias - draws.bias
     return replace(

@@ -28,6 +28,7 @@ from freqid.core.arrays import Array, Complex
 from freqid.core.errors import UsageError
 from freqid.core.record import Maneuver
 from freqid.core.results.rivals import Contest, Rivals, Span
+from freqid.gap.bookkeeping.gyroscopic import as_counted
 from freqid.gap.infer.block_matrices import BlockMatrices, Products
 from freqid.gap.model.tolerance import stated
 from freqid.gap.settings import INTERVAL, LEVEL
@@ -140,13 +141,15 @@ def compare_two(
             remedy="compare simulations that predict the same responses",
         )
     sizes = _tolerances_of(pair, tolerances, library, maneuvers[0])
-    blocks, bands = shared_stack(pair, maneuvers, names, library, sizes, band_hz, seed=seed, tell=tell)
+    (of_a, said_a), (of_b, said_b) = (as_counted(simulation, maneuvers) for simulation in pair)
+    blocks, bands = shared_stack(pair, (of_a, of_b), names, library, sizes, band_hz, seed=seed, tell=tell)
     tell("learning the error of form")
     form = form_of(blocks)
     tell("weighing")
     judged = judge(blocks, bands, form, level)
     titles = (pair[0].name, pair[1].name)
-    remarks = tuple(remarks_on(pair, blocks, form.loads, judged.identical))
+    rotors = [f"{label}: {said.rstrip('.')}" for label, said in (("A", said_a), ("B", said_b)) if said]
+    remarks = (*rotors, *remarks_on(pair, blocks, form.loads, judged.identical))
     made = replace(judged, simulations=titles, records=tuple(names), remarks=remarks)
     return replace(made, verdict=verdict_on(made))
 

@@ -9,13 +9,13 @@ which it is, the records decide.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import msgspec
 import numpy as np
 
 from freqid.core.channels import COEFFICIENT
-from freqid.core.record import FlightRecord
+from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.vehicle import Vehicle
 from freqid.gap.bookkeeping.comparison import Comparison, bench_of
 from freqid.gap.simulation import Simulation
@@ -102,6 +102,26 @@ def rotor_account(
         f"states rotor inertia: beside the simulation the records show {share:.2f} +- {error:.2f} of them."
     )
     return RotorAccount(without, sentence, share, error)
+
+
+def as_counted(simulation: Simulation, maneuvers: Sequence[Maneuver]) -> tuple[list[Maneuver], str]:
+    """Return manoeuvres whose rotors have inertia where it counts in the measured moments, and the remark.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    maneuvers : sequence of Maneuver
+        Of one aircraft.
+
+    Raises
+    ------
+    DataError
+        As `rotor_account`.
+    """
+    account = rotor_account(simulation, [m.record for m in maneuvers], maneuvers[0].vehicle)
+    if account.vehicle is None or any(rotor.inertia for rotor in account.vehicle.rotors):
+        return list(maneuvers), account.sentence
+    return [replace(m, vehicle=without_rotor_inertia(m.vehicle)) for m in maneuvers], account.sentence
 
 
 def without_rotor_inertia(vehicle: Vehicle) -> Vehicle:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import msgspec
 import numpy as np
 import pytest
 from linear_pair import SLOPES, fly, simulation
@@ -9,7 +12,9 @@ from scipy.stats import false_discovery_control
 
 from freqid.compare.two_simulations import compare_two, difference_of, holm
 from freqid.core.errors import UsageError
+from freqid.core.record import Channel, Maneuver
 from freqid.core.results.rivals import Rivals
+from freqid.core.vehicle import Effector, Rotor
 from freqid.gap.infer.block_matrices import Products
 from freqid.simulate.effects import library
 
@@ -147,6 +152,32 @@ def test_what_tolerances_make_is_equal():
     assert not found.identical
     assert "cannot tell" in found.verdict
     assert "noise and tolerances could make" in found.verdict
+
+
+def test_each_counts_the_rotors_as_it_states():
+    """One whose M has what speeding up a rotor about y takes says what one says that leaves it out."""
+    inertia, flights = 0.05, []
+    for flown in _flights(duration=DURATION):
+        record, time = flown.record, flown.record.time
+        speed = Channel("effector/n1", "rad/s", 300 + 20 * np.sin(2 * np.pi * 0.1 * time), 50.0, "made here")
+        rotor = Rotor(name="n1", spin=1, inertia=inertia, axis=(0.0, 1.0, 0.0))
+        carried = msgspec.structs.replace(
+            flown.vehicle,
+            effectors=(*flown.vehicle.effectors, Effector(name="n1", kind="rotor", limits=(0.0, 900.0))),
+            rotors=(rotor,),
+        )
+        flights.append(Maneuver(record.with_channels(speed), carried))
+    inside, outside = simulation("inside"), simulation("outside")
+    loads = outside.function
+
+    def with_rotor(time, state, effector, air, parameters):
+        found = loads(time, state, effector, air, parameters)
+        return {**found, "M": found["M"] + inertia * np.gradient(effector["n1"], time)}
+
+    pair = replace(inside, gyroscopic=False), replace(outside, function=with_rotor, gyroscopic=True)
+    rivals = _compare(*pair, flights)
+    assert rivals.overall.difference.value == pytest.approx(0, abs=1.0)
+    assert any(r.startswith("A: ") and "not subtracted" in r for r in rivals.remarks)
 
 
 def test_a_noisier_input_is_no_sign_of_the_other_being_nearer():

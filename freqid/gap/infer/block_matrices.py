@@ -189,6 +189,9 @@ class BlockMatrices:
         determinant : float
             Half its log determinant.
         """
+        if error and not isinstance(error, tuple):  # one size: directions at right angles to each other
+            left = 1 + error**2 * self.form_power
+            return (error / np.sqrt(left))[:, None] * self.form, 0.5 * float(np.log(left).sum())
         root, at, determinant = self.form_root(error)
         return root @ self.form[at], determinant
 

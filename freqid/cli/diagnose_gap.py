@@ -91,6 +91,8 @@ def command(
     from freqid.workflows.files import save
 
     pair = pair_of(sim, predictions, held_out, asked["effects"])
+    if pair:
+        options.refuse_beside("two simulations", "self_test", "draws", "anyway")
     default = f"{records[0].stem}-{'rivals' if pair else 'gap'}.h5"
     destination = destination or records[0].with_name(default)
     design = destination.with_name(f"{destination.stem}-next.h5")

@@ -10,6 +10,18 @@ import click
 from freqid.cli import options
 from freqid.cli.options import FILE
 
+_OF_READING = (
+    "destination",
+    "columns",
+    "at",
+    "resample_hz",
+    "despike",
+    "design",
+    "cut",
+    "split",
+    "plausibility",
+)
+
 
 @click.command("import-log")
 @click.argument("log", type=FILE)
@@ -63,6 +75,7 @@ def command(
     from freqid.workflows.inputs import scenario_of
 
     if list_:
+        options.refuse_beside("--list", *_OF_READING)
         listing = list_log(log, scenario=scenario)
         options.emit(json_, listing_result(listing), str(listing).rstrip())
         return

@@ -13,6 +13,7 @@ from freqid.core.sections.estimators import ESTIMATOR_NAMES
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 FILE = click.Path(path_type=Path)
+_GIVEN = (click.core.ParameterSource.COMMANDLINE, click.core.ParameterSource.ENVIRONMENT)
 
 
 class _Jobs(click.IntRange):
@@ -62,6 +63,21 @@ def simulation(scenario: str, *, several: bool = False) -> Callable[[Command], C
         return click.option("--sim", multiple=several, help=meaning)(command)
 
     return add
+
+
+def refuse_beside(what: str, *parameters: str) -> None:
+    """Refuse options of the running command that do nothing beside `what`, where they are given.
+
+    Raises
+    ------
+    UsageError
+    """
+    from freqid.core.errors import UsageError
+
+    context = click.get_current_context()
+    for option in context.command.params:
+        if option.name in parameters and context.get_parameter_source(option.name) in _GIVEN:
+            raise UsageError(f"{option.opts[0]} does nothing beside {what}", remedy="drop one of the two")
 
 
 def own_effects(command: Command) -> Command:

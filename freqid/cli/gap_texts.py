@@ -103,7 +103,7 @@ def _which(d: GapDiagnosis) -> str:
         for name, p in w.probabilities.items()
         if p >= _LISTED
     ]
-    lines = ["Which (* in the set that holds the truth with the stated confidence):"]
+    lines = ["Which (* in the set that holds the truth in 90 of 100 cases):"]
     lines.append(text_table(("effect", "probability", "set", "place"), rows))
     if w.pair:
         lines.append(f"  together: {' and '.join(w.pair)}")

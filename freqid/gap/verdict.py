@@ -6,7 +6,16 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from freqid.core.results.diagnosis import Closure, Existence, Place, SensorFault, ToleranceUsed, Which
+from freqid.core.results.diagnosis import (
+    POOR_FORM,
+    Closure,
+    Existence,
+    Interval,
+    Place,
+    SensorFault,
+    ToleranceUsed,
+    Which,
+)
 from freqid.core.results.gap import GapMap
 from freqid.gap.infer.evidence import NONE
 from freqid.gap.model.candidate import OTHER
@@ -16,7 +25,6 @@ from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
 
 _FEW = 3  # names that are listed
-_POOR_FORM = 0.05  # error of form from which a simulation's form is said to limit the answer
 _POOR_SENSORS = 0.05
 _STRAINED = 2.0  # sigmas from which tolerances are said to be strained
 
@@ -31,9 +39,14 @@ def verdict(
     library: Mapping[str, Effect],
 ) -> str:
     """Return the verdict in one line."""
+    if gap.unconfirmed:
+        return (
+            f"No effect is called (p = {gap.p:.2g}), and the simulation is not confirmed: beyond its "
+            f"tolerances its terms are wrong by {_by_row(gap, POOR_FORM)}, in ways that no tested effect "
+            "explains."
+        )
     if not gap.exists:
-        said = f"No gap beyond noise and tolerances (p = {gap.p:.2g}){_larger_than(gap)}."
-        return said + _limited_by_form(gap)
+        return f"No gap beyond noise and tolerances (p = {gap.p:.2g}){_larger_than(gap)}."
     words = ["A gap beyond noise and tolerances"]
     if cells.detectability.any():
         row, share = next(iter(cells.share("row").items()))
@@ -48,7 +61,7 @@ def verdict(
         words.append(f"Your sensors: {' and '.join(_said(n, which) for n in faults)}. ")
     words.append(f"Your simulation: {_name(which, faults, library)}")
     if closures and np.isfinite(closures[0].wrench.G) and (which.named or which.pair):
-        words.append(_closed(closures[0], which))
+        words.append(_closed(closures[0], which, faults))
     if closures and which.withdrawn and (off := _strained(closures[0])):
         words.append(f"; without any effect it takes {off} to close it")
     words.append(".")
@@ -65,20 +78,18 @@ def _driven(place: Place, cells: GapMap) -> str:
     return ", on lines that no signal drives" + (", the mean among them" if place.band_hz[0] == 0 else "")
 
 
-def _closed(closure: Closure, which: Which) -> str:
+def _closed(closure: Closure, which: Which, faults: Sequence[str]) -> str:
     """Return what goes with the effect, and what tolerances would have to do without it."""
     alone = closure.tolerances_only.G
     same = {*which.named, *which.pair} & set(closure.effects)
-    what = "it" if same else " and ".join(closure.effects)
+    only_sensors = which.named and not {*which.named} - set(faults)
+    what = ("that fault" if only_sensors else "it") if same else " and ".join(closure.effects)
     text = f"; with {what} {100 * closure.wrench.G:.0f} % of the gap is closed {closure.scored_text}"
     if not np.isfinite(alone):
         return text
     strained = _strained(closure)
     need = f", but only with {strained}" if strained else ""
-    return (
-        f"{text}. Without it, the tolerances that are stated for the simulation would close "
-        f"{100 * alone:.0f} % of it{need}"
-    )
+    return f"{text}. Without {what}, tolerances alone would close {100 * alone:.0f} % of it{need}"
 
 
 def _strained(closure: Closure) -> str:
@@ -97,20 +108,28 @@ def _larger_than(gap: Existence) -> str:
 
 
 def _limited_by_form(gap: Existence) -> str:
-    if gap.form_error < _POOR_FORM:
+    if gap.form_error < POOR_FORM:
         return ""
-    return (
-        f" The simulation's terms are wrong in form by {_by_row(gap, _POOR_FORM)}, which limits the answer."
-    )
+    return f" The simulation's terms are wrong in form by {_by_row(gap, POOR_FORM)}, which limits the answer."
 
 
 def _by_row(gap: Existence, least: float) -> str:
     """Return the errors of form from a least one on, in words."""
-    return ", ".join(f"{100 * f:.2g} % in {row}" for row, f in gap.form_errors.items() if f and f >= least)
+    each = ((row, 100 * f) for row, f in gap.form_errors.items() if f and f >= least)
+    return ", ".join(f"{f:.0f} % in {row}" if f >= 10 else f"{f:.2g} % in {row}" for row, f in each)
 
 
 def _number(value: float, unit: str) -> str:
     return f"{value:.2g}" + (f" {unit}" if unit not in ("", "1") else "")
+
+
+def _interval(one: Interval) -> str:
+    """Return an estimate with its unit and its interval, with two digits of the interval's width."""
+    width = one.hi - one.lo
+    digits = max(1 - int(np.floor(np.log10(width))), 0) if width > 0 and np.isfinite(width) else 4
+    estimate, lo, hi = (f"{float(f'{x:.{digits}f}'):.6g}" for x in (one.estimate, one.lo, one.hi))
+    unit = f" {one.unit}" if one.unit not in ("", "1") else ""
+    return f"{estimate}{unit} ({lo} to {hi})"
 
 
 def _said(effect: str, which: Which) -> str:
@@ -119,8 +138,7 @@ def _said(effect: str, which: Which) -> str:
     sizes = which.parameters.get(effect, {})
     label = f"{effect} of {place}" if place and place != "all" and "=" not in place else effect
     if len(sizes) == 1 or (sizes and "=" in place):
-        one = next(iter(sizes.values()))
-        return f"{label} {_number(one.estimate, one.unit)} ({one.lo:.2g} to {one.hi:.2g})"
+        return f"{label} {_interval(next(iter(sizes.values())))}"
     return label
 
 
@@ -145,7 +163,7 @@ def _name(which: Which, faults: Sequence[str], library: Mapping[str, Effect]) ->
     if name == OTHER:
         if own := which.parameters.get(OTHER):
             parameter, i = next(iter(own.items()))
-            size = f"{_number(i.estimate, i.unit)} ({i.lo:.2g} to {i.hi:.2g})"
+            size = _interval(i)
             return f"no effect of the library explains it; its own parameter {parameter} does, off by {size}"
         return f"no effect of the library explains it ({100 * chance:.0f} % for another)"
     rest = [n for n in which.set if n not in (NONE, OTHER)]

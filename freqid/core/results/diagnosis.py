@@ -18,6 +18,9 @@ _CHANGES = 0.02  # of an error, from which a relation between sensors is listed
 ScoredOn = Literal["", "held out", "turns", "lines"]
 _CLASSICAL = {"rmse": "rms of the response", "theil": "1", "J": "1"}
 
+POOR_FORM = 0.05
+"""Error of form from which a simulation is not confirmed where no gap is called, and an answer is limited."""
+
 
 @dataclass(frozen=True)
 class Existence:
@@ -59,6 +62,11 @@ class Existence:
     def form_error(self) -> float:
         """The largest error of form of any response, a share."""
         return max(self.form_errors.values(), default=0.0)
+
+    @property
+    def unconfirmed(self) -> bool:
+        """Whether no gap is called and the simulation is not confirmed: its form is too far off."""
+        return not self.exists and self.form_error >= POOR_FORM
 
 
 @dataclass(frozen=True)

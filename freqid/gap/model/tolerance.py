@@ -210,8 +210,8 @@ def of_effects(
         nested = _together(effect, effectors)
         for name, parameter in effect.parameters.items():
             key = f"{effect.id}.{name}"
-            if name in nested[1:] and key not in sizes:
-                continue
+            if name in nested[1:] and nested[0] not in effectors.values() and key not in sizes:
+                continue  # within the widest one
             clock = by_clock(trial.sent.dt) if effect.id in TIMING else 0.0
             size = sizes.get(key, sizes.get(effect.id, clock if parameter.unit == "s" else 0.0))
             if nested and key not in sizes and (name in nested or name in effectors):
@@ -227,10 +227,14 @@ def by_clock(dt: float) -> float:
 
 
 def _together(effect: Effect, kinds: Mapping[str, str]) -> list[str]:
-    """Return the parameters that move several effectors of which each has one too; the widest one first."""
+    """Return the parameters that move several effectors of which each has one too.
+
+    The widest one first, or one for each kind.
+    """
     if not effect.alternatives or not any(n in kinds for n in effect.parameters):
         return []
-    several = {"effectors", *kinds.values()} if effect.stage == "sensor" else set(effect.parameters)
+    apart = {kind for n, kind in kinds.items() if n in effect.parameters}
+    several = {"effectors", *apart} if effect.stage == "sensor" else set(effect.parameters)
     return [n for n in effect.parameters if n in several and n not in kinds]
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from freqid import __version__
+from freqid.core.results.diagnosis import Existence
 from freqid.core.results.gap import BeforeAfter, GapResult, ResidualSpectra
 from freqid.core.results.gap_self_test import ENDS, Rate, SelfTest, Stratum
 from freqid.report.gap import figures as gap_figures
@@ -151,9 +152,15 @@ def build_gap_page(result: GapResult) -> str:
     )
 
 
+def _of_verdict(gap: Existence) -> Literal["good", "note", "bad"]:
+    if gap.exists:
+        return "bad"
+    return "note" if gap.unconfirmed else "good"
+
+
 def _findings(result: GapResult) -> list[Finding]:
     d = result.diagnosis
-    findings = [finding("bad" if d.gap.exists else "good", "{}", sentence(d.verdict))]
+    findings = [finding(_of_verdict(d.gap), "{}", sentence(d.verdict))]
     findings += [finding("note", "Withdrawn: {}, {}.", name, why) for name, why in d.which.withdrawn.items()]
     findings += [
         finding("note", "These data cannot separate {}.", ", ".join(group)) for group in d.which.aliases
@@ -168,7 +175,7 @@ def _facts(result: GapResult) -> list[tuple[str, str]]:
     held_out = len(result.provenance.get("held out", ()))
     used = len(d.records) - held_out
     facts = [
-        ("p of no gap", f"{d.gap.p:.2g} (level {short(d.gap.level)})"),
+        ("p if there is no gap", f"{d.gap.p:.2g} (level {short(d.gap.level)})"),
         ("p by chi-square, blind to tolerances", f"{d.gap.naive_p:.2g}"),
         ("Records", f"{used} used, in {len(result.spectra)} conditions; {held_out or 'none'} held out"),
         (
@@ -311,7 +318,7 @@ def _probabilities(result: GapResult) -> list[Picture]:
             "probabilities",
             "Probability of each explanation",
             "How likely each effect is the one, none of the library (other), or nothing at all (none). Blue: "
-            "the set that holds the truth with the stated confidence.",
+            "the set that holds the truth in 90 of 100 cases.",
         )
     ]
 

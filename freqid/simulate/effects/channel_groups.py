@@ -20,13 +20,15 @@ BIAS = {
     "rotor": (5.0, "rad/s"),
 }
 _AIR = ("V", "alpha", "beta")
-_KINDS = ("surface", "tilt", "rotor")
+KINDS = ("surface", "tilt", "rotor")
 _TURNING = ("state/phi", "state/psi", "air/alpha")  # may jump by a full turn
 
 
 def channels(name: str, record: FlightRecord) -> tuple[str, ...]:
     """Return the channels of a record that a parameter stands for: one, or the effectors of a kind."""
-    if name not in _KINDS:
+    if f"effector/{name}" in record:
+        return (f"effector/{name}",)
+    if name not in KINDS:
         channel = f"{'air' if name in _AIR else 'state'}/{name}"
         return (channel,) if channel in record else ()
     kinds = record.vehicle.effector_kinds if record.vehicle else {}
@@ -41,11 +43,15 @@ def changed(record: FlightRecord, values: Mapping[str, Array]) -> FlightRecord:
 def each(
     settings: Mapping[str, float], record: FlightRecord, how: Callable[[Array, float], Array]
 ) -> FlightRecord:
-    """Return a record with ``how(values, setting)`` in every channel whose setting is not zero."""
-    return changed(
-        record,
-        {c: how(record[c], size) for name, size in settings.items() if size for c in channels(name, record)},
-    )
+    """Return a record with ``how(values, setting)`` in every channel whose setting is not zero.
+
+    Settings of a kind of effectors and of one of them act one after the other.
+    """
+    found: dict[str, Array] = {}
+    for name, size in settings.items():
+        for channel in channels(name, record) if size else ():
+            found[channel] = how(found.get(channel, record[channel]), size)
+    return changed(record, found)
 
 
 def unwrapped(record: FlightRecord, channel: str) -> Array:

@@ -33,6 +33,8 @@ class Parameter:
     looked_at : tuple of float
         Of one that says nothing while the effect's size is zero: values beside the default at which the size
         is looked for; two scales to either side where none are named.
+    sought : bool
+        Whether it is looked for; else it may be off within its tolerance and no more.
     replay_only : bool
         Whether flights of a scenario do not have it: these have more of the physics that it stands for.
     signs : tuple of 2 str
@@ -47,6 +49,7 @@ class Parameter:
     low: float = -inf
     high: float = inf
     looked_at: tuple[float, ...] = ()
+    sought: bool = True
     replay_only: bool = False
     signs: tuple[str, str] = ("", "")
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from freqid.core.record import FlightRecord
-from freqid.simulate.effects.channel_groups import BIAS, each
+from freqid.core.vehicle import Vehicle
+from freqid.simulate.effects.channel_groups import BIAS, KINDS, each
 from freqid.simulate.effects.effect import Effect, Parameter
 
 
@@ -14,27 +16,40 @@ def _distort(settings: Mapping[str, float], record: FlightRecord) -> FlightRecor
     return each(settings, record, lambda values, scale: (1 + scale) * values)
 
 
+def _scale(name: str) -> Parameter:
+    return Parameter(
+        0.0,
+        "1",
+        f"share by which {name} reads too much",
+        0.03,
+        -0.9,
+        9.0,
+        signs=(
+            f"The sensor of {name} reads too much in proportion",
+            f"The sensor of {name} reads too little in proportion",
+        ),
+    )
+
+
+def _for_vehicle(vehicle: Vehicle) -> dict[str, Parameter]:
+    """Return a scale for each effector, where there are several of its kind.
+
+    A fault of one of them is not looked for: beside its own command it is told from a loss of its effect by
+    little more than its servo's gain.
+    """
+    kinds = vehicle.effector_kinds
+    several = [k for k in KINDS if list(kinds.values()).count(k) > 1]
+    return {n: replace(_scale(n), sought=False) for n, kind in kinds.items() if kind in several}
+
+
 EFFECT = Effect(
     id="sensor_scale",
     stage="sensor",
     meaning="A sensor reads too much or too little in proportion to what there is.",
-    parameters={
-        name: Parameter(
-            0.0,
-            "1",
-            f"share by which {name} reads too much",
-            0.03,
-            -0.9,
-            9.0,
-            signs=(
-                f"The sensor of {name} reads too much in proportion",
-                f"The sensor of {name} reads too little in proportion",
-            ),
-        )
-        for name in BIAS
-        if name not in ("phi", "psi")  # no sensor scales a heading or a bank angle
-    },
+    # no sensor scales a heading or a bank angle
+    parameters={name: _scale(name) for name in BIAS if name not in ("phi", "psi")},
     alternatives=True,
     distort=_distort,
+    for_vehicle=_for_vehicle,
     inverse=lambda scale: -scale / (1 + scale),
 )

@@ -28,7 +28,7 @@ def grounds_of_gap(result: GapResult, source: str) -> Iterator[Ground]:
     """
     which, closures = result.which, result.how_far
     chance = Reversal(
-        "p of no gap",
+        "p if there is no gap",
         result.gap.p,
         result.gap.level,
         source,
@@ -36,7 +36,8 @@ def grounds_of_gap(result: GapResult, source: str) -> Iterator[Ground]:
         weight="good" if result.gap.exists else "stop",
     )
     if not result.gap.exists:
-        yield Ground("simulation", "good", result.verdict.rstrip("."), source, (chance,))
+        weight = "risk" if result.gap.unconfirmed else "good"
+        yield Ground("simulation", weight, result.verdict.rstrip("."), source, (chance,))
     else:
         named = which.pair or which.named
         closed = closures[0] if closures and named else None

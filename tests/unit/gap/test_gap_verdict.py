@@ -52,9 +52,8 @@ def test_a_name_stands_with_place_size_meaning_and_probability():
 def test_what_goes_stands_beside_what_tolerances_would_have_to_do():
     text = said(closures=(CLOSURE,))
     assert (
-        "with it 98 % of the gap is closed on c.h5. Without it, the tolerances that are stated for the "
-        "simulation would close 90 % of it, but only with derivatives.M.de off by 9 times its stated "
-        "tolerance." in text
+        "with it 98 % of the gap is closed on c.h5. Without it, tolerances alone would close 90 % of it, "
+        "but only with derivatives.M.de off by 9 times its stated tolerance." in text
     )
     held = said(closures=(replace(CLOSURE, scored="held out"),))
     assert "closed on c.h5, which was held out. Without it" in held
@@ -100,7 +99,15 @@ def test_without_a_gap_the_sizes_that_would_have_been_seen_are_said():
     none = Existence(False, 0.4, 0.02, 0.5, largest_undetected={"mass": 0.1}, unit={"mass": "1"})
     assert said(gap=none) == "No gap beyond noise and tolerances (p = 0.4): no gap larger than mass 0.1."
     poor = replace(none, form_errors={"X": 0.8, "M": 0.01})
-    assert said(gap=poor).endswith("wrong in form by 80 % in X, which limits the answer.")
+    assert poor.unconfirmed
+    assert said(gap=poor).startswith("No effect is called (p = 0.4), and the simulation is not confirmed: ")
+    assert "wrong by 80 % in X, in ways that no tested effect explains" in said(gap=poor)
+    assert not replace(none, form_errors={"X": 0.04}).unconfirmed
+
+
+def test_a_narrow_interval_is_said_with_as_many_digits_as_it_has():
+    size = {"surface_effectiveness": {"de": Interval(0.15171, 0.14733, 0.15488, "1")}}
+    assert "surface_effectiveness of de 0.1517 (0.1473 to 0.1549)" in said(replace(WORN, parameters=size))
 
 
 def test_error_of_form_and_noise_are_said_in_words():

@@ -7,6 +7,7 @@ import pytest
 from linear_flight import LIBRARY, SLOPES, Linear, fly, vehicle
 
 from freqid.core.errors import DataError, UsageError
+from freqid.gap.model.candidates import candidates
 from freqid.gap.model.tolerance import (
     DEFAULT,
     EACH_FLIGHT,
@@ -135,3 +136,27 @@ def test_offsets_and_starts_are_each_records_own(block):
     at = [r.name for r in block.rows].index("actuator/d1")
     assert found["offset.d1"][at, 0] == pytest.approx(0.005 * np.sqrt(block.lines.duration))
     assert np.abs(found["offset.d1"][at, 1:]).max() < 1e-9
+
+
+def test_the_scale_of_position_sensors_is_half_common_and_half_each_ones_own(block):
+    scale = {"sensor_scale": shipped("sensor_scale")}
+    none = dict.fromkeys((*DEFAULT, *UNDECLARED, *EACH_FLIGHT), 0.0)
+    found = tolerance_columns(block, scale, {**none, "sensor_scale": 0.01})
+    assert {"sensor_scale.surface", "sensor_scale.d1", "sensor_scale.d2", "sensor_scale.q"} <= set(found)
+    np.testing.assert_allclose(
+        found["sensor_scale.d1"] + found["sensor_scale.d2"], found["sensor_scale.surface"]
+    )
+    moved = np.sqrt(0.5) * 0.01 * block.grid.spectrum(block.trial.maneuver.record["effector/d1"])
+    row = [r.name for r in block.rows].index("actuator/d1")
+    np.testing.assert_allclose(
+        abs(found["sensor_scale.d1"][row]), abs(moved), rtol=1e-4, atol=1e-12
+    )  # of second order
+    alone = tolerance_columns(block, scale, {**none, "sensor_scale.surface": 0.01})
+    assert set(alone) == {"sensor_scale.surface"}
+
+
+def test_the_scale_of_one_position_sensor_is_no_candidate(block):
+    found, _ = candidates({"sensor_scale": shipped("sensor_scale")}, [block])
+    labels = {c.place.label for c in found}
+    assert labels >= {"surface", "q"}
+    assert not labels & {"d1", "d2"}

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core import store
-from freqid.core.channels import effector_unit, si_unit, split
+from freqid.core.channels import KNOWN, effector_unit, si_unit, split
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.layout import Attribute, get_fields, put_fields
 from freqid.core.units import to_si
@@ -165,7 +165,11 @@ class FlightRecord(Viewable):
         try:
             return self.channels[name]
         except KeyError:
-            raise DataError(f"channel '{name}' is missing", remedy=nearest(name, self.channels)) from None
+            group, _, short = name.partition("/")
+            # a name that is right has no near one: another channel is no stand-in
+            right = short in KNOWN.get(group, ())
+            remedy = "log it, or map the column that holds it" if right else nearest(name, self.channels)
+            raise DataError(f"channel '{name}' is missing", remedy=remedy) from None
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         return self.channel(name).values

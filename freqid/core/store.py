@@ -45,6 +45,7 @@ _SIGNATURE = b"\x89HDF\r\n\x1a\n"  # where the HDF5 part begins
 _LEFT_OVER = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
 _GROWTH, _SMALL = 100, 1 << 26  # times its own size, and bytes, that a file may unpack to
 _DEPTH = 32  # groups in groups; ours are six deep
+_LOGS = (".csv", ".tsv", ".txt", ".asc", ".dat", ".parquet", ".ulg", ".ulog", ".bin", ".mat")
 
 _writing: set[Path] = set()  # temporary files of this process, which whoever made them moves into place
 _swept: set[Path] = set()  # folders that this process has cleared
@@ -256,7 +257,11 @@ def reading(path: Path, kind: str) -> Iterator[h5py.File]:
         raise DataError(
             f"is no readable HDF5 file (truncated, or of another kind); expected a {kind} file",
             where=where,
-            remedy="make it again with the command that wrote it",
+            remedy=(
+                "import the log first: freqid import-log"
+                if Path(path).suffix.lower() in _LOGS
+                else "make it again with the command that wrote it"
+            ),
         ) from None
     with file:
         with _in_one_sentence(where, kind):

@@ -184,7 +184,7 @@ class CallableSimulation:
                 f"the simulation raised {_described(error, self.source)}",
                 where=self.name,
                 remedy="see that it runs on this record's channels: "
-                "state, effector and air hold what was logged",
+                "state, effector, air and command hold what was logged",
             ) from error
 
 

@@ -18,8 +18,8 @@ def test_a_channel_is_found_by_group_and_name_and_a_slip_is_suggested():
     flight = record(state__u=np.ones(501), state__w=np.zeros(501))
     assert flight.matrix(["state/w", "state/u"]).shape == (2, 501)
     assert flight.group("state") == ("u", "w")
-    with pytest.raises(DataError, match="'state/v' is missing; did you mean"):
-        flight["state/v"]
+    with pytest.raises(DataError, match="'state/U' is missing; did you mean"):
+        flight["state/U"]
 
 
 def test_clock_of_seconds_of_day_is_uniform_despite_its_rounding():
@@ -75,3 +75,12 @@ def test_a_source_whose_bytes_are_not_utf8_is_written(tmp_path):
     channel = Channel("state/q", "rad/s", np.zeros(3), 50.0, "fl\udcfcg.csv: q")
     write_record(tmp_path / "named.h5", FlightRecord(0.02 * np.arange(3), {"state/q": channel}))
     assert read_record(tmp_path / "named.h5").channels["state/q"].source == "fl\ufffdg.csv: q"
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"), [("state/r", "map the column that holds it"), ("state/Q", "did you mean 'state/q'")]
+)
+def test_a_channel_that_is_missing_has_no_stand_in(asked, said):
+    record = FlightRecord(np.arange(3.0), {"state/q": Channel("state/q", "rad/s", np.zeros(3), 1.0, "made")})
+    with pytest.raises(DataError, match=said):
+        record.channel(asked)

@@ -44,17 +44,20 @@ class GapMap:
     phase: Array
 
     def share(self, axis: str) -> dict[str, float]:
-        """Return the share of each ``row``, ``band``, ``regime`` or ``input``, largest first."""
-        names = {
-            "row": self.rows,
-            "band": [f"{a:g}-{b:g} Hz" for a, b in self.bands_hz],
-            "regime": self.regimes,
-            "input": self.inputs,
+        """Return shares by ``row``, ``band``, ``regime`` or ``input``, largest first.
+
+        Sums of the cells of `shares` that tables and pictures show beside them.
+        """
+        rows_bands = self.shares(2, 3)
+        found = {
+            "row": (self.rows, rows_bands.sum(axis=1)),
+            "band": ([f"{low:g}-{high:g} Hz" for low, high in self.bands_hz], rows_bands.sum(axis=0)),
+            "regime": (self.regimes, self.shares(3).sum(axis=(0, 1))),
+            "input": (self.inputs, self.shares(1, 2).sum(axis=0)),
         }
-        at = list(names).index(axis)
-        each = self.shares(*(i for i in range(4) if i != at))
-        found = dict(zip(names[axis], each.tolist(), strict=True))
-        return dict(sorted(found.items(), key=lambda item: -item[1]))
+        names, parts = found[axis]
+        each = dict(zip(names, parts.tolist(), strict=True))
+        return dict(sorted(each.items(), key=lambda item: -item[1]))
 
     def shares(self, *summed: int) -> Array:
         """Return the share of each cell, some axes summed over; sums below zero count as none."""

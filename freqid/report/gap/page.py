@@ -201,7 +201,7 @@ def _maps(result: GapResult) -> list[Picture]:
     names = [cells.rows[i] for i in rows]
     bands = [f"{low:.2g}–{high:.2g}" for low, high in cells.bands_hz]
     by_regime = cells.shares(3)[rows].transpose(2, 0, 1)
-    held = cells.shares(0, 1, 3)
+    held = cells.shares(3).sum(axis=(0, 1))
     regimes = sorted(np.argsort(-held)[:_REGIMES].tolist())
     left = 1 - float(held[regimes].sum())
     shown = by_regime[regimes]

@@ -6,7 +6,7 @@ makes of the stack, on motion without noise, through the whole pipeline.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -119,6 +119,8 @@ def stated(
     for name, value in table.items():
         if name not in known:
             raise UsageError(f"[tolerance] has no '{name}'", remedy=nearest(name, known))
+        if value:
+            _refuse_mixed(name, effects)
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < LARGEST_SIGMA:
             raise DataError(
                 f"[tolerance] {name} is {value!r}, expected one sigma from 0 to {LARGEST_SIGMA:g}",
@@ -131,6 +133,17 @@ def stated(
     general = {n: s for n, s in DEFAULT.items() if n not in single}
     general |= {n: 0.0 for n in TIMING if n in single}
     return {**general, **generic, **EACH_FLIGHT, **declared, **table}
+
+
+def _refuse_mixed(name: str, effects: Sequence[Effect]) -> None:
+    """Refuse one number for parameters of several units."""
+    for e in effects:
+        units = dict.fromkeys(p.unit for p in e.parameters.values())
+        if e.id == name and e.alternatives and len(units) > 1:
+            raise UsageError(
+                f"[tolerance] {name} is one number for parameters in {', '.join(units)}",
+                remedy=f"state each by itself, such as {name}.{next(iter(e.parameters))}",
+            )
 
 
 def tolerance_columns(

@@ -68,6 +68,7 @@ def test_actuators_have_names_by_effector_where_a_vehicle_says_which(name):
         ({"derivative": 0.1}, UsageError, "has no 'derivative'"),
         ({"drag.faktor": 0.1}, UsageError, "has no 'drag.faktor'"),
         ({"d3.gain": 0.1}, UsageError, "has no 'd3.gain'"),
+        ({"sensor_bias": 0.1}, UsageError, "one number for parameters in m/s2, rad/s"),
         ({"mass": -0.1}, DataError, "mass is -0.1"),
         ({"mass": float("nan")}, DataError, "mass is nan"),
         ({"mass": float("inf")}, DataError, "mass is inf"),

@@ -111,7 +111,7 @@ def maneuvers(
         lacking = [n for n in its.effector_kinds if f"effector/{n}" not in m.record]
         if lacking:
             shown = ", ".join(lacking[:6]) + (", ..." if len(lacking) > 6 else "")
-            if m.vehicle.effector_kinds == its.effector_kinds:
+            if m.record.vehicle and m.record.vehicle.effector_kinds == its.effector_kinds:
                 raise DataError(
                     f"has no position of {shown} (effector/{lacking[0]}), which {simulation.name} needs",
                     where=name,

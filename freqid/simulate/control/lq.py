@@ -35,6 +35,7 @@ from freqid.simulate.motion import whole_vehicle as motion
 from freqid.simulate.motion.actuators import Commands, Servos, by_kind
 
 _SPEED_SHARE = 0.15  # of the highest speed: a rotor's move that counts like a surface's to its stop
+_SLOWEST = 1e-4  # 1/s: what decays more slowly is not held
 
 
 class LqSection(Strict, frozen=True):
@@ -227,14 +228,18 @@ def _gain(
     effort = weight * np.array([s.force if axis in ("X", "Z") else s.moment * span for axis in s.axes])
     q, r = np.concatenate([deviation, drift]) ** -2, np.diag(effort**2)
     try:
-        riccati = solve_continuous_are(whole, driven, np.diag(q), np.linalg.inv(r))
+        gain = r @ driven.T @ solve_continuous_are(whole, driven, np.diag(q), np.linalg.inv(r))
+        # some builds of LAPACK find a solution where there is none, which leaves what drifts as it is
+        holds = np.linalg.eigvals(whole - driven @ gain).real.max() < -_SLOWEST
     except np.linalg.LinAlgError:
+        holds = False
+    if not holds:
         raise UsageError(
             f"no feedback through the axes {' '.join(s.axes)} holds speed, heading and altitude",
             where=f"reference '{at.reference.id}'",
             remedy="add the axis that is missing, X for the speed, or state [control.gains]",
-        ) from None
-    return r @ driven.T @ riccati
+        )
+    return gain
 
 
 def _section(scenario: Scenario) -> LqSection:

@@ -259,7 +259,7 @@ def reading(path: Path, kind: str) -> Iterator[h5py.File]:
             where=where,
             remedy=(
                 "import the log first: freqid import-log"
-                if Path(path).suffix.lower() in _LOGS
+                if kind == "freqid-record" and Path(path).suffix.lower() in _LOGS
                 else "make it again with the command that wrote it"
             ),
         ) from None

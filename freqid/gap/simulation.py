@@ -252,13 +252,5 @@ def side_by_side(
     """Return the results of `work` on each item, in order; on all cores where threads are allowed."""
     if simulation.kind not in _THREAD_SAFE:
         return [work(item) for item in items]
-    return on_all_cores(work, items)
-
-
-def on_all_cores(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """Return the results of `work`, which asks no simulation, on each item, in order."""
-    items = list(items)
-    if len(items) < 2:
-        return [work(item) for item in items]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(work, items))

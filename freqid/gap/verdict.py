@@ -82,7 +82,7 @@ def _closed(closure: Closure, which: Which, faults: Sequence[str]) -> str:
     """Return what goes with the effect, and what tolerances would have to do without it."""
     alone = closure.tolerances_only.G
     same = {*which.named, *which.pair} & set(closure.effects)
-    only_sensors = which.named and not {*which.named} - set(faults)
+    only_sensors = bool(which.named) and set(which.named) <= set(faults)
     what = ("that fault" if only_sensors else "it") if same else " and ".join(closure.effects)
     text = f"; with {what} {100 * closure.wrench.G:.0f} % of the gap is closed {closure.scored_text}"
     if not np.isfinite(alone):

@@ -19,7 +19,7 @@ from freqid.core.results.gap import GapResult
 from freqid.core.scenario import Scenario, find_scenario
 from freqid.gap import flights as gap_flights
 from freqid.gap.bookkeeping.check import Finding, check
-from freqid.gap.bookkeeping.gyroscopic import rotor_account
+from freqid.gap.bookkeeping.gyroscopic import as_counted
 from freqid.gap.diagnose import Findings, Question, diagnose
 from freqid.gap.model.tolerance import stated
 from freqid.gap.next import next_test as proposing
@@ -203,12 +203,9 @@ def diagnose_gap(
     allowed = stated(sigmas, candidates, found, every[0].vehicle)
     here = {i: effect.of(every[0].vehicle) for i, effect in candidates.items()}
     _refuse_absurd(sigmas, tolerances_used(sigmas, found, here))
-    rotors = rotor_account(found, [m.record for m in every], vehicle)
-    if rotors.vehicle not in (None, vehicle or every[0].vehicle):
-        vehicle = rotors.vehicle
-        every = gap_flights.maneuvers(read, names, found, vehicle)
+    every, rotors = as_counted(found, every)
     tell("looking for mistakes of bookkeeping")
-    faults = check(found, [m.record for m in every[: len(used)]], vehicle)
+    faults = check(found, [m.record for m in every[: len(used)]], every[0].vehicle)
     if faults and not anyway:
         tell("")
         raise BookkeepingMistakes.of(faults, found.name, names)
@@ -234,7 +231,7 @@ def diagnose_gap(
     remarks = [
         *(f"bookkeeping: {f.sentence}; {f.remedy}" for f in faults),
         *gap_flights.differing(every, found),
-        *([rotors.sentence.rstrip(".")] if rotors.sentence else []),
+        *([rotors.rstrip(".")] if rotors else []),
     ]
     diagnosis = replace(diagnosis, remarks=(*remarks, *diagnosis.remarks))
     provenance = {

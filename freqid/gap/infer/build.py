@@ -9,7 +9,7 @@ import numpy as np
 
 from freqid.core.arrays import Complex
 from freqid.gap.infer.block_matrices import Form
-from freqid.gap.infer.columns import Columns, Parts, matrices_of
+from freqid.gap.infer.columns import Columns, Parts
 from freqid.gap.infer.evidence import Evidence, estimate, weigh
 from freqid.gap.infer.explain import likeliest
 from freqid.gap.infer.forms import common_form, likely_forms, of_all, reach
@@ -21,7 +21,7 @@ from freqid.gap.model.form import shared_columns
 from freqid.gap.model.refine import refined
 from freqid.gap.model.tolerance import tolerance_columns
 from freqid.gap.settings import ALIKE, FORM_ERRORS, INTERVAL, ROUNDS
-from freqid.gap.simulation import on_all_cores, side_by_side
+from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
 
@@ -56,13 +56,11 @@ def build(
     terms = _terms(parts)
     start = of_all(terms, columns[0].form_names, common)
     largest = dict(zip(terms, reach(start).tolist(), strict=True))
-    columns = on_all_cores(
-        lambda pair: pair[0].with_form(pair[1].fewer(largest), terms), zip(columns, parts, strict=True)
-    )
-    system = replace(system, blocks=matrices_of(columns))
+    columns = [c.with_form(p.fewer(largest), terms) for c, p in zip(columns, parts, strict=True)]
+    system = replace(system, blocks=[c.matrices for c in columns])
     forms = likely_forms(system, terms, start)
     columns = [c.kept(forms) for c in columns]
-    system = replace(system, blocks=matrices_of(columns), form_errors=forms, _reduced={})
+    system = replace(system, blocks=[c.matrices for c in columns], form_errors=forms, _reduced={})
     return system, not_tested, columns, blocks
 
 
@@ -126,8 +124,8 @@ def _straight(
     parts = side_by_side(simulation, parts_of, range(len(blocks)))
     terms = _terms(parts)
     every = (Form((FORM_ERRORS[-1],) * len(terms), 0.0),)
-    columns = on_all_cores(lambda p: _columns(p, terms, every, labels), parts)
-    system = System(found, names, matrices_of(columns), every)
+    columns = [_columns(p, terms, every, labels) for p in parts]
+    system = System(found, names, [c.matrices for c in columns], every)
     system, columns = _told_apart(system, columns)
     common = common_form(system, terms)
     known = [p.block for p in parts]
@@ -159,7 +157,7 @@ def _told_apart(system: System, columns: Sequence[Columns]) -> tuple[System, lis
     parts = [system.columns_of(i) for i in kept]
     new = [c.with_columns(parts, [], c.tolerances[:0], c.sigmas[:0]) for c in columns]
     candidates = [system.candidates[i] for i in kept]
-    return replace(system, candidates=candidates, blocks=matrices_of(new)), new
+    return replace(system, candidates=candidates, blocks=[c.matrices for c in new]), new
 
 
 def _terms(parts: Sequence[Parts]) -> tuple[str, ...]:
@@ -244,9 +242,8 @@ def rebuilt(
     tolerances : sequence of dict of ndarray of complex, shape (row, line), optional
         By block, what one sigma makes, by name: of those that are another.
     """
-
-    def again(b: int) -> Columns:
-        old, block = columns[b], blocks[b]
+    new = []
+    for b, (old, block) in enumerate(zip(columns, blocks, strict=True)):
         parts = [
             system.columns_of(i) if c is system.candidates[i] else block.white(c.columns[b])
             for i, c in enumerate(candidates)
@@ -254,7 +251,5 @@ def rebuilt(
         here = tolerances[b] if tolerances else {}
         other = [k for k, name in enumerate(system.tolerances) if name in here]
         sigmas = np.array([here[system.tolerances[k]] for k in other]) if other else old.sigmas[:0]
-        return old.with_columns(parts, other, block.white(sigmas), sigmas)
-
-    new = on_all_cores(again, range(len(blocks)))
-    return replace(system, candidates=candidates, blocks=matrices_of(new), _reduced={}), new
+        new.append(old.with_columns(parts, other, block.white(sigmas), sigmas))
+    return replace(system, candidates=candidates, blocks=[c.matrices for c in new], _reduced={}), new

@@ -19,7 +19,6 @@ from freqid.gap.model.form import FormColumns, form_columns, form_terms, product
 from freqid.gap.model.row_columns import RowColumns
 from freqid.gap.model.tolerance import record_columns
 from freqid.gap.settings import FORM_ERRORS, NOISE_SCALES
-from freqid.gap.simulation import on_all_cores
 from freqid.gap.stack.block import REPEATS, Block
 from freqid.simulate.effects.effect import Effect
 
@@ -280,8 +279,3 @@ class Columns:
         gram[last], gram[:, last], form[:, last] = inner, inner, across
         new.__dict__["matrices"] = replace(m, gram=gram, form=form)
         return new
-
-
-def matrices_of(columns: Sequence[Columns]) -> list[BlockMatrices]:
-    """Return the inner products of all blocks."""
-    return on_all_cores(lambda c: c.matrices, columns)

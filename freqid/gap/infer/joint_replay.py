@@ -52,8 +52,7 @@ def acted_on(
 ) -> list[Block]:
     """Return blocks on whose trials effects are in force; the same where they change nothing for others."""
     effects = [(library[n], x) for n, x in acting]
-    simulation = blocks[0].trial.simulation
-    trials = side_by_side(simulation, lambda b: beside(effects, b.trial), blocks)
+    trials = [beside(effects, b.trial) for b in blocks]
     return [b if t is b.trial else replace(b, trial=t) for b, t in zip(blocks, trials, strict=True)]
 
 

@@ -11,14 +11,13 @@ import numpy as np
 from freqid.core.arrays import Array, Complex
 from freqid.core.errors import ImpossibleSettings
 from freqid.gap.infer.block_matrices import Form
-from freqid.gap.infer.columns import Columns, matrices_of
+from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import estimate, weigh
 from freqid.gap.infer.system import System
 from freqid.gap.model.changes import change_together
 from freqid.gap.model.testable import in_force_of
 from freqid.gap.model.tolerance import of_effects
 from freqid.gap.settings import FARTHEST, INTERVAL, ROUNDS
-from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
 
@@ -54,12 +53,11 @@ def relinearised(
         Of what acts beside them; the likeliest effect where absent, if one is likely.
     """
     departures, fitted = likeliest_departures(system, blocks, sizes, form_error, weights)
-    new = side_by_side(
-        blocks[0].trial.simulation,
-        lambda pair: straightened(*pair, system.tolerances, departures, fitted, library, sizes),
-        zip(columns, blocks, strict=True),
-    )
-    return replace(system, blocks=matrices_of(new), _reduced={}), new
+    new = [
+        straightened(c, block, system.tolerances, departures, fitted, library, sizes)
+        for block, c in zip(blocks, columns, strict=True)
+    ]
+    return replace(system, blocks=[c.matrices for c in new], _reduced={}), new
 
 
 def likelier_without(
@@ -78,7 +76,7 @@ def likelier_without(
     of its own too.
     """
     parts = [replace(c, effects=c.effects[:0]) for c in columns]
-    few = matrices_of(parts)
+    few = [c.matrices for c in parts]
     alone = System([], system.tolerances, few, system.form_errors)
     before = weigh(alone).log_none
     for _ in range(ROUNDS):

@@ -17,7 +17,6 @@ from scipy.linalg import cho_factor, cho_solve
 from freqid.core.arrays import Array
 from freqid.gap.infer.block_matrices import BlockMatrices, Form, rooted
 from freqid.gap.model.candidate import Candidate
-from freqid.gap.simulation import on_all_cores
 
 _FREE = 1e-9  # of a free column's energy: what is left of it
 
@@ -166,7 +165,7 @@ class System:
 
         Of ``[X, T, A, r]``, shared errors at their size; without A where they have none.
         """
-        return self._rows(form_error, self._taken(form_error), 0)[0]
+        return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks], 0)[0]
 
     def likeliest_tolerances(self, gram: Array, weights: Array | None = None) -> Array:
         """Return the likeliest departures of the tolerances, in sigmas, shape (tolerance,).
@@ -187,7 +186,7 @@ class System:
     def reduced(self, form_error: Form) -> Reduced:
         """Return the small matrices at one error of form, made once."""
         if form_error not in self._reduced:
-            taken = self._taken(form_error)
+            taken = [b.taken(form_error.loads) for b in self.blocks]
             gram, determinant = self._rows(form_error, taken, 0)
             n = self.columns
             across, g, log_evidence = _without_tolerances(gram[n:], determinant, n)
@@ -208,7 +207,7 @@ class System:
         if form_error in self._reduced:
             reduced = self.reduced(form_error)
             return OwnProducts(reduced.own(layout), reduced.g, reduced.log_evidence)
-        taken = self._taken(form_error)
+        taken = [b.taken(form_error.loads) for b in self.blocks]
         rows, determinant = self._rows(form_error, taken, self.columns)
         across, g, log_evidence = _without_tolerances(rows, determinant, self.columns)
         own = []
@@ -219,7 +218,7 @@ class System:
 
     def tolerance_rows(self, form_error: Form) -> Array:
         """Return inner products of ``[T, A, r]`` with ``[X, T, A, r]``; see `gram`."""
-        return self._rows(form_error, self._taken(form_error), self.columns)[0]
+        return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks], self.columns)[0]
 
     def beside(self, directions: Array) -> System:
         """Return the stack without candidates, some effects one more kind of tolerances.
@@ -291,10 +290,6 @@ class System:
     def _before_form(self) -> Array:
         """Inner products of all blocks before any error of form is integrated out."""
         return np.sum([b.gram for b in self.blocks], axis=0)
-
-    def _taken(self, form_error: Form) -> list[tuple[Array, float]]:
-        """Return what an error of form takes off the products of each block."""
-        return on_all_cores(lambda b: b.taken(form_error.loads), self.blocks)
 
     def _rows(
         self, form_error: Form, taken: Sequence[tuple[Array, float]], first: int

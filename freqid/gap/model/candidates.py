@@ -64,8 +64,9 @@ def candidates(
 
 def _of_effect(effect: Effect, vehicle: Vehicle, blocks: Sequence[Block]) -> list[Candidate]:
     own = effect.id in blocks[0].trial.simulation.effects  # it has what stands for that in a replay
-    sought = {n: p for n, p in effect.parameters.items() if p.sought and p.scale > 0}
-    free = {n: p for n, p in sought.items() if not (own and p.replay_only)}
+    free = {
+        n: p for n, p in effect.parameters.items() if p.sought and p.scale > 0 and not (own and p.replay_only)
+    }
     if effect.alternatives:
         shapes = [(n, x) for n, p in free.items() for x in p.looked_at]
         free = {n: p for n, p in free.items() if not p.looked_at}

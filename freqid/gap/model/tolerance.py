@@ -138,7 +138,7 @@ def stated(
 def _refuse_mixed(name: str, effects: Sequence[Effect]) -> None:
     """Refuse one number for parameters of several units."""
     for e in effects:
-        units = dict.fromkeys(p.unit for p in e.parameters.values())
+        units = dict.fromkeys(p.unit for p in e.parameters.values() if p.scale)
         if e.id == name and e.alternatives and len(units) > 1:
             raise UsageError(
                 f"[tolerance] {name} is one number for parameters in {', '.join(units)}",

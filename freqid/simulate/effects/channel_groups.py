@@ -25,10 +25,10 @@ _TURNING = ("state/phi", "state/psi", "air/alpha")  # may jump by a full turn
 
 
 def channels(name: str, record: FlightRecord) -> tuple[str, ...]:
-    """Return the channels of a record that a parameter stands for: one, or the effectors of a kind."""
-    if f"effector/{name}" in record:
-        return (f"effector/{name}",)
+    """Return the channels of a record that a parameter stands for: one, or all effectors of a kind."""
     if name not in KINDS:
+        if f"effector/{name}" in record:
+            return (f"effector/{name}",)
         channel = f"{'air' if name in _AIR else 'state'}/{name}"
         return (channel,) if channel in record else ()
     kinds = record.vehicle.effector_kinds if record.vehicle else {}

@@ -34,12 +34,13 @@ def _scale(name: str) -> Parameter:
 def _for_vehicle(vehicle: Vehicle) -> dict[str, Parameter]:
     """Return a scale for each effector, where there are several of its kind.
 
-    A fault of one of them is not looked for: beside its own command it is told from a loss of its effect by
-    little more than its servo's gain.
+    A fault of one of them is not looked for: it does nearly what a loss of that effector's effect and another
+    gain of its servo do together.
     """
     kinds = vehicle.effector_kinds
     several = [k for k in KINDS if list(kinds.values()).count(k) > 1]
-    return {n: replace(_scale(n), sought=False) for n, kind in kinds.items() if kind in several}
+    named = [n for n, kind in kinds.items() if kind in several and n not in KINDS]
+    return {n: replace(_scale(n), sought=False) for n in named}
 
 
 EFFECT = Effect(

@@ -82,6 +82,11 @@ def test_what_is_no_tolerance_is_refused(table, kind, says):
         stated(table, KNOWN, Linear(), vehicle())
 
 
+def test_a_parameter_that_is_taken_as_known_has_no_unit_to_mix():
+    delay = {"actuator_delay": shipped("actuator_delay")}  # its other one is a factor without a scale
+    assert stated({"actuator_delay": 0.01}, delay, Linear(), vehicle())["actuator_delay"] == 0.01
+
+
 @pytest.fixture(scope="module")
 def block():
     (one,) = stack_of(Linear(), [fly(noise=1.0, duration=40.0)], ["one"], BAND)

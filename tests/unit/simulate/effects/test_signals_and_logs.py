@@ -9,6 +9,7 @@ from freqid.core.errors import UsageError
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.scenario import read_scenario
 from freqid.core.units import parse_unit
+from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle
 from freqid.simulate import effects
 from freqid.simulate.effects import along
 from freqid.simulate.effects.channel_groups import BIAS
@@ -188,7 +189,17 @@ def test_bias_and_scale_reach_the_channels_of_their_names():
     for name, bias in (("state/q", 0.01), ("effector/de1", 0.02), ("air/alpha", 0.03)):
         np.testing.assert_allclose(read[name] - record[name], bias)
     np.testing.assert_allclose(distort("sensor_scale", record, q=0.1)["state/q"], 1.1 * np.sin(TIME))
+    both = distort("sensor_scale", record, surface=0.1, de1=0.05)  # one after the other
+    np.testing.assert_allclose(both["effector/de1"], 1.1 * 1.05 * 0.1)
     assert set(BIAS) == set(effects.find("sensor_bias").parameters)
+
+
+def test_an_effector_with_the_name_of_its_kind_stands_for_all_of_the_kind():
+    pair = tuple(Effector(name=n, kind="tilt", limits=(0.0, 1.5)) for n in ("tilt", "aft"))
+    body = MassProperties(mass_kg=1.0, inertia=Inertia(xx=1.0, yy=1.0, zz=1.0))
+    scale = effects.find("sensor_scale").of(Vehicle(name="two tilts", mass_properties=body, effectors=pair))
+    assert "aft" in scale.parameters
+    assert scale.parameters["tilt"].sought
 
 
 def test_a_skew_makes_one_group_late():

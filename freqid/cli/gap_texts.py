@@ -80,7 +80,7 @@ def _where(d: GapDiagnosis) -> str:
             f"{p.band_hz[0]:.2g}-{p.band_hz[1]:.2g} Hz",
             f"{100 * p.share:.0f} %",
             p.regime,
-            p.input or "no signal",
+            p.input or "no single signal",
             p.phase,
         )
         for p in d.where

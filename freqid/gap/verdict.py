@@ -51,10 +51,9 @@ def verdict(
     if cells.detectability.any():
         row, share = next(iter(cells.share("row").items()))
         words.append(f", {100 * share:.0f} % of it in {row}")
-        if where:
-            low, high = where[0].band_hz
-            words.append(f", mostly {low:.2g}-{high:.2g} Hz")
-            words.append(_driven(where[0], cells))
+        low, high = cells.band_of(row)
+        words.append(f", mostly {low:.2g}-{high:.2g} Hz")
+        words.append(_driven(row, [p.input for p in where if p.response == row and p.input], cells))
     words.append(". ")
     faults = list(dict.fromkeys(f.fault for f in sensors))
     if faults:
@@ -69,13 +68,20 @@ def verdict(
     return "".join(words)
 
 
-def _driven(place: Place, cells: GapMap) -> str:
-    """Return on whose lines a place is, as the end of a sentence; nothing where nothing was injected."""
-    if place.input:
-        return f", on the lines of {place.input}"
+def _driven(row: str, signals: Sequence[str], cells: GapMap) -> str:
+    """Return on whose lines a row's gap is, as the end of a sentence; nothing where nothing was injected."""
+    if signals:
+        return f", on the lines of {_listed(signals)}"
     if not any(cells.inputs):
         return ""
-    return ", on lines that no signal drives" + (", the mean among them" if place.band_hz[0] == 0 else "")
+    parts = cells.shares(1, 2)[cells.rows.index(row)]
+    if parts[cells.inputs.index("")] < parts.sum() / 2:
+        return ", on the lines of many signals"
+    return ", on lines that no signal drives" + (", the mean among them" if cells.band_of(row)[0] == 0 else "")
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def _closed(closure: Closure, which: Which, faults: Sequence[str]) -> str:

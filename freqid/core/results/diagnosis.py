@@ -71,22 +71,23 @@ class Existence:
 
 @dataclass(frozen=True)
 class Place:
-    """One cell of the gap map.
+    """A part of the gap: one row of the residual on the lines of one injected signal.
 
     Attributes
     ----------
     response : str
         Row of the residual: ``M``, ``actuator/de1``, ``kinematic/w``.
     band_hz : tuple of 2 floats
+        That holds most of it.
     regime : str
-        Reference conditions that hold most of it, in their order.
+        Reference conditions that hold a tenth of it or more, in their order.
     input : str
-        Injected signals whose lines hold most of it; empty where the lines that signals drive hold less than
-        a tenth of it, such as of a gap in the mean, and where nothing was injected.
+        The injected signal; empty for all other lines together: those that no signal drives, the mean among
+        them, and those of signals that hold less than a tenth of the gap or of the row.
     phase : str
         Third of the manoeuvres that holds it, or ``all``.
     share : float
-        Of the whole energy.
+        Of what is detectable of the gap.
     """
 
     response: str

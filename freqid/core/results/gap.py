@@ -12,7 +12,8 @@ from freqid.core.arrays import Array, Complex
 from freqid.core.layout import Attribute, Dataset, Nested, NestedSeries, ResultFile, Rows, Table
 from freqid.core.results.diagnosis import Change, Closure, Existence, GapDiagnosis, Place, SensorFault, Which
 
-LISTED = 0.1  # share of what is detectable from which a cell is listed
+LISTED = 0.1  # share of what is detectable from which a row or an injected signal is listed
+_MOST = 0.5  # of a share: neighbouring bands that hold it are its band
 _THIRDS = ("first third", "middle third", "last third")
 _ONE_THIRD = 0.6  # of it in one third of a manoeuvre is a phase; less is all of it
 
@@ -46,14 +47,14 @@ class GapMap:
     def share(self, axis: str) -> dict[str, float]:
         """Return shares by ``row``, ``band``, ``regime`` or ``input``, largest first.
 
-        Sums of the cells of `shares` that tables and pictures show beside them.
+        Sums of cells of row and injected signal as `places` lists them; by band, of row and band.
         """
-        rows_bands = self.shares(2, 3)
+        rows_inputs = self.shares(1, 2)
         found = {
-            "row": (self.rows, rows_bands.sum(axis=1)),
-            "band": ([f"{low:g}-{high:g} Hz" for low, high in self.bands_hz], rows_bands.sum(axis=0)),
+            "row": (self.rows, rows_inputs.sum(axis=1)),
+            "band": ([f"{low:g}-{high:g} Hz" for low, high in self.bands_hz], self.shares(2, 3).sum(axis=0)),
             "regime": (self.regimes, self.shares(3).sum(axis=(0, 1))),
-            "input": (self.inputs, self.shares(1, 2).sum(axis=0)),
+            "input": (self.inputs, rows_inputs.sum(axis=0)),
         }
         names, parts = found[axis]
         each = dict(zip(names, parts.tolist(), strict=True))
@@ -65,25 +66,55 @@ class GapMap:
         return parts / max(float(parts.sum()), 1e-300)
 
     def places(self) -> list[Place]:
-        """Return the cells of row and band that hold `LISTED` of the gap or more, largest first."""
-        shares, by_regime, by_input = self.shares(2, 3), self.shares(3), self.shares(2)
+        """Return the parts of the gap by row and injected signal: row by row, the largest first.
+
+        Rows that hold `LISTED` of the gap or more. Of each row the signals whose lines hold `LISTED` of the gap
+        and of that row or more; then all other lines together, where these hold as much of the row.
+        """
+        shares, by_band, by_regime = self.shares(1, 2), self.shares(2), self.shares(1)
+        held = shares.sum(axis=0)
         found = []
-        for i, j in zip(*np.nonzero(shares >= LISTED), strict=True):
+        for i in np.argsort(-shares.sum(axis=1), kind="stable"):
+            row = shares[i].sum()
+            if row < LISTED:
+                continue
+            alone = [
+                k
+                for k, name in enumerate(self.inputs)
+                if name and held[k] >= LISTED and shares[i, k] >= LISTED * row
+            ]
+            others = [k for k in range(len(self.inputs)) if k not in alone]
+            parts = [([k], self.inputs[k]) for k in alone]
+            if shares[i, others].sum() >= LISTED * row:
+                parts.append((others, ""))
+            parts.sort(key=lambda part: -shares[i, part[0]].sum())
             third = int(np.argmax(self.phase[i]))
             phase = _THIRDS[third] if self.phase[i, third] > _ONE_THIRD else "all"
-            each = by_input[i, j]
-            driven = each[:-1].sum() >= LISTED * each.sum()
-            found.append(
-                Place(
-                    self.rows[i],
-                    self.bands_hz[j],
-                    _holding(by_regime[i, j], self.regimes),
-                    _holding(each[:-1], self.inputs[:-1]) if driven else "",
-                    phase,
-                    float(shares[i, j]),
+            for at, name in parts:
+                low, high = _narrowest(by_band[i][:, at].sum(axis=1))
+                found.append(
+                    Place(
+                        self.rows[i],
+                        (self.bands_hz[low][0], self.bands_hz[high][1]),
+                        _holding(by_regime[i][:, at].sum(axis=1), self.regimes),
+                        name,
+                        phase,
+                        float(shares[i, at].sum()),
+                    )
                 )
-            )
-        return sorted(found, key=lambda place: -place.share)
+        return found
+
+    def band_of(self, row: str) -> tuple[float, float]:
+        """Return the fewest neighbouring bands that hold most of a row's share, as one."""
+        low, high = _narrowest(self.shares(2, 3)[self.rows.index(row)])
+        return self.bands_hz[low][0], self.bands_hz[high][1]
+
+
+def _narrowest(parts: Array) -> tuple[int, int]:
+    """Return the first and the last of the fewest neighbours that hold most; of these the ones that hold more."""
+    count = parts.size
+    runs = [(j - i, -parts[i : j + 1].sum(), i, j) for i in range(count) for j in range(i, count)]
+    return min(run for run in runs if -run[1] >= _MOST * parts.sum())[2:]
 
 
 def _holding(parts: Array, names: Sequence[str]) -> str:

@@ -14,14 +14,14 @@ _FEW_SETTINGS = 12  # more are free changes of terms, which have no names
 
 
 def where_rows(d: GapDiagnosis) -> list[dict[str, Any]]:
-    """Return the cells that hold a tenth of the gap or more."""
+    """Return the parts of the gap by row and injected signal."""
     return [
         {
             "response": p.response,
             "band": f"{short(p.band_hz[0])} to {short(p.band_hz[1])}",
             "share": exact(p.share, percent(p.share)),
             "regime": p.regime or NONE,
-            "input": p.input or "no signal",
+            "input": p.input or "no single signal",
             "phase": p.phase,
         }
         for p in d.where

@@ -9,6 +9,7 @@ import pytest
 from linear_flight import LIBRARY, Linear, Truth, fly
 from scipy.linalg import block_diag
 
+from freqid.core.results.gap import GapMap
 from freqid.gap.diagnose import Question, diagnose
 from freqid.gap.infer.where import gap_map
 from freqid.gap.model.tolerance import record_columns, stated
@@ -90,3 +91,47 @@ def test_each_of_two_effects_counts_alike_however_large_it_is(worn):
     shares = gap_map(worn.blocks, worn.columns, [alone("M", 1.0), alone("Z", 100.0)]).share("row")
     assert shares["M"] == pytest.approx(0.5, abs=0.05)
     assert shares["Z"] == pytest.approx(0.5, abs=0.05)
+
+
+def a_map(parts):
+    """Return a map of rows by signals in the second of three bands; `parts` has the mean last."""
+    rows, inputs = ("M", "N", "X"), ("a", "b", "c", "")
+    detectability = np.zeros((3, 3, 1, 4))
+    detectability[:, 1, 0] = parts
+    return GapMap(rows, ("u30",), inputs, ((0.0, 0.1), (0.1, 0.5), (0.5, 2.0)), detectability, np.zeros((3, 3)))
+
+
+def listed(cells):
+    return [(p.response, p.input, round(p.share, 3)) for p in cells.places()]
+
+
+def test_a_row_is_listed_by_the_signals_that_hold_a_tenth_of_the_gap_and_of_the_row():
+    """N's signal c holds a tenth of N alone, M's signal b a tenth of the gap alone."""
+    cells = a_map([[0.5, 0.04, 0.0, 0.01], [0.0, 0.3, 0.05, 0.02], [0.0, 0.0, 0.0, 0.08]])
+    assert listed(cells) == [("M", "a", 0.5), ("N", "b", 0.3), ("N", "", 0.07)]
+    assert cells.places()[0].band_hz == (0.1, 0.5)
+
+
+def test_what_is_listed_of_a_row_is_nine_tenths_of_it_or_more():
+    rng = np.random.default_rng(7)
+    for _ in range(50):
+        cells = a_map(rng.exponential(size=(3, 4)) ** 3)
+        rows = cells.share("row")
+        assert set(rows) >= {p.response for p in cells.places()}
+        for name, share in rows.items():
+            sum_of = sum(p.share for p in cells.places() if p.response == name)
+            assert sum_of >= 0.9 * share - 1e-12 if share >= 0.1 else sum_of == 0
+
+
+def test_a_row_of_many_small_signals_has_one_place_and_no_signal():
+    many = GapMap(
+        ("M",), ("u30",), (*"abcdefghijkl", ""), ((0.0, 1.0),), np.full((1, 1, 1, 13), 1 / 13), np.zeros((1, 3))
+    )
+    assert listed(many) == [("M", "", 1.0)]
+
+
+def test_a_band_is_the_narrowest_that_holds_most():
+    cells = a_map(np.zeros((3, 4)))
+    cells.detectability[0, :, 0, 0] = (0.3, 0.25, 0.45)
+    assert cells.band_of("M") == (0.1, 2.0)
+    assert cells.places()[0].band_hz == (0.1, 2.0)

@@ -55,7 +55,8 @@ def fit(evidence: Evidence, explanation: Explanation, form_error: Form) -> Fit:
     gram = system.gram(form_error)
     n = system.columns
     weights = explanation.weights(system)
-    beside, alone = system.likeliest_tolerances(gram, weights), system.likeliest_tolerances(gram)
+    beside = system.likeliest_tolerances(form_error, weights)
+    alone = system.likeliest_tolerances(form_error)
     # with tolerances held at nominal, the size moves along its direction to where the residual is least
     energy = float(weights @ gram[:n, :n] @ weights)
     scale = float(weights @ gram[:n, -1]) / energy if energy > 0 else 1.0
@@ -91,7 +92,7 @@ def departures_beyond(system: System) -> dict[int, float]:
     while len(held) < len(system.tolerances):
         free = [k for k in range(len(system.tolerances)) if k not in held]
         left = system.held(held)
-        departure = left.likeliest_tolerances(left.gram(likeliest))
+        departure = left.likeliest_tolerances(likeliest)
         farthest = int(np.argmax(np.abs(departure)))
         if abs(departure[farthest]) <= FARTHEST:
             break

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, cholesky
+from scipy.linalg.blas import dtrsm
 from scipy.linalg.lapack import dtrtri
 
 from freqid.core.arrays import Array
@@ -150,6 +151,9 @@ class BlockMatrices:
     form_row: NDArray[np.intp]
     shared_row: NDArray[np.intp]
     number: int
+    _taken: dict[float | tuple[float, ...], tuple[Array, float]] = field(
+        init=False, default_factory=dict, repr=False
+    )
 
     @property
     def form_power(self) -> Array:
@@ -180,7 +184,7 @@ class BlockMatrices:
         return self.gram - across.T @ across
 
     def taken(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
-        """Return what an error of form takes off all products, as a root.
+        """Return what an error of form takes off all products, as a root; the last one is kept.
 
         Returns
         -------
@@ -189,37 +193,70 @@ class BlockMatrices:
         determinant : float
             Half its log determinant.
         """
+        if error not in self._taken:
+            self._taken.clear()
+            self._taken[error] = self._take(error)
+        return self._taken[error]
+
+    def _take(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
         if error and not isinstance(error, tuple):  # one size: directions at right angles to each other
             left = 1 + error**2 * self.form_power
             return (error / np.sqrt(left))[:, None] * self.form, 0.5 * float(np.log(left).sum())
-        root, at, determinant = self.form_root(error)
-        return root @ self.form[at], determinant
+        lower, size, at = self.factor(error)
+        return forward(lower, size[:, None] * self.form[at]), half_determinant(lower)
 
-    def form_root(self, error: float | tuple[float, ...]) -> tuple[Array, NDArray[np.intp], float]:
-        """Return what integrating out an error of form takes, S the sizes of its columns and P their Gram.
+    def factor(self, error: float | tuple[float, ...]) -> tuple[Array, Array, NDArray[np.intp]]:
+        """Return what integrating out an error of form needs, S the sizes of its columns and P their Gram.
 
         Returns
         -------
-        root : ndarray, shape (kept, kept)
-            ``L^-1 S`` with ``L L' = 1 + S P S``.
+        lower : ndarray, shape (kept, kept)
+            L with ``L L' = 1 + S P S``.
+        size : ndarray, shape (kept,)
+            S.
         at : ndarray of int, shape (kept,)
             Columns of the form that stand out of the noise at their size.
-        determinant : float
-            Half the log determinant of ``1 + S P S``.
         """
         size = self.sizes(error)
         seen = size**2 * self.form_power > SEEN**2 if isinstance(error, tuple) else size > 0
         at = np.flatnonzero(seen)
         size = size[at]
-        if not at.size:
-            return np.zeros((0, 0)), at, 0.0
-        root, determinant = rooted(size[:, None] * self.form_gram[np.ix_(at, at)] * size)
-        return root * size, at, determinant
+        return lower_of(size[:, None] * self.form_gram[np.ix_(at, at)] * size), size, at
+
+
+def lower_of(gram: Array) -> Array:
+    """Return L with ``L L' = 1 + gram``."""
+    if not len(gram):
+        return gram
+    return cholesky(np.eye(len(gram)) + gram, lower=True, check_finite=False)
+
+
+def inverse_of(lower: Array) -> Array:
+    """Return the inverse of a lower triangular matrix."""
+    return dtrtri(lower, lower=1)[0] if len(lower) else lower
+
+
+def half_determinant(lower: Array) -> float:
+    """Return half the log determinant of ``L L'``."""
+    return float(np.log(np.diag(lower)).sum())
+
+
+def forward(lower: Array, columns: Array) -> Array:
+    """Return ``L^-1 B``, B of shape (row, column)."""
+    return _solved(lower, columns, transposed=1)
+
+
+def backward(lower: Array, columns: Array) -> Array:
+    """Return ``L'^-1 B``, B of shape (row, column)."""
+    return _solved(lower, columns, transposed=0)
+
+
+def _solved(lower: Array, columns: Array, transposed: int) -> Array:
+    """Solve for the transposes, which lie in memory as BLAS has matrices: by half the work of an inverse."""
+    return dtrsm(1.0, lower, columns.T, side=1, lower=1, trans_a=transposed).T if columns.size else columns
 
 
 def rooted(gram: Array) -> tuple[Array, float]:
     """Return ``L^-1`` with ``L L' = 1 + gram``, and half the log determinant of that."""
-    if not len(gram):
-        return gram, 0.0
-    lower = cholesky(np.eye(len(gram)) + gram, lower=True, check_finite=False)
-    return dtrtri(lower, lower=1)[0], float(np.log(np.diag(lower)).sum())
+    lower = lower_of(gram)
+    return inverse_of(lower), half_determinant(lower)

@@ -119,7 +119,7 @@ class Parts:
         system, products = self._alone(rows, found)
         best, chosen = -np.inf, 1.0
         for scale in NOISE_SCALES:  # as long as the evidence rises
-            evidence = weigh(replace(system, blocks=[products.matrices(scale)], _reduced={}))
+            evidence = weigh(replace(system, blocks=[products.matrices(scale)], _reduced={}), once=True)
             total = evidence.log_none + np.logaddexp(0.0, evidence.statistic)
             total -= products.number * np.log(scale)
             if total < best:

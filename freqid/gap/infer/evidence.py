@@ -115,12 +115,19 @@ class Evidence:
         return self.system.form_errors[int(np.argmax(self.form_weights(candidate)))]
 
 
-def weigh(system: System) -> Evidence:
-    """Return what the data say of every candidate."""
+def weigh(system: System, *, once: bool = False) -> Evidence:
+    """Return what the data say of every candidate.
+
+    Parameters
+    ----------
+    system : System
+    once : bool
+        Nothing else will be asked at these errors of form: products between candidates are not made.
+    """
     weighing = Weighing(system)
     none, places = [], []
     for f in system.form_errors:
-        own = weighing.at(f)
+        own = weighing.at(f) if once else system.reduced(f)
         none.append(own.log_evidence)
         places.append(weighing.by_place(own, own.g[:, None])[:, 0])
     return Evidence(weighing, np.array(none), np.array(places))

@@ -144,7 +144,7 @@ def _alike(system: System) -> tuple[float, ...]:
 
 def _with_any(system: System, forms: Sequence[Form]) -> float:
     """Return the log evidence of errors of form with no effect or any."""
-    evidence = weigh(replace(system, form_errors=tuple(forms), _reduced={}))
+    evidence = weigh(replace(system, form_errors=tuple(forms), _reduced={}), once=True)
     return evidence.log_none + float(np.logaddexp(0.0, evidence.statistic))
 
 

@@ -146,9 +146,7 @@ def likeliest_departures(
     """
     own = blocks[0].trial.simulation.tolerances
     system = replace(system, form_errors=(form_error,), _reduced={})
-    fitted = system.likeliest_tolerances(
-        system.gram(form_error), _best_alone(system) if weights is None else weights
-    )
+    fitted = system.likeliest_tolerances(form_error, _best_alone(system) if weights is None else weights)
     fitted = np.clip(fitted, -FARTHEST, FARTHEST)
     each = zip(system.tolerances, fitted.tolist(), strict=True)
     return {name: x * sizes.get(name, own[name].sigma) for name, x in each if name in own}, fitted

@@ -11,7 +11,7 @@ from scipy.linalg.lapack import dpstrf
 from scipy.special import logsumexp
 
 from freqid.core.arrays import Array
-from freqid.gap.infer.block_matrices import BlockMatrices, Form
+from freqid.gap.infer.block_matrices import BlockMatrices, Form, forward
 from freqid.gap.infer.evidence import Evidence
 from freqid.gap.infer.system import System
 
@@ -107,12 +107,13 @@ def _at_loads(
     block: BlockMatrices, error: float | tuple[float, ...], inner: Array, form: Array
 ) -> tuple[Array, Array]:
     """Return drawn inner products of ``[X, T, A]`` less the loads' error of form, and its evidence."""
-    root, at, determinant = block.form_root(error)
+    lower, size, at = block.factor(error)
     if not at.size:
         return inner, np.zeros(inner.shape[1])
-    projected = root @ form[at]
+    across, determinant = block.taken(error)
+    projected = forward(lower, size[:, None] * form[at])
     log = 0.5 * (projected**2).sum(axis=0) - determinant
-    return inner - _without_residual(block, root @ block.form[at]).T @ projected, log
+    return inner - _without_residual(block, across).T @ projected, log
 
 
 def _without_residual(block: BlockMatrices, columns: Array) -> Array:

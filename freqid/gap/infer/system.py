@@ -15,7 +15,15 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from freqid.core.arrays import Array
-from freqid.gap.infer.block_matrices import BlockMatrices, Form, rooted
+from freqid.gap.infer.block_matrices import (
+    BlockMatrices,
+    Form,
+    backward,
+    forward,
+    half_determinant,
+    inverse_of,
+    rooted,
+)
 from freqid.gap.model.candidate import Candidate
 
 _FREE = 1e-9  # of a free column's energy: what is left of it
@@ -32,11 +40,14 @@ class Reduced:
         Of the residual.
     log_evidence : float
         Of no effect, less what all sizes of form have in common.
+    tolerance_rows : ndarray, optional
+        Of `System.tolerance_rows`, where these were made on the way.
     """
 
     G: Array
     g: Array
     log_evidence: float
+    tolerance_rows: Array | None = None
 
     def own(self, layout: Sequence[NDArray[np.intp]]) -> list[Array]:
         """Return each candidate's inner products alone; `layout` as in `OwnProducts`."""
@@ -167,20 +178,25 @@ class System:
         """
         return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks], 0)[0]
 
-    def likeliest_tolerances(self, gram: Array, weights: Array | None = None) -> Array:
+    def tolerance_rows(self, form_error: Form) -> Array:
+        """Return inner products of ``[T, A, r]`` with ``[X, T, A, r]``: the last rows of `gram`."""
+        made = self._reduced.get(form_error)
+        if made is not None and made.tolerance_rows is not None:
+            return made.tolerance_rows
+        return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks], self.columns)[0]
+
+    def likeliest_tolerances(self, form_error: Form, weights: Array | None = None) -> Array:
         """Return the likeliest departures of the tolerances, in sigmas, shape (tolerance,).
 
         Parameters
         ----------
-        gram : ndarray
-            Inner products of the stack at an error of form, of `gram`.
+        form_error : Form
         weights : ndarray, shape (column,), optional
             Of the candidates' columns, of what is in the data besides.
         """
-        n = self.columns
-        t = slice(n, len(gram) - 1)
-        left = gram[t, -1] if weights is None else gram[t, -1] - gram[t, :n] @ weights
-        found = cho_solve(cho_factor(np.eye(t.stop - t.start) + gram[t, t]), left)
+        n, rows = self.columns, self.tolerance_rows(form_error)[:-1]
+        left = rows[:, -1] if weights is None else rows[:, -1] - rows[:, :n] @ weights
+        found = cho_solve(cho_factor(np.eye(len(rows)) + rows[:, n:-1]), left)
         return found[: len(self.tolerances)]
 
     def reduced(self, form_error: Form) -> Reduced:
@@ -189,8 +205,9 @@ class System:
             taken = [b.taken(form_error.loads) for b in self.blocks]
             gram, determinant = self._rows(form_error, taken, 0)
             n = self.columns
-            across, g, log_evidence = _without_tolerances(gram[n:], determinant, n)
-            self._reduced[form_error] = Reduced(gram[:n, :n] - across.T @ across, g, log_evidence)
+            rows = gram[n:].copy()
+            across, g, log_evidence = _without_tolerances(rows, determinant, n)
+            self._reduced[form_error] = Reduced(gram[:n, :n] - across.T @ across, g, log_evidence, rows)
         return self._reduced[form_error]
 
     def own_products(self, form_error: Form, layout: Sequence[NDArray[np.intp]]) -> OwnProducts:
@@ -215,10 +232,6 @@ class System:
             products = self._before_form[c[:, :, None], c[:, None, :]]
             own.append(products - sum(_squared(t, c) for t, _ in taken) - _squared(across, c))
         return OwnProducts(own, g, log_evidence)
-
-    def tolerance_rows(self, form_error: Form) -> Array:
-        """Return inner products of ``[T, A, r]`` with ``[X, T, A, r]``; see `gram`."""
-        return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks], self.columns)[0]
 
     def beside(self, directions: Array) -> System:
         """Return the stack without candidates, some effects one more kind of tolerances.
@@ -257,23 +270,22 @@ class System:
         gram, parts, determinant = np.zeros((len(kept),) * 2), [], 0.0
         for b in self.blocks:
             form = b.form[:, kept] * scale
-            root, at, half_own = b.form_root(form_error.loads)
-            taken = root @ form[at]
+            lower, own_size, at = b.factor(form_error.loads)
+            taken = forward(lower, own_size[:, None] * form[at])
             gram += b.gram[np.ix_(kept, kept)] * scale[:, None] * scale - taken.T @ taken
-            determinant += half_own
-            parts.append((b, form, root, at, taken))
+            determinant += half_determinant(lower)
+            parts.append((b, form, lower, at, taken))
         inverse, half = rooted(gram[:-1, :-1])
         own = inverse @ gram[:-1, -1]
         fitted = inverse.T @ own
         y = np.append(-fitted, 1.0)  # the data less their likeliest tolerances
         slope, information = np.zeros((2, np.size(form_error.loads) + 1))
-        for b, form, root, at, taken in parts:
+        for b, form, lower, at, taken in parts:
             size = b.sizes(form_error.loads)
-            inside = root / size[at]
-            lifted = inside.T @ taken  # products in the metric of noise and form, times the sizes
-            power = 1 - (inside**2).sum(axis=0) - ((inverse @ lifted[:, :-1].T) ** 2).sum(axis=0)
+            lifted = backward(lower, taken)  # products in the metric of noise and form, times the sizes
+            power = 1 - (inverse_of(lower) ** 2).sum(axis=0) - ((inverse @ lifted[:, :-1].T) ** 2).sum(axis=0)
             # those that are not seen at their size leave the metric as it is
-            projected = size * (form @ y - b.form_gram[:, at] @ (root.T @ (taken @ y)))
+            projected = size * (form @ y - b.form_gram[:, at] @ (size[at] * (lifted @ y)))
             each = projected**2 - size**2 * b.form_power
             each[at] = (lifted @ y) ** 2 - power
             np.add.at(slope, b.form_row, each)
@@ -296,10 +308,10 @@ class System:
     ) -> tuple[Array, float]:
         """Return inner products of ``[X, T, A, r]``, rows from a first one on, and half a log determinant."""
         at, size = self.inside(form_error)
-        rows = at[first:]
-        whole = self._before_form[np.ix_(rows, at)]
+        whole = self._before_form[np.ix_(at[first:], at)]
         for across, _ in taken:
-            whole -= across[:, rows].T @ across[:, at]
+            picked = across[:, at]
+            whole -= picked[:, first:].T @ picked  # by half the work where both are the same
         whole *= size[first:, None] * size
         return whole, sum(half for _, half in taken) - form_error.log_prior
 

@@ -21,7 +21,7 @@ from freqid.simulate.motion import attitude
 
 _ROUNDING = 0.1  # of the onset, in the sine of the angle of attack
 _STILL = 0.01  # m2/s2
-_ONSETS = (0.15, 0.2, 0.4)  # a light aircraft's wing is set at an angle that its body does not show
+_ONSETS = (0.05, 0.1, 0.15, 0.2, 0.4)  # a wing is set at an angle that its body does not show
 
 
 def _loss(settings: Mapping[str, Any], u: Any, w: Any, rho: Any, area: Any) -> Any:

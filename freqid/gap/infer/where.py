@@ -14,6 +14,7 @@ from freqid.gap.infer.columns import Columns
 from freqid.gap.stack.block import Block
 
 _BANDS = 4
+_EXACT = 0.02  # share of a change to which columns are right
 
 
 def gap_map(
@@ -23,8 +24,10 @@ def gap_map(
 
     With s what an effect makes and S the covariance of noise, of the records' own unknowns and of tolerances,
     its detectability is ``s' S^-1 s``; the terms of a cell are that cell's part. A cell in which tolerances
-    do the same as the effect counts little, however much of the effect is there. Each of several effects
-    counts alike.
+    do the same as the effect counts little, however much of the effect is there. But columns are right to
+    about `_EXACT`: what is left of an effect that a tolerance nearly copies would lie wherever the two were
+    computed a little differently. So what a row has is shared out among its cells with the square of that, of
+    each cell's ``s' N^-1 s`` with N the noise alone, beside its part. Each of several effects counts alike.
 
     Parameters
     ----------
@@ -42,7 +45,7 @@ def gap_map(
     phase = np.zeros((len(rows), 3))
     for one in explained:
         weighed = _beyond(blocks, columns, one)
-        terms = [_terms(b, z, w) for b, z, w in zip(blocks, one, weighed, strict=True)]
+        terms = _shared_out(blocks, one, weighed)
         whole = max(sum(float(t.sum()) for t in terms), 1e-300) * len(explained)
         for block, z, w, parts in zip(blocks, one, weighed, terms, strict=True):
             at = [rows.index(r.name) for r in block.rows]
@@ -63,6 +66,23 @@ def gap_map(
 def _terms(block: Block, z: Complex, weighed: Complex) -> Array:
     """Return the terms of ``s' S^-1 s``, shape (row, line)."""
     return np.where(block.lines.hz == 0, 1.0, 2.0) * (z.conj() * weighed).real
+
+
+def _shared_out(blocks: Sequence[Block], one: Sequence[Complex], weighed: Sequence[Complex]) -> list[Array]:
+    """Return each cell's part of the detectability by block, shape (row, line); see `gap_map`."""
+    parts = [_terms(b, z, w) for b, z, w in zip(blocks, one, weighed, strict=True)]
+    copied = []
+    for b, z in zip(blocks, one, strict=True):
+        alone = np.einsum("lji,ljk,kl->il", b.whitening.conj(), b.whitening, z)  # N^-1 s
+        copied.append(_EXACT**2 * _terms(b, z, alone))
+    for name in dict.fromkeys(r.name for b in blocks for r in b.rows):
+        at = [[r.name == name for r in b.rows] for b in blocks]
+        own = sum(float(p[i].sum()) for p, i in zip(parts, at, strict=True))
+        beside = sum(float(c[i].sum()) for c, i in zip(copied, at, strict=True))
+        if own > 0 and beside > 0:
+            for p, c, i in zip(parts, copied, at, strict=True):
+                p[i] = (p[i] + c[i]) * own / (own + beside)
+    return parts
 
 
 def _beyond(blocks: Sequence[Block], columns: Sequence[Columns], change: Sequence[Complex]) -> list[Complex]:

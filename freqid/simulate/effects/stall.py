@@ -21,6 +21,7 @@ from freqid.simulate.motion import attitude
 
 _ROUNDING = 0.1  # of the onset, in the sine of the angle of attack
 _STILL = 0.01  # m2/s2
+_STRIPS = np.array([-5, -3, -1, 1, 3, 5]) / 12  # along the span: a roll loads one half of a wing more
 _ONSETS = (0.05, 0.1, 0.15, 0.2, 0.4)  # a wing is set at an angle that its body does not show
 
 
@@ -51,24 +52,30 @@ def _add(settings: dict[str, jax.Array], situation: Any) -> Wrench:
     pivot, tilt = situation.parameters.frames.pivot[:-1], situation.positions.tilt
     if not tilt.size:  # a wing that does not tilt
         pivot, tilt = geometry.centre[None], jnp.zeros(1)
+    area = geometry.area / pivot.shape[0] / _STRIPS.size
+    station = geometry.span * jnp.stack([0 * _STRIPS, jnp.asarray(_STRIPS), 0 * _STRIPS], axis=-1)
+    place = (pivot[:, None] + station).reshape(-1, 3)
+    tilt = jnp.repeat(tilt, _STRIPS.size)
     cos, sin = jnp.cos(tilt), jnp.sin(tilt)
-    x, _, z = (flow.velocity + attitude.cross(flow.rates, pivot)).T
-    down = _loss(settings, x * cos - z * sin, x * sin + z * cos, flow.rho, geometry.area / pivot.shape[0])
+    x, _, z = (flow.velocity + attitude.cross(flow.rates, place)).T
+    down = _loss(settings, x * cos - z * sin, x * sin + z * cos, flow.rho, area)
     force = jnp.stack([down * sin, jnp.zeros_like(down), down * cos], axis=-1)
-    return Wrench(force.sum(0), moment_about(pivot, force, axis=-1).sum(0))
+    return Wrench(force.sum(0), moment_about(place, force, axis=-1).sum(0))
 
 
 def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[Any]:
     record, vehicle = replay.record, replay.vehicle
     wings = [(np.array(w.pivot_m), along.tilt(record, w)) for w in vehicle.wings]
     wings = wings or [(np.array(vehicle.mass_properties.cg_m), np.zeros(record.time.size))]
+    area = vehicle.area_m2 / len(wings) / _STRIPS.size
+    flow, turning = along.velocity(record), along.rates(record)
     found = np.zeros((6, record.time.size))
     for pivot, tilt in wings:
-        moving = along.velocity(record) + cross(along.rates(record), pivot[:, None])
-        u, _, w = turn_about_y(moving, -tilt)
-        down = _loss(settings, u, w, record["air/rho"], vehicle.area_m2 / len(wings))
-        force = turn_about_y(np.stack([0 * down, 0 * down, down]), tilt)
-        found += along.wrench(replay, force, pivot)
+        for station in _STRIPS * (vehicle.span_m or 0.0):
+            place = pivot + np.array([0.0, station, 0.0])
+            u, _, w = turn_about_y(flow + cross(turning, place[:, None]), -tilt)
+            down = _loss(settings, u, w, record["air/rho"], area)
+            found += along.wrench(replay, turn_about_y(np.stack([0 * down, 0 * down, down]), tilt), place)
     return found
 
 

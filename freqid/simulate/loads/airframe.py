@@ -26,8 +26,8 @@ class Geometry(NamedTuple):
 
     Attributes
     ----------
-    area, chord : Array, shape ()
-        Reference area, m2, and chord, m; zero where not stated.
+    area, span, chord : Array, shape ()
+        Reference area, m2, span and chord, m; zero where not stated.
     centre : Array, shape (3,)
         Centre of gravity as the vehicle was weighed, vehicle axes, m.
     surfaces, rotors : Array, shape (effector, effector)
@@ -35,6 +35,7 @@ class Geometry(NamedTuple):
     """
 
     area: jax.Array
+    span: jax.Array
     chord: jax.Array
     centre: jax.Array
     surfaces: jax.Array

@@ -153,6 +153,7 @@ def _geometry(vehicle: Vehicle) -> Geometry:
     return doubles(
         Geometry,
         area=vehicle.area_m2 or 0.0,
+        span=vehicle.span_m or 0.0,
         chord=vehicle.chord_m or 0.0,
         centre=np.array(vehicle.mass_properties.cg_m),
         surfaces=order(vehicle, "surface"),

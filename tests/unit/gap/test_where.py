@@ -55,8 +55,8 @@ def test_parts_add_up_to_the_detectability_of_a_dense_covariance(worn):
     for k in range(len(worn.system.tolerances)):
         t = np.concatenate([real(b, c.sigmas[k]) for b, c in zip(worn.blocks, worn.columns, strict=True)])
         S += np.outer(t, t)
-    expected = (s * np.linalg.solve(S, s)).reshape(2, len(worn.blocks[0].rows), -1).sum(axis=2)
-    found = gap_map(worn.blocks, worn.columns, [worn.explained]).detectability.sum(axis=(1, 3)).T
+    expected = (s * np.linalg.solve(S, s)).reshape(2, len(worn.blocks[0].rows), -1).sum(axis=(0, 2))
+    found = gap_map(worn.blocks, worn.columns, [worn.explained]).detectability.sum(axis=(1, 2, 3))
     np.testing.assert_allclose(found, expected / expected.sum(), rtol=1e-6, atol=1e-6)
 
 
@@ -135,3 +135,16 @@ def test_a_band_is_the_narrowest_that_holds_most():
     cells.detectability[0, :, 0, 0] = (0.3, 0.25, 0.45)
     assert cells.band_of("M") == (0.1, 2.0)
     assert cells.places()[0].band_hz == (0.1, 2.0)
+
+
+def test_a_tolerance_that_nearly_copies_an_effect_does_not_move_it_to_other_lines(worn):
+    """It differs in a thousandth: all of that on lines of another signal, where little of the effect is."""
+    copies = []
+    for c, b, z in zip(worn.columns, worn.blocks, worn.explained, strict=True):
+        at = b.lines.owner == b.lines.inputs.index("d2")
+        near = z * np.where(at, 0.999, 1.0)
+        copies.append(replace(c, tolerances=b.white(near)[None], own=c.own[:0]))
+    cells = gap_map(worn.blocks, copies, [worn.explained])
+    alone = gap_map(worn.blocks, [replace(c, tolerances=c.tolerances[:0]) for c in copies], [worn.explained])
+    for name, share in alone.share("input").items():
+        assert cells.share("input")[name] == pytest.approx(share, abs=0.05)

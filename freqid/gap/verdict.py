@@ -77,7 +77,8 @@ def _driven(row: str, signals: Sequence[str], cells: GapMap) -> str:
     parts = cells.shares(1, 2)[cells.rows.index(row)]
     if parts[cells.inputs.index("")] < parts.sum() / 2:
         return ", on the lines of many signals"
-    return ", on lines that no signal drives" + (", the mean among them" if cells.band_of(row)[0] == 0 else "")
+    mean = ", the mean among them" if cells.band_of(row)[0] == 0 else ""
+    return f", on lines that no signal drives{mean}"
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -68,8 +68,8 @@ class GapMap:
     def places(self) -> list[Place]:
         """Return the parts of the gap by row and injected signal: row by row, the largest first.
 
-        Rows that hold `LISTED` of the gap or more. Of each row the signals whose lines hold `LISTED` of the gap
-        and of that row or more; then all other lines together, where these hold as much of the row.
+        Rows that hold `LISTED` of the gap or more. Of each row the signals whose lines hold `LISTED` of the
+        gap and of that row or more, and all other lines together, where these hold as much of the row.
         """
         shares, by_band, by_regime = self.shares(1, 2), self.shares(2), self.shares(1)
         held = shares.sum(axis=0)
@@ -111,7 +111,7 @@ class GapMap:
 
 
 def _narrowest(parts: Array) -> tuple[int, int]:
-    """Return the first and the last of the fewest neighbours that hold most; of these the ones that hold more."""
+    """Return the first and the last of the fewest neighbours that hold most."""
     count = parts.size
     runs = [(j - i, -parts[i : j + 1].sum(), i, j) for i in range(count) for j in range(i, count)]
     return min(run for run in runs if -run[1] >= _MOST * parts.sum())[2:]

@@ -98,7 +98,8 @@ def a_map(parts):
     rows, inputs = ("M", "N", "X"), ("a", "b", "c", "")
     detectability = np.zeros((3, 3, 1, 4))
     detectability[:, 1, 0] = parts
-    return GapMap(rows, ("u30",), inputs, ((0.0, 0.1), (0.1, 0.5), (0.5, 2.0)), detectability, np.zeros((3, 3)))
+    bands = ((0.0, 0.1), (0.1, 0.5), (0.5, 2.0))
+    return GapMap(rows, ("u30",), inputs, bands, detectability, np.zeros((3, 3)))
 
 
 def listed(cells):
@@ -124,9 +125,8 @@ def test_what_is_listed_of_a_row_is_nine_tenths_of_it_or_more():
 
 
 def test_a_row_of_many_small_signals_has_one_place_and_no_signal():
-    many = GapMap(
-        ("M",), ("u30",), (*"abcdefghijkl", ""), ((0.0, 1.0),), np.full((1, 1, 1, 13), 1 / 13), np.zeros((1, 3))
-    )
+    inputs, shares = (*"abcdefghijkl", ""), np.full((1, 1, 1, 13), 1 / 13)
+    many = GapMap(("M",), ("u30",), inputs, ((0.0, 1.0),), shares, np.zeros((1, 3)))
     assert listed(many) == [("M", "", 1.0)]
 
 

@@ -164,6 +164,19 @@ def test_drag_is_along_the_velocity_and_stall_takes_lift(flown):
     assert np.all(replayed("stall", truth, strength=0.3)[2] > 0)  # z is down
 
 
+def test_a_stalled_wing_does_not_hold_a_roll_back(flown):
+    """The half that goes down meets the air at the larger angle, loses more lift and goes on down."""
+    _, truth, _ = flown()
+    rate = truth.channel("state/p")
+
+    def roll(p):
+        record = truth.with_channels(replace(rate, values=np.full(rate.values.size, p)))
+        return replayed("stall", record, strength=0.3, onset=0.0)[3]
+
+    assert np.all(roll(0.5) > roll(0.0))
+    assert np.all(roll(-0.5) < roll(0.0))
+
+
 OPEN_LOOP = {
     "actuator_delay": ({"extra": 0.04}, ("de1", "dr2", "n3"), 2e-3),
     "actuator_delay of surfaces": ({"surface": 0.04}, ("de1", "dr2"), 2e-3),

@@ -35,10 +35,12 @@ MARGIN_RANGE = (0.01, 300.0)
 POINTS = 1500
 """Frequencies between which crossings are sought. Two crossings closer than their spacing are missed."""
 
-_ZERO_FREQUENCY = 1e-6  # of the lowest frequency: an added point that stands for zero frequency
+# Of the lowest frequency: an added point that stands for zero frequency, 1e-6 rad/s. Nearer to zero lie the
+# eigenvalues that are zero but for rounding, which nothing should feel.
+_ZERO_FREQUENCY = 1e-4
 # At that point a loop counts as a static gain, without an integrator, if its imaginary part is less than
 # this share of the real part, and the real part is below this size.
-_REAL, _LARGEST = 1e-5, 1e4
+_REAL, _LARGEST = 1e-3, 1e4
 _NO_LOOP = 1e-9  # largest loop gain of an effector that takes no part in the law
 _STABLE = 1e-6  # rad/s: growth rate up to which an eigenvalue at the origin counts as not growing
 

@@ -35,14 +35,13 @@ MARGIN_RANGE = (0.01, 300.0)
 POINTS = 1500
 """Frequencies between which crossings are sought. Two crossings closer than their spacing are missed."""
 
-# Of the lowest frequency: an added point that stands for zero frequency, 1e-6 rad/s. Nearer to zero lie the
-# eigenvalues that are zero but for rounding, which nothing should feel.
-_ZERO_FREQUENCY = 1e-4
-# At that point a loop counts as a static gain, without an integrator, if its imaginary part is less than
+# At `_STABLE` a loop counts as a static gain, without an integrator, if its imaginary part is less than
 # this share of the real part, and the real part is below this size.
 _REAL, _LARGEST = 1e-3, 1e4
 _NO_LOOP = 1e-9  # largest loop gain of an effector that takes no part in the law
-_STABLE = 1e-6  # rad/s: growth rate up to which an eigenvalue at the origin counts as not growing
+# rad/s: an eigenvalue that is nearer to the origin is there but for rounding. It does not grow, and loops at
+# zero frequency are taken here, where they do not feel it.
+_STABLE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -336,8 +335,8 @@ def stability_margins(
 
 
 def margin_frequencies(low: float, high: float, points: int = POINTS) -> Array:
-    """Return the frequencies at which loops are sampled, rad/s: near zero, then `low` to `high`."""
-    return np.concatenate([[_ZERO_FREQUENCY * low], np.geomspace(low, high, points)])
+    """Return the frequencies at which loops are sampled, rad/s: one for zero, then `low` to `high`."""
+    return np.concatenate([[_STABLE], np.geomspace(low, high, points)])
 
 
 def margins_from_samples(omega: Array, values: ArrayLike, loop: LoopGain | None = None) -> Margins:

@@ -47,7 +47,8 @@ class GapMap:
     def share(self, axis: str) -> dict[str, float]:
         """Return shares by ``row``, ``band``, ``regime`` or ``input``, largest first.
 
-        Sums of cells of row and injected signal as `places` lists them; by band, of row and band.
+        By row and input: sums of the cells of row and input, of which `places` lists the largest. By band and
+        by regime: sums of the cells that the maps show.
         """
         rows_inputs = self.shares(1, 2)
         found = {

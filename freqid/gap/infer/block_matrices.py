@@ -193,10 +193,12 @@ class BlockMatrices:
         determinant : float
             Half its log determinant.
         """
-        if error not in self._taken:
-            self._taken.clear()
-            self._taken[error] = self._take(error)
-        return self._taken[error]
+        found = self._taken.get(error)
+        if found is None:
+            found = self._take(error)
+            self._taken.clear()  # another thread may do so too: what is returned is not read back
+            self._taken[error] = found
+        return found
 
     def _take(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
         if error and not isinstance(error, tuple):  # one size: directions at right angles to each other
@@ -252,7 +254,7 @@ def backward(lower: Array, columns: Array) -> Array:
 
 
 def _solved(lower: Array, columns: Array, transposed: int) -> Array:
-    """Solve for the transposes, which lie in memory as BLAS has matrices: by half the work of an inverse."""
+    """Solve for the transposes: numpy's rows are the columns of BLAS, so nothing is copied into its order."""
     return dtrsm(1.0, lower, columns.T, side=1, lower=1, trans_a=transposed).T if columns.size else columns
 
 

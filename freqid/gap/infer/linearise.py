@@ -146,7 +146,8 @@ def likeliest_departures(
     """
     own = blocks[0].trial.simulation.tolerances
     system = replace(system, form_errors=(form_error,), _reduced={})
-    fitted = system.likeliest_tolerances(form_error, _best_alone(system) if weights is None else weights)
+    beside = _best_alone(system) if weights is None else weights
+    fitted = system.likeliest_tolerances(system.tolerance_rows(form_error), beside)
     fitted = np.clip(fitted, -FARTHEST, FARTHEST)
     each = zip(system.tolerances, fitted.tolist(), strict=True)
     return {name: x * sizes.get(name, own[name].sigma) for name, x in each if name in own}, fitted

@@ -185,16 +185,17 @@ class System:
             return made.tolerance_rows
         return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks], self.columns)[0]
 
-    def likeliest_tolerances(self, form_error: Form, weights: Array | None = None) -> Array:
+    def likeliest_tolerances(self, rows: Array, weights: Array | None = None) -> Array:
         """Return the likeliest departures of the tolerances, in sigmas, shape (tolerance,).
 
         Parameters
         ----------
-        form_error : Form
+        rows : ndarray
+            Inner products at an error of form, of `tolerance_rows`.
         weights : ndarray, shape (column,), optional
             Of the candidates' columns, of what is in the data besides.
         """
-        n, rows = self.columns, self.tolerance_rows(form_error)[:-1]
+        n, rows = self.columns, rows[:-1]
         left = rows[:, -1] if weights is None else rows[:, -1] - rows[:, :n] @ weights
         found = cho_solve(cho_factor(np.eye(len(rows)) + rows[:, n:-1]), left)
         return found[: len(self.tolerances)]
@@ -205,7 +206,7 @@ class System:
             taken = [b.taken(form_error.loads) for b in self.blocks]
             gram, determinant = self._rows(form_error, taken, 0)
             n = self.columns
-            rows = gram[n:].copy()
+            rows = gram[n:].copy()  # a view would keep all of it
             across, g, log_evidence = _without_tolerances(rows, determinant, n)
             self._reduced[form_error] = Reduced(gram[:n, :n] - across.T @ across, g, log_evidence, rows)
         return self._reduced[form_error]
@@ -311,7 +312,7 @@ class System:
         whole = self._before_form[np.ix_(at[first:], at)]
         for across, _ in taken:
             picked = across[:, at]
-            whole -= picked[:, first:].T @ picked  # by half the work where both are the same
+            whole -= picked[:, first:].T @ picked  # of all rows it is symmetric, and numpy makes half of it
         whole *= size[first:, None] * size
         return whole, sum(half for _, half in taken) - form_error.log_prior
 

@@ -14,7 +14,7 @@ from freqid.gap.infer.columns import Columns
 from freqid.gap.stack.block import Block
 
 _BANDS = 4
-_EXACT = 0.02  # share of a change to which columns are right
+_EXACT = 0.02  # share of a change to which columns are right; changes are straight to 0.03 (`model.sizes`)
 
 
 def gap_map(
@@ -24,10 +24,12 @@ def gap_map(
 
     With s what an effect makes and S the covariance of noise, of the records' own unknowns and of tolerances,
     its detectability is ``s' S^-1 s``; the terms of a cell are that cell's part. A cell in which tolerances
-    do the same as the effect counts little, however much of the effect is there. But columns are right to
-    about `_EXACT`: what is left of an effect that a tolerance nearly copies would lie wherever the two were
-    computed a little differently. So what a row has is shared out among its cells with the square of that, of
-    each cell's ``s' N^-1 s`` with N the noise alone, beside its part. Each of several effects counts alike.
+    do the same as the effect counts little, however much of the effect is there. Each of several effects
+    counts alike.
+
+    Columns are right to about `_EXACT`. Where a tolerance nearly copies the effect, the difference of the two
+    is no larger than that, and does not tell the line. So the sum of a row's terms is shared out among its
+    cells by their terms plus ``_EXACT^2 |s|^2 / n``, with n the power of the noise.
 
     Parameters
     ----------
@@ -71,15 +73,12 @@ def _terms(block: Block, z: Complex, weighed: Complex) -> Array:
 def _shared_out(blocks: Sequence[Block], one: Sequence[Complex], weighed: Sequence[Complex]) -> list[Array]:
     """Return each cell's part of the detectability by block, shape (row, line); see `gap_map`."""
     parts = [_terms(b, z, w) for b, z, w in zip(blocks, one, weighed, strict=True)]
-    copied = []
-    for b, z in zip(blocks, one, strict=True):
-        alone = np.einsum("lji,ljk,kl->il", b.whitening.conj(), b.whitening, z)  # N^-1 s
-        copied.append(_EXACT**2 * _terms(b, z, alone))
+    copied = [_EXACT**2 * _terms(b, z, z / b.noise_power) for b, z in zip(blocks, one, strict=True)]
     for name in dict.fromkeys(r.name for b in blocks for r in b.rows):
         at = [[r.name == name for r in b.rows] for b in blocks]
         own = sum(float(p[i].sum()) for p, i in zip(parts, at, strict=True))
         beside = sum(float(c[i].sum()) for c, i in zip(copied, at, strict=True))
-        if own > 0 and beside > 0:
+        if own > 0:
             for p, c, i in zip(parts, copied, at, strict=True):
                 p[i] = (p[i] + c[i]) * own / (own + beside)
     return parts

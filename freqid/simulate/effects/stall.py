@@ -21,8 +21,10 @@ from freqid.simulate.motion import attitude
 
 _ROUNDING = 0.1  # of the onset, in the sine of the angle of attack
 _STILL = 0.01  # m2/s2
-_STRIPS = np.array([-5, -3, -1, 1, 3, 5]) / 12  # along the span: a roll loads one half of a wing more
-_ONSETS = (0.05, 0.1, 0.15, 0.2, 0.4)  # a wing is set at an angle that its body does not show
+# Middles of six strips of equal width, over the span, from the middle of the wing: in a roll one half of it
+# meets the air at a larger angle. A vehicle without a span has all of them there.
+_STRIPS = np.outer(np.array([-5, -3, -1, 1, 3, 5]) / 12, (0.0, 1.0, 0.0))
+_ONSETS = (0.05, 0.1, 0.15, 0.2, 0.4)  # sines; a wing is set at an angle that its body does not show
 
 
 def _loss(settings: Mapping[str, Any], u: Any, w: Any, rho: Any, area: Any) -> Any:
@@ -52,10 +54,9 @@ def _add(settings: dict[str, jax.Array], situation: Any) -> Wrench:
     pivot, tilt = situation.parameters.frames.pivot[:-1], situation.positions.tilt
     if not tilt.size:  # a wing that does not tilt
         pivot, tilt = geometry.centre[None], jnp.zeros(1)
-    area = geometry.area / pivot.shape[0] / _STRIPS.size
-    station = geometry.span * jnp.stack([0 * _STRIPS, jnp.asarray(_STRIPS), 0 * _STRIPS], axis=-1)
-    place = (pivot[:, None] + station).reshape(-1, 3)
-    tilt = jnp.repeat(tilt, _STRIPS.size)
+    area = geometry.area / pivot.shape[0] / len(_STRIPS)
+    place = (pivot[:, None] + geometry.span * _STRIPS).reshape(-1, 3)
+    tilt = jnp.repeat(tilt, len(_STRIPS))
     cos, sin = jnp.cos(tilt), jnp.sin(tilt)
     x, _, z = (flow.velocity + attitude.cross(flow.rates, place)).T
     down = _loss(settings, x * cos - z * sin, x * sin + z * cos, flow.rho, area)
@@ -67,12 +68,11 @@ def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[Any]:
     record, vehicle = replay.record, replay.vehicle
     wings = [(np.array(w.pivot_m), along.tilt(record, w)) for w in vehicle.wings]
     wings = wings or [(np.array(vehicle.mass_properties.cg_m), np.zeros(record.time.size))]
-    area = vehicle.area_m2 / len(wings) / _STRIPS.size
+    area = vehicle.area_m2 / len(wings) / len(_STRIPS)
     flow, turning = along.velocity(record), along.rates(record)
     found = np.zeros((6, record.time.size))
     for pivot, tilt in wings:
-        for station in _STRIPS * (vehicle.span_m or 0.0):
-            place = pivot + np.array([0.0, station, 0.0])
+        for place in pivot + (vehicle.span_m or 0.0) * _STRIPS:
             u, _, w = turn_about_y(flow + cross(turning, place[:, None]), -tilt)
             down = _loss(settings, u, w, record["air/rho"], area)
             found += along.wrench(replay, turn_about_y(np.stack([0 * down, 0 * down, down]), tilt), place)

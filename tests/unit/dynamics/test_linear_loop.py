@@ -48,6 +48,12 @@ def test_an_unstable_plant_has_a_least_gain_too():
     assert static.gain_down_db == pytest.approx(20 * np.log10(2))
 
 
+def test_an_eigenvalue_that_is_zero_but_for_rounding_is_no_static_gain():
+    """Two of them, with a residue of rounding: the loop is 0.016 at any frequency that matters."""
+    found = stability_margins(lambda w: 0.016 + 6.5e-18 / (1j * w) ** 2, 0.01, 200.0)
+    assert found.gain_up_db == np.inf
+
+
 def system(seed, effectors=3):
     """Return a random stable closed loop of an unstable plant with actuators of its own kind each."""
     rng = np.random.default_rng(seed)

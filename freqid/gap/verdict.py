@@ -53,7 +53,7 @@ def verdict(
         words.append(f", {100 * share:.0f} % of it in {row}")
         low, high = cells.band_of(row)
         words.append(f", mostly {low:.2g}-{high:.2g} Hz")
-        words.append(_driven(row, [p.input for p in where if p.response == row and p.input], cells))
+        words.append(_driven([p for p in where if p.response == row], row, cells))
     words.append(". ")
     faults = list(dict.fromkeys(f.fault for f in sensors))
     if faults:
@@ -68,10 +68,13 @@ def verdict(
     return "".join(words)
 
 
-def _driven(row: str, signals: Sequence[str], cells: GapMap) -> str:
-    """Return on whose lines a row's gap is, as the end of a sentence; nothing where nothing was injected."""
-    if signals:
-        return f", on the lines of {_listed(signals)}"
+def _driven(places: Sequence[Place], row: str, cells: GapMap) -> str:
+    """Return on whose lines a row's gap is, as the end of a sentence; nothing where nothing was injected.
+
+    Signals are named where the largest of the row's places is one of theirs.
+    """
+    if places and places[0].input:
+        return f", on the lines of {_listed([p.input for p in places if p.input])}"
     if not any(cells.inputs):
         return ""
     parts = cells.shares(1, 2)[cells.rows.index(row)]

@@ -172,5 +172,6 @@ def test_the_verdict_names_signals_only_where_their_lines_hold_the_gap():
         return verdict(GAP, cells.places(), cells, WORN, (), (), library())
 
     assert "in Z, mostly 0-0.12 Hz, on lines that no signal drives, the mean among them. " in words(9e5, 2.0)
+    assert "on lines that no signal drives, the mean among them. " in words(5.0, 1.0)
     assert "in Z, mostly 0-0.12 Hz, on the lines of de. " in words(5.0, 5.0)
     assert "in Z, mostly 0-0.12 Hz. " in words(5.0, 5.0, ("",))

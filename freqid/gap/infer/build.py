@@ -14,6 +14,7 @@ from freqid.gap.infer.evidence import Evidence, estimate, weigh
 from freqid.gap.infer.explain import likeliest
 from freqid.gap.infer.forms import common_form, likely_forms, of_all, reach
 from freqid.gap.infer.linearise import likeliest_departures, relinearised
+from freqid.gap.infer.seen_sizes import down_to_seen
 from freqid.gap.infer.system import System
 from freqid.gap.model.candidate import OTHER, Candidate
 from freqid.gap.model.candidates import beyond_tolerance, candidates
@@ -50,7 +51,8 @@ def build(
     found, not_tested = candidates(library, blocks, known)
     system, columns, parts, common = _straight(blocks, found, library, sizes, quiet=known is None)
     blocks = [p.block for p in parts]
-    evidence = weigh(replace(system, form_errors=(common,), _reduced={}))
+    system = replace(system, form_errors=(common,), _reduced={})
+    evidence = weigh(down_to_seen(system))
     system, columns = at_their_size(evidence, columns, blocks, library, sizes)
     parts = side_by_side(blocks[0].trial.simulation, Parts.second_order, parts)
     terms = _terms(parts)

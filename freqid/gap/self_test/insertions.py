@@ -16,6 +16,7 @@ from freqid.core.errors import ImpossibleSettings
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import Evidence
+from freqid.gap.infer.seen_sizes import size_at
 from freqid.gap.infer.system import System
 from freqid.gap.model.candidate import OTHER, Candidate, Place
 from freqid.gap.model.changes import change
@@ -24,7 +25,6 @@ from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
 
 _MOST_PLACES = 8  # of one effect; of more, as many from the most to the least visible one
-_FINE = 200  # sizes among which one of a given detectability is looked for
 _ROUNDS = 2  # of computing an effect at a size and correcting the size by what came out
 _CLOSE = 0.1  # relative error of a detectability that is left as it is
 _NEAR = (0.5, 2.0)  # of the detectability wanted: beyond it the size is taken for none
@@ -181,33 +181,6 @@ def _places(evidence: Evidence, effect: str, G: Array) -> list[int]:
     if len(ranked) <= _MOST_PLACES:
         return ranked
     return [ranked[k] for k in np.linspace(0, len(ranked) - 1, _MOST_PLACES).round().astype(int)]
-
-
-def size_at(candidate: Candidate, G: Array, goal: float, sign: float) -> float:
-    """Return the smallest size of a scalar, of one sign, that has a detectability; NaN where none has.
-
-    Parameters
-    ----------
-    candidate : Candidate
-    G : ndarray, shape (column, column)
-        Of its columns.
-    goal : float
-    sign : {-1, 1}
-    """
-    c = candidate
-    side = np.abs(c.prior[np.sign(c.prior) == sign])
-    if not side.size:
-        return np.nan
-    sizes = np.geomspace(1e-2 * side.min(), side.max(), _FINE)
-    w = c.weights(sign * sizes)
-    power = np.einsum("sc,cd,sd->s", w, G, w)
-    above = np.flatnonzero(power >= goal)
-    if not above.size:
-        return np.nan
-    k = int(above[0])
-    if k == 0 or _proportional(c):
-        return float(sign * sizes[k] * np.sqrt(goal / power[k]))
-    return float(sign * np.interp(np.sqrt(goal), np.sqrt(power[k - 1 : k + 1]), sizes[k - 1 : k + 1]))
 
 
 def _corrected(wanted: _Wanted, power: float, system: System) -> _Wanted:

@@ -8,9 +8,9 @@ import numpy as np
 
 from freqid.core.results.gap_self_test import SmallestSize
 from freqid.gap.infer.evidence import Evidence
+from freqid.gap.infer.seen_sizes import size_at
 from freqid.gap.model.candidate import OTHER
 from freqid.gap.self_test.answers import DrawnData, Weighed, only_candidates
-from freqid.gap.self_test.insertions import size_at
 
 POWER = 0.95
 """Share of draws in which a size has to be called a gap."""

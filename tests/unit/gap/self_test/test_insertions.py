@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from freqid.gap.infer.block_matrices import Form, Products
+from freqid.gap.infer.seen_sizes import size_at
 from freqid.gap.infer.system import System
 from freqid.gap.model.candidate import Candidate, Place
 from freqid.gap.model.changes import change
-from freqid.gap.self_test.insertions import insert, size_at
+from freqid.gap.self_test.insertions import insert
 
 GOALS = (15.0, 200.0)
 

@@ -65,6 +65,7 @@ def command(
     """
     from freqid.cli.record_texts import (
         dropouts_text,
+        earlier_pieces,
         listing_result,
         plausibility_sentences,
         records_result,
@@ -97,7 +98,7 @@ def command(
         click.echo(sentence, err=True)
     for path, piece in pieces.items():
         save(piece, path, scenario=described)
-    told = dropouts_text(flights[0], split=split)
-    if told:
-        click.echo(told, err=True)
+    told = dropouts_text(flights[0], split=split), *(earlier_pieces(destination, pieces) if split else ())
+    for sentence in filter(None, told):
+        click.echo(sentence, err=True)
     options.emit(json_, records_result(pieces), records_text(pieces))

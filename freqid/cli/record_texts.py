@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import glob
+from collections.abc import Iterable, Mapping
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -70,6 +71,15 @@ def dropouts_text(record: FlightRecord, *, split: bool) -> str:
         f"{len(dropouts)} dropout{'s' if len(dropouts) > 1 else ''}, the longest {length:.4g} s of "
         f"{worst['channel']} after {worst['start_s']:.6g} s: whole are {times}{more}."
     )
+
+
+def earlier_pieces(destination: Path, written: Iterable[Path]) -> list[str]:
+    """Return a sentence for each file that is named as a piece of this log and was not written now."""
+    others = destination.parent.glob(f"{glob.escape(destination.stem)}-*{destination.suffix}")
+    old = (p for p in sorted(others) if p.stem.removeprefix(f"{destination.stem}-").isdigit())
+    return [
+        f"{p} is older: it is no manoeuvre of this log as it is cut now." for p in old if p not in written
+    ]
 
 
 def plausibility_sentences(record: FlightRecord) -> list[str]:

@@ -288,6 +288,11 @@ def test_a_campaign_is_flown_and_its_manoeuvres_are_cut_out(freqid, campaign, tm
     code, out, err = freqid("import-log", flight, "--split", "-o", tmp_path / "m.h5")
     assert (code, err) == (0, "")
     assert sorted(p.name for p in tmp_path.glob("m-*.h5")) == ["m-1.h5", "m-2.h5"]
+    (tmp_path / "m-3.h5").touch()  # of a longer flight, cut earlier
+    (tmp_path / "m-old.h5").touch()
+    code, out, err = freqid("import-log", flight, "--split", "-o", tmp_path / "m.h5")
+    assert code == 0
+    assert err.strip() == f"{tmp_path / 'm-3.h5'} is older: it is no manoeuvre of this log as it is cut now."
 
 
 def test_a_campaign_of_one_trim_is_flown_and_said_to_be_one(freqid, campaign, tmp_path):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import linear_flight
 import numpy as np
 import pytest
 from linear_flight import UNITS, vehicle
 
 from freqid.core.record import Channel, FlightRecord, Maneuver
+from freqid.gap.stack.block import stack_of
 from freqid.gap.stack.histories import Histories, Row
 from freqid.gap.stack.lines import lines_of
 from freqid.gap.stack.noise import (
@@ -146,3 +148,32 @@ def test_lines_that_slow_motion_takes_tell_no_noise():
     assert left.mean(axis=0)[1:] == pytest.approx(freedom[0, 1:], abs=4 / np.sqrt(rows))
     found = smooth_ratio(lines.hz, left, np.where(np.arange(count) > 0, freedom, 0.0))
     assert np.median(found, axis=0) == pytest.approx(np.ones(count), abs=0.15)
+
+
+def test_lines_beyond_all_signals_do_not_tell_the_noise_below(monkeypatch):
+    """Signals that fill every line of their band: in gusts noise is louder there than on the lines left."""
+    seconds = 41.0
+
+    def filling(duration, period, seed, late=0.0):
+        time = np.arange(round(duration / linear_flight.DT) + 1) * linear_flight.DT - late
+        rng, every = np.random.default_rng(seed), np.arange(1, round(1.5 * duration))
+        waves = [
+            np.sin(2 * np.pi * np.outer(k / duration, time) + rng.uniform(0, 2 * np.pi, (k.size, 1)))
+            for k in (every[::2], every[1::2])
+        ]
+        return 0.03 * np.array([w.sum(axis=0) / np.sqrt(len(w) / 2) for w in waves])
+
+    monkeypatch.setattr(linear_flight, "commands", filling)
+    rng = np.random.default_rng(8)
+    white = rng.standard_normal(round(seconds / linear_flight.DT) + 1)
+    slow = np.exp(-np.arange(200) * linear_flight.DT / 0.3)
+    gust = {"state/w": 0.1 * np.convolve(white, slow / np.linalg.norm(slow))[: white.size]}
+    flight = linear_flight.fly(noise=1.0, seed=3, duration=seconds, add=gust)
+    (block,) = stack_of(linear_flight.Linear(), [flight], ["gusty"], (0.05, 3.0))
+    driven = block.lines.driven
+    low = slice(4, round(1.4 * seconds))
+    assert driven[low].all()
+    assert (~driven).sum() > 40
+    row = [r.name for r in block.rows].index("kinematic/w")
+    ratio = np.mean(np.abs(block.residual[row, low]) ** 2 / block.noise_power[row, low])
+    assert ratio == pytest.approx(1.0, abs=0.5)

@@ -26,7 +26,7 @@ from freqid.dynamics.frames import cross
 from freqid.gap.simulation import Departures, Settings, Simulation
 from freqid.gap.stack.lines import Lines
 from freqid.gap.stack.missed_motion import with_missed
-from freqid.gap.stack.rows import angle_rates, gravity_of, sensor_lever
+from freqid.gap.stack.rows import angle_rates, gravity_of, place_of, sensor_lever
 from freqid.gap.stack.sensor_noise import sensor_noise
 from freqid.identify.instruments.driven import driven_maneuvers
 from freqid.identify.loads.explanatory import history
@@ -36,6 +36,7 @@ from freqid.simulate.effects.along import centre
 OWN_FLIGHT = "own flight"
 MOTION = ("u", "v", "w", "p", "q", "r")
 _SYMMETRIC = ("state/u", "state/w", "state/q", "state/theta", "air/V", "air/alpha")
+_SMALL = 1e-3  # share of an attitude's motion, to first order in which gravity turns
 _ROUNDS = 3  # of a fitted response: least squares, then twice with its own response as instruments
 _UNLIKE = 1.0  # share of a rate's motion that is missed: from here on it is another flight
 _NO_RESPONSE = 0.5  # ... of a plane's: from here on most of it answers to something else than effectors
@@ -130,9 +131,13 @@ def _about(record: FlightRecord, channels: Mapping[str, Array]) -> FlightRecord:
             changed[name] = np.polyval(np.polyfit(time, measured, 1), time)
     given = [n for n in FLOW if n in record and n not in channels]
     if given and all(n in changed for n in VELOCITY):
-        for name, own in air_of(*(changed[n] for n in VELOCITY)).items():
-            if name in given:
-                changed[name] = own + np.polyval(np.polyfit(time, record[name] - own, 1), time)
+        velocity = np.array([changed[n] for n in VELOCITY])
+        rates = np.array([changed.get(n, np.zeros(time.size)) for n in RATES])
+        for name in given:
+            arm = np.subtract(place_of(record.channel(name)), place_of(record.channel(VELOCITY[0])))
+            lever = np.broadcast_to(arm[:, None], rates.shape)
+            own = air_of(*(velocity + cross(rates, lever)))[name]
+            changed[name] = own + np.polyval(np.polyfit(time, record[name] - own, 1), time)
     if "air/qbar" in record and "air/rho" in record:
         speed = changed.get("air/V")
         if speed is None and all(n in changed for n in VELOCITY):
@@ -226,11 +231,23 @@ def _fitted_loop(maneuver: Maneuver, lines: Lines) -> dict[str, Array]:
     except (DataError, UsageError, ValueError, np.linalg.LinAlgError):
         return {}
     names = [*(f"state/{n}" for n in MOTION), *(f"effector/{n}" for n in moving)]
-    return _with_attitude_and_felt(record, {name: found.record[name] for name in names})
+    moved = {name: found.record[name] for name in names}
+    rates, middle = np.array([moved[n] for n in RATES]), centre(record, maneuver.vehicle)
+    for axis, name in enumerate(VELOCITY):  # from the centre of gravity to the sensor
+        place = record.channel(name).position_m if name in record else None
+        if place is not None:
+            moved[name] = moved[name] + cross(rates, np.array(place)[:, None] - middle)[axis]
+    return _with_attitude_and_felt(record, moved, linear=True)
 
 
-def _with_attitude_and_felt(record: FlightRecord, moved: dict[str, Array]) -> dict[str, Array]:
-    """Return channels with the attitude and the specific force that go with a motion, where they lack."""
+def _with_attitude_and_felt(
+    record: FlightRecord, moved: dict[str, Array], *, linear: bool = False
+) -> dict[str, Array]:
+    """Return channels with the attitude and the specific force that go with a motion, where they lack.
+
+    Of a `linear` motion to first order: what products of its rates and velocities are in the equations of
+    motion, its velocity has never answered to.
+    """
     attitude = [n for n in ATTITUDE if n in record]
     if not all(n in moved for n in RATES) or not {"state/phi", "state/theta"} <= set(attitude):
         return moved
@@ -239,7 +256,8 @@ def _with_attitude_and_felt(record: FlightRecord, moved: dict[str, Array]) -> di
     rates = np.array([moved[n] for n in RATES])
     lacking = [n for n in attitude if n not in moved]
     if lacking:
-        slopes = angle_rates(rates, record["state/phi"], record["state/theta"])
+        phi, theta = (record[n].mean() if linear else record[n] for n in ("state/phi", "state/theta"))
+        slopes = angle_rates(rates, phi, theta)
         time = record.time - record.time.mean()
         for path in lacking:
             angle = CubicSpline(at, slopes[path.partition("/")[2]]).antiderivative()(at)
@@ -250,10 +268,23 @@ def _with_attitude_and_felt(record: FlightRecord, moved: dict[str, Array]) -> di
         lever = np.broadcast_to(sensor_lever(record), rates.shape)
         level = np.array([record[n].mean() - moved[n].mean() for n in VELOCITY])[:, None]
         velocity = np.array([moved[n] for n in VELOCITY]) + level + cross(rates, lever)
-        gravity = gravity_of(found["state/phi"], found["state/theta"])
-        felt = CubicSpline(at, velocity, axis=1)(at, 1) + cross(rates, velocity) - gravity
+        slope, gravity = CubicSpline(at, velocity, axis=1)(at, 1), _gravity(found, linear=linear)
+        if linear:
+            velocity = np.broadcast_to(velocity.mean(axis=1, keepdims=True), rates.shape)
+        felt = slope + cross(rates, velocity) - gravity
         found |= {n: x for n, x in zip(FORCES, felt, strict=True) if n in record and n not in moved}
     return found
+
+
+def _gravity(channels: Mapping[str, Array], *, linear: bool) -> Array:
+    """Return gravity in body axes, m/s2, shape (3, sample); to first order about the mean attitude."""
+    phi, theta = channels["state/phi"], channels["state/theta"]
+    if not linear:
+        return gravity_of(phi, theta)
+    up, down = (
+        gravity_of(*(x.mean() + step * (x - x.mean()) for x in (phi, theta))) for step in (_SMALL, -_SMALL)
+    )
+    return (up + down) / 2 + (up - down) / (2 * _SMALL)
 
 
 def _fitted_response(record: FlightRecord) -> tuple[dict[str, Array], bool]:

@@ -133,8 +133,9 @@ def gravity_of(phi: Array, theta: Array) -> Array:
 
 def sensor_lever(record: FlightRecord) -> Array:
     """Return the place of the accelerometers from where velocity is measured, m, shape (3, 1)."""
-    return np.subtract(_place(record.channel("state/ax")), _place(record.channel("state/u")))[:, None]
+    return np.subtract(place_of(record.channel("state/ax")), place_of(record.channel("state/u")))[:, None]
 
 
-def _place(channel: Channel) -> tuple[float, float, float]:
+def place_of(channel: Channel) -> tuple[float, float, float]:
+    """Return where a channel is measured, m in vehicle axes; their origin where it states no place."""
     return channel.position_m or (0.0, 0.0, 0.0)

@@ -169,11 +169,11 @@ def test_lines_beyond_all_signals_do_not_tell_the_noise_below(monkeypatch):
     slow = np.exp(-np.arange(200) * linear_flight.DT / 0.3)
     gust = {"state/w": 0.1 * np.convolve(white, slow / np.linalg.norm(slow))[: white.size]}
     flight = linear_flight.fly(noise=1.0, seed=3, duration=seconds, add=gust)
-    (block,) = stack_of(linear_flight.Linear(), [flight], ["gusty"], (0.05, 3.0))
+    (block,) = stack_of(linear_flight.Linear(), [flight], ["gusty"], (0.05, 6.0))
     driven = block.lines.driven
     low = slice(4, round(1.4 * seconds))
     assert driven[low].all()
-    assert (~driven).sum() > 40
+    assert (~driven[: driven.size // 2]).sum() > 40
     row = [r.name for r in block.rows].index("kinematic/w")
     ratio = np.mean(np.abs(block.residual[row, low]) ** 2 / block.noise_power[row, low])
     assert ratio == pytest.approx(1.0, abs=0.5)

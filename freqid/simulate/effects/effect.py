@@ -179,7 +179,14 @@ class Effect:
         return "; ".join(dict.fromkeys(words)) or self.meaning.rstrip(".")
 
     def of(self, vehicle: Vehicle | None) -> Effect:
-        """Return the effect with the parameters that it has on a vehicle."""
+        """Return the effect with the parameters that it has on a vehicle.
+
+        A size at one effector means there what the effect's size means everywhere.
+        """
         if vehicle is None or self.for_vehicle is None:
             return self
-        return replace(self, parameters={**self.parameters, **self.for_vehicle(vehicle)})
+        signs = self.parameters[self.size].signs if self.alternatives else ("", "")
+        own = {
+            n: p if any(p.signs) else replace(p, signs=signs) for n, p in self.for_vehicle(vehicle).items()
+        }
+        return replace(self, parameters={**self.parameters, **own})

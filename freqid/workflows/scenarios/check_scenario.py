@@ -119,7 +119,7 @@ def check_scenario(scenario: Scenario | File) -> ScenarioCheck:
         "import-log": () if described.effector else ("[[effector]]: kinds, and so units, of what is logged",),
         "identify-point": identifies,
         "global-blend": (*identifies, *_blend(described)),
-        "diagnose-gap": identifies,
+        "diagnose-gap": identifies if described.simulation.loads else (),  # with --sim it needs no regressors
         "study --flights": (*identifies, *_blend(described)),
         "study": tuple(dict.fromkeys((*designs, *simulates, *identifies, *_blend(described)))),
     }

@@ -90,3 +90,10 @@ def test_several_changes_are_said_where_each_is_sure():
         "The centre of gravity is farther forward than it is described; "
         "The centre of gravity is higher than it is described"
     )
+
+
+def test_a_size_at_one_effector_has_the_words_of_the_effects_size():
+    strong = find("surface_effectiveness").of(VEHICLE).signed_meaning({"de1": (-0.31, -0.23)})
+    assert "more of a control surface" in strong
+    weak = find("surface_effectiveness").of(VEHICLE).signed_meaning({"de1": (0.23, 0.31)})
+    assert "less of a control surface" in weak

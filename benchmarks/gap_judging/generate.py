@@ -242,7 +242,7 @@ def described(args, case, truth, m, conditions) -> dict:
     return {
         "case": case["id"],
         "vehicle": args.vehicle,
-        "set": args.vehicle,
+        "set": f"{args.vehicle}-loads" if args.no_flight else args.vehicle,
         "kind": args.kind,
         "effects": effects,
         "place": places,
@@ -252,7 +252,8 @@ def described(args, case, truth, m, conditions) -> dict:
         "ideal": case["ideal"],
         "use": [f"{c}_{n}.h5" for c in conditions for n in ("1", "2")],
         "holdout": [f"{c}_h.h5" for c in conditions],
-        "simulation": f"benchmarks/gap_judging/{args.vehicle}/simulation.py:wrench",
+        "simulation": f"benchmarks/gap_judging/{args.vehicle}/simulation.py:"
+        + ("loads_alone" if args.no_flight else "wrench"),
         "scenario": f"benchmarks/gap_judging/{args.vehicle}/scenario.toml",
         "seed": case["seed"],
     }
@@ -282,6 +283,7 @@ def main() -> None:
     parser.add_argument(
         "--effect", metavar="KEY=SIZE", help="one single at a size, without scan: weak_rotor.loss@ro_fl=0.25"
     )
+    parser.add_argument("--no-flight", action="store_true", help="the owner's simulation cannot fly")
     args = parser.parse_args()
     if args.no_scan and args.kind != "null":
         parser.error("--no-scan is for --kind null: sizes of effects are made from its matrices")

@@ -84,8 +84,11 @@ class Owner:
             (self.names.index(e), [(STATES.index(x), k) for x, k in row.items()]) for e, row in gains.items()
         ]
 
-    def wrench(self, sigmas: Mapping[str, float]) -> Callable[..., dict[str, Any]]:
-        """Return the simulation as ``--sim`` takes it, with one sigma of each of its parameters."""
+    def wrench(self, sigmas: Mapping[str, float], *, flies: bool = True) -> Callable[..., dict[str, Any]]:
+        """Return the simulation as ``--sim`` takes it, with one sigma of each of its parameters.
+
+        One that does not fly has loads and actuators only: its motion has to be fitted to the record.
+        """
 
         def wrench(time, state, effector, air, parameters):
             """Return forces and moments about the centre of gravity, N and N m, as the owner has them."""
@@ -97,7 +100,9 @@ class Owner:
 
         wrench.responses = RESPONSES
         wrench.tolerances = {name: (sigma, "1") for name, sigma in sigmas.items()}
-        wrench.positions, wrench.fly = self.positions, self.fly
+        wrench.positions = self.positions
+        if flies:
+            wrench.fly = self.fly
         return wrench
 
     def trim(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import glob
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -73,7 +73,7 @@ def dropouts_text(record: FlightRecord, *, split: bool) -> str:
     )
 
 
-def earlier_pieces(destination: Path, written: Iterable[Path]) -> list[str]:
+def earlier_pieces(destination: Path, written: Collection[Path]) -> list[str]:
     """Return a sentence for each file that is named as a piece of this log and was not written now."""
     others = destination.parent.glob(f"{glob.escape(destination.stem)}-*{destination.suffix}")
     old = (p for p in sorted(others) if p.stem.removeprefix(f"{destination.stem}-").isdigit())

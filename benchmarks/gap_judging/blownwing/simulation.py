@@ -149,3 +149,4 @@ OWNER = Owner(
     trimmed=(("outer_l", "outer_r"), g.ROTORS),
 )
 trim, wrench = OWNER.trim, OWNER.wrench(g.SIGMAS)
+loads_alone = OWNER.wrench(g.SIGMAS, flies=False)

@@ -137,3 +137,4 @@ OWNER = Owner(
     trimmed=(("canard",), ("push",)),
 )
 trim, wrench = OWNER.trim, OWNER.wrench(g.SIGMAS)
+loads_alone = OWNER.wrench(g.SIGMAS, flies=False)

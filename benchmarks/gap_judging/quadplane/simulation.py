@@ -103,3 +103,4 @@ OWNER = Owner(
     trimmed=(("elev",), ("push",)),
 )
 trim, wrench = OWNER.trim, OWNER.wrench(g.SIGMAS)
+loads_alone = OWNER.wrench(g.SIGMAS, flies=False)

@@ -112,3 +112,4 @@ OWNER = Owner(
     trimmed=(("elev",), ("in_l", "in_r", "out_l", "out_r")),
 )
 trim, wrench = OWNER.trim, OWNER.wrench(g.SIGMAS)
+loads_alone = OWNER.wrench(g.SIGMAS, flies=False)

@@ -183,3 +183,4 @@ OWNER = Owner(
     wake=True,
 )
 trim, wrench = OWNER.trim, OWNER.wrench(g.SIGMAS)
+loads_alone = OWNER.wrench(g.SIGMAS, flies=False)

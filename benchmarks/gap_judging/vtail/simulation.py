@@ -79,3 +79,4 @@ OWNER = Owner(
     trimmed=(("ruv_l", "ruv_r"), ("prop",)),
 )
 trim, wrench = OWNER.trim, OWNER.wrench(g.SIGMAS)
+loads_alone = OWNER.wrench(g.SIGMAS, flies=False)

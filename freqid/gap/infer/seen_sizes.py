@@ -27,7 +27,7 @@ def down_to_seen(system: System) -> System:
     Parameters
     ----------
     system : System
-        What is seen beside the first of its errors of form.
+        What its data show is judged at the first of its errors of form.
     """
     G = system.reduced(system.form_errors[0]).G
     parts = map(system.columns_of, range(len(system.candidates)))

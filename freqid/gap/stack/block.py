@@ -32,9 +32,7 @@ from freqid.gap.stack.sensor_noise import noisy_channels, sensor_noise
 from freqid.gap.stack.trial import Trial
 
 REPEATS = "repeats of the manoeuvre"
-_FEW_LINES = (
-    5  # that nothing drives, in either half of the driven band, up to which they do not tell its noise
-)
+_FEW_LINES = 5  # that nothing drives, in a half of the driven band: up to these tell nothing of its noise
 _EMPTY = 1e-6  # of the largest: a singular value that is none
 
 
@@ -322,7 +320,7 @@ def _scale(
     left, freedom = beyond_motion(motion.maneuver, lines, trial.measured, residual, power)
     freedom[:, 0] = 0.0  # offsets differ from record to record
     undriven = ~lines.driven
-    band = undriven[1 : int(np.max(np.flatnonzero(lines.driven), initial=0))]  # noise may differ beyond
+    band = undriven[1 : int(np.max(np.flatnonzero(lines.driven), initial=0))]  # beyond it noise may differ
     if all(half.sum() > _FEW_LINES for half in np.array_split(band, 2)):
         return smooth_ratio(lines.hz, left, freedom * undriven), "lines that nothing drives"
     ratio = smooth_ratio(lines.hz, left, freedom)

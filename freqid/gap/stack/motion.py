@@ -36,7 +36,7 @@ from freqid.simulate.effects.along import centre
 OWN_FLIGHT = "own flight"
 MOTION = ("u", "v", "w", "p", "q", "r")
 _SYMMETRIC = ("state/u", "state/w", "state/q", "state/theta", "air/V", "air/alpha")
-_SMALL = 1e-3  # share of an attitude's motion, to first order in which gravity turns
+_SMALL = 1e-3  # share of an attitude's motion over which gravity is differentiated
 _ROUNDS = 3  # of a fitted response: least squares, then twice with its own response as instruments
 _UNLIKE = 1.0  # share of a rate's motion that is missed: from here on it is another flight
 _NO_RESPONSE = 0.5  # ... of a plane's: from here on most of it answers to something else than effectors
@@ -245,8 +245,8 @@ def _with_attitude_and_felt(
 ) -> dict[str, Array]:
     """Return channels with the attitude and the specific force that go with a motion, where they lack.
 
-    Of a `linear` motion to first order: what products of its rates and velocities are in the equations of
-    motion, its velocity has never answered to.
+    A `linear` motion gets both to first order: its velocity never answered to the products of rates and
+    velocities that the full equations of motion hold.
     """
     attitude = [n for n in ATTITUDE if n in record]
     if not all(n in moved for n in RATES) or not {"state/phi", "state/theta"} <= set(attitude):

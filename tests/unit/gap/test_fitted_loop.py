@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from linear_flight import Linear, Truth, fly, motion
+from linear_flight import DT, Linear, Truth, fly, motion
 
-from freqid.core.record import Maneuver
+from freqid.core.record import Channel, Maneuver
 from freqid.gap.stack.lines import lines_of
-from freqid.gap.stack.motion import noise_free
+from freqid.gap.stack.motion import air_of, noise_free
 
 SECONDS = 40.0
-BOOM = 1.2  # m, from the centre of gravity to where velocity is measured
+BOOM, VANE = 1.2, 2.5  # m, from the centre of gravity to where velocity and flow are measured
 
 
 @pytest.fixture(scope="module")
@@ -22,11 +22,13 @@ def flown():
     own = motion(Truth(), SECONDS, SECONDS, 1)
     flight = fly(noise=0.3, seed=4, duration=SECONDS, phases=1, add={"state/w": -BOOM * own["state/q"]})
     ahead = [replace(flight.record.channel(f"state/{n}"), position_m=(BOOM, 0.0, 0.0)) for n in "uvw"]
-    record = flight.record.with_channels(*ahead)
+    air = air_of(own["state/u"], np.zeros_like(own["state/u"]), own["state/w"] - VANE * own["state/q"])
+    flow = [Channel(n, "m/s" if n == "air/V" else "rad", x, 1 / DT, "", (VANE, 0, 0)) for n, x in air.items()]
+    record = flight.record.with_channels(*ahead, *flow)
     lines = lines_of(record, 2.0)
     found = noise_free(Linear(), Maneuver(record, flight.vehicle), lines)
     assert found.source == "fitted loop"
-    return {**own, "state/w": own["state/w"] - BOOM * own["state/q"]}, lines, found.maneuver.record
+    return {**own, **air, "state/w": own["state/w"] - BOOM * own["state/q"]}, lines, found.maneuver.record
 
 
 def apart(flown, name):
@@ -35,7 +37,7 @@ def apart(flown, name):
     return lines.spectrum((found[name] - own[name])[None])[0], lines.spectrum(own[name][None])[0]
 
 
-@pytest.mark.parametrize("name", ["state/w", "state/az"])
+@pytest.mark.parametrize("name", ["state/w", "air/alpha", "state/az"])
 def test_it_is_what_sensors_read_where_they_are(flown, name):
     """Velocity that was taken for the boom's made the vertical force wrong by 70 %."""
     error, own = apart(flown, name)

@@ -18,27 +18,22 @@ LOSS = 0.03
 SCALE = 1.0  # of the candidate: its sizes begin at .0625 before data are looked at
 
 
-def system_of(loss: float):
+@pytest.fixture(scope="module")
+def system():
     """Return the stack of two sharp flights whose first surface is weaker, and a candidate for much more."""
-    flights = [fly(Truth(loss=loss), noise=0.3, seed=s, duration=40.0, phases=s) for s in (1, 2)]
+    flights = [fly(Truth(loss=LOSS), noise=0.3, seed=s, duration=40.0, phases=s) for s in (1, 2)]
     blocks = stack_of(Linear(), flights, ["one", "two"], BAND)
     coarse = replace(LIBRARY["worn"], parameters=effect("worn", "share", SCALE).parameters)
     return build(blocks, {"worn": coarse, "drag": LIBRARY["drag"]}, {})[0]
 
 
-@pytest.fixture(scope="module")
-def system():
-    return system_of(LOSS)
-
-
 def worn(system):
     (index,) = (i for i, c in enumerate(system.candidates) if c.effect == "worn")
-    at = system.columns_of(index)
-    return index, system.candidates[index], at
+    return system.candidates[index], system.columns_of(index)
 
 
 def test_sizes_begin_where_the_change_is_one_standard_deviation_of_noise(system):
-    _, c, at = worn(system)
+    c, at = worn(system)
     assert np.abs(c.prior).min() < LOSS < SCALE / 16
     G = system.reduced(system.form_errors[0]).G[at, at]
     for sign in (-1.0, 1.0):
@@ -57,12 +52,12 @@ def test_an_effect_that_is_hardly_seen_keeps_its_sizes():
     loud = [fly(noise=300.0, seed=s, duration=40.0, phases=s) for s in (1, 2)]
     blocks = stack_of(Linear(), loud, ["one", "two"], BAND)
     found = build(blocks, LIBRARY, {})[0]
-    _, c, _ = worn(found)
+    c, _ = worn(found)
     assert np.abs(c.prior).min() == pytest.approx(LIBRARY["worn"].parameters["share"].scale / 16)
 
 
 def test_the_size_of_a_detectability_is_that_at_which_it_is_reached(system):
-    _, c, at = worn(system)
+    c, at = worn(system)
     G = system.reduced(system.form_errors[0]).G[at, at]
     for goal in (1.0, 9.0, 100.0):
         w = c.weights(size_at(c, G, goal, 1.0))

@@ -8,6 +8,7 @@ import os
 import pickle
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -19,6 +20,7 @@ from candidates import Candidate, candidates, outsiders
 from detectability import STRATA, IdealScan, metric, signatures
 from motion import fly
 from multisine import load_module
+from pilot import pilot_inputs
 from scatter import KINDS, added, draw, kind_of, per_case, per_flight
 from settings import Settings
 from stack import stack
@@ -28,7 +30,7 @@ from freqid.core.record import Channel, FlightRecord, write_record
 from freqid.core.scenario import read_scenario
 
 HERE = Path(__file__).resolve().parent
-FILES = ("1", "2", "h")  # repeats of one excitation, and another that is held out
+FILES = ("1", "2", "h")  # repeats, and another that is held out; a pilot's inputs are all different
 VEHICLES = (
     "quadplane",
     "vtail",
@@ -183,11 +185,14 @@ def make(args, plan, setup) -> None:
             effect[c.key] = c.sign * float(source.size[i, j])
         for condition in conditions:
             for name in FILES:
-                flights.append({"condition": condition, "design": 1 if name == "h" else 0})
+                design = FILES.index(name) if args.inputs == "pilot" else int(name == "h")
+                flights.append({"condition": condition, "design": design})
                 case["own"].append(only(args.scatter, draw(biases, rng)))
                 departures.append(added(case["common"], case["own"][-1], effect))
-    log = fly(truth, flights, Settings(departures))
+    excitation = partial(pilot_inputs, truth.SCENARIO) if args.inputs == "pilot" else truth.excitation
+    log = fly(truth, flights, Settings(departures), excitation=excitation, gust=args.gusts, seed=args.seed)
     seen = {id(source): source.beyond(m) for source in (known, others)} if scan else {}
+    signals = excitation(sensing.TIME)
     at = 0
     for case in plan:
         rng = np.random.default_rng([case["seed"], 1])
@@ -202,7 +207,7 @@ def make(args, plan, setup) -> None:
                 if scan and name != "h":
                     mean[c] += 0.5 * stack(truth, simulation, channels, rho)
                 for i, e in enumerate(truth.EFFECTORS):
-                    channels[f"excitation/{e}"] = truth.excitation(sensing.TIME)[flights[at]["design"], i]
+                    channels[f"excitation/{e}"] = signals[flights[at]["design"], i]
                 file = f"{condition}_{name}.h5"
                 record = record_of(truth, scenario, sensing.with_air(channels, rho), condition, file)
                 write_record(folder / file, record, sha)
@@ -233,6 +238,8 @@ def described(args, case, truth, m, conditions) -> dict:
         name = f"outsider:{c.parameter}" if c.id == "outsider" else c.id
         effects.setdefault(name, {}).update(c.described(c.sign * float(source.size[i, j])))
         places[name] = c.place
+        if args.inputs == "pilot" or args.gusts:
+            continue  # detectability and where it lies are known for the multisine in still air
         power[name] = round(float(source.detectability[i, j]), 2)
         for kind, parts in source.shares[i][j].items():
             for key, value in parts.items():
@@ -242,7 +249,10 @@ def described(args, case, truth, m, conditions) -> dict:
     return {
         "case": case["id"],
         "vehicle": args.vehicle,
-        "set": f"{args.vehicle}-loads" if args.no_flight else args.vehicle,
+        "set": args.vehicle
+        + ("-loads" if args.no_flight else "")
+        + ("-pilot" if args.inputs == "pilot" else "")
+        + ("-gusts" if args.gusts else ""),
         "kind": args.kind,
         "effects": effects,
         "place": places,
@@ -284,6 +294,19 @@ def main() -> None:
         "--effect", metavar="KEY=SIZE", help="one single at a size, without scan: weak_rotor.loss@ro_fl=0.25"
     )
     parser.add_argument("--no-flight", action="store_true", help="the owner's simulation cannot fly")
+    parser.add_argument(
+        "--inputs",
+        choices=("multisine", "pilot"),
+        default="multisine",
+        help="a pilot's are steps and sweeps, no two records alike; sizes are those of the multisine",
+    )
+    parser.add_argument(
+        "--gusts",
+        type=float,
+        default=0.0,
+        metavar="SIGMA",
+        help="of vertical gusts, m/s; sizes are those in still air",
+    )
     args = parser.parse_args()
     if args.no_scan and args.kind != "null":
         parser.error("--no-scan is for --kind null: sizes of effects are made from its matrices")
@@ -291,6 +314,8 @@ def main() -> None:
         parser.error("--effect is for --kind single")
     start = time.time()
     setup = matrices(args.out, args.vehicle, not (args.no_scan or args.effect))
+    if args.inputs == "pilot" or args.gusts:
+        setup = (*setup[:5], None)  # the ideal scan knows the multisine in still air alone
     print(f"matrices after {time.time() - start:.0f} s")
     plan = plans(args, setup[0], setup[3], setup[4])
     for first in range(0, len(plan), CASES):

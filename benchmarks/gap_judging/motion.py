@@ -7,10 +7,12 @@ balance of torques, and commands are held from one step to the next.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from gusts import gusts
 from numpy.typing import NDArray
 from settings import Settings
 from shafts import shafts
@@ -31,8 +33,9 @@ class Log:
     time : ndarray, shape (sample,)
         s; zero where the period of 60 s begins, with a second more at both ends.
     state, acceleration, position, command : ndarray, shape (sample, channel, flight)
-        `STATES`; specific force at the centre of gravity and angular acceleration; effectors' positions
-        as a perfect sensor would measure them, and commands after excitation.
+        `STATES`, with the velocity through the air; specific force at the centre of gravity and angular
+        acceleration; effectors' positions as a perfect sensor would measure them, and commands after
+        excitation.
     """
 
     time: NDArray[np.float64]
@@ -139,7 +142,14 @@ class Actuators:
 
 
 def fly(
-    aircraft: Any, flights: list[dict[str, Any]], s: Settings, settle: float = 16.0, lasting: float = 61.0
+    aircraft: Any,
+    flights: list[dict[str, Any]],
+    s: Settings,
+    settle: float = 16.0,
+    lasting: float = 61.0,
+    excitation: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
+    gust: float = 0.0,
+    seed: int = 0,
 ) -> Log:
     """Fly the truth.
 
@@ -155,6 +165,12 @@ def fly(
         Time flown before the recorded period, s.
     lasting : float
         Time flown from its start, s.
+    excitation : callable, optional
+        Of the time, instead of the vehicle's own.
+    gust : float
+        Standard deviation of the vertical gusts, m/s.
+    seed : int
+        Of the gusts.
     """
     count = len(flights)
     trims = [aircraft.TRIM[f["condition"]] for f in flights]
@@ -178,7 +194,8 @@ def fly(
     gains = aircraft.GAINS
     steps = round((settle + lasting) / STEP)
     time = -settle + STEP * np.arange(steps + 1)
-    signals = aircraft.excitation(time)  # (design, effector, step)
+    signals = (excitation or aircraft.excitation)(time)  # (design, effector, step)
+    air = gusts(gust, at[0], time.size, STEP, seed)
     first = round((settle - 1) / STEP)
     kept = (steps - first) // 2 + 1
     log = Log(
@@ -186,8 +203,11 @@ def fly(
         *(np.empty((kept, rows, count)) for rows in (10, 6, len(base), len(base))),
     )
 
-    def slope(x, felt, turned, pulled):
-        load = aircraft.loads(x, felt, rho, s, memory)
+    def through(x, moving):
+        return np.concatenate([x[:3] - moving, x[3:]]) if gust else x
+
+    def slope(x, felt, turned, pulled, moving):
+        load = aircraft.loads(through(x, moving), felt, rho, s, memory)
         u, v, w, p, q, r, phi, theta, psi, _ = x
         sp, cp, st, ct = np.sin(phi), np.cos(phi), np.sin(theta), np.cos(theta)
         hx, hy, hz = turned
@@ -228,15 +248,15 @@ def fly(
         middle = 0.5 * (felt + after)
         pulled = in_body(spun * (actuators.x[rotors] - position[rotors]) / h)
         turned = in_body(spun * position[rotors])
-        k1, felt_now = slope(x, felt, turned, pulled)
+        k1, felt_now = slope(x, felt, turned, pulled, air[i])
         if i >= first and (i - first) % 2 == 0:
             j = (i - first) // 2
-            log.state[j], log.acceleration[j] = x, felt_now
+            log.state[j], log.acceleration[j] = through(x, air[i]), felt_now
             log.position[j], log.command[j] = position, command
-        k2, _ = slope(x + h / 2 * k1, middle, turned, pulled)
-        k3, _ = slope(x + h / 2 * k2, middle, turned, pulled)
-        k4, _ = slope(x + h * k3, after, turned, pulled)
+        k2, _ = slope(x + h / 2 * k1, middle, turned, pulled, air[i])
+        k3, _ = slope(x + h / 2 * k2, middle, turned, pulled, air[i])
+        k4, _ = slope(x + h * k3, after, turned, pulled, air[i])
         x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        memory.step(x, after, rho, s, h)
+        memory.step(through(x, air[i]), after, rho, s, h)
         felt = after
     return log

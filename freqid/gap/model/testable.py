@@ -31,6 +31,8 @@ def untestable(effect: Effect, trial: Trial) -> str | None:
 
 def _there(need: str, trial: Trial, route: str) -> bool:
     """Return whether what an effect needs is there; see `Effect.needs`."""
+    if " or " in need:
+        return any(_there(one, trial, route) for one in need.split(" or "))
     record, vehicle = trial.maneuver.record, trial.maneuver.vehicle
     head, _, rest = need.partition(".")
     if head == "simulation":

@@ -75,8 +75,9 @@ class Effect:
         defaults add nothing.
     needs : tuple of str
         Without which it cannot be computed: ``vehicle.<field>``, ``wing``, ``rotor``, ``surface`` (at least
-        one of them in the vehicle), channels of the record as ``group/name`` or any of a ``group``,
-        sections of ``[simulation]``. What is altogether missing leaves an effect untested.
+        one of them in the vehicle; ``wing or surface``: one of either), channels of the record as
+        ``group/name`` or any of a ``group``, sections of ``[simulation]``. What is altogether missing leaves
+        an effect untested.
     states : dict of str
         Unit by name of the memory that a flight keeps for it and that no prediction of loads at one instant
         sees: such an effect is always replayed over whole records.

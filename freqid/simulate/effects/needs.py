@@ -30,6 +30,8 @@ def unmet(
 
 
 def _met(need: str, vehicle: Vehicle | None, record: FlightRecord | None, parts: Collection[str]) -> bool:
+    if " or " in need:
+        return any(_met(one, vehicle, record, parts) for one in need.split(" or "))
     if need.startswith("simulation."):
         return need in parts
     if "/" in need:

@@ -85,6 +85,14 @@ EFFECT = Effect(
             ),
         )
     },
-    needs=("rotor.diameter_m", "vehicle.chord_m", "effector", *VELOCITY, *RATES, "air/rho"),
+    needs=(
+        "rotor.diameter_m",
+        "wing or surface",
+        "vehicle.chord_m",
+        "effector",
+        *VELOCITY,
+        *RATES,
+        "air/rho",
+    ),
     replay=_replay,
 )

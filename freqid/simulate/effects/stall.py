@@ -89,7 +89,7 @@ EFFECT = Effect(
             0.3, "1", "sine of the angle of attack at which it begins", 0.05, 0.0, 1.0, _ONSETS
         ),
     },
-    needs=("vehicle.area_m2", *VELOCITY, *RATES, "air/rho"),
+    needs=("wing or surface", "vehicle.area_m2", *VELOCITY, *RATES, "air/rho"),
     add=_add,
     replay=_replay,
 )

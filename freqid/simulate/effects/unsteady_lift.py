@@ -64,7 +64,7 @@ EFFECT = Effect(
     parameters={
         "time_constant": Parameter(0.0, "s", "of the lag; about two chords travelled", 0.05, 0.0, 2.0)
     },
-    needs=("vehicle.area_m2", "state/u", "state/v", "state/w", "air/rho"),
+    needs=("wing or surface", "vehicle.area_m2", "state/u", "state/v", "state/w", "air/rho"),
     states={"force": "N"},
     add=_add,
     start=_start,

@@ -24,6 +24,8 @@ HAS_IT = Linear(effects={"damping": {"extra": 0.0}})
         (("air/alpha",), "needs air/alpha"),
         (("vehicle.span_m",), "needs vehicle.span_m"),
         (("surface", "command", "state/q"), None),
+        (("wing or surface",), None),
+        (("wing or rotor",), "needs wing or rotor"),
     ],
 )
 def test_what_is_missing_leaves_an_effect_untested(needs, missing):

@@ -27,6 +27,7 @@ from freqid.simulate.effects.effect import Effect
 _FEW = 3  # names that are listed
 _POOR_SENSORS = 0.05
 _STRAINED = 2.0  # sigmas from which tolerances are said to be strained
+_LESS = 0.1  # of a gap, by which an effect closes less alone than with tolerances before that is said
 
 
 def verdict(
@@ -94,7 +95,10 @@ def _closed(closure: Closure, which: Which, faults: Sequence[str]) -> str:
     same = {*which.named, *which.pair} & set(closure.effects)
     only_sensors = bool(which.named) and set(which.named) <= set(faults)
     what = ("that fault" if only_sensors else "it") if same else " and ".join(closure.effects)
-    text = f"; with {what} {100 * closure.wrench.G:.0f} % of the gap is closed {closure.scored_text}"
+    both, own = closure.wrench.G, closure.effect_only.G
+    text = f"; with {what} {100 * both:.0f} % of the gap is closed {closure.scored_text}"
+    if np.isfinite(own) and own < both - _LESS:
+        text += f"; by {what} alone, at nominal tolerances, {100 * max(own, 0.0):.0f} %"
     if not np.isfinite(alone):
         return text
     strained = _strained(closure)

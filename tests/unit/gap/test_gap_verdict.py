@@ -61,6 +61,12 @@ def test_what_goes_stands_beside_what_tolerances_would_have_to_do():
     assert said(closures=(near,)).endswith("would close 90 % of it.")
 
 
+def test_an_effect_that_closes_less_alone_is_said_to():
+    alone = replace(CLOSURE, effect_only=Share(0.04, 0.0, 0.1))
+    text = said(closures=(alone,))
+    assert "is closed on c.h5; by it alone, at nominal tolerances, 4 %. Without it" in text
+
+
 def test_a_name_that_is_withdrawn_is_none():
     gone = replace(WORN, named=(), withdrawn={"surface_effectiveness": "its size is at the end"})
     text = said(gone, (CLOSURE,))

@@ -14,13 +14,38 @@ from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import NDArray
 
 from freqid.core.arrays import Array, Complex
+from freqid.core.channels import RATES
 from freqid.core.record import FlightRecord
 from freqid.gap.stack.lines import Lines
+from freqid.gap.stack.sensor_noise import sensor_noise
 
 _ANGLES = ("state/phi", "state/psi")  # that may turn all the way round
 _SHARE_ORDER = 3  # highest polynomial, in frequency, of the share that is missed
 _RESPONSE_ORDER = 4  # ... in its logarithm, of a response that the model does not have
 _SPREADS = (0.0, *np.geomspace(0.1, 1e3, 9).tolist())  # of either, in the noise's size
+
+
+def share_missed(record: FlightRecord, channels: Mapping[str, Array]) -> float:
+    """Return the share of the rates' changes, noise apart, that is not in what stands for them.
+
+    Parameters
+    ----------
+    record : FlightRecord
+    channels : dict of ndarray, shape (sample,)
+        What stands for its channels.
+    """
+    named = [n for n in RATES if n in record and np.ptp(record[n]) and n in channels]
+    if not named:
+        return 0.0 if channels else np.inf
+    noise = sensor_noise(record, named)
+    time = record.time - record.time.mean()
+    moved = left = 0.0
+    for name in named:
+        both = (record[name], record[name] - channels[name])
+        whole, rest = (float(np.var(x - np.polyval(np.polyfit(time, x, 1), time))) for x in both)
+        moved += max(whole - noise[name] ** 2, 0.0)
+        left += max(rest - noise[name] ** 2, 0.0)
+    return float(np.sqrt(left / max(moved, 1e-300)))
 
 
 def with_missed(record: FlightRecord, own: Mapping[str, Array], lines: Lines) -> dict[str, Array]:

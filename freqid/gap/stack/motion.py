@@ -21,14 +21,13 @@ from freqid.core.arrays import Array
 from freqid.core.channels import ATTITUDE, COEFFICIENT, FLOW, FORCES, RATES, VELOCITY, WRENCH
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.core.sections.identification import Identification
 from freqid.dynamics.frames import cross
 from freqid.gap.simulation import Departures, Settings, Simulation
+from freqid.gap.stack.felt import with_attitude_and_felt
+from freqid.gap.stack.fitted_loop import fitted_loop
 from freqid.gap.stack.lines import Lines
-from freqid.gap.stack.missed_motion import with_missed
-from freqid.gap.stack.rows import angle_rates, gravity_of, place_of, sensor_lever
-from freqid.gap.stack.sensor_noise import sensor_noise
-from freqid.identify.instruments.driven import driven_maneuvers
+from freqid.gap.stack.missed_motion import share_missed, with_missed
+from freqid.gap.stack.rows import place_of
 from freqid.identify.loads.explanatory import history
 from freqid.identify.spectra.smoothing import smooth
 from freqid.simulate.effects.along import centre
@@ -95,24 +94,56 @@ def noise_free(
         That it has itself and flies with too.
     """
     record = maneuver.record
-    found: list[tuple[str, dict[str, Array]]] = []
+    found: list[tuple[float, str, dict[str, Array]]] = []
+    flown = False
     if record.group("excitation"):
         own = own_flight(simulation, record, departures, effects)
         if own:
-            found.append((OWN_FLIGHT, with_missed(record, own, lines)))
-        loop = _fitted_loop(maneuver, lines)
+            own, flown = with_missed(record, own, lines), True
+            found.append((share_missed(record, own), OWN_FLIGHT, own))
+        loop = fitted_loop(maneuver, lines, found[0][0] if flown else np.inf)
         if loop:
-            found.append(("fitted loop", loop))
+            found.append((share_missed(record, loop), "fitted loop", loop))
     if not found:
         response, part = _fitted_response(record)
         if response:
-            found.append(("fitted response, in part smoothed" if part else "fitted response", response))
-    ranked = sorted(((_missed(record, x), name, x) for name, x in found), key=lambda one: one[0])
-    flown = any(name == OWN_FLIGHT for name, _ in found)
+            name = "fitted response, in part smoothed" if part else "fitted response"
+            found.append((share_missed(record, response), name, response))
+    ranked = sorted(found, key=lambda one: one[0])
     if not ranked or ranked[0][0] > _UNLIKE:
         return Motion(_smoothed(simulation, maneuver), "smoothed record", 1.0, flown)
     missed, name, channels = ranked[0]
-    return Motion(Maneuver(_about(record, channels), maneuver.vehicle), name, missed, flown)
+    clean = _about(record, channels)
+    if record.group("excitation"):
+        clean = _with_commands(clean, record)
+    return Motion(Maneuver(clean, maneuver.vehicle), name, missed, flown)
+
+
+def _with_commands(clean: FlightRecord, record: FlightRecord) -> FlightRecord:
+    """Return a flight without noise with the commands that its motion and the injected signals ask for.
+
+    Feedback sends the sensors' noise on to the commands, and a log that keeps one command in several folds
+    what it skips into the band. Simulated actuators then miss what was sent, and a column that is computed on
+    the same commands would hold what is missed: a gain that is too large. So commands are fitted with the
+    signal injected there and, about straight lines, with motion, its integrals and its derivatives.
+    """
+    time = record.time / record.time[-1]
+    moving = [clean[n] for n in (*VELOCITY, *RATES, *ATTITUDE[:2]) if _moves(clean, n)]
+    states = np.array(moving).reshape(-1, time.size)
+    states = states - states.mean(axis=1, keepdims=True)
+    integrals = cumulative_trapezoid(states, dx=record.dt, initial=0, axis=1)
+    shared = np.vstack([states, integrals, np.gradient(states, record.dt, axis=1), np.ones_like(time), time])
+    found = []
+    for name in record.group("command"):
+        sent = record.channel(f"command/{name}")
+        if not np.ptp(sent.values):
+            continue
+        own = f"excitation/{name}"
+        columns = np.vstack([shared, record[own][None]]) if own in record else shared
+        size = np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), 1e-300)
+        weights = np.linalg.lstsq((columns / size).T, sent.values, rcond=1e-10)[0]
+        found.append(replace(sent, values=weights @ (columns / size)))
+    return clean.with_channels(*found) if found else clean
 
 
 def _about(record: FlightRecord, channels: Mapping[str, Array]) -> FlightRecord:
@@ -193,7 +224,7 @@ def own_flight(
             return {}
         positions = simulation.positions(record, None, departures)
         own |= {f"effector/{n}": positions.get(n, record[f"effector/{n}"]) for n in moving}
-    return _with_attitude_and_felt(record, own)
+    return with_attitude_and_felt(record, own)
 
 
 def own_maneuver(simulation: Simulation, maneuver: Maneuver) -> Maneuver | None:
@@ -219,72 +250,6 @@ def fed_back(record: FlightRecord) -> bool:
         if np.std(sent - injected) > 0.05 * max(np.std(injected), 1e-12):
             return True
     return not record.group("command")
-
-
-def _fitted_loop(maneuver: Maneuver, lines: Lines) -> dict[str, Array]:
-    """Return motion and effectors of a fitted closed loop (`freqid.identify.instruments.driven`)."""
-    record = maneuver.record
-    moving = tuple(n for n in record.group("effector") if np.ptp(record[f"effector/{n}"]) > 0)
-    hz = lines.hz[lines.driven] if lines.driven.any() else lines.hz[1:]
-    try:
-        (found,) = driven_maneuvers([maneuver], hz, Identification(regressors=(*MOTION, *moving)))
-    except (DataError, UsageError, ValueError, np.linalg.LinAlgError):
-        return {}
-    names = [*(f"state/{n}" for n in MOTION), *(f"effector/{n}" for n in moving)]
-    moved = {name: found.record[name] for name in names}
-    rates, middle = np.array([moved[n] for n in RATES]), centre(record, maneuver.vehicle)
-    for axis, name in enumerate(VELOCITY):  # from the centre of gravity to the sensor
-        place = record.channel(name).position_m if name in record else None
-        if place is not None:
-            moved[name] = moved[name] + cross(rates, np.array(place)[:, None] - middle)[axis]
-    return _with_attitude_and_felt(record, moved, linear=True)
-
-
-def _with_attitude_and_felt(
-    record: FlightRecord, moved: dict[str, Array], *, linear: bool = False
-) -> dict[str, Array]:
-    """Return channels with the attitude and the specific force that go with a motion, where they lack.
-
-    A `linear` motion gets both to first order: its velocity never answered to the products of rates and
-    velocities that the full equations of motion hold.
-    """
-    attitude = [n for n in ATTITUDE if n in record]
-    if not all(n in moved for n in RATES) or not {"state/phi", "state/theta"} <= set(attitude):
-        return moved
-    # splines: differences of samples 0.02 s apart take 1 % off at 2 Hz, and sums half of that
-    found, at = dict(moved), record.dt * np.arange(record.time.size)
-    rates = np.array([moved[n] for n in RATES])
-    lacking = [n for n in attitude if n not in moved]
-    if lacking:
-        phi, theta = (record[n].mean() if linear else record[n] for n in ("state/phi", "state/theta"))
-        slopes = angle_rates(rates, phi, theta)
-        time = record.time - record.time.mean()
-        for path in lacking:
-            angle = CubicSpline(at, slopes[path.partition("/")[2]]).antiderivative()(at)
-            found[path] = (
-                np.unwrap(record[path]).mean() + angle - np.polyval(np.polyfit(time, angle, 1), time)
-            )
-    if any(n in record and n not in moved for n in FORCES) and all(n in moved for n in VELOCITY):
-        lever = np.broadcast_to(sensor_lever(record), rates.shape)
-        level = np.array([record[n].mean() - moved[n].mean() for n in VELOCITY])[:, None]
-        velocity = np.array([moved[n] for n in VELOCITY]) + level + cross(rates, lever)
-        slope, gravity = CubicSpline(at, velocity, axis=1)(at, 1), _gravity(found, linear=linear)
-        if linear:
-            velocity = np.broadcast_to(velocity.mean(axis=1, keepdims=True), rates.shape)
-        felt = slope + cross(rates, velocity) - gravity
-        found |= {n: x for n, x in zip(FORCES, felt, strict=True) if n in record and n not in moved}
-    return found
-
-
-def _gravity(channels: Mapping[str, Array], *, linear: bool) -> Array:
-    """Return gravity in body axes, m/s2, shape (3, sample); to first order about the mean attitude."""
-    phi, theta = channels["state/phi"], channels["state/theta"]
-    if not linear:
-        return gravity_of(phi, theta)
-    up, down = (
-        gravity_of(*(x.mean() + step * (x - x.mean()) for x in (phi, theta))) for step in (_SMALL, -_SMALL)
-    )
-    return (up + down) / 2 + (up - down) / (2 * _SMALL)
 
 
 def _fitted_response(record: FlightRecord) -> tuple[dict[str, Array], bool]:
@@ -356,7 +321,7 @@ def _plane_response(record: FlightRecord, states: Sequence[str], effectors: Arra
         if response is None:
             break
         own = dict(zip(states, x0 + scale_x * response, strict=True))
-        missed = _missed(record, own)
+        missed = share_missed(record, own)
         if missed < least:
             least, found = missed, own
         instruments = cumulative_trapezoid(response, dx=dt, initial=0, axis=1)
@@ -456,19 +421,3 @@ def _arm_of_accelerometers(maneuver: Maneuver) -> Array:
     if place is None:
         return np.zeros((3, record.time.size))
     return np.array(place)[:, None] - centre(record, maneuver.vehicle)
-
-
-def _missed(record: FlightRecord, channels: Mapping[str, Array]) -> float:
-    """Return the share of the rates' changes, noise apart, that is not in what stands for them."""
-    named = [n for n in RATES if _moves(record, n) and n in channels]
-    if not named:
-        return 0.0 if channels else np.inf
-    noise = sensor_noise(record, named)
-    time = record.time - record.time.mean()
-    moved = left = 0.0
-    for name in named:
-        both = (record[name], record[name] - channels[name])
-        whole, rest = (float(np.var(x - np.polyval(np.polyfit(time, x, 1), time))) for x in both)
-        moved += max(whole - noise[name] ** 2, 0.0)
-        left += max(rest - noise[name] ** 2, 0.0)
-    return float(np.sqrt(left / max(moved, 1e-300)))

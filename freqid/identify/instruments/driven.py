@@ -67,6 +67,34 @@ def driven_maneuvers(
     of motion and a fitted control law they make a closed loop; its response to the injected signals makes
     instruments for a second, better fit, and that the instruments that are returned.
     """
+    loop, flights = _fitted(maneuvers, lines_hz, settings)
+    return tuple(_flown_so(m, f, f.driven(loop, lines_hz)) for m, f in zip(maneuvers, flights, strict=True))
+
+
+def driven_loop(maneuver: Maneuver, lines_hz: Array, settings: Identification) -> tuple[LoopModel, Array]:
+    """Return the closed loop fitted to a manoeuvre, and what the injected signals make of it.
+
+    Parameters
+    ----------
+    maneuver : Maneuver
+    lines_hz : ndarray, shape (M,)
+    settings : Identification
+        As for `driven_maneuvers`, which says what is raised.
+
+    Returns
+    -------
+    LoopModel
+    ndarray, shape (6 + n, sample)
+        Of u v w p q r and the moving effectors, about their means.
+    """
+    loop, (flight,) = _fitted([maneuver], lines_hz, settings)
+    return loop, flight.driven(loop, lines_hz)
+
+
+def _fitted(
+    maneuvers: Sequence[Maneuver], lines_hz: Array, settings: Identification
+) -> tuple[LoopModel, list[_Flight]]:
+    """Return the closed loop of manoeuvres, and these as the loop sees them."""
     named = {n for r in settings.responses for n in settings.regressors_of(r)}
     effectors = tuple(n for n in maneuvers[0].record.group("effector") if n in named)
     flights = [_Flight.of(m, effectors) for m in maneuvers]
@@ -90,7 +118,7 @@ def driven_maneuvers(
     ).estimate
     loop = fit_loop(maneuvers, effectors, measured, injected, wrench, moving)
     loop = _refined(loop, measured, moving, lambda by: equations([f.driven(by, lines_hz) for f in flights]).x)
-    return tuple(_flown_so(m, f, f.driven(loop, lines_hz)) for m, f in zip(maneuvers, flights, strict=True))
+    return loop, flights
 
 
 def _refined(

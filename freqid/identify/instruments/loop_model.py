@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
@@ -76,13 +77,47 @@ class LoopModel:
         ndarray of complex, shape (6 + n, frequency)
             Of u v w p q r and the effectors.
         """
-        wrench = np.concatenate([self.wrench[:, :6], np.zeros((6, 2)), self.wrench[:, 6:]], axis=1)
-        E, A = equations_of_motion(wrench, self.vehicle, self.velocity, self.theta, self.spin, self.momentum)
+        E, A = self._equations()
         s = 2j * np.pi * frequencies_hz
         forward = np.einsum("kn,kf->nf", self.forward, powers_of(s, SIGNAL_POWERS)) * injected
         feedback = law_on_lines(self.feedback, frequencies_hz)
         x = steady_motion(E, A, feedback, forward, frequencies_hz, moving=self.moving)
         return np.concatenate([x[:6], forward + np.einsum("fnx,xf->nf", feedback, x)])
+
+    def free(self) -> tuple[Complex, Complex]:
+        """Return how the loop moves by itself: s of each mode, 1/s, and its shape, (6 + n, mode).
+
+        Of u v w p q r and the effectors, as in `response`; each state moves as exp(s t).
+
+        Notes
+        -----
+        ``(s E_x - A_x - (A_d - s E_d) K(s)) x = 0`` with ``K = K_i / s + K_p + s K_d``, times s: a cubic
+        eigenvalue problem (Tisseur & Meerbergen, SIAM Review 43, 2001), by its companion form.
+        """
+        E, A = self._equations()
+        on = self.moving
+        integral, proportional, derivative = (k[:, on] for k in self.feedback)
+        rigid_E, rigid_A, E_d, A_d = E[on][:, :8][:, on], A[on][:, :8][:, on], E[on][:, 8:], A[on][:, 8:]
+        powers = (
+            -A_d @ integral,
+            -rigid_A - A_d @ proportional + E_d @ integral,
+            rigid_E - A_d @ derivative + E_d @ proportional,
+            E_d @ derivative,
+        )
+        n = len(rigid_E)
+        left, right = np.eye(3 * n, k=n), np.eye(3 * n)
+        left[2 * n :] = -np.concatenate(powers[:3], axis=1)
+        right[2 * n :, 2 * n :] = powers[3]
+        s, shape = scipy.linalg.eig(left, right)
+        kept = np.isfinite(s) & (s != 0)
+        s, x = s[kept], np.zeros((8, int(kept.sum())), dtype=complex)
+        x[on] = shape[:n, kept]
+        positions = np.einsum("knx,km,xm->nm", self.feedback, powers_of(s), x)
+        return s, np.concatenate([x[:6], positions])
+
+    def _equations(self) -> tuple[Array, Array]:
+        wrench = np.concatenate([self.wrench[:, :6], np.zeros((6, 2)), self.wrench[:, 6:]], axis=1)
+        return equations_of_motion(wrench, self.vehicle, self.velocity, self.theta, self.spin, self.momentum)
 
 
 def fit_loop(

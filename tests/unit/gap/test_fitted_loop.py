@@ -52,3 +52,47 @@ def test_forces_hold_little_that_the_aircraft_has_not_where_no_signal_drives(flo
     rest = ~flown[1].driven & (flown[1].hz > 0)
     left, moved = (np.sqrt(np.mean(np.abs(z) ** 2)) for z in (error[rest], own[flown[1].driven]))
     assert left < {"state/ax": 0.15, "state/az": 0.07}[name] * moved  # were 0.31 and 0.10
+
+
+def fitted(flight):
+    found = noise_free(Linear(), flight, lines_of(flight.record, 2.0))
+    assert found.source == "fitted loop"
+    return found
+
+
+@pytest.mark.parametrize("late", [("q", 0.06), ("uw", 0.05), ("q", -0.03)])
+def test_sensors_that_are_late_are_as_late_in_it(late):
+    """A rigid body answers at once: a loop without delay missed a third of gyros that are 45 ms late."""
+    names, by = late
+    own = motion(Truth(), SECONDS, SECONDS, 1)
+    time = DT * np.arange(own["state/q"].size)
+    moved = {f"state/{n}": np.interp(time - by, time, own[f"state/{n}"]) - own[f"state/{n}"] for n in names}
+    flight = fly(noise=0.3, seed=5, duration=SECONDS, phases=1, add=moved)
+    found = fitted(flight).maneuver.record
+    inside = slice(50, -50)
+    for name in ("state/q", "state/w"):
+        clean = own[name] + moved.get(name, 0.0)
+        left = (found[name] - clean)[inside]
+        left = left - np.polyval(np.polyfit(time[inside], left, 1), time[inside])
+        assert left.std() < 0.12 * clean[inside].std(), name
+
+
+def test_motion_that_is_under_way_when_the_record_begins_is_in_it():
+    own = motion(Truth(), SECONDS, SECONDS, 1)
+    first = round(6.0 / DT)
+    flight = fly(noise=0.3, seed=6, duration=SECONDS, phases=1)
+    record = flight.record.cut(first * DT, SECONDS)
+    found = fitted(Maneuver(record, flight.vehicle)).maneuver.record
+    early = slice(0, 75)  # 1.5 s
+    error = (found["state/w"] - own["state/w"][first:])[early]
+    assert error.std() < 0.15 * own["state/w"].std()
+
+
+def test_noise_in_logged_commands_is_not_in_it():
+    """A log that keeps one command in several folds noise into the band, and actuators miss it."""
+    own = motion(Truth(), SECONDS, SECONDS, 1)
+    rng = np.random.default_rng(7)
+    noise = 0.2 * own["command/d1"].std() * rng.standard_normal(own["command/d1"].size)
+    flight = fly(noise=0.3, seed=7, duration=SECONDS, phases=1, add={"command/d1": noise})
+    found = fitted(flight).maneuver.record["command/d1"]
+    assert np.std(found - own["command/d1"]) < 0.15 * noise.std()

@@ -7,7 +7,7 @@ import pytest
 
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Rotor, Vehicle
 from freqid.design.forecast.modelled import perturbed_aircraft
-from freqid.dynamics.small_motion import rotor_spin
+from freqid.dynamics.small_motion import equations_of_motion, rotor_spin
 from freqid.identify.instruments.loop_model import LoopModel
 
 STATES = ("u", "v", "w", "p", "q", "r", "phi", "theta")
@@ -85,3 +85,42 @@ def test_states_that_rest_do_not_answer(linear_aircraft, vehicle):
     answer = model.response(np.array([0.5]), np.ones((4, 1), dtype=complex))
     assert answer[[0, 2, 4]].all()
     assert not answer[[1, 3, 5]].any()
+
+
+def test_by_itself_it_moves_as_its_state_space_with_integrals_does(linear_aircraft, vehicle):
+    wrench = wrench_of(linear_aircraft.DERIVATIVES, ("de", "da", "dr", "n1"))
+    feedback = np.zeros((3, 4, 8))
+    feedback[1, 0, [7, 4]] = 0.35, 0.05  # theta and q to de
+    feedback[0, 0, 7] = 0.2  # the integral of theta
+    feedback[2, 1, 3] = -0.01  # p' to da
+    model = LoopModel(
+        vehicle,
+        np.array([20.0, 0.0, 1.0]),
+        0.05,
+        np.zeros((3, 4)),
+        np.zeros(3),
+        wrench,
+        feedback,
+        np.ones((3, 4)),
+        np.ones(8, dtype=bool),
+    )
+    full = np.concatenate([wrench[:, :6], np.zeros((6, 2)), wrench[:, 6:]], axis=1)
+    E, A = equations_of_motion(full, vehicle, model.velocity, model.theta, model.spin, model.momentum)
+    integral, proportional, derivative = feedback
+    push = A[:, 8:]
+    answers = np.linalg.inv(E[:, :8] - push @ derivative)
+    states = np.block(
+        [
+            [answers @ (A[:, :8] + push @ proportional), answers @ push @ integral],
+            [np.eye(8), np.zeros((8, 8))],
+        ]
+    )
+    expected = np.linalg.eigvals(states)
+    s, shape = model.free()
+    clear = s[np.abs(s) > 1e-3]
+    assert len(clear) == (np.abs(expected) > 1e-3).sum()
+    for mode in clear:
+        assert np.abs(expected - mode).min() < 1e-6 * max(1.0, abs(mode))
+    k = int(np.argmax(np.abs(s.imag)))
+    theta = shape[4, k] / s[k]  # wings are level: theta' = q
+    np.testing.assert_allclose(shape[6, k], (0.35 + 0.2 / s[k]) * theta + 0.05 * shape[4, k], rtol=1e-6)

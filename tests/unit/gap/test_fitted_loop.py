@@ -62,7 +62,7 @@ def fitted(flight):
 
 @pytest.mark.parametrize("late", [("q", 0.06), ("uw", 0.05), ("q", -0.03)])
 def test_sensors_that_are_late_are_as_late_in_it(late):
-    """A rigid body answers at once: a loop without delay missed a third of gyros that are 45 ms late."""
+    """A rigid body answers at once: its loop missed half of gyros that are 60 ms late."""
     names, by = late
     own = motion(Truth(), SECONDS, SECONDS, 1)
     time = DT * np.arange(own["state/q"].size)

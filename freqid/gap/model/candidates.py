@@ -12,6 +12,7 @@ from freqid.core.errors import DataError, ImpossibleSettings
 from freqid.core.vehicle import Vehicle
 from freqid.gap.model.candidate import OTHER, Candidate, Curve, Place
 from freqid.gap.model.changes import beside, change
+from freqid.gap.model.following import late
 from freqid.gap.model.form import actuator_terms, load_terms
 from freqid.gap.model.sizes import SMALLEST, about_zero, absurd, few_of, from_onset, proportional, seen
 from freqid.gap.model.testable import in_force_of, untestable
@@ -68,20 +69,20 @@ def _of_effect(effect: Effect, vehicle: Vehicle, blocks: Sequence[Block]) -> lis
         n: p for n, p in effect.parameters.items() if p.sought and p.scale > 0 and not (own and p.replay_only)
     }
     if effect.alternatives:
-        shapes = [(n, x) for n, p in free.items() for x in p.looked_at]
-        free = {n: p for n, p in free.items() if not p.looked_at}
+        shapes = {n: p for n, p in free.items() if p.looked_at}
+        free = {n: p for n, p in free.items() if n not in shapes}
         places = [Place(n, (n,), effectors=_effectors_of(n, vehicle)) for n in free]
         first = next(iter(free), "")
         places = [Place("", (first,)) if p.label == first and first == effect.size else p for p in places]
         for group in vehicle.groups:
             if all(e in free for e in group.effectors):
                 places.append(Place(f"group {group.name}", group.effectors, effectors=group.effectors))
-        for name, value in shapes:
-            given = f"{name}={value:.4g}"
+        for name, parameter in shapes.items():
             places += [
-                replace(p, label=f"{p.label} {given}".strip(), fixed=((name, value),))
+                replace(p, label=f"{p.label} {name}={value:.4g}".strip(), fixed=((name, value),))
                 for p in places
                 if not p.fixed
+                for value in _looked_at(parameter, p.effectors or tuple(free), blocks)
             ]
         return [c for p in places if (c := _scalar(effect, p, free[p.parameters[0]], blocks))]
     moving = {n: c for n, p in free.items() if (c := _scalar(effect, Place(n, (n,)), p, blocks))}
@@ -110,6 +111,12 @@ def _with_shapes(
                 made = _scalar(effect, place, free[size], blocks)
                 found += [made] if made else []
     return found
+
+
+def _looked_at(parameter: Parameter, effectors: Sequence[str], blocks: Sequence[Block]) -> tuple[float, ...]:
+    """Return the values of a parameter beside its default at which an effect's size is looked for."""
+    times = [late(b.trial, n) for b in blocks for n in effectors if n in b.trial.positions]
+    return (float(np.median(times)),) if parameter.follows and times else parameter.looked_at
 
 
 def _effectors_of(name: str, vehicle: Vehicle) -> tuple[str, ...]:

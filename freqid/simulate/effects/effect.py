@@ -33,6 +33,9 @@ class Parameter:
     looked_at : tuple of float
         Of one that says nothing while the effect's size is zero: values beside the default at which the size
         is looked for; two scales to either side where none are named.
+    follows : bool
+        Whether it is the time that the described actuators take to follow their commands: where a simulation
+        has these, it is looked at there instead.
     sought : bool
         Whether it is looked for; else it may be off within its tolerance and no more.
     replay_only : bool
@@ -49,6 +52,7 @@ class Parameter:
     low: float = -inf
     high: float = inf
     looked_at: tuple[float, ...] = ()
+    follows: bool = False
     sought: bool = True
     replay_only: bool = False
     signs: tuple[str, str] = ("", "")

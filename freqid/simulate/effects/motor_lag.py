@@ -67,6 +67,7 @@ EFFECT = Effect(
             0.0,
             0.5,
             looked_at=(0.03, 0.1),
+            follows=True,
             replay_only=True,
         ),
     },

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from linear_flight import LIBRARY, Linear, Truth, effect, fly
+from linear_flight import LAG, LIBRARY, Linear, Truth, effect, fly, servo
 
 from freqid.core.errors import ImpossibleSettings
 from freqid.gap.model.candidate import OTHER, Candidate, Place
@@ -14,6 +14,8 @@ from freqid.gap.model.candidates import candidates, recomputed
 from freqid.gap.model.changes import change
 from freqid.gap.model.refine import refined
 from freqid.gap.stack.block import stack_of
+from freqid.simulate.effects import motor_lag
+from freqid.simulate.effects.places import one_each
 
 BAND = (0.05, 2.0)
 
@@ -26,6 +28,12 @@ def bent(settings, replay):
 
 
 BENT = effect("bent", "size", 0.2, replay=bent)
+ROTORS = dict.fromkeys(("d1", "d2"), "rotor")
+SLOWER = replace(
+    motor_lag.EFFECT,
+    act=lambda settings, signals, dt, _: motor_lag.EFFECT.act(settings, signals, dt, ROTORS),
+    for_vehicle=lambda v: one_each(v, motor_lag.EFFECT.parameters["extra"], ("surface",)),
+)
 NOWHERE = replace(effect("nowhere", "size", 0.2, replay=bent), needs=("rotor",))
 
 
@@ -149,3 +157,26 @@ def test_sizes_at_which_a_simulation_says_nothing_are_passed_over(blocks):
     sizes = one.sizes if one.curve is None else one.curve.sizes
     assert np.abs(sizes).max() < 0.5
     assert np.abs(one.columns[0]).max() < 1e12
+
+
+def test_a_slower_actuator_is_slower_than_the_simulations_own_one(blocks):
+    """Not than one of some usual time constant, which would make another size of it and another shape."""
+    made, _ = candidates({"motor_lag": SLOWER}, blocks)
+    own = [c for c in made if c.place.fixed]
+    assert {c.place.parameters for c in own} == {("extra",), ("d1",), ("d2",)}
+    assert [dict(c.place.fixed)["time_constant"] for c in own] == pytest.approx([LAG] * 3, rel=0.02)
+    (block,), extra = blocks, 0.8 * LAG
+    sent, every = {n: block.trial.sent[f"command/{n}"] for n in ROTORS}, block.trial.every
+    moved = {n: (servo(x, LAG + extra) - servo(x, LAG))[::every] for n, x in sent.items()}
+    exact = block.transform(block.trial.rows(positions=moved))
+    (of_all,) = (c for c in own if c.place.parameters == ("extra",))
+    z = np.tensordot(of_all.weights(extra), of_all.columns[0], 1)
+    white = np.sqrt(block.noise_power)
+    assert np.linalg.norm((z - exact) / white) < 0.06 * np.linalg.norm(exact / white)
+
+
+def test_a_slower_actuator_is_looked_for_at_usual_time_constants_where_none_is_simulated():
+    (block,) = stack_of(Linear(actuators=False), [fly(noise=1.0, duration=40.0)], ["one"], BAND)
+    made, _ = candidates({"motor_lag": SLOWER}, [block])
+    given = {dict(c.place.fixed).get("time_constant") for c in made if c.effect == "motor_lag"}
+    assert given == {None, *motor_lag.EFFECT.parameters["time_constant"].looked_at}

@@ -78,16 +78,16 @@ class ScenarioSimulation:
     _loops: dict[str, ClosedLoop] = field(default_factory=dict, repr=False)
     _airframes: dict[tuple, Any] = field(default_factory=dict, repr=False)
 
-    @property
+    @cached_property
     def vehicle(self) -> Vehicle:
         """As the scenario describes it."""
         return self.scenario.aircraft()
 
-    @property
-    def effects(self) -> dict[str, dict[str, float]]:
+    @cached_property
+    def effects(self) -> Mapping[str, Mapping[str, float]]:
         """Settings in force, of the effects that act in the simulation's own physics too."""
-        settings = library.settings(self.scenario.simulation.effects, self.vehicle)
-        return {i: s for i, s in settings.items() if i not in description.absent_effects(self.scenario)}
+        absent = description.absent_effects(self.scenario)
+        return {i: s for i, s in self._settings(None).items() if i not in absent}
 
     @property
     def parts(self) -> tuple[str, ...]:

@@ -78,16 +78,15 @@ class ScenarioSimulation:
     _loops: dict[str, ClosedLoop] = field(default_factory=dict, repr=False)
     _airframes: dict[tuple, Any] = field(default_factory=dict, repr=False)
 
-    @cached_property
+    @property
     def vehicle(self) -> Vehicle:
         """As the scenario describes it."""
-        return self.scenario.aircraft()
+        return self._vehicle
 
-    @cached_property
-    def effects(self) -> Mapping[str, Mapping[str, float]]:
+    @property
+    def effects(self) -> Settings:
         """Settings in force, of the effects that act in the simulation's own physics too."""
-        absent = description.absent_effects(self.scenario)
-        return {i: s for i, s in self._settings(None).items() if i not in absent}
+        return self._effects
 
     @property
     def parts(self) -> tuple[str, ...]:
@@ -272,6 +271,15 @@ class ScenarioSimulation:
             if changed
             else self.scenario
         )
+
+    @cached_property
+    def _vehicle(self) -> Vehicle:
+        return self.scenario.aircraft()
+
+    @cached_property
+    def _effects(self) -> Settings:
+        absent = description.absent_effects(self.scenario)
+        return {i: s for i, s in self._settings(None).items() if i not in absent}
 
     @cached_property
     def _tolerances(self) -> dict[str, Tolerance]:

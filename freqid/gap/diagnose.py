@@ -220,7 +220,7 @@ def diagnose(
     relations = {n.partition("/")[2]: f for n, f in forms.items() if n.startswith("kinematic/")}
     forms = {n: f for n, f in forms.items() if "/" not in n}
     existence = _existence(exists, p, threshold, q.level, evidence, used, forms)
-    which = _which(ranking, evidence, explanation, exists, not_tested, closed, used)
+    which = _which(ranking, evidence, explanation, exists, not_tested, closed, used, library)
     sensors = _sensors(explanation, library, which) if exists else ()
     where = tuple(cells.places()) if exists else ()
     closures = tuple(_figures(c, system) for c in closed)
@@ -358,6 +358,7 @@ def _which(
     not_tested: dict[str, str],
     closed: Sequence[Closed],
     blocks: Sequence[Block],
+    library: Mapping[str, Effect],
 ) -> Which:
     effects = [e for e in ranking.credible if e not in (NONE, OTHER)]
     effects += [e for e in (explanation.effects if explanation else ()) if e not in effects and e != OTHER]
@@ -371,15 +372,16 @@ def _which(
         )
         found = own or estimate(evidence, index, INTERVAL)
         c = found.candidate
-        label = "" if c.place.fixed else c.place.label
-        names = c.place.parameters if c.kind == "vector" else (label or c.place.parameters[0],)
+        names = c.place.parameters if c.kind == "vector" else (c.place.at or c.place.parameters[0],)
         parameters[effect] = {
             n: Interval(float(x), float(lo), float(hi), unit)
             for n, x, lo, hi, unit in zip(
                 names, found.size, found.lo, found.hi, c.units or (c.unit,) * len(names), strict=False
             )
         }
-        parameters[effect] |= {n: Interval(v, v, v, "") for n, v in c.place.fixed}
+        parameters[effect] |= {
+            n: Interval(v, v, v, library[effect].parameters[n].unit) for n, v in c.place.fixed
+        }
     own = evidence.best_place(OTHER) if OTHER in ranking.credible else None
     if own is not None and evidence.system.candidates[own].kind == "scalar":
         found, name = estimate(evidence, own, INTERVAL), evidence.system.candidates[own].place.label

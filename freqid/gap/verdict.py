@@ -150,10 +150,10 @@ def _said(effect: str, which: Which) -> str:
     """Return an effect with its place and its size."""
     place = which.places.get(effect, "")
     sizes = which.parameters.get(effect, {})
-    label = f"{effect} of {place}" if place and place != "all" and "=" not in place else effect
-    if len(sizes) == 1 or (sizes and "=" in place):
-        return f"{label} {_interval(next(iter(sizes.values())))}"
-    return label
+    at = " ".join(word for word in place.split() if "=" not in word)
+    label = f"{effect} of {at}" if at and at != "all" else effect
+    found = [x for n, x in sizes.items() if f"{n}=" not in place]  # what was given is not estimated
+    return f"{label} {_interval(found[0])}" if len(found) == 1 else label
 
 
 def _name(which: Which, faults: Sequence[str], library: Mapping[str, Effect]) -> str:

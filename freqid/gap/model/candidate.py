@@ -23,7 +23,8 @@ class Place:
     Attributes
     ----------
     label : str
-        ``de1``, ``group v_tail``, ``onset=0.2``; empty where there is one place only.
+        ``de1``, ``group v_tail``, ``onset=0.2``, ``n4 time_constant=0.055``; empty where there is one place
+        only.
     parameters : tuple of str
         That are moved: all by the same size, or each by its own in a vector.
     fixed : tuple of (str, float)
@@ -36,6 +37,11 @@ class Place:
     parameters: tuple[str, ...]
     fixed: tuple[tuple[str, float], ...] = ()
     effectors: tuple[str, ...] = ()
+
+    @property
+    def at(self) -> str:
+        """The label without what else is given."""
+        return " ".join(word for word in self.label.split() if "=" not in word)
 
     def settings(self, in_force: Mapping[str, float], size: float | Array) -> dict[str, float]:
         """Return the effect's parameters at a size, or at one each, added to their values in force."""

@@ -49,6 +49,18 @@ def test_a_name_stands_with_place_size_meaning_and_probability():
     assert text.endswith("probability 0.97.")
 
 
+def test_a_place_keeps_its_name_where_something_else_is_given_of_it():
+    sizes = {"n4": Interval(0.06, 0.05, 0.07, "s"), "time_constant": Interval(0.055, 0.055, 0.055, "s")}
+    late = replace(
+        WORN,
+        probabilities={"motor_lag": 1.0},
+        parameters={"motor_lag": sizes},
+        named=("motor_lag",),
+        places={"motor_lag": "n4 time_constant=0.055"},
+    )
+    assert "motor_lag of n4 0.06 s (0.05 to 0.07) (Motors follow" in said(late)
+
+
 def test_what_goes_stands_beside_what_tolerances_would_have_to_do():
     text = said(closures=(CLOSURE,))
     assert (

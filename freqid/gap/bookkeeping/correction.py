@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
-from freqid.gap.bookkeeping.comparison import Comparison, difference, energy
+from freqid.gap.bookkeeping.comparison import Comparison, Parts, difference, energy
 
 SHARP = 0.15  # departure of the fitted size from the mistake's own
 _SCATTERS = 2.0  # standard deviations of the noise's energy within which there is nothing but noise
@@ -17,6 +17,7 @@ LEAST = 0.003  # residual over the response's own energy that is worth a word
 # Of a change, its share in motion or in level, and of a response's energy: what has to be right by itself.
 # Levels are judged less, because sensors' offsets are among them.
 _MOTION, _LEVEL, _ROW = 0.02, 0.2, 0.005
+_NUMBERS = 1.5  # that a change has to be spread over: one alone fits one of a hundred mistakes by chance
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +33,9 @@ class Correction:
         How much of the change fits best; one for a mistake that is exactly what it is called.
     apart, by_row : tuple of float
         The same of fluctuations and levels, and of each response, by themselves, where they change enough.
+    numbers : float
+        Over how many independent numbers the change is spread: the level of each response in each record is
+        one, its fluctuation as many as there are degrees of freedom.
     """
 
     before: Array
@@ -40,6 +44,7 @@ class Correction:
     fitted: float
     apart: tuple[float, ...]
     by_row: tuple[float, ...]
+    numbers: float
 
     @classmethod
     def of(
@@ -67,13 +72,16 @@ class Correction:
             if size.sum() > least * whole
         ]
         each = [float(p / s) for p, s in zip(by_row, of_row, strict=True) if s > _ROW * len(comparisons)]
-        return cls(before, after, touched, float(by_row.sum()) / whole, tuple(apart), tuple(each))
+        fitted = float(by_row.sum()) / whole
+        numbers = _spread(changes, [t.degrees_of_freedom for t in comparisons])
+        return cls(before, after, touched, fitted, tuple(apart), tuple(each), numbers)
 
     @property
     def sharp(self) -> bool:
-        """Whether it is by exactly the mistake's size that the change fits."""
+        """Whether it is by exactly the mistake's size that the change fits, and not by chance."""
         return (
-            abs(self.fitted - 1) < SHARP
+            self.numbers > _NUMBERS
+            and abs(self.fitted - 1) < SHARP
             and all(abs(part - 1) < 2 * SHARP for part in self.apart)
             and all(abs(row - 1) < 4 * SHARP for row in self.by_row)
         )
@@ -98,6 +106,17 @@ class Correction:
         scatter = float(np.linalg.norm(noise[self.touched])) * np.sqrt(2 / freedom)
         least = max(LEAST * max(1, self.touched.size), _SCATTERS * scatter)
         return float(1 - after / before) if before > least else 0.0
+
+
+def _spread(changes: Sequence[Parts], freedom: Sequence[int]) -> float:
+    """Return the participation ratio of a change: its energy squared over its numbers' squared energies."""
+    energies = [
+        np.concatenate([(f**2).sum(axis=1), level**2]) / np.repeat([n, 1], len(level))
+        for (f, level), n in zip(changes, freedom, strict=True)
+    ]
+    counts = [np.repeat([n, 1], len(level)) for (_, level), n in zip(changes, freedom, strict=True)]
+    e, n = np.concatenate(energies), np.concatenate(counts)
+    return float((n * e).sum() ** 2 / max((n * e**2).sum(), 1e-300))
 
 
 def gain_of(comparisons: Sequence[Comparison], predicted: Sequence[Array]) -> float:

@@ -8,6 +8,7 @@ prescribed motion follows, are recorded.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from freqid.core.record import Channel, FlightRecord
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Rotor, Vehicle
 from freqid.dynamics.frames import level_from_body
 from freqid.gap.bookkeeping.check import check
+from freqid.gap.bookkeeping.correction import Correction
 
 MASS, GRAVITY, INERTIA = 30.0, 9.80665, np.array([3.0, 6.0, 8.0])
 AREA, SPAN, CHORD, SPIN = 1.2, 1.9, 0.35, 0.02
@@ -293,3 +295,20 @@ def test_a_simulation_that_is_made_for_the_densities_flown_alone_is_checked(flig
 def test_a_constant_where_the_records_move_is_refused(flight):
     with pytest.raises(DataError, match=r"returned the constant 0 as 'Y', which changes by .* \(rms\)"):
         check(Made(after=times(0.0, 1)), [flight()])
+
+
+def test_one_number_is_no_evidence_of_a_mistake():
+    """In hover a factor on the velocities changes hardly more than the level of one force."""
+    quiet, rng = np.zeros((3, 40)), np.random.default_rng(0)
+
+    def record(level, motion):
+        now, there = (motion, np.array(level)), (quiet, np.zeros(3))
+        return SimpleNamespace(predicted=now, degrees_of_freedom=20, residual=lambda p: p), there
+
+    def correction(*records):
+        comparisons, there = zip(*records, strict=True)
+        return Correction.of(comparisons, there, ())
+
+    assert not correction(record([0, 0, 0], quiet), record([1.5, 0.1, 0], quiet)).sharp
+    assert correction(record([1.5, 0, 0], quiet), record([1.5, 0.1, 0], quiet)).sharp
+    assert correction(record([1.5, 0, 0], rng.normal(0, 0.2, (3, 40)))).sharp

@@ -200,6 +200,8 @@ def diagnose(
             evidence, leading, bool(q.named), columns, used, library, q.tolerances
         )
         system = joint.system
+        if explanation.effects[0] not in leading:  # computed at its size, another one took its place
+            evidence, ranking = joint, rank(joint, exists, INTERVAL, TEMPERATURE, p_none)
     by_effect = [_made(e, used) for e in _clear(explanation)]
     explained = [sum((one[i] for one in by_effect), np.zeros_like(b.residual)) for i, b in enumerate(used)]
     cells = gap_map(used, joint_columns, by_effect or [[b.residual for b in used]])

@@ -286,12 +286,12 @@ def test_separation_from_a_vector_is_what_no_combination_of_it_copies(dense):
 
 
 def test_a_second_effect_is_weighed_with_the_first_one_free():
-    dense = Dense(effect=np.r_[2.0, np.zeros(6), 1.5, -1.0, 1.0])
+    dense = Dense(effect=np.r_[4.0, np.zeros(6), 1.5, -1.0, 1.0])
     evidence = weigh(dense.system)
     found, _ = explain(evidence, ("heavy",))
     assert set(found.effects) == {"heavy", "off"}
     first = estimate(evidence, 0, 0.9).weights @ dense.at(0)
-    free = 1e8 * np.outer(first, first)
+    free = 1e6 * np.outer(first, first)
     columns = dense.at(3)
     with_it, without = [], []
     for f in FORMS:
@@ -303,6 +303,18 @@ def test_a_second_effect_is_weighed_with_the_first_one_free():
         with_it.append(logsumexp(each) - np.log(3) + same)
     expected = logsumexp(with_it) - logsumexp(without)
     assert found.gains[1] == pytest.approx(expected, rel=1e-4)
+
+
+def test_one_effect_that_explains_all_stands_alone():
+    """Whichever came first: what is not needed beside a later one is dropped, and chance gains none."""
+    dense = Dense(effect=np.r_[np.zeros(7), 1.5, -1.0, 1.0])
+    evidence = weigh(dense.system)
+    for first in ("off", "heavy", "late"):
+        found, _ = explain(evidence, (first,))
+        assert found.effects == ("off",)
+        assert found.gains == pytest.approx((evidence.effect["off"],))
+    found, _ = explain(evidence, ("heavy",), asked=True)
+    assert found.effects == ("heavy", "off")
 
 
 def test_sizes_of_several_effects_at_once_are_as_the_whole_posterior_has_them():

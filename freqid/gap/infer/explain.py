@@ -13,6 +13,7 @@ from freqid.gap.infer.evidence import Estimate, Evidence, directions, estimate, 
 from freqid.gap.infer.forms import forms_beside
 from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.infer.system import System
+from freqid.gap.infer.weighing import log_mean
 from freqid.gap.model.candidate import OTHER
 from freqid.gap.settings import INTERVAL, SEPARATE
 
@@ -32,8 +33,8 @@ class Explanation:
     places : tuple of int
         Candidates.
     gains : tuple of float
-        Nats by which each raised the evidence when it was added, given those before it. The effects may have
-        been exchanged since.
+        Nats by which each raised the evidence when it was added, given those before it; alone where one of
+        these was dropped. The effects may have been exchanged since.
     estimates : tuple of Estimate
         Of each alone where there is one; jointly where there are several.
     """
@@ -76,11 +77,13 @@ def explain(
 ) -> tuple[Explanation, Evidence]:
     """Return effects and those that the evidence supports beside them, and the evidence with these.
 
-    The likeliest place's columns are freed, and all others are asked again, until none gains `SEPARATE` nats.
-    What one effect alone leaves looks like an error of form in every row where the second acts: so the errors
-    of form that are possible are looked for anew beside each effect that is found. The likeliest of the
-    others are computed at their size beside it before one is chosen. And the best single effect need not be
-    one of the best two: each of those found is asked for again beside the others.
+    The likeliest place's columns are freed, and all others are asked again, until one more effect, whichever
+    it is, raises the evidence by less than `SEPARATE` nats: as with the first one, the odds are shared by all
+    that are asked. What one effect alone leaves looks like an error of form in every row where the second
+    acts: so the errors of form that are possible are looked for anew beside each effect that is found. The
+    likeliest of the others are computed at their size beside it before one is chosen. And the best single
+    effect need not be one of the best two: each of those found is asked for again beside the others, where
+    another one may take its place, or none.
 
     Parameters
     ----------
@@ -97,22 +100,26 @@ def explain(
     """
     places, gains = [evidence.best_place(e) for e in first], [evidence.effect[e] for e in first]
     computed: list[int] = []
+    tried: set[frozenset[int]] = set()
     while True:
         if compute is not None and places != computed:
             computed, evidence = places, _settled(evidence, _explanation(evidence, places, gains), compute)
-        if len(places) >= _MOST:
+        if len(places) >= _MOST or frozenset(places) in tried:
             break
+        tried.add(frozenset(places))
         evidence = _with_forms_beside(evidence, places, terms)
         found = _finalists(evidence, places)
         if compute is not None and found:
             given = _weights(evidence, places)
             others = [(i, estimate(evidence, i, INTERVAL, given=given)) for _, i in found]
             evidence = compute(evidence, _explanation(evidence, places, gains), others)
-            found = _finalists(evidence, places)
-        if not found or found[0][0] < SEPARATE:
+        every = _beside(evidence, places)
+        if _raised(every) < SEPARATE:
             break
-        gains.append(found[0][0])
-        places = _exchanged(evidence, [*places, found[0][1]], first=len(first) if asked else 0)
+        gains.append(every[0][0])
+        places = _exchanged(evidence, [*places, every[0][1]], first=len(first) if asked else 0)
+        if len(places) < len(gains):
+            gains = [evidence.effect[evidence.system.candidates[i].effect] for i in places]
     return _explanation(evidence, places, gains), evidence
 
 
@@ -139,10 +146,20 @@ def _explanation(evidence: Evidence, places: list[int], gains: list[float]) -> E
     return Explanation(tuple(places), tuple(gains), joint_estimates(evidence, places))
 
 
+def _beside(evidence: Evidence, places: list[int]) -> list[tuple[float, int]]:
+    """Return the nats that each effect gains beside others, and its place, the largest first."""
+    taken = {evidence.system.candidates[i].effect for i in places} | {OTHER}
+    return sorted((gain for e, gain in _given(evidence, places).items() if e not in taken), reverse=True)
+
+
+def _raised(every: Sequence[tuple[float, int]]) -> float:
+    """Return the nats by which one more effect raises the evidence, whichever of all it is."""
+    return float(log_mean(np.array([gain for gain, _ in every]))) if every else -np.inf
+
+
 def _finalists(evidence: Evidence, places: list[int]) -> list[tuple[float, int]]:
     """Return the nats and the places of the effects that gain most beside others, none of these again."""
-    taken = {evidence.system.candidates[i].effect for i in places} | {OTHER}
-    gains = sorted((gain for e, gain in _given(evidence, places).items() if e not in taken), reverse=True)
+    gains = _beside(evidence, places)
     least = max(gains[0][0] - _BEHIND, 0.0) if gains else 0.0
     return [one for one in gains[:_FINALISTS] if one[0] >= least]
 
@@ -171,14 +188,15 @@ def _with_forms_beside(evidence: Evidence, places: list[int], terms: Sequence[st
 
 
 def _exchanged(evidence: Evidence, places: list[int], first: int) -> list[int]:
-    """Return places, each from a first one on the best beside the others."""
+    """Return places, each from a first one on the best beside the others; none that is no longer needed."""
     for _ in range(len(places)):
         before = list(places)
         for k in range(first, len(places)):
             others = places[:k] + places[k + 1 :]
-            best = _finalists(evidence, others)
-            if best:
-                places = [*places[:k], best[0][1], *places[k + 1 :]]
+            every = _beside(evidence, others)
+            if _raised(every) < SEPARATE:
+                return others
+            places = [*places[:k], every[0][1], *places[k + 1 :]]
         if places == before:
             break
     return places

@@ -21,6 +21,7 @@ from freqid.core.scenario import read_scenario
 from freqid.core.vehicle import Vehicle
 from freqid.gap.connect import answers
 from freqid.gap.connect.differences import by_parameters, central
+from freqid.gap.connect.what_is_read import Answers
 from freqid.gap.simulation import LARGEST_SIGMA, Departures, Settings, Tolerance, checked_departures
 from freqid.identify.loads.explanatory import history
 
@@ -69,6 +70,7 @@ class CallableSimulation:
     parts: tuple[str, ...] = ()
     tolerances: Mapping[str, Tolerance] = None  # type: ignore[assignment]
     gyroscopic: bool | None = None
+    _moved: Answers[dict[str, Array]] = field(default_factory=Answers, init=False, repr=False)
 
     def __post_init__(self) -> None:
         def fill(name: str, value: Any) -> None:
@@ -127,9 +129,13 @@ class CallableSimulation:
         command = {n: record[f"command/{n}"].copy() for n in record.group("command")}
         if not self.has_actuators or not command:
             return {}
-        where, parameters = f"{self.name}.positions", self._parameters(effects, departures)
-        made = self._called(self.function.positions, record.time.copy(), command, parameters)
-        return answers.signals(made, record.time, dict.fromkeys(command), where)
+
+        def ask(parameters: dict[str, Any]) -> dict[str, Array]:
+            made = self._called(self.function.positions, record.time.copy(), command, parameters)
+            return answers.signals(made, record.time, dict.fromkeys(command), f"{self.name}.positions")
+
+        made = self._moved.of(record, self._parameters(effects, departures), ask)
+        return {n: x.copy() for n, x in made.items()}
 
     def fly(
         self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None

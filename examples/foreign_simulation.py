@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
-from scipy.signal import lsim
+from scipy.signal import cont2discrete, lfilter
 
 EFFECT = 0.06  # s, by which the elevator is late in flight; 0 for flights without a gap
 STATED = 1.0  # what the simulation states, of the scatter that flies; try 0.5 and 3
@@ -42,7 +42,8 @@ def positions(time, command, parameters):
     w = 50.0 * (1 + parameters.get("elevator.natural_frequency", 0.0))
     z = 0.7 * (1 + parameters.get("elevator.damping", 0.0))
     first = command["elevator"][0]
-    moved = lsim(([w * w], [1, 2 * z * w, w * w]), command["elevator"] - first, time - time[0])[1]
+    above, below, _ = cont2discrete(([w * w], [1, 2 * z * w, w * w]), time[1] - time[0], method="foh")
+    moved = lfilter(above.ravel(), below, command["elevator"] - first)
     gain = 1 + parameters.get("elevator.gain", 0.0)
     return {"elevator": gain * (first + moved), "throttle": command["throttle"]}
 

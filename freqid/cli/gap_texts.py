@@ -58,8 +58,8 @@ def next_text(table: Mapping[str, Any]) -> str:
 
 def _gap(d: GapDiagnosis) -> str:
     return (
-        f"Gap: p = {d.gap.p:.2g} (level {d.gap.level:g}); a chi-square test that is blind to tolerances: "
-        f"{d.gap.naive_p:.2g}."
+        f"Gap: p = {d.gap.p:.2g}; one is called up to {d.gap.level:g}. "
+        f"A chi-square test, which knows of no tolerances, would say {d.gap.naive_p:.2g}."
     )
 
 

@@ -94,7 +94,8 @@ def _closed(closure: Closure, which: Which, faults: Sequence[str]) -> str:
     alone = closure.tolerances_only.G
     same = {*which.named, *which.pair} & set(closure.effects)
     only_sensors = bool(which.named) and set(which.named) <= set(faults)
-    what = ("that fault" if only_sensors else "it") if same else " and ".join(closure.effects)
+    it = "both" if len(closure.effects) > 1 else "that fault" if only_sensors else "it"
+    what = it if same else " and ".join(closure.effects)
     both, own = closure.wrench.G, closure.effect_only.G
     text = f"; with {what} {100 * both:.0f} % of the gap is closed {closure.scored_text}"
     if np.isfinite(own) and own < both - _LESS:
@@ -103,7 +104,7 @@ def _closed(closure: Closure, which: Which, faults: Sequence[str]) -> str:
         return text
     strained = _strained(closure)
     need = f", but only with {strained}" if strained else ""
-    return f"{text}. Without {what}, tolerances alone would close {100 * alone:.0f} % of it{need}"
+    return f"{text}. Without {'them' if what == 'both' else what}, tolerances alone would close {100 * alone:.0f} % of it{need}"
 
 
 def _strained(closure: Closure) -> str:

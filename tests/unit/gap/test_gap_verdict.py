@@ -79,6 +79,13 @@ def test_an_effect_that_closes_less_alone_is_said_to():
     assert "is closed on c.h5; by it alone, at nominal tolerances, 4 %. Without it" in text
 
 
+def test_a_closure_by_two_effects_is_said_of_both():
+    two = replace(CLOSURE, effects=("surface_effectiveness", "mass"), effect_only=Share(0.04, 0.0, 0.1))
+    text = said(replace(WORN, pair=("surface_effectiveness", "mass")), closures=(two,))
+    assert "with both 98 % of the gap is closed on c.h5; by both alone, at nominal tolerances, 4 %" in text
+    assert "Without them, tolerances alone" in text
+
+
 def test_a_name_that_is_withdrawn_is_none():
     gone = replace(WORN, named=(), withdrawn={"surface_effectiveness": "its size is at the end"})
     text = said(gone, (CLOSURE,))

@@ -102,9 +102,9 @@ def _closed(closure: Closure, which: Which, faults: Sequence[str]) -> str:
         text += f"; by {what} alone, at nominal tolerances, {100 * max(own, 0.0):.0f} %"
     if not np.isfinite(alone):
         return text
-    strained = _strained(closure)
+    strained, without = _strained(closure), "them" if what == "both" else what
     need = f", but only with {strained}" if strained else ""
-    return f"{text}. Without {'them' if what == 'both' else what}, tolerances alone would close {100 * alone:.0f} % of it{need}"
+    return f"{text}. Without {without}, tolerances alone would close {100 * alone:.0f} % of it{need}"
 
 
 def _strained(closure: Closure) -> str:

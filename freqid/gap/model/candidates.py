@@ -72,11 +72,13 @@ def _of_effect(effect: Effect, vehicle: Vehicle, blocks: Sequence[Block]) -> lis
         shapes = {n: p for n, p in free.items() if p.looked_at}
         free = {n: p for n, p in free.items() if n not in shapes}
         places = [Place(n, (n,), effectors=_effectors_of(n, vehicle)) for n in free]
-        first = next(iter(free), "")
-        places = [Place("", (first,)) if p.label == first and first == effect.size else p for p in places]
-        for group in vehicle.groups:
-            if all(e in free for e in group.effectors):
-                places.append(Place(f"group {group.name}", group.effectors, effectors=group.effectors))
+        if effect.size in free and effect.stage != "sensor":  # at all places alike; sensors have no such size
+            places[0] = Place("", (effect.size,))
+        places += [
+            Place(f"group {group.name}", group.effectors, effectors=group.effectors)
+            for group in vehicle.groups
+            if all(e in free for e in group.effectors)
+        ]
         for name, parameter in shapes.items():
             places += [
                 replace(p, label=f"{p.label} {name}={value:.4g}".strip(), fixed=((name, value),))

@@ -39,14 +39,14 @@ def test_every_effect_is_inserted_at_its_places_with_the_detectability_asked_for
             assert c.bounds[0] <= i.size[0] <= c.bounds[1]
 
 
-@pytest.mark.parametrize("name", ["mass", "unsteady_lift", "time_skew"])
+@pytest.mark.parametrize("name", ["mass", "unsteady_lift", "time_skew@velocity"])
 def test_an_insertion_is_what_the_full_formula_makes_of_the_stack(findings, used, inserted, library, name):
     """Its products with all columns are those of a column that is computed here at that size."""
     blocks, columns = used
     system = findings.evidence.system
     for one in of(findings, inserted, name):
         c = system.candidates[one.candidate]
-        effect = library[name].of(blocks[0].trial.maneuver.vehicle)
+        effect = library[c.effect].of(blocks[0].trial.maneuver.vehicle)
         settings = dict.fromkeys(c.place.parameters, float(one.size[0]))
         fresh = [b.white(b.transform(change(effect, b.trial, settings)))[None] for b in blocks]
         matrices = [

@@ -62,18 +62,8 @@ def _all_at_once(name: str) -> Callable[..., Any]:
     return method
 
 
-for _name in ("keys", "values", "items", "copy", "pop", "popitem", "setdefault", "update", "clear"):
-    setattr(Noted, _name, _all_at_once(_name))
-for _name in (
-    "__eq__",
-    "__ne__",
-    "__or__",
-    "__ror__",
-    "__ior__",
-    "__reversed__",
-    "__setitem__",
-    "__delitem__",
-):
+_WHOLE = "keys values items copy pop popitem setdefault update clear __eq__ __ne__ __or__ __ror__ __ior__"
+for _name in f"{_WHOLE} __reversed__ __setitem__ __delitem__".split():
     setattr(Noted, _name, _all_at_once(_name))
 
 

@@ -117,8 +117,10 @@ def _with_shapes(
 
 def _looked_at(parameter: Parameter, effectors: Sequence[str], blocks: Sequence[Block]) -> tuple[float, ...]:
     """Return the values of a parameter beside its default at which an effect's size is looked for."""
+    if not parameter.follows:
+        return parameter.looked_at
     times = [late(b.trial, n) for b in blocks for n in effectors if n in b.trial.positions]
-    return (float(np.median(times)),) if parameter.follows and times else parameter.looked_at
+    return (float(np.median(times)),) if times else parameter.looked_at
 
 
 def _effectors_of(name: str, vehicle: Vehicle) -> tuple[str, ...]:

@@ -66,7 +66,12 @@ def test_a_name_that_is_not_there_is_read_too():
 def test_who_takes_all_at_once_is_always_asked(of_all):
     servo = Counted(of_all)
     assert [servo(a=1, b=x) for x in (1, 2, 1)] == [2, 3, 2]
-    assert bool(Noted({"a": 0.0}))
+
+
+def test_whether_there_are_any_is_a_question_of_all():
+    noted = Noted({"a": 0.0})
+    assert noted
+    assert noted.whole
 
 
 def test_answers_are_kept_by_what_they_are_about_and_no_longer():

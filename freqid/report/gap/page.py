@@ -176,7 +176,7 @@ def _facts(result: GapResult) -> list[tuple[str, str]]:
     used = len(d.records) - held_out
     facts = [
         ("p if there is no gap", f"{d.gap.p:.2g} (level {short(d.gap.level)})"),
-        ("p by chi-square, blind to tolerances", f"{d.gap.naive_p:.2g}"),
+        ("p by chi-square, which knows of no tolerances", f"{d.gap.naive_p:.2g}"),
         ("Records", f"{used} used, in {len(result.spectra)} conditions; {held_out or 'none'} held out"),
         (
             "Error of form of the simulation's terms",

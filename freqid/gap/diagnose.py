@@ -164,16 +164,17 @@ def diagnose(
     evidence = weigh(system)
     form_error = evidence.form_error()
     without = likelier_without(system, columns, used, q.candidates, q.tolerances, form_error)
-    evidence = replace(evidence, without=without)
+    evidence = replace(evidence, without=without)  # asked here alone: later ones stand on other lines
     null = null_statistics(evidence, q.draws, q.seed)
     drawn = float((1 + (null >= evidence.statistic).sum()) / (1 + null.size))
-    p = max(drawn, probability_of_none(evidence))
+    p_none = probability_of_none(evidence)
+    p = max(drawn, p_none)
     threshold = threshold_of(null, q.level)
     exists = p <= q.level
     if exists:
         tell("computing the likeliest effects at their size")
         system, columns = at_their_size(evidence, columns, used, q.candidates, q.tolerances)
-        evidence = replace(weigh(system), without=without)
+        evidence = weigh(system)
     found: dict[str, Settings] = {}
     for _ in range(_FLIGHTS if exists and departs else 0):
         beside = likeliest_departures(system, used, q.tolerances, evidence.form_error())[0]
@@ -187,8 +188,7 @@ def diagnose(
         behind = _behind(evidence, q.candidates)
         system, not_tested, columns, used = build(used, q.candidates, q.tolerances, behind)
         system, columns = at_their_size(weigh(system), columns, used, q.candidates, q.tolerances)
-        evidence = replace(weigh(system), without=without)
-    p_none = probability_of_none(evidence)
+        evidence = weigh(system)
     ranking = rank(evidence, exists, INTERVAL, TEMPERATURE, p_none if exists else max(p_none, 0.5))
     leading = _leading(q.named, ranking)
     explanation: Explanation | None = None

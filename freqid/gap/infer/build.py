@@ -26,6 +26,8 @@ from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
 
+_SETTLING = 4  # times at most that effects are computed near their estimates
+
 
 def build(
     blocks: Sequence[Block],
@@ -75,16 +77,20 @@ def at_their_size(
 ) -> tuple[System, list[Columns]]:
     """Return the evidence's system with the likeliest effects' columns at sizes near their estimates.
 
-    And tolerances straight about these.
+    And tolerances straight about these. Again where estimates move: far from where it was computed, a strong
+    effect's columns are wrong by many times the noise, and the estimate stays where they are right.
     """
-    system = evidence.system
-    new = list(system.candidates)
-    for i in likeliest(evidence):
-        new[i] = refined(new[i], float(estimate(evidence, i, INTERVAL).size[0]), library, blocks)
-    if all(a is b for a, b in zip(new, system.candidates, strict=True)):
-        return system, list(columns)
-    system, columns = rebuilt(system, new, columns, blocks)
-    return relinearised(system, columns, blocks, library, sizes, evidence.form_error())
+    system, columns = evidence.system, list(columns)
+    for _ in range(_SETTLING):
+        new = list(system.candidates)
+        for i in likeliest(evidence):
+            new[i] = refined(new[i], float(estimate(evidence, i, INTERVAL).size[0]), library, blocks)
+        if all(a is b for a, b in zip(new, system.candidates, strict=True)):
+            break
+        system, columns = rebuilt(system, new, columns, blocks)
+        system, columns = relinearised(system, columns, blocks, library, sizes, evidence.form_error())
+        evidence = weigh(system)
+    return system, columns
 
 
 def flown_departures(

@@ -8,6 +8,7 @@ from math import inf
 from typing import Literal, NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from freqid.core.arrays import Array, Complex
 
@@ -110,11 +111,11 @@ class Candidate:
         return f"{self.effect}@{self.place.label}" if self.place.label else self.effect
 
     def weights(self, size: float | Array) -> Array:
-        """Return the weights of a scalar's columns at a size: straight between sizes, and to zero.
+        """Return the weights of a scalar's columns at a size: smooth between sizes, and to zero.
 
         Shape (column,), or (size, column) at several sizes.
         """
-        weights = _straight(self.sizes if self.curve is None else self.curve.sizes, np.atleast_1d(size))
+        weights = _between(self.sizes if self.curve is None else self.curve.sizes, np.atleast_1d(size))
         weights = weights if self.curve is None else weights @ self.curve.mix
         return weights if np.ndim(size) else weights[0]
 
@@ -126,18 +127,23 @@ class Candidate:
         return place.settings(in_force, share * self.sizes[column])
 
 
-def _straight(sizes: Array, wanted: Array) -> Array:
-    """Return the weights of the changes at some sizes in those at others, shape (wanted, size)."""
-    weights = np.zeros((wanted.size, sizes.size))
-    for sign in (-1, 1):
-        mine, same = np.flatnonzero(np.sign(wanted) == sign), np.flatnonzero(np.sign(sizes) == sign)
-        if same.size == 0:  # proportional, or nothing is known on that side
-            weights[mine, 0] = wanted[mine] / sizes[0]
-            continue
-        order = same[np.argsort(np.abs(sizes[same]))]
-        at, x = np.abs(sizes[order]), np.abs(wanted[mine])
-        for k, column in enumerate(np.eye(at.size)):
-            weights[mine, order[k]] = np.interp(x, [0.0, *at], [0.0, *column])
-        beyond = x > at[-1]
-        weights[mine[beyond], order[-1]] = x[beyond] / at[-1]
+def _between(sizes: Array, wanted: Array) -> Array:
+    """Return the weights of the changes at some sizes in those at others, shape (wanted, size).
+
+    By cubic Hermite polynomials through the sizes and zero, whose slopes are those of parabolas through three
+    neighbours: weights are the same whatever the changes are, and a delay turns the phase, which straight
+    lines between sizes cut short. Beyond the outermost sizes, and on a side where there is none, a change is
+    taken as proportional.
+    """
+    nodes = np.union1d(sizes, 0.0)
+    known = np.zeros((nodes.size, sizes.size))
+    known[np.searchsorted(nodes, sizes), np.arange(sizes.size)] = 1.0
+    inside = np.clip(wanted, nodes[0], nodes[-1])
+    slopes = np.gradient(known, nodes, axis=0, edge_order=2 if nodes.size > 2 else 1)
+    weights = CubicHermiteSpline(nodes, known, slopes)(inside)
+    beyond = np.flatnonzero(wanted != inside)
+    if beyond.size:
+        outermost = nodes[np.where(wanted[beyond] > 0, -1, 0)]
+        outermost = np.where(outermost, outermost, sizes[0])  # nothing is known on that side
+        weights[beyond] = known[np.searchsorted(nodes, outermost)] * (wanted[beyond] / outermost)[:, None]
     return weights

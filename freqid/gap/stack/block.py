@@ -197,9 +197,10 @@ def flown_again(
     if isinstance(simulation, Departed):
         simulation = simulation.nominal
     mean = _mean_of(block.maneuvers)
-    motion = noise_free(simulation, mean, block.lines, departures, effects)
+    lines, commands = block.lines, block.motion.commands
+    motion = noise_free(simulation, mean, lines, departures, effects, commands)
     if effects and motion.source != OWN_FLIGHT:
-        motion = noise_free(simulation, mean, block.lines, departures)
+        motion = noise_free(simulation, mean, lines, departures, None, commands)
     trial = Trial.of(_departed(simulation, departures, acting), motion.maneuver)
     return replace(block, motion=motion, trial=_thin(trial, block.lines))
 
@@ -249,7 +250,7 @@ def _block(
         motion = noise_free(simulation, mean, lines, departures)
         trial = Trial.of(simulation, motion.maneuver)
         residuals = []
-        for m in maneuvers:
+        for m in map(motion.as_commanded, maneuvers):
             own = Trial.of(simulation, m) if len(maneuvers) > 1 or m is not motion.maneuver else trial
             residuals.append(lines.transform(own.residual))
     except DataError as error:

@@ -23,6 +23,7 @@ from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.dynamics.frames import cross
 from freqid.gap.simulation import Departures, Settings, Simulation
+from freqid.gap.stack.commands import Commands, commands_of
 from freqid.gap.stack.felt import with_attitude_and_felt
 from freqid.gap.stack.fitted_loop import fitted_loop
 from freqid.gap.stack.lines import Lines
@@ -56,17 +57,26 @@ class Motion:
         Largest share of a rate's motion in the record that it does not have; noise included.
     flown : bool
         Whether the simulation flew it, whether that was taken or not.
+    commands : Commands, optional
+        Its commands, where signals were injected.
     """
 
     maneuver: Maneuver
     source: str
     missed: float
     flown: bool = False
+    commands: Commands | None = None
 
     @property
     def shares_noise(self) -> bool:
         """Whether some of it is the record itself, smoothed: slow noise is left in it."""
         return self.source.endswith(("smoothed", "smoothed record"))
+
+    def as_commanded(self, maneuver: Maneuver) -> Maneuver:
+        """Return a manoeuvre of this flight with its commands as the actuators got them."""
+        if self.commands is None:
+            return maneuver
+        return replace(maneuver, record=self.commands.of(maneuver.record))
 
 
 def noise_free(
@@ -75,6 +85,7 @@ def noise_free(
     lines: Lines,
     departures: Departures | None = None,
     effects: Settings | None = None,
+    commands: Commands | None = None,
 ) -> Motion:
     """Return the flight of a manoeuvre without its noise.
 
@@ -92,6 +103,8 @@ def noise_free(
         Of the simulation's own parameters, with which it flies.
     effects : dict of dict of float, optional
         That it has itself and flies with too.
+    commands : Commands, optional
+        Where they are known.
     """
     record = maneuver.record
     found: list[tuple[float, str, dict[str, Array]]] = []
@@ -114,36 +127,11 @@ def noise_free(
         return Motion(_smoothed(simulation, maneuver), "smoothed record", 1.0, flown)
     missed, name, channels = ranked[0]
     clean = _about(record, channels)
-    if record.group("excitation"):
-        clean = _with_commands(clean, record)
-    return Motion(Maneuver(clean, maneuver.vehicle), name, missed, flown)
-
-
-def _with_commands(clean: FlightRecord, record: FlightRecord) -> FlightRecord:
-    """Return a flight without noise with the commands that its motion and the injected signals ask for.
-
-    Feedback sends the sensors' noise on to the commands, and a log that keeps one command in several folds
-    what it skips into the band. Simulated actuators then miss what was sent, and a column that is computed on
-    the same commands would hold what is missed: a gain that is too large. So commands are fitted with the
-    signal injected there and, about straight lines, with motion, its integrals and its derivatives.
-    """
-    time = record.time / record.time[-1]
-    moving = [clean[n] for n in (*VELOCITY, *RATES, *ATTITUDE[:2]) if _moves(clean, n)]
-    states = np.array(moving).reshape(-1, time.size)
-    states = states - states.mean(axis=1, keepdims=True)
-    integrals = cumulative_trapezoid(states, dx=record.dt, initial=0, axis=1)
-    shared = np.vstack([states, integrals, np.gradient(states, record.dt, axis=1), np.ones_like(time), time])
-    found = []
-    for name in record.group("command"):
-        sent = record.channel(f"command/{name}")
-        if not np.ptp(sent.values):
-            continue
-        own = f"excitation/{name}"
-        columns = np.vstack([shared, record[own][None]]) if own in record else shared
-        size = np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), 1e-300)
-        weights = np.linalg.lstsq((columns / size).T, sent.values, rcond=1e-10)[0]
-        found.append(replace(sent, values=weights @ (columns / size)))
-    return clean.with_channels(*found) if found else clean
+    if not record.group("excitation"):
+        return Motion(Maneuver(clean, maneuver.vehicle), name, missed, flown)
+    if commands is None:
+        commands = commands_of(simulation, record, clean, lines)
+    return Motion(Maneuver(commands.of(clean), maneuver.vehicle), name, missed, flown, commands)
 
 
 def _about(record: FlightRecord, channels: Mapping[str, Array]) -> FlightRecord:

@@ -52,13 +52,21 @@ def of(found, name):
     return one
 
 
-def test_weights_are_straight_between_sizes_and_proportional_to_zero():
-    one = Candidate("x", Place("", ("x",)), "scalar", np.array([-2.0, 1.0, 3.0]), np.array([1.0]), [])
+def test_weights_give_parabolas_back_and_are_proportional_beyond_the_sizes():
+    sizes = np.array([-2.0, 1.0, 3.0])
+    one = Candidate("x", Place("", ("x",)), "scalar", sizes, np.array([1.0]), [])
     assert one.weights(1.0) == pytest.approx([0, 1, 0])
-    assert one.weights(2.5) == pytest.approx([0, 0.25, 0.75])
-    assert one.weights(0.25) == pytest.approx([0, 0.25, 0])
-    assert one.weights(-1.0) == pytest.approx([0.5, 0, 0])
     assert not one.weights(0.0).any()
+    changes = sizes + 0.3 * sizes**2
+    between = np.linspace(-2, 3, 41)
+    assert one.weights(between) @ changes == pytest.approx(between + 0.3 * between**2)
+    assert one.weights(4.5) == pytest.approx([0, 0, 1.5])
+    assert one.weights(-3.0) == pytest.approx([1.5, 0, 0])
+
+
+def test_weights_of_one_size_are_proportional_on_either_side():
+    one = Candidate("x", Place("", ("x",)), "scalar", np.array([2.0]), np.array([1.0]), [])
+    assert one.weights(np.array([-1.0, 1.0, 5.0]))[:, 0] == pytest.approx([-0.5, 0.5, 2.5])
 
 
 @pytest.mark.parametrize("name", ["worn", "heavy", "gyro", "drag"])

@@ -236,7 +236,7 @@ def diagnose(
         how_far=closures,
         remarks=tuple(remarks_of(used, simulation, existence, relations)),
         sensors=sensors,
-        tolerances=tolerances_used(q.tolerances, simulation, library, used[0].trial.sent.dt),
+        tolerances=tolerances_used(q.tolerances, simulation, library, used[0].maneuvers[0]),
     )
     return Findings(
         diagnosis,

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from freqid.core.record import Maneuver
 from freqid.core.results.diagnosis import (
     POOR_FORM,
     Closure,
@@ -238,7 +239,10 @@ def remarks_of(
 
 
 def tolerances_used(
-    sizes: Mapping[str, float], simulation: Simulation, library: Mapping[str, Effect], dt: float | None = None
+    sizes: Mapping[str, float],
+    simulation: Simulation,
+    library: Mapping[str, Effect],
+    maneuver: Maneuver | None = None,
 ) -> tuple[ToleranceUsed, ...]:
     """Return the tolerances that were allowed for, with their units and where each comes from.
 
@@ -249,14 +253,15 @@ def tolerances_used(
     simulation : Simulation
     library : dict of Effect
         Of the vehicle at hand.
-    dt : float, optional
-        Between samples of a log, s: how well it tells when a channel was taken, where nothing is stated.
+    maneuver : Maneuver, optional
+        Its clock tells when a channel was taken, where nothing is stated; offsets of sensors that it lacks
+        are left out.
     """
     own = simulation.tolerances
     silent = {**DEFAULT, **UNDECLARED}
     found = []
     for name, sigma in sizes.items():
-        if not sigma:
+        if not sigma or (maneuver is not None and name in EACH_FLIGHT and not _logged(name, maneuver)):
             continue
         if name in own and sigma == own[name].sigma:
             source = "simulation"
@@ -265,10 +270,18 @@ def tolerances_used(
         else:
             source = "default" if name not in own and silent.get(name) == sigma else "stated"
         found.append(ToleranceUsed(name, float(sigma), _unit_of(name, simulation, library), source))
-    if dt is not None:
+    if maneuver is not None:
         known = [n for n in TIMING if n in library and n not in sizes]
-        found += [ToleranceUsed(n, by_clock(dt), "s", "clock") for n in known]
+        found += [ToleranceUsed(n, by_clock(maneuver.record.dt), "s", "clock") for n in known]
     return tuple(found)
+
+
+def _logged(offset: str, maneuver: Maneuver) -> bool:
+    """Return whether a manoeuvre has the sensor of an offset, or an effector of that kind; air is in all."""
+    effect, _, sensor = offset.partition(".")
+    kinds, record = maneuver.vehicle.effector_kinds, maneuver.record
+    of_kind = any(kinds.get(n) == sensor for n in record.group("effector"))
+    return effect != "sensor_bias" or of_kind or any(f"{g}/{sensor}" in record for g in ("state", "air"))
 
 
 def _unit_of(name: str, simulation: Simulation, library: Mapping[str, Effect]) -> str:

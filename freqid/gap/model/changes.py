@@ -60,7 +60,7 @@ def change(
         return trial.with_own_effects({effect.id: values}, actuators=effect.stage == "command")
     record, maneuver = trial.maneuver.record, trial.maneuver
     if route == "distort" and effect.distort is not None:
-        return _relogged(trial, _with(effect, values, record, trial.carries), first_order=first_order)
+        return _relogged(trial, [(effect, values)], first_order=first_order)
     if route == "load" and effect.load is not None:
         return _loaded(trial, _carried(effect, values, maneuver.vehicle))
     if route == "replay":
@@ -136,19 +136,19 @@ def change_together(effects: Sequence[tuple[Effect, Mapping[str, float]]], trial
     ImpossibleSettings
         Where nothing can be so.
     """
-    record, vehicle, total = trial.maneuver.record, trial.maneuver.vehicle, trial.rows()
-    logged, carried = record, vehicle
+    vehicle, total = trial.maneuver.vehicle, trial.rows()
+    sensors, carried = [], vehicle
     for effect, settings in effects:
         values = {**in_force_of(effect, trial.simulation), **settings}
         route = route_of(effect, trial.simulation)
         if route == "distort" and effect.distort is not None:
-            logged = _with(effect, values, logged, trial.carries)
+            sensors.append((effect, values))
         elif route == "load" and effect.load is not None:
             carried = _carried(effect, values, carried)
         else:
             total = total + change(effect, trial, settings)
-    if logged is not record:
-        total = total + _relogged(trial, logged)
+    if sensors:
+        total = total + _relogged(trial, sensors)
     return total + _loaded(trial, carried) if carried is not vehicle else total
 
 
@@ -191,16 +191,37 @@ def beside(effects: Sequence[tuple[Effect, Mapping[str, float]]], trial: Trial) 
     return trial
 
 
-def _with(effect: Effect, values: dict[str, float], record: FlightRecord, carries: bool) -> FlightRecord:
-    """Return a record with an effect of sensors, or without it where the record carries it already."""
-    assert effect.distort is not None
-    return _taken_back(effect, values, record) if carries else effect.distort(values, record)
+def _relogged(
+    trial: Trial, sensors: Sequence[tuple[Effect, dict[str, float]]], *, first_order: bool = False
+) -> Histories:
+    """Return the change of a residual that effects of sensors make, one after the other on the way to a log.
+
+    Positions move by the noise of feedback too, which motion without noise has not: what their sensors make
+    of that is in the rows of actuators alone.
+    """
+    record, moving = trial.maneuver.record, trial.moving
+    logged = _logged(trial, sensors, record)
+    change = trial.relogged(logged, first_order=first_order)
+    if moving is not record:
+        also = _logged(trial, sensors, moving)
+        channels = {n: f"effector/{n}" for n in trial.followed}
+        also_moved = {
+            n: also[k] - moving[k] - (logged[k] - record[k])
+            for n, k in channels.items()
+            if also.channels[k] is not moving.channels[k]
+        }
+        change = change + trial.rows(positions=also_moved)
+    return change * -1.0 if trial.carries else change
 
 
-def _relogged(trial: Trial, logged: FlightRecord, *, first_order: bool = False) -> Histories:
-    """Return the change of a residual between a trial's record and what `_with` made of it."""
-    moved = trial.relogged(logged, first_order=first_order)
-    return moved * -1.0 if trial.carries else moved
+def _logged(
+    trial: Trial, sensors: Sequence[tuple[Effect, dict[str, float]]], record: FlightRecord
+) -> FlightRecord:
+    """Return a record with effects of sensors, or without them where the record carries them already."""
+    for effect, values in sensors:
+        assert effect.distort is not None
+        record = _taken_back(effect, values, record) if trial.carries else effect.distort(values, record)
+    return record
 
 
 def _taken_back(effect: Effect, values: Mapping[str, float], record: FlightRecord) -> FlightRecord:

@@ -1,4 +1,4 @@
-"""The sizes at which a change is computed, so few that straight lines between them are near enough."""
+"""The sizes at which a change is computed, so few that cubic lines between them are near enough."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SMALLEST = 1 / 16
 """Size that is looked at, of an effect's scale."""
 
 _STRAIGHT = 0.03  # departure from proportionality, of the change at the largest size, that counts as none
-_BENT = 0.1  # ... of the change half way between two sizes, from which more sizes are taken between them
+_BENT = 0.3  # ... of the change half way between two sizes, from which more sizes are taken between them
 _DEPTH = 3  # times that a distance between sizes is halved at most
 _SIZES = 7  # at which an effect that is not proportional is computed, either sign
 _SEEN = 1e-3  # of energy over noise, below which a change at its largest size is none
@@ -133,9 +133,10 @@ def _farthest(at: At, end: float, near: float) -> tuple[float, list[Complex] | N
 
 
 def _between(at: At, one: Made, other: Made, depth: int = 0) -> list[Made]:
-    """Return the change at sizes between two, so many that straight lines between them are near enough.
+    """Return the change at sizes between two, so many that cubic lines between them are near enough.
 
-    A delay turns the phase: half way between two that are far apart it is not their mean.
+    A delay turns the phase: half way between two that are far apart it is not their mean. Where it is that
+    within `_BENT`, a cubic is right within a hundredth.
     """
     size = (one[0] + other[0]) / 2
     made = at(size)

@@ -211,7 +211,12 @@ def _shared(
     for key, effect, name, size in of_effects(trial, library, sizes):
         with suppress(ImpossibleSettings):  # what no body can be off by is no tolerance
             at = in_force_of(effect, trial.simulation)[name]
-            yield key, _central(lambda x, e=effect, n=name, a=at: change(e, trial, {n: a + x}), size)
+            yield (
+                key,
+                _central(
+                    lambda x, e=effect, n=name, a=at: change(e, trial, {n: a + x}, first_order=True), size
+                ),
+            )
 
 
 def of_effects(

@@ -201,7 +201,7 @@ def flown_again(
     motion = noise_free(simulation, mean, lines, departures, effects, commands)
     if effects and motion.source != OWN_FLIGHT:
         motion = noise_free(simulation, mean, lines, departures, None, commands)
-    trial = Trial.of(_departed(simulation, departures, acting), motion.maneuver)
+    trial = motion.trial_of(_departed(simulation, departures, acting))
     return replace(block, motion=motion, trial=_thin(trial, block.lines))
 
 
@@ -248,7 +248,7 @@ def _block(
     try:
         mean = _mean_of(maneuvers)
         motion = noise_free(simulation, mean, lines, departures)
-        trial = Trial.of(simulation, motion.maneuver)
+        trial = motion.trial_of(simulation)
         residuals = []
         for m in map(motion.as_commanded, maneuvers):
             own = Trial.of(simulation, m) if len(maneuvers) > 1 or m is not motion.maneuver else trial
@@ -277,7 +277,7 @@ def _block(
         tuple(maneuvers),
         lines,
         motion,
-        _thin(Trial.of(_departed(simulation, departures), motion.maneuver) if departures else trial, lines),
+        _thin(motion.trial_of(_departed(simulation, departures)) if departures else trial, lines),
         sigma,
         draws,
         unbiased,

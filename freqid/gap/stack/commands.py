@@ -27,10 +27,13 @@ class Commands:
         By command channel.
     followed : dict of float
         From 0 to 1, of what was logged besides.
+    moved : dict of ndarray, shape (sample,)
+        By effector, what that makes of the simulated positions.
     """
 
     asked: Mapping[str, Array]
     followed: Mapping[str, float]
+    moved: Mapping[str, Array]
 
     def of(self, record: FlightRecord) -> FlightRecord:
         """Return a record of the same motion with its commands as the actuators got them."""
@@ -62,17 +65,20 @@ def commands_of(simulation: Simulation, record: FlightRecord, clean: FlightRecor
     """
     asked = _asked(record, clean)
     if not asked:
-        return Commands({}, {})
+        return Commands({}, {}, {})
     at_rest = record.with_channels(*(replace(record.channel(n), values=x) for n, x in asked.items()))
     before, after = simulation.positions(at_rest), simulation.positions(record)
-    followed = dict.fromkeys(asked, 0.0)
+    followed, moved = dict.fromkeys(asked, 0.0), {}
     for command in asked:
         name = command.partition("/")[2]
         if name in after and f"effector/{name}" in record:
-            signals = np.array([before[name], after[name] - before[name], record[f"effector/{name}"]])
-            x, more, measured = lines.spectrum(signals)[:, 1:]
-            followed[command] = _followed(lines.hz[1:], x, more, measured - x)
-    return Commands(asked, followed)
+            more = after[name] - before[name]
+            x, by, measured = lines.spectrum(np.array([before[name], more, record[f"effector/{name}"]]))[
+                :, 1:
+            ]
+            followed[command] = _followed(lines.hz[1:], x, by, measured - x)
+            moved[name] = followed[command] * more
+    return Commands(asked, followed, moved)
 
 
 def _asked(record: FlightRecord, clean: FlightRecord) -> dict[str, Array]:

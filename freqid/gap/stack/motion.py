@@ -29,6 +29,7 @@ from freqid.gap.stack.fitted_loop import fitted_loop
 from freqid.gap.stack.lines import Lines
 from freqid.gap.stack.missed_motion import share_missed, with_missed
 from freqid.gap.stack.rows import place_of
+from freqid.gap.stack.trial import Trial
 from freqid.identify.loads.explanatory import history
 from freqid.identify.spectra.smoothing import smooth
 from freqid.simulate.effects.along import centre
@@ -71,6 +72,10 @@ class Motion:
     def shares_noise(self) -> bool:
         """Whether some of it is the record itself, smoothed: slow noise is left in it."""
         return self.source.endswith(("smoothed", "smoothed record"))
+
+    def trial_of(self, simulation: Simulation) -> Trial:
+        """Return a simulation beside this flight."""
+        return Trial.of(simulation, self.maneuver, followed=self.commands.moved if self.commands else None)
 
     def as_commanded(self, maneuver: Maneuver) -> Maneuver:
         """Return a manoeuvre of this flight with its commands as the actuators got them."""

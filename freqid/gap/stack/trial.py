@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -65,6 +65,8 @@ class Trial:
         What acts inside the actuators' loops: the simulation computes it.
     bare : Trial, optional
         The same without any of that; None where nothing acts.
+    followed : dict of ndarray
+        Movement of actuators that the manoeuvre's effectors lack: what they followed of the commands' noise.
     """
 
     simulation: Simulation
@@ -79,9 +81,16 @@ class Trial:
     acting: tuple[Act, ...] = ()
     inside: tuple[Inside, ...] = ()
     bare: Trial | None = None
+    followed: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, simulation: Simulation, maneuver: Maneuver, carries: bool = True) -> Trial:
+    def of(
+        cls,
+        simulation: Simulation,
+        maneuver: Maneuver,
+        carries: bool = True,
+        followed: Mapping[str, Array] | None = None,
+    ) -> Trial:
         """Replay a simulation on a manoeuvre.
 
         Raises
@@ -95,7 +104,19 @@ class Trial:
         measured = measured_part(maneuver, simulation.responses, tuple(positions))
         predicted = simulation.predict(record)
         inputs = inputs_of(simulation, record)
-        return cls(simulation, maneuver, measured, predicted, positions, inputs, record, 1, carries)
+        followed = {n: x for n, x in (followed or {}).items() if n in positions}
+        return cls(
+            simulation,
+            maneuver,
+            measured,
+            predicted,
+            positions,
+            inputs,
+            record,
+            1,
+            carries,
+            followed=followed,
+        )
 
     def thinned(self, every: int) -> Trial:
         """Return the trial on fewer of its samples: smooth motion needs few. Actuators keep theirs."""
@@ -108,10 +129,17 @@ class Trial:
         }
         thin = replace(self.maneuver, record=replace(record, time=record.time[::every], channels=channels))
         positions = {n: x[::every] for n, x in self.positions.items()}
+        followed = {n: x[::every] for n, x in self.followed.items()}
         measured = measured_part(thin, self.simulation.responses, tuple(positions))
         predicted = self.simulation.predict(thin.record)
         return replace(
-            self, maneuver=thin, measured=measured, predicted=predicted, positions=positions, every=every
+            self,
+            maneuver=thin,
+            measured=measured,
+            predicted=predicted,
+            positions=positions,
+            every=every,
+            followed=followed,
         )
 
     def positions_with(
@@ -221,6 +249,16 @@ class Trial:
         return replace(
             own, predicted=simulation.predict(self.maneuver.record), positions=own.positions_with()
         )
+
+    @cached_property
+    def moving(self) -> FlightRecord:
+        """The manoeuvre's record with effectors as they moved: also by what they followed of the noise."""
+        record = self.maneuver.record
+        channels = [
+            replace(record.channel(f"effector/{n}"), values=record[f"effector/{n}"] + x)
+            for n, x in self.followed.items()
+        ]
+        return record.with_channels(*channels) if channels else record
 
     @property
     def actuators(self) -> tuple[str, ...]:

@@ -6,11 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from linear_flight import Linear, fly, motion, servo
+from linear_flight import Linear, fly, motion, servo, vehicle
 from linear_flight import Truth as Aircraft
 
+from freqid.core.record import Maneuver
+from freqid.gap.model.changes import change
+from freqid.gap.stack.block import stack_of
 from freqid.gap.stack.commands import commands_of
 from freqid.gap.stack.lines import lines_of
+from freqid.simulate.effects import library
 
 SECONDS = 40.0
 
@@ -60,3 +64,15 @@ def test_other_channels_stay_as_they_are():
     after = commands.of(record)
     same = [n for n in record.channels if not n.startswith("command/")]
     assert all(after.channels[n] is record.channels[n] for n in same)
+
+
+def test_a_scale_of_position_sensors_scales_what_the_actuators_followed_too():
+    """Without it a scale and a gain of the same size left the noise of feedback, and both were called."""
+    record = told(0.3, 0.0)[3]
+    (block,) = stack_of(Linear(), [Maneuver(record, vehicle())], ["one"], (0.1, 2.0))
+    scale = library()["sensor_scale"].of(vehicle())
+    row = [r.name for r in block.rows].index("actuator/d1")
+    seen = change(scale, block.trial, {"d1": 0.01}).direct[row]
+    gain = 0.01 * block.trial.positions["d1"]
+    noise = 0.01 * np.std(block.trial.followed["d1"])
+    assert np.std(seen - gain) < 0.4 * noise  # without: all of it

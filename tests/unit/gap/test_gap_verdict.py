@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from linear_flight import fly
 
 from freqid.core.results.diagnosis import Closure, Existence, Interval, SensorFault, Share, Which
 from freqid.core.results.gap import GapMap
@@ -154,10 +155,15 @@ def test_tolerances_stand_with_unit_and_source():
         "lift_slope": (0.3, "1/rad", "simulation"),
         "sensor_bias.q": (0.002, "rad/s", "each record"),
     }
-    timed = {t.name: t for t in tolerances_used({**sizes, "time_skew": 0.001}, simulation, library(), 0.02)}
+    stated = {**sizes, "time_skew": 0.001, "sensor_bias.V": 0.1, "sensor_bias.surface": 0.005}
+    flight = fly()  # with gyros and surfaces, and no airspeed
+    timed = {t.name: t for t in tolerances_used(stated, simulation, library(), flight)}
+    assert {"sensor_bias.q", "sensor_bias.surface"} <= set(timed)
+    assert "sensor_bias.V" not in timed
     assert timed["time_skew"].source == "stated"
     late = timed["actuator_delay"]
-    assert (late.sigma, late.unit, late.source) == (pytest.approx(0.02 / np.sqrt(12)), "s", "clock")
+    clock = pytest.approx(flight.record.dt / np.sqrt(12))
+    assert (late.sigma, late.unit, late.source) == (clock, "s", "clock")
 
 
 def test_a_withdrawn_name_says_what_tolerances_would_have_to_be():

@@ -26,7 +26,7 @@ class Commands:
     asked : dict of ndarray, shape (sample,)
         By command channel.
     followed : dict of float
-        From 0 to 1, of what was logged besides.
+        From 0 to 1, of what was logged besides, where a position tells.
     moved : dict of ndarray, shape (sample,)
         By effector, what that makes of the simulated positions.
     """
@@ -35,11 +35,20 @@ class Commands:
     followed: Mapping[str, float]
     moved: Mapping[str, Array]
 
-    def of(self, record: FlightRecord) -> FlightRecord:
-        """Return a record of the same motion with its commands as the actuators got them."""
+    def of(self, record: FlightRecord, untold: float = 1.0) -> FlightRecord:
+        """Return a record of the same motion with its commands as the actuators got them.
+
+        Parameters
+        ----------
+        record : FlightRecord
+        untold : float
+            Share that stays of a command that no position tells of.
+        """
+        share = {n: self.followed.get(n, untold) for n in self.asked}
         changed = [
-            replace(record.channel(n), values=x + self.followed[n] * (record[n] - x))
+            replace(record.channel(n), values=x + share[n] * (record[n] - x))
             for n, x in self.asked.items()
+            if share[n] < 1
         ]
         return record.with_channels(*changed) if changed else record
 
@@ -68,7 +77,7 @@ def commands_of(simulation: Simulation, record: FlightRecord, clean: FlightRecor
         return Commands({}, {}, {})
     at_rest = record.with_channels(*(replace(record.channel(n), values=x) for n, x in asked.items()))
     before, after = simulation.positions(at_rest), simulation.positions(record)
-    followed, moved = dict.fromkeys(asked, 0.0), {}
+    followed, moved = {}, {}
     for command in asked:
         name = command.partition("/")[2]
         if name in after and f"effector/{name}" in record:

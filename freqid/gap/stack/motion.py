@@ -136,7 +136,7 @@ def noise_free(
         return Motion(Maneuver(clean, maneuver.vehicle), name, missed, flown)
     if commands is None:
         commands = commands_of(simulation, record, clean, lines)
-    return Motion(Maneuver(commands.of(clean), maneuver.vehicle), name, missed, flown, commands)
+    return Motion(Maneuver(commands.of(clean, untold=0.0), maneuver.vehicle), name, missed, flown, commands)
 
 
 def _about(record: FlightRecord, channels: Mapping[str, Array]) -> FlightRecord:

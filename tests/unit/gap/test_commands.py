@@ -66,6 +66,15 @@ def test_other_channels_stay_as_they_are():
     assert all(after.channels[n] is record.channels[n] for n in same)
 
 
+def test_a_command_that_no_position_tells_of_stays_in_a_record_and_not_in_motion_without_noise():
+    record = told(0.1, 0.1)[3]
+    still = Linear(actuators=False)
+    commands = commands_of(still, record, record, lines_of(record, 2.0))
+    assert commands.of(record) is record
+    asked = commands.of(record, untold=0.0)["command/d1"]
+    assert np.std(asked - record["command/d1"]) > 0.05 * np.std(asked)
+
+
 def test_a_scale_of_position_sensors_scales_what_the_actuators_followed_too():
     """Without it a scale and a gain of the same size left the noise of feedback, and both were called."""
     record = told(0.3, 0.0)[3]

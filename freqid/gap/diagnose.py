@@ -19,7 +19,7 @@ from freqid.gap.infer.build import at_their_size, build, flown_departures
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate, weigh
 from freqid.gap.infer.explain import Explanation, explain, likeliest
-from freqid.gap.infer.joint_replay import about_explanation, settings_of
+from freqid.gap.infer.joint_replay import about_explanation, about_single, settings_of
 from freqid.gap.infer.joint_sizes import form_beside
 from freqid.gap.infer.linearise import likelier_without, likeliest_departures
 from freqid.gap.infer.null_draws import null_statistics, threshold_of
@@ -213,10 +213,16 @@ def diagnose(
             simulation, held_out, names[count:], q.band_hz, seed=q.seed + 500, departures=departures, **found
         )
         form_error = form_beside(joint, explanation.places, explanation.estimates)
-        closing = closing_of(
-            system, used, joint_columns, others, explanation, library, q.tolerances, form_error
-        )
-        closed = close(closing, explanation, q.seed, library, q.tolerances, len(leading))
+
+        def closing_by(system: System, columns: list[Columns], one: Explanation) -> Closing:
+            return closing_of(system, used, columns, others, one, library, q.tolerances, form_error)
+
+        closing = closing_by(system, joint_columns, explanation)
+        singles = [
+            closing_by(*about_single(joint, joint_columns, used, one, library, q.tolerances, form_error))
+            for one in explanation.interacting(system)
+        ]
+        closed = close(closing, explanation, q.seed, library, q.tolerances, len(leading), singles)
     forms = evidence.form_sizes(columns[0].form_names)
     forms = {n: f if f >= FORM_ERRORS[1] else 0.0 for n, f in forms.items()}
     relations = {n.partition("/")[2]: f for n, f in forms.items() if n.startswith("kinematic/")}

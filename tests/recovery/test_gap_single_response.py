@@ -54,6 +54,16 @@ def test_a_delay_and_a_lag_together_are_closed_and_recovered(answer):
     assert both.rmse["q"].after < 0.15 * both.rmse["q"].before
 
 
+@pytest.mark.parametrize("seeds", [(4, 5, 6), (7, 8, 9)])
+def test_sizes_of_a_delay_before_a_lag_hold_what_tolerances_of_both_could_be(answer, seeds):
+    """The delay is seen through the lag: else its own tolerance was taken for an eighth of it."""
+    found = answer(0.07, 0.10, seeds=seeds).how_far[0].settings
+    for effect, truth in zip(EFFECTS, (0.07, 0.10), strict=True):
+        interval = next(x for x in found[effect].values() if x.estimate)
+        assert interval.lo < truth < interval.hi, effect
+        assert interval.estimate == pytest.approx(truth, rel=0.05)
+
+
 def test_the_pair_is_called_though_a_third_effect_explains_more_than_either(answer):
     """Of all effects, a gyro of another scale comes nearest to a delay with a lag."""
     which = answer(0.07, 0.10, shipped(), (), (1, 2, 3, 4)).which

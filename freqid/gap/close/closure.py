@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +19,7 @@ from freqid.gap.close.fit import (
 )
 from freqid.gap.close.flown import Flown, motions
 from freqid.gap.close.score import Responses, Scored, responses, shares
+from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.evidence import Evidence, estimate, weigh
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.settings import INTERVAL
@@ -52,6 +53,7 @@ def close(
     library: Mapping[str, Effect],
     tolerances: Mapping[str, float],
     least: int = 1,
+    singles: Sequence[Closing] = (),
 ) -> list[Closed]:
     """Return the closure of an explanation, then of each of its effects alone where it has several.
 
@@ -69,27 +71,49 @@ def close(
         One sigma by name.
     least : int
         How many of the effects stay whether they predict better or not.
+    singles : sequence of Closing
+        Of each effect by itself, where one changes what another does; divided as `closing` is.
     """
     flown = Flown(closing.blocks, library, tolerances)
-    whole = weigh(closing.system)
-    fitted = whole if len(closing.folds) > 1 else weigh(closing.system.only(closing.folds[0].rest))
+    whole, fitted = _weighed(closing)
     order = tuple(range(len(explanation.places)))
     every = replace(explanation, places=order)
     best = _prefix(fitted, every, least)
-    score = _score(closing, whole, best)
+    without = _score_of_tolerances(closing)
+    score = _score(closing, whole, best) - without
     for count in range(least + 1, len(order) + 1):
         longer = _prefix(fitted, every, count)
-        more = _score(closing, whole, longer)
+        more = _score(closing, whole, longer) - without
         if more <= score:
             break
         best, score = longer, more
-    found = [_closed(closing, fitted, best, best, score, seed, flown)]
-    if len(best.places) > 1:
-        for i in best.places:
-            alone = Explanation((i,), (fitted.candidate[i],), (estimate(fitted, i, INTERVAL),))
-            score = _score(closing, whole, alone)
-            found.append(_closed(closing, fitted, alone, best, score, seed, flown))
+    forms = _forms(closing, fitted, best)
+    found = [_closed(closing, fitted, best, forms, score, seed, flown)]
+    for i in best.places if len(best.places) > 1 else ():
+        own, at = (singles[i], 0) if singles else (closing, i)
+        here, used = _weighed(own) if singles else (whole, fitted)
+        alone = Explanation((at,), (used.candidate[at],), (estimate(used, at, INTERVAL),))
+        score = _score(own, here, alone) - without
+        found.append(_closed(own, used, alone, forms, score, seed, flown))
     return found
+
+
+def _forms(closing: Closing, fitted: Evidence, best: Explanation) -> list[Form]:
+    """Return the errors of form beside the best explanation: of all that is fitted, then of each fold.
+
+    The simulation has one error of form: a worse explanation with a larger one would seem to close as much.
+    """
+    whole = likeliest_form_error(fitted, best)
+    if len(closing.folds) == 1:
+        return [whole, whole]
+    each = [weigh(closing.system.only(fold.rest)) for fold in closing.folds]
+    return [whole, *(likeliest_form_error(here, _again(here, best)) for here in each)]
+
+
+def _weighed(closing: Closing) -> tuple[Evidence, Evidence]:
+    """Return the evidence of all that is there, and of what is fitted."""
+    whole = weigh(closing.system)
+    return whole, whole if len(closing.folds) > 1 else weigh(closing.system.only(closing.folds[0].rest))
 
 
 def _prefix(evidence: Evidence, explanation: Explanation, count: int) -> Explanation:
@@ -102,19 +126,26 @@ def _prefix(evidence: Evidence, explanation: Explanation, count: int) -> Explana
 
 
 def _score(closing: Closing, whole: Evidence, explanation: Explanation) -> float:
-    """Return the nats by which what was left out is predicted better than by tolerances alone.
+    """Return the log predictive density of what was left out, with an explanation.
 
-    The log predictive density of blocks given all others is the difference of two log evidences. Tolerances
-    alone reach no further than is believed of them: where one is the effect by another name, it would
-    predict as well.
+    That of blocks given all others is the difference of two log evidences.
+    """
+    every = log_evidence(closing.system, whole, explanation)
+    rest = (log_evidence(closing.system.only(fold.rest), whole, explanation) for fold in closing.folds)
+    return sum(every - one for one in rest)
+
+
+def _score_of_tolerances(closing: Closing) -> float:
+    """Return the log predictive density of what was left out, with tolerances alone.
+
+    These reach no further than is believed of them: where one is the effect by another name, it would predict
+    as well.
     """
     system, total = closing.system, 0.0
-    every = log_evidence(system, whole, explanation)
     for fold in closing.folds:
         rest = system.only(fold.rest)
         held = departures_beyond(rest)
-        total += every - log_evidence(rest, whole, explanation)
-        total -= log_evidence_of_tolerances(system.held(held)) - log_evidence_of_tolerances(rest.held(held))
+        total += log_evidence_of_tolerances(system.held(held)) - log_evidence_of_tolerances(rest.held(held))
     return total
 
 
@@ -122,23 +153,20 @@ def _closed(
     closing: Closing,
     fitted: Evidence,
     explanation: Explanation,
-    best: Explanation,
+    forms: Sequence[Form],
     score: float,
     seed: int,
     flown: Flown,
 ) -> Closed:
-    """Return the closure of an explanation, at the error of form beside the best one.
-
-    The simulation has one error of form: a worse explanation with a larger one would seem to close as much.
-    """
+    """Return the closure of an explanation at the errors of form of `_forms`."""
     scored: list[Scored] = []
     index: list[int] = []
     anew: list[Explanation] = []
-    for fold in closing.folds:
+    for fold, form in zip(closing.folds, forms[1:], strict=True):
         one = len(closing.folds) == 1
         here = fitted if one else weigh(closing.system.only(fold.rest))
-        again, alike = (e if one else _again(here, e) for e in (explanation, best))
-        fit_ = fit(here, again, likeliest_form_error(here, alike))
+        again = explanation if one else _again(here, explanation)
+        fit_ = fit(here, again, form)
         index += [closing.source[i] for i in fold.scored]
         anew += [again for _ in fold.scored]
         scored += [Scored(closing.blocks[closing.source[i]], closing.columns[i], fit_) for i in fold.scored]
@@ -163,7 +191,7 @@ def _closed(
         log_score=score,
         scored=closing.scored,
     )
-    whole = fit(fitted, explanation, likeliest_form_error(fitted, best))
+    whole = fit(fitted, explanation, forms[0])
     return Closed(explanation, closure, whole, _withdrawn(explanation, score, figures, closing.scored))
 
 

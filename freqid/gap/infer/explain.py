@@ -48,6 +48,13 @@ class Explanation:
         """Ids."""
         return tuple(e.candidate.effect for e in self.estimates)
 
+    def interacting(self, system: System) -> list[Explanation]:
+        """Return each effect by itself where one changes what another does, else nothing."""
+        if not any(system.candidates[i].beside or system.candidates[i].after for i in self.places):
+            return []
+        each = zip(self.places, self.gains, self.estimates, strict=True)
+        return [Explanation((i,), (gain,), (e,)) for i, gain, e in each]
+
     def weights(self, system: System) -> Array:
         """Return the weights of a system's columns at the estimated sizes, shape (column,)."""
         weights = np.zeros(system.columns)

@@ -13,7 +13,7 @@ from freqid.core.arrays import Complex
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.build import rebuilt
 from freqid.gap.infer.columns import Columns
-from freqid.gap.infer.evidence import Estimate
+from freqid.gap.infer.evidence import Estimate, Evidence, estimate, weigh
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.linearise import relinearised
 from freqid.gap.infer.system import System
@@ -21,6 +21,7 @@ from freqid.gap.model.changes import beside
 from freqid.gap.model.refine import refined
 from freqid.gap.model.testable import in_force_of
 from freqid.gap.model.tolerance import tolerance_columns
+from freqid.gap.settings import INTERVAL, ROUNDS
 from freqid.gap.simulation import Simulation, side_by_side
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
@@ -91,8 +92,9 @@ def about_explanation(
     acting = settings_of(explanation, library, blocks[0].trial.simulation)
     new = list(system.candidates)
     for i, e in zip(explanation.places, explanation.estimates, strict=True):
-        before = acting[: next((k for k, (n, _) in enumerate(acting) if n == e.candidate.effect), 0)]
-        new[i] = refined(new[i], float(e.size[0]), library, blocks, before)
+        k = next((k for k, (n, _) in enumerate(acting) if n == e.candidate.effect), len(acting))
+        before, after = (acting[:k], acting[k + 1 :]) if k < len(acting) else ([], [])
+        new[i] = refined(new[i], float(e.size[0]), library, blocks, before, after)
     for i, e in others:
         new[i] = refined(new[i], float(e.size[0]), library, blocks, acting)
     flown = acted_on(blocks, acting, library)
@@ -105,3 +107,30 @@ def about_explanation(
         beside = side_by_side(simulation, lambda b: tolerance_columns(b, library, sizes), flown)
     system, columns = rebuilt(system, new, columns, blocks, beside)
     return relinearised(system, columns, flown, library, sizes, form_error, explanation.weights(system))
+
+
+def about_single(
+    evidence: Evidence,
+    columns: Sequence[Columns],
+    blocks: Sequence[Block],
+    one: Explanation,
+    library: Mapping[str, Effect],
+    sizes: Mapping[str, float],
+    form_error: Form,
+) -> tuple[System, list[Columns], Explanation]:
+    """Return a system about one effect of several by itself, at the size that it has then.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        About them all.
+    columns, blocks, library, sizes, form_error
+        As in `about_explanation`.
+    one : Explanation
+        Of that effect.
+    """
+    system, columns, (i,) = evidence.system, list(columns), one.places
+    for _ in range(ROUNDS):
+        system, columns = about_explanation(system, columns, blocks, one, [], library, sizes, form_error)
+        one = replace(one, estimates=(estimate(weigh(system), i, INTERVAL),))
+    return system, columns, one

@@ -91,6 +91,10 @@ class Candidate:
         which all others are sums.
     beside : tuple of (str, dict of float)
         Effects that were in force where it was computed, with their parameters, in order.
+    after : tuple of (str, dict of float)
+        Effects that act on what it makes: sizes near `about` change by as much as they do with these.
+    about : float
+        Its size in an explanation.
     """
 
     effect: str
@@ -104,6 +108,8 @@ class Candidate:
     curve: Curve | None = None
     units: tuple[str, ...] = ()
     beside: tuple[tuple[str, dict[str, float]], ...] = ()
+    after: tuple[tuple[str, dict[str, float]], ...] = ()
+    about: float = 0.0
 
     @property
     def name(self) -> str:
@@ -125,6 +131,15 @@ class Candidate:
         if self.kind == "vector":
             place = replace(place, parameters=place.parameters[column : column + 1])
         return place.settings(in_force, share * self.sizes[column])
+
+
+def near(size: float | Array, about: float):
+    """Return whether a size is one of those that are computed about another."""
+    return (
+        (size > 0.75 * about) & (size < 1.3 * about)
+        if about > 0
+        else (size < 0.75 * about) & (size > 1.3 * about)
+    )
 
 
 def _between(sizes: Array, wanted: Array) -> Array:

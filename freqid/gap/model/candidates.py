@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from freqid.core.arrays import Complex
 from freqid.core.errors import DataError, ImpossibleSettings
 from freqid.core.vehicle import Vehicle
 from freqid.gap.model.candidate import OTHER, Candidate, Curve, Place
-from freqid.gap.model.changes import beside, change
+from freqid.gap.model.changes import among, change
 from freqid.gap.model.following import late
 from freqid.gap.model.form import actuator_terms, load_terms
 from freqid.gap.model.sizes import SMALLEST, about_zero, absurd, few_of, from_onset, proportional, seen
@@ -247,20 +248,25 @@ def recomputed(candidate: Candidate, library: Mapping[str, Effect], blocks: Sequ
         own = c.kind == "scalar"
         return [_departing(b, c) if own else _free_changes(b, c.place.parameters) for b in blocks]
     vehicle = blocks[0].trial.maneuver.vehicle
-    effect, others = library[c.effect].of(vehicle), [(library[n].of(vehicle), x) for n, x in c.beside]
+    effect = library[c.effect].of(vehicle)
+    before, after = ([(library[n].of(vehicle), x) for n, x in some] for some in (c.beside, c.after))
     found = []
     for block in blocks:
         force = in_force_of(effect, block.trial.simulation)
-        trial = beside(others, block.trial)
+        trials = among(before, after, c.about, block.trial)
         made = []
         for k in range(c.sizes.size):
-            for share in (1.0,) if c.kind == "scalar" else _SHARES:
+            if c.kind == "scalar":
+                at = partial(c.place.settings, force)
+                made.append(block.transform(trials.change(effect, at, float(c.sizes[k]))))
+                continue
+            for share in _SHARES:
                 try:
-                    moved = change(effect, trial, c.settings(k, force, share))
+                    moved = change(effect, trials.before, c.settings(k, force, share))
                     made.append(block.transform(moved) / share)
                     break
                 except ImpossibleSettings:
-                    if c.kind == "scalar" or share == _SHARES[-1]:
+                    if share == _SHARES[-1]:
                         raise
         found.append(np.array(made))
     return found

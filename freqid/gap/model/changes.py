@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -13,6 +14,7 @@ from freqid.core.errors import ImpossibleSettings, UsageError
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.vehicle import Vehicle
 from freqid.dynamics.moment_reference_point import moment_about
+from freqid.gap.model.candidate import near
 from freqid.gap.model.replay import Replay
 from freqid.gap.model.testable import in_force_of, route_of
 from freqid.gap.stack.histories import Histories
@@ -189,6 +191,50 @@ def beside(effects: Sequence[tuple[Effect, Mapping[str, float]]], trial: Trial) 
         elif route_of(effect, trial.simulation) == "distort" and trial.carries:
             trial = trial.flown_as(_taken_back(effect, values, trial.maneuver.record))
     return trial
+
+
+class Among(NamedTuple):
+    """One trial twice: where effects act before another one, and where all others act.
+
+    Attributes
+    ----------
+    before, all : Trial
+        The same where nothing acts after it.
+    about : float
+        Size of that effect.
+    """
+
+    before: Trial
+    all: Trial
+    about: float
+
+    def change(
+        self, effect: Effect, settings: Callable[[float], Mapping[str, float]], size: float
+    ) -> Histories:
+        """Return the change that an effect makes at a size, `settings` its parameters there.
+
+        What acts after it is a change of its own, made at the size `about`. So nearby sizes change by as much
+        as they do with that in force: a delay before a lag is seen through the lag. Else a tolerance of
+        that delay, which is, would be taken for a part of it.
+        """
+        alone = change(effect, self.before, settings(size))
+        if self.all is self.before or not near(size, self.about):
+            return alone
+        there = change(effect, self.before, settings(self.about))
+        return (
+            there + change(effect, self.all, settings(size)) - change(effect, self.all, settings(self.about))
+        )
+
+
+def among(
+    before: Sequence[tuple[Effect, Mapping[str, float]]],
+    after: Sequence[tuple[Effect, Mapping[str, float]]],
+    about: float,
+    trial: Trial,
+) -> Among:
+    """Return a trial among effects that act before and after another one; delays and lags commute."""
+    first = beside(before, trial)
+    return Among(first, beside(after, first) if after else first, about)
 
 
 def _relogged(

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy.linalg import block_diag
 
 from freqid.core.arrays import Complex
 from freqid.core.errors import ImpossibleSettings
-from freqid.gap.model.candidate import Candidate, Curve
+from freqid.gap.model.candidate import Candidate, Curve, near
 from freqid.gap.model.candidates import recomputed
-from freqid.gap.model.changes import acts_on, beside, change
+from freqid.gap.model.changes import acts_on, among
 from freqid.gap.model.sizes import few_of, seen
 from freqid.gap.model.testable import in_force_of
 from freqid.gap.stack.block import Block
@@ -28,6 +29,7 @@ def refined(
     library: Mapping[str, Effect],
     blocks: Sequence[Block],
     others: Sequence[tuple[str, dict[str, float]]] = (),
+    later: Sequence[tuple[str, dict[str, float]]] = (),
 ) -> Candidate:
     """Return a scalar candidate with columns at sizes about one; itself where it is proportional.
 
@@ -43,6 +45,8 @@ def refined(
     others : sequence of (str, dict of float)
         Effects that act before it, with their parameters: where these change what it does, it is computed
         anew at all its sizes.
+    later : sequence of (str, dict of float)
+        Effects that act after it, in the same way.
     """
     c = candidate
     if c.kind != "scalar" or c.effect not in library or size == 0:
@@ -50,25 +54,30 @@ def refined(
     vehicle = blocks[0].trial.maneuver.vehicle
     effect = library[c.effect].of(vehicle)
     at = acts_on(effect, blocks[0].trial)
-    before = tuple(o for o in others if at and acts_on(library[o[0]].of(vehicle), blocks[0].trial) == at)
-    anew = before != c.beside
+    before, after = (
+        tuple(o for o in some if at and acts_on(library[o[0]].of(vehicle), blocks[0].trial) == at)
+        for some in (others, later)
+    )
+    anew = (before, after) != (c.beside, c.after)
     if blocks[0].trial.approximates and not anew:  # weighed by derivatives so far
         c = replace(c, columns=recomputed(c, library, blocks))
-    trials = [beside([(library[n].of(vehicle), x) for n, x in before], b.trial) for b in blocks]
+    first, last = ([(library[n].of(vehicle), x) for n, x in some] for some in (before, after))
+    trials = [among(first, last, size, b.trial) for b in blocks]
     force = in_force_of(effect, blocks[0].trial.simulation)
     known = c.curve or Curve(c.sizes, np.eye(c.sizes.size))
     low, high = c.bounds
 
     def at_size(s: float) -> list[Complex]:
-        settings = c.place.settings(force, s)
-        return [b.transform(change(effect, t, settings)) for b, t in zip(blocks, trials, strict=True)]
+        settings = partial(c.place.settings, force)
+        return [b.transform(t.change(effect, settings, s)) for b, t in zip(blocks, trials, strict=True)]
 
     if c.sizes.size == 1 and not anew and _is_straight(c, size, at_size, blocks):
         return c
-    near = [s for s in (n * size for n in _NEAR) if low <= s <= high]
-    near = [s for s in near if np.min(np.abs(known.sizes / s - 1)) >= 0.05]
+    far = known.sizes[~near(known.sizes, size)] if after else known.sizes
+    wanted = [s for s in (n * size for n in _NEAR) if low <= s <= high]
+    wanted = [s for s in wanted if np.min(np.abs(far / s - 1)) >= 0.05]
     made: list[tuple[float, list]] = []
-    for s in [*known.sizes.tolist(), *near] if anew else near:
+    for s in [*far.tolist(), *wanted] if anew else wanted:
         with suppress(ImpossibleSettings):
             made.append((s, at_size(s)))
     if not made:
@@ -80,7 +89,15 @@ def refined(
         sizes, columns = np.array(more)[order], [z[order] for z in columns]
         few, mix = few_of(columns, blocks)
         curve = Curve(sizes, mix) if len(few) < sizes.size else None
-        return replace(c, sizes=sizes[few], columns=[z[few] for z in columns], curve=curve, beside=before)
+        return replace(
+            c,
+            sizes=sizes[few],
+            columns=[z[few] for z in columns],
+            curve=curve,
+            beside=before,
+            after=after,
+            about=size,
+        )
     columns = [np.concatenate(pair) for pair in zip(c.columns, columns, strict=True)]
     sizes, mix = np.concatenate([known.sizes, more]), block_diag(known.mix, np.eye(len(more)))
     order = np.argsort(sizes)

@@ -7,9 +7,9 @@ from functools import partial
 
 import numpy as np
 
-from freqid.gap.infer.evidence import Evidence, estimate
+from freqid.gap.infer.evidence import Evidence
+from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.model.testable import in_force_of, route_of
-from freqid.gap.settings import INTERVAL
 from freqid.gap.simulation import Settings, Simulation, side_by_side
 from freqid.gap.stack.block import Block, flown_again
 from freqid.simulate.effects.effect import Effect
@@ -58,7 +58,7 @@ def effect_of_its_own(
         return {}
     effect = library[c.effect]
     in_force = {**in_force_of(effect, simulation), **simulation.effects[c.effect]}  # what was found is on top
-    size = float(estimate(evidence, i, INTERVAL).size[0])
+    size = float(joint_estimates(evidence, [i])[0].size[0])
     settings = {c.effect: {**in_force, **c.place.settings(in_force, size)}}
     loads = route_of(effect, simulation) == "own" and effect.stage != "command"
     return {"effects": settings, "acting": settings} if loads else {"effects": settings}

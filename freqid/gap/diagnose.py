@@ -20,7 +20,7 @@ from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate, weigh
 from freqid.gap.infer.explain import Explanation, explain, likeliest
 from freqid.gap.infer.joint_replay import about_explanation, about_single, settings_of
-from freqid.gap.infer.joint_sizes import form_beside
+from freqid.gap.infer.joint_sizes import form_beside, joint_estimates
 from freqid.gap.infer.linearise import likelier_without, likeliest_departures
 from freqid.gap.infer.null_draws import null_statistics, threshold_of
 from freqid.gap.infer.system import System
@@ -378,7 +378,7 @@ def _which(
             if explanation and index in explanation.places
             else None
         )
-        found = own or estimate(evidence, index, INTERVAL)
+        found = own or joint_estimates(evidence, [index])[0]
         c = found.candidate
         names = c.place.parameters if c.kind == "vector" else (c.place.at or c.place.parameters[0],)
         parameters[effect] = {

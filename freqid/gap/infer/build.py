@@ -10,9 +10,10 @@ import numpy as np
 from freqid.core.arrays import Complex
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.columns import Columns, Parts
-from freqid.gap.infer.evidence import Evidence, estimate, weigh
+from freqid.gap.infer.evidence import Evidence, weigh
 from freqid.gap.infer.explain import likeliest
 from freqid.gap.infer.forms import common_form, likely_forms, of_all, reach
+from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.infer.linearise import likeliest_departures, relinearised
 from freqid.gap.infer.seen_sizes import down_to_seen
 from freqid.gap.infer.system import System
@@ -21,7 +22,7 @@ from freqid.gap.model.candidates import beyond_tolerance, candidates
 from freqid.gap.model.form import shared_columns
 from freqid.gap.model.refine import refined
 from freqid.gap.model.tolerance import tolerance_columns
-from freqid.gap.settings import ALIKE, FORM_ERRORS, INTERVAL, ROUNDS
+from freqid.gap.settings import ALIKE, FORM_ERRORS, ROUNDS
 from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
@@ -84,7 +85,7 @@ def at_their_size(
     for _ in range(_SETTLING):
         new = list(system.candidates)
         for i in likeliest(evidence):
-            new[i] = refined(new[i], float(estimate(evidence, i, INTERVAL).size[0]), library, blocks)
+            new[i] = refined(new[i], float(joint_estimates(evidence, [i])[0].size[0]), library, blocks)
         if all(a is b for a, b in zip(new, system.candidates, strict=True)):
             break
         system, columns = rebuilt(system, new, columns, blocks)

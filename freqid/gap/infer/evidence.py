@@ -146,6 +146,8 @@ class Estimate:
         Interval at the level asked for, same shape.
     at_bound : bool
         Whether the interval ends where the prior does, so that the data do not bound it.
+    room : float
+        What a tolerance of the same parameter adds to the interval on either side, in quadrature.
     """
 
     candidate: Candidate
@@ -153,6 +155,12 @@ class Estimate:
     lo: Array
     hi: Array
     at_bound: bool
+    room: float = 0.0
+
+    @property
+    def width(self) -> Array:
+        """Of the interval without what a tolerance of the same parameter adds."""
+        return np.sqrt(np.maximum((self.hi - self.lo) ** 2 - (2 * self.room) ** 2, 0.0))
 
     @property
     def weights(self) -> Array:

@@ -143,7 +143,7 @@ def _settled(evidence: Evidence, explanation: Explanation, compute: Compute) -> 
             break
         now = joint_estimates(evidence, explanation.places)
         each = list(zip(at.estimates, now, strict=True))
-        if all(np.all(np.abs(a.size - e.size) <= _CLOSE * (e.hi - e.lo)) for a, e in each):
+        if all(np.all(np.abs(a.size - e.size) <= _CLOSE * e.width) for a, e in each):
             break
         at = replace(at, estimates=tuple(replace(e, size=(a.size + e.size) / 2) for a, e in each))
     return evidence

@@ -13,15 +13,16 @@ from freqid.core.arrays import Complex
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.build import rebuilt
 from freqid.gap.infer.columns import Columns
-from freqid.gap.infer.evidence import Estimate, Evidence, estimate, weigh
+from freqid.gap.infer.evidence import Estimate, Evidence, weigh
 from freqid.gap.infer.explain import Explanation
+from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.infer.linearise import relinearised
 from freqid.gap.infer.system import System
 from freqid.gap.model.changes import beside
 from freqid.gap.model.refine import refined
 from freqid.gap.model.testable import in_force_of
 from freqid.gap.model.tolerance import tolerance_columns
-from freqid.gap.settings import INTERVAL, ROUNDS
+from freqid.gap.settings import ROUNDS
 from freqid.gap.simulation import Simulation, side_by_side
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
@@ -129,8 +130,8 @@ def about_single(
     one : Explanation
         Of that effect.
     """
-    system, columns, (i,) = evidence.system, list(columns), one.places
+    system, columns = evidence.system, list(columns)
     for _ in range(ROUNDS):
         system, columns = about_explanation(system, columns, blocks, one, [], library, sizes, form_error)
-        one = replace(one, estimates=(estimate(weigh(system), i, INTERVAL),))
+        one = replace(one, estimates=joint_estimates(weigh(system), one.places))
     return system, columns, one

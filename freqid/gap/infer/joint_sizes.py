@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.special import logsumexp
+from scipy.special import logsumexp, ndtri
 
 from freqid.core.arrays import Array
 from freqid.gap.infer.block_matrices import Form
-from freqid.gap.infer.evidence import Estimate, Evidence, estimate
+from freqid.gap.infer.evidence import Estimate, Evidence, estimate, weigh
+from freqid.gap.infer.system import System
 from freqid.gap.model.candidate import Candidate
 from freqid.gap.settings import INTERVAL
 
@@ -25,16 +26,57 @@ _LEAST = 1e-3  # of a scalar's smallest size in its prior: a size below is as go
 def joint_estimates(evidence: Evidence, places: Sequence[int]) -> tuple[Estimate, ...]:
     """Return estimates of several candidates, each with the others' sizes unknown too.
 
-    Gauss-Newton steps of all sizes together lead to the likeliest ones. Each then has its density given the
-    others, and an interval as much wider as its standard deviation is where these are free (G. A. F. Seber,
-    C. J. Wild, Nonlinear Regression, 1989, section 2.8): a delay and a lag that make up for each other are
-    known less well than either is beside the other.
+    A tolerance of the same parameter only adds to the size of an effect that is alone: what both make is that
+    of their sum. So the sum is estimated with that tolerance at zero, and its one sigma widens the interval.
+    Beside it, a size would be known far too well: a tolerance is straight, a late channel is not, and where
+    data are sharp the size would stay wherever the line was drawn.
 
     Parameters
     ----------
     evidence : Evidence
     places : sequence of int
         Candidates.
+    """
+    c, names = evidence.system.candidates[places[0]], evidence.system.tolerances
+    if len(places) > 1 or c.tolerance not in names:
+        return _together(evidence, places)
+    system, k = evidence.system.of(places), names.index(c.tolerance)
+    found = _together(weigh(system.held({k: 0.0})), [0])
+    return (_widened(system, form_beside(evidence, places, found), 0, found[0], k),)
+
+
+def _widened(system: System, form_error: Form, index: int, e: Estimate, tolerance: int) -> Estimate:
+    """Return an estimate whose interval has room for a tolerance of the same parameter.
+
+    Parameters
+    ----------
+    system : System
+    form_error : Form
+    index : int
+        Of the candidate.
+    e : Estimate
+    tolerance : int
+    """
+    c, gram, n = e.candidate, system.gram(form_error), system.columns
+    size, least = float(e.size[0]), _LEAST * float(np.abs(c.prior).min())
+    h = _NEAR * max(abs(size), least)
+    slope = np.zeros(n)
+    slope[system.columns_of(index)] = (c.weights(size + h) - c.weights(size - h)) / (2 * h)
+    power = float(slope @ gram[:n, :n] @ slope)
+    sigma = abs(float(slope @ gram[:n, n + tolerance])) / power if power > 0 else 0.0
+    room = sigma * float(ndtri((1 + INTERVAL) / 2))
+    low, high = min(c.prior.min(), 0.0), max(c.prior.max(), 0.0)
+    lo, hi = e.size - np.hypot(e.size - e.lo, room), e.size + np.hypot(e.hi - e.size, room)
+    return replace(e, lo=np.maximum(lo, low), hi=np.minimum(hi, high), room=room)
+
+
+def _together(evidence: Evidence, places: Sequence[int]) -> tuple[Estimate, ...]:
+    """Return estimates of several candidates.
+
+    Gauss-Newton steps of all sizes together lead to the likeliest ones. Each then has its density given the
+    others, and an interval as much wider as its standard deviation is where these are free (G. A. F. Seber,
+    C. J. Wild, Nonlinear Regression, 1989, section 2.8): a delay and a lag that make up for each other are
+    known less well than either is beside the other.
     """
     alone = tuple(estimate(evidence, i, INTERVAL) for i in places)
     if len(places) == 1:

@@ -140,6 +140,12 @@ class System:
         kept = [b for i, b in enumerate(self.blocks) if i in blocks]
         return replace(self, blocks=kept, _reduced={})
 
+    def of(self, candidates: Sequence[int]) -> System:
+        """Return the stack with some of the candidates."""
+        kept = np.concatenate([self.places(candidates), np.arange(self.columns, len(self.blocks[0].gram))])
+        blocks = [replace(b, gram=b.gram[np.ix_(kept, kept)], form=b.form[:, kept]) for b in self.blocks]
+        return replace(self, candidates=[self.candidates[i] for i in candidates], blocks=blocks, _reduced={})
+
     def held(self, departures: Mapping[int, float]) -> System:
         """Return the stack with some tolerances, by place, known to depart by so many sigmas."""
         if not departures:

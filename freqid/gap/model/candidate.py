@@ -116,6 +116,14 @@ class Candidate:
         """``effect`` or ``effect@place``."""
         return f"{self.effect}@{self.place.label}" if self.place.label else self.effect
 
+    @property
+    def tolerance(self) -> str:
+        """Name of the tolerance of the same parameter, where one size of one parameter is asked for."""
+        if self.kind != "scalar" or len(self.place.parameters) != 1:
+            return ""
+        own = self.place.parameters[0]
+        return own if self.effect == OTHER else f"{self.effect}.{own}"
+
     def weights(self, size: float | Array) -> Array:
         """Return the weights of a scalar's columns at a size: smooth between sizes, and to zero.
 

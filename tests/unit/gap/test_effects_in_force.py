@@ -61,7 +61,7 @@ def test_a_further_delay_is_as_late_whatever_delay_is_simulated(in_force, size):
 
 
 def test_the_simulation_flies_with_what_was_found_on_top_of_what_it_has(monkeypatch):
-    monkeypatch.setattr(closest_flight, "estimate", lambda *_: SimpleNamespace(size=np.array([0.3])))
+    monkeypatch.setattr(closest_flight, "joint_estimates", lambda *_: [SimpleNamespace(size=np.array([0.3]))])
     found = SimpleNamespace(kind="scalar", effect="gyroscopic", place=Place("", ("strength",)))
     evidence = SimpleNamespace(candidate=np.ones(1), system=SimpleNamespace(candidates=[found]))
     simulation = SimpleNamespace(effects={"gyroscopic": {"strength": 1.0}})

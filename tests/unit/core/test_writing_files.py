@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import textwrap
-import time
 
 import pytest
 
@@ -98,22 +97,23 @@ def test_two_processes_writing_one_file_leave_one_of_the_two(tmp_path):
         from freqid.core import store
         print("ready", flush=True)
         fill = lambda file: file.create_dataset("x", data=[float(sys.argv[2])] * 5000)
-        for i in range(60):
+        while not Path(sys.argv[3]).exists():
             store.write(Path(sys.argv[1]), "freqid-record", fill)
     """
-    path = tmp_path / "x.h5"
-    writers = [started(code, path, n) for n in (1, 2)]
+    path, enough = tmp_path / "x.h5", tmp_path / "enough"
+    writers = [started(code, path, n, enough) for n in (1, 2)]
     read = 0
-    while any(w.poll() is None for w in writers):
+    while read < 20:
+        assert [w.poll() for w in writers] == [None, None]
         if path.exists():
             with store.reading(path, "freqid-record") as file:
                 assert len({*store.array(file, "x").tolist()}) == 1
             read += 1
-        time.sleep(0.005)
+    enough.touch()
     assert [w.wait() for w in writers] == [0, 0]
     for writer in writers:
         writer.stdout.close()
-    assert read > 5
+    enough.unlink()
     assert [p.name for p in tmp_path.iterdir()] == ["x.h5"]
 
 

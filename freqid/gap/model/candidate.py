@@ -8,6 +8,7 @@ from math import inf
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from freqid.core.arrays import Array, Complex
@@ -15,6 +16,8 @@ from freqid.core.arrays import Array, Complex
 OTHER = "other"
 """What no effect of the library explains: free changes of the simulation's terms, and its own parameters
 beyond their tolerances."""
+
+_ABOUT = (0.75, 1.3)  # shares of an estimated size: those that `refined` computes lie between
 
 
 @dataclass(frozen=True)
@@ -141,13 +144,10 @@ class Candidate:
         return place.settings(in_force, share * self.sizes[column])
 
 
-def near(size: float | Array, about: float):
-    """Return whether a size is one of those that are computed about another."""
-    return (
-        (size > 0.75 * about) & (size < 1.3 * about)
-        if about > 0
-        else (size < 0.75 * about) & (size > 1.3 * about)
-    )
+def near(sizes: Array, about: float) -> NDArray[np.bool_]:
+    """Return which sizes are among those that are computed about another one."""
+    share = sizes / about
+    return (share > _ABOUT[0]) & (share < _ABOUT[1])
 
 
 def _between(sizes: Array, wanted: Array) -> Array:

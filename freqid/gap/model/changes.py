@@ -213,17 +213,15 @@ class Among(NamedTuple):
     ) -> Histories:
         """Return the change that an effect makes at a size, `settings` its parameters there.
 
-        What acts after it is a change of its own, made at the size `about`. So nearby sizes change by as much
-        as they do with that in force: a delay before a lag is seen through the lag. Else a tolerance of
-        that delay, which is, would be taken for a part of it.
+        At the size `about` it is the effect's own change: what acts after it has one of its own. Sizes near
+        that differ from it by as much as they do with the later effects in force, as a delay does that is
+        seen through a lag. The tolerance of that delay is seen so; were the delay not, it would be taken for
+        a part of it.
         """
-        alone = change(effect, self.before, settings(size))
-        if self.all is self.before or not near(size, self.about):
-            return alone
-        there = change(effect, self.before, settings(self.about))
-        return (
-            there + change(effect, self.all, settings(size)) - change(effect, self.all, settings(self.about))
-        )
+        if self.all is self.before or not near(np.array(size), self.about):
+            return change(effect, self.before, settings(size))
+        there, seen = (change(effect, trial, settings(self.about)) for trial in (self.before, self.all))
+        return there + change(effect, self.all, settings(size)) - seen
 
 
 def among(
@@ -247,7 +245,7 @@ def _relogged(
     """
     record, moving = trial.maneuver.record, trial.moving
     logged = _logged(trial, sensors, record)
-    change = trial.relogged(logged, first_order=first_order)
+    found = trial.relogged(logged, first_order=first_order)
     if moving is not record:
         also = _logged(trial, sensors, moving)
         channels = {n: f"effector/{n}" for n in trial.followed}
@@ -256,8 +254,8 @@ def _relogged(
             for n, k in channels.items()
             if also.channels[k] is not moving.channels[k]
         }
-        change = change + trial.rows(positions=also_moved)
-    return change * -1.0 if trial.carries else change
+        found = found + trial.rows(positions=also_moved)
+    return found * -1.0 if trial.carries else found
 
 
 def _logged(

@@ -58,7 +58,7 @@ def refined(
         tuple(o for o in some if at and acts_on(library[o[0]].of(vehicle), blocks[0].trial) == at)
         for some in (others, later)
     )
-    anew = (before, after) != (c.beside, c.after)
+    anew = (before, after) != (c.beside, c.after) or bool(after and size != c.about)
     if blocks[0].trial.approximates and not anew:  # weighed by derivatives so far
         c = replace(c, columns=recomputed(c, library, blocks))
     first, last = ([(library[n].of(vehicle), x) for n, x in some] for some in (before, after))
@@ -73,7 +73,7 @@ def refined(
 
     if c.sizes.size == 1 and not anew and _is_straight(c, size, at_size, blocks):
         return c
-    far = known.sizes[~near(known.sizes, size)] if after else known.sizes
+    far = known.sizes[~near(known.sizes, size)] if anew and after else known.sizes
     wanted = [s for s in (n * size for n in _NEAR) if low <= s <= high]
     wanted = [s for s in wanted if np.min(np.abs(far / s - 1)) >= 0.05]
     made: list[tuple[float, list]] = []

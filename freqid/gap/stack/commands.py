@@ -82,9 +82,8 @@ def commands_of(simulation: Simulation, record: FlightRecord, clean: FlightRecor
         name = command.partition("/")[2]
         if name in after and f"effector/{name}" in record:
             more = after[name] - before[name]
-            x, by, measured = lines.spectrum(np.array([before[name], more, record[f"effector/{name}"]]))[
-                :, 1:
-            ]
+            signals = np.array([before[name], more, record[f"effector/{name}"]])
+            x, by, measured = lines.spectrum(signals)[:, 1:]
             followed[command] = _followed(lines.hz[1:], x, by, measured - x)
             moved[name] = followed[command] * more
     return Commands(asked, followed, moved)

@@ -18,7 +18,7 @@ from freqid.gap.closest_flight import apart, as_near, closest, effect_of_its_own
 from freqid.gap.infer.build import at_their_size, build, flown_departures
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate, weigh
-from freqid.gap.infer.explain import Explanation, explain, likeliest
+from freqid.gap.infer.explain import Computed, Explanation, explain, likeliest
 from freqid.gap.infer.joint_replay import about_explanation, about_single, settings_of
 from freqid.gap.infer.joint_sizes import form_beside, joint_estimates
 from freqid.gap.infer.linearise import likelier_without, likeliest_departures
@@ -280,17 +280,14 @@ def _explanation(
     tolerances: Mapping[str, float],
 ) -> tuple[Explanation, Evidence, list[Columns]]:
     """Return the explanation that leading effects begin, its effects and what they change made together."""
-    kept, beside = [columns], [dict[str, dict[str, float]]()]  # what tolerances' columns were made beside
 
-    def compute(evidence: Evidence, explanation: Explanation, others: list[tuple[int, Estimate]]) -> Evidence:
-        form_error = form_beside(evidence, explanation.places, explanation.estimates)
+    def compute(at: Computed, explanation: Explanation, others: list[tuple[int, Estimate]]) -> Computed:
+        form_error = form_beside(at.evidence, explanation.places, explanation.estimates)
         acting = dict(settings_of(explanation, library, blocks[0].trial.simulation))
-        moved = not as_near(acting, beside[0])
-        if moved:
-            beside[0] = acting
-        system, kept[0] = about_explanation(
-            evidence.system,
-            kept[0],
+        moved = not as_near(acting, at.beside)
+        system, columns = about_explanation(
+            at.evidence.system,
+            at.columns,
             blocks,
             explanation,
             others,
@@ -299,10 +296,12 @@ def _explanation(
             form_error,
             anew=moved,
         )
-        return evidence if system is evidence.system else weigh(system)
+        evidence = at.evidence if system is at.evidence.system else weigh(system)
+        return Computed(evidence, columns, acting if moved else at.beside)
 
-    explanation, evidence = explain(evidence, leading, columns[0].form_names, asked=asked, compute=compute)
-    return explanation, evidence, kept[0]
+    start = Computed(evidence, columns)
+    explanation, at = explain(start, leading, columns[0].form_names, asked=asked, compute=compute)
+    return explanation, at.evidence, at.columns
 
 
 def _leading(named: Sequence[str], ranking: Ranking) -> tuple[str, ...]:

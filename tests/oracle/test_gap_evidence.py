@@ -13,7 +13,7 @@ from scipy.stats import multivariate_normal
 from freqid.gap.close.fit import departures_beyond, fit
 from freqid.gap.infer.block_matrices import Form, Products
 from freqid.gap.infer.evidence import estimate, separation, weigh
-from freqid.gap.infer.explain import Explanation, explain
+from freqid.gap.infer.explain import Computed, Explanation, explain
 from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.infer.null_draws import drawn, effects_of
 from freqid.gap.infer.system import System
@@ -288,7 +288,7 @@ def test_separation_from_a_vector_is_what_no_combination_of_it_copies(dense):
 def test_a_second_effect_is_weighed_with_the_first_one_free():
     dense = Dense(effect=np.r_[4.0, np.zeros(6), 1.5, -1.0, 1.0])
     evidence = weigh(dense.system)
-    found, _ = explain(evidence, ("heavy",))
+    found, _ = explain(Computed(evidence, []), ("heavy",))
     assert set(found.effects) == {"heavy", "off"}
     first = estimate(evidence, 0, 0.9).weights @ dense.at(0)
     free = 1e6 * np.outer(first, first)
@@ -310,10 +310,10 @@ def test_one_effect_that_explains_all_stands_alone():
     dense = Dense(effect=np.r_[np.zeros(7), 1.5, -1.0, 1.0])
     evidence = weigh(dense.system)
     for first in ("off", "heavy", "late"):
-        found, _ = explain(evidence, (first,))
+        found, _ = explain(Computed(evidence, []), (first,))
         assert found.effects == ("off",)
         assert found.gains == pytest.approx((evidence.effect["off"],))
-    found, _ = explain(evidence, ("heavy",), asked=True)
+    found, _ = explain(Computed(evidence, []), ("heavy",), asked=True)
     assert found.effects == ("heavy", "off")
 
 

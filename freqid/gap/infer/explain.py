@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import logsumexp
 
 from freqid.core.arrays import Array
+from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import Estimate, Evidence, directions, estimate, weigh
 from freqid.gap.infer.forms import forms_beside
-from freqid.gap.infer.joint_sizes import joint_estimates
-from freqid.gap.infer.system import System
+from freqid.gap.infer.joint_sizes import as_sums, joint_estimates, slopes
+from freqid.gap.infer.system import Reduced, System
 from freqid.gap.infer.weighing import log_mean
 from freqid.gap.model.candidate import OTHER
 from freqid.gap.settings import INTERVAL, SEPARATE
@@ -71,18 +72,36 @@ def likeliest(evidence: Evidence) -> list[int]:
     return [evidence.best_place(e) for e in ranked[:_FINALISTS] if best - evidence.effect[e] <= _BEHIND]
 
 
-Compute = Callable[[Evidence, Explanation, list[tuple[int, Estimate]]], Evidence]
+@dataclass(frozen=True, eq=False)
+class Computed:
+    """Effects computed at their sizes, what the data say about these, and the columns that say it.
+
+    Attributes
+    ----------
+    evidence : Evidence
+    columns : list of Columns
+        By block.
+    beside : dict of dict of float
+        Effects beside which tolerances' columns were computed, with their parameters.
+    """
+
+    evidence: Evidence
+    columns: list[Columns]
+    beside: dict[str, dict[str, float]] = field(default_factory=dict)
+
+
+Compute = Callable[[Computed, Explanation, list[tuple[int, Estimate]]], Computed]
 
 
 def explain(
-    evidence: Evidence,
+    start: Computed,
     first: Sequence[str],
     terms: Sequence[str] = (),
     *,
     asked: bool = False,
     compute: Compute | None = None,
-) -> tuple[Explanation, Evidence]:
-    """Return effects and those that the evidence supports beside them, and the evidence with these.
+) -> tuple[Explanation, Computed]:
+    """Return effects and those that the evidence supports beside them, and what was computed about these.
 
     The likeliest place's columns are freed, and all others are asked again, until one more effect, whichever
     it is, raises the evidence by less than `SEPARATE` nats: as with the first one, the odds are shared by all
@@ -92,9 +111,13 @@ def explain(
     effect need not be one of the best two: each of those found is asked for again beside the others, where
     another one may take its place, or none.
 
+    Columns are straight lines about the sizes at which they were computed, and two explanations have other
+    sizes, also of the tolerances. So lines about one only propose another: which of the two the data prefer
+    is decided with each at sizes of its own.
+
     Parameters
     ----------
-    evidence : Evidence
+    start : Computed
     first : sequence of str
         Effect ids.
     terms : sequence of str
@@ -102,54 +125,116 @@ def explain(
     asked : bool
         Whether the first effects stay whatever the others are.
     compute : callable, optional
-        Returns the evidence once an explanation's effects, and other estimates beside it, are computed again
+        Returns what an explanation's effects, and other estimates beside it, are once they are computed again
         at their sizes.
     """
-    places, gains = [evidence.best_place(e) for e in first], [evidence.effect[e] for e in first]
-    computed: list[int] = []
-    tried: set[frozenset[int]] = set()
-    while True:
-        if compute is not None and places != computed:
-            computed, evidence = places, _settled(evidence, _explanation(evidence, places, gains), compute)
-        if len(places) >= _MOST or frozenset(places) in tried:
+    search = _Search(tuple(terms), len(first) if asked else 0, compute)
+    places = [start.evidence.best_place(e) for e in first]
+    gains = [start.evidence.effect[e] for e in first]
+    at = search.settled(start, places)
+    while frozenset(places) not in search.known:
+        search.known[frozenset(places)] = at
+        needed, other = search.exchanged(at, places)
+        if needed != places:
+            at, places = other, needed
+            if len(places) < len(gains):
+                alone = at.evidence.effect
+                gains = [alone[at.evidence.system.candidates[i].effect] for i in places]
+            continue
+        if len(places) >= _MOST:
             break
-        tried.add(frozenset(places))
-        evidence = _with_forms_beside(evidence, places, terms)
-        found = _finalists(evidence, places)
-        if compute is not None and found:
-            given = _weights(evidence, places)
-            others = [(i, estimate(evidence, i, INTERVAL, given=given)) for _, i in found]
-            evidence = compute(evidence, _explanation(evidence, places, gains), others)
-        every = _beside(evidence, places)
+        at = search.known[frozenset(places)] = search.asked(at, places)
+        every = _beside(at.evidence, places)
         if _raised(every) < SEPARATE:
             break
-        gains.append(every[0][0])
-        places = _exchanged(evidence, [*places, every[0][1]], first=len(first) if asked else 0)
-        if len(places) < len(gains):
-            gains = [evidence.effect[evidence.system.candidates[i].effect] for i in places]
-    return _explanation(evidence, places, gains), evidence
+        more = [*places, every[0][1]]
+        there = search.settled(at, more)
+        gain = _worth(there.evidence, more, -1) - _at_sizes(at.evidence, places)
+        if _raised([(gain, every[0][1]), *every[1:]]) < SEPARATE:
+            break
+        at, places, gains = there, more, [*gains, gain]
+    return _explanation(at.evidence, places, gains), at
 
 
-def _settled(evidence: Evidence, explanation: Explanation, compute: Compute) -> Evidence:
-    """Return the evidence about the sizes at which effects were computed, or nearly.
+@dataclass(frozen=True, eq=False)
+class _Search:
+    """How explanations are computed and compared.
 
-    Half way at a time from the second one on: what one leaves to the other would swing about the answer.
-    Those that do not change each other need only be near.
+    Attributes
+    ----------
+    terms : tuple of str
+    kept : int
+        First effects that stay.
+    compute : callable, optional
+    known : dict of Computed
+        Explanations by their places.
     """
-    at = explanation
-    for done in range(_SETTLING):
-        evidence = compute(evidence, at, [])
-        if done > 0 and not any(evidence.system.candidates[i].beside for i in explanation.places):
-            break
-        now = joint_estimates(evidence, explanation.places)
-        each = list(zip(at.estimates, now, strict=True))
-        if all(np.all(np.abs(a.size - e.size) <= _CLOSE * e.width) for a, e in each):
-            break
-        at = replace(at, estimates=tuple(replace(e, size=(a.size + e.size) / 2) for a, e in each))
-    return evidence
+
+    terms: tuple[str, ...]
+    kept: int
+    compute: Compute | None
+    known: dict[frozenset[int], Computed] = field(default_factory=dict)
+
+    def settled(self, at: Computed, places: list[int]) -> Computed:
+        """Return what is computed about effects at the sizes that they have together, or nearly."""
+        if self.compute is None:
+            return at
+        about = _explanation(at.evidence, places)
+        for _ in range(_SETTLING):
+            at = self.compute(at, about, [])
+            now = _explanation(at.evidence, places)
+            each = zip(about.estimates, now.estimates, strict=True)
+            if all(np.all(np.abs(a.size - e.size) <= _CLOSE * e.width) for a, e in each):
+                break
+            about = now
+        return at
+
+    def asked(self, at: Computed, places: list[int]) -> Computed:
+        """Return what is computed once the likeliest others are near their sizes beside effects."""
+        at = self._with_forms_beside(at, places)
+        found = _finalists(at.evidence, places)
+        if self.compute is None or not found:
+            return at
+        given = _weights(at.evidence, places)
+        others = [(i, estimate(at.evidence, i, INTERVAL, given=given)) for _, i in found]
+        return self.compute(at, _explanation(at.evidence, places), others)
+
+    def exchanged(self, at: Computed, places: list[int]) -> tuple[list[int], Computed]:
+        """Return places without one that the others do not need, or with a better one in its stead."""
+        for k in range(self.kept, len(places) if len(places) > 1 else 0):
+            others = places[:k] + places[k + 1 :]
+            without = self.known.get(frozenset(others))
+            if without is None or without.evidence.system.form_errors != at.evidence.system.form_errors:
+                without = self.settled(at, others)
+            left, candidates = _at_sizes(without.evidence, others), at.evidence.system.candidates
+            rivals = [one for one in _beside(without.evidence, others) if one[1] != places[k]]
+            apart = [one for one in rivals if candidates[one[1]].effect != candidates[places[k]].effect]
+            worth = _worth(at.evidence, places, k) - left
+            if _raised([(worth, places[k]), *apart]) < SEPARATE:
+                return others, without
+            if rivals and rivals[0][0] > worth:
+                new = [*others[:k], rivals[0][1], *others[k:]]
+                there = self.settled(without, new)
+                if _worth(there.evidence, new, k) - left > worth:
+                    return new, there
+        return places, at
+
+    def _with_forms_beside(self, at: Computed, places: list[int]) -> Computed:
+        """Return it with more errors of form: the likeliest beside effects, and beside a second one."""
+        evidence, system = at.evidence, at.evidence.system
+        if not self.terms:
+            return at
+        first, given = free(evidence, places), _weights(evidence, places)
+        explanations = [first]
+        for _, i in _finalists(evidence, places):
+            explanations.append(np.concatenate([first, directions(evidence, i, given)]))
+        forms = forms_beside(system, self.terms, explanations)
+        if forms == system.form_errors:
+            return at
+        return replace(at, evidence=weigh(replace(system, form_errors=forms)))  # small matrices stay
 
 
-def _explanation(evidence: Evidence, places: list[int], gains: list[float]) -> Explanation:
+def _explanation(evidence: Evidence, places: list[int], gains: Sequence[float] = ()) -> Explanation:
     return Explanation(tuple(places), tuple(gains), joint_estimates(evidence, places))
 
 
@@ -179,39 +264,51 @@ def _weights(evidence: Evidence, places: list[int]) -> Array:
     return weights
 
 
-def _with_forms_beside(evidence: Evidence, places: list[int], terms: Sequence[str]) -> Evidence:
-    """Return the evidence with more errors of form: the likeliest beside effects, and beside a second one."""
-    system = evidence.system
-    if not terms:
-        return evidence
-    first, given = free(evidence, places), _weights(evidence, places)
-    explanations = [first]
-    for _, i in _finalists(evidence, places):
-        explanations.append(np.concatenate([first, directions(evidence, i, given)]))
-    forms = forms_beside(system, terms, explanations)
-    if forms == system.form_errors:
-        return evidence
-    return weigh(replace(system, form_errors=forms))  # small matrices that are made stay
-
-
-def _exchanged(evidence: Evidence, places: list[int], first: int) -> list[int]:
-    """Return places, each from a first one on the best beside the others; none that is no longer needed."""
-    for _ in range(len(places)):
-        before = list(places)
-        for k in range(first, len(places)):
-            others = places[:k] + places[k + 1 :]
-            every = _beside(evidence, others)
-            if _raised(every) < SEPARATE:
-                return others
-            places = [*places[:k], every[0][1], *places[k + 1 :]]
-        if places == before:
-            break
-    return places
-
-
 def free(evidence: Evidence, places: list[int]) -> Array:
     """Return the freed columns' weights of some effects, shape (freed, column)."""
     return np.concatenate([directions(evidence, i) for i in places])
+
+
+def _at_sizes(evidence: Evidence, places: Sequence[int]) -> float:
+    """Return the log evidence of effects at the sizes that are likeliest together."""
+    return float(
+        logsumexp([left.log_evidence for left in _near(as_sums(evidence, places), evidence, places)])
+    )
+
+
+def _worth(evidence: Evidence, places: Sequence[int], k: int) -> float:
+    """Return the log evidence of effects near their sizes, that of one and its place integrated out."""
+    own, candidates = places[k], evidence.system.candidates
+    rivals = [i for i, c in enumerate(candidates) if c.effect == candidates[own].effect and i != own]
+    few = as_sums(evidence, places, rivals)
+    joint = [
+        left.log_evidence + few.weighing.by_place(left, left.g[:, None])[:, 0]
+        for left in _near(few, evidence, places, own)
+    ]
+    every = [places.index(own), *range(len(places), len(places) + len(rivals))]
+    return float(log_mean(logsumexp(joint, axis=0)[every]))
+
+
+def _near(few: Evidence, evidence: Evidence, places: Sequence[int], but: int | None = None) -> list[Reduced]:
+    """Return what is left of a system of few candidates once those at some places are about their sizes.
+
+    They are free to be a little larger or smaller there. One of them may be left out.
+    """
+    given, free = np.zeros(few.system.columns), []
+    for j, (i, e) in enumerate(zip(places, joint_estimates(evidence, places), strict=True)):
+        if i != but:
+            at = few.system.columns_of(j)
+            given[at] = e.weights
+            own = np.zeros((e.size.size, few.system.columns))
+            own[:, at] = slopes(e.candidate, e.size)
+            free.append(own)
+    found = []
+    for f in few.system.form_errors:
+        reduced = few.system.reduced(f)
+        moved = reduced.G @ given
+        log = reduced.log_evidence + float(given @ reduced.g - 0.5 * given @ moved)
+        found.append(Reduced(reduced.G, reduced.g - moved, log).freed(np.concatenate(free)))
+    return found
 
 
 def _given(evidence: Evidence, places: list[int]) -> dict[str, tuple[float, int]]:

@@ -26,10 +26,10 @@ _LEAST = 1e-3  # of a scalar's smallest size in its prior: a size below is as go
 def joint_estimates(evidence: Evidence, places: Sequence[int]) -> tuple[Estimate, ...]:
     """Return estimates of several candidates, each with the others' sizes unknown too.
 
-    A tolerance of the same parameter only adds to the size of an effect that is alone: what both make is that
-    of their sum. So the sum is estimated with that tolerance at zero, and its one sigma widens the interval.
-    Beside it, a size would be known far too well: a tolerance is straight, a late channel is not, and where
-    data are sharp the size would stay wherever the line was drawn.
+    A tolerance of the same parameter only adds to the size of an effect: what both make is that of their sum.
+    So the sum is estimated with that tolerance at zero, and its one sigma widens the interval. Beside it, a
+    size would be known far too well: a tolerance is straight, a late channel is not, and where data are sharp
+    the size would stay wherever the line was drawn.
 
     Parameters
     ----------
@@ -37,12 +37,33 @@ def joint_estimates(evidence: Evidence, places: Sequence[int]) -> tuple[Estimate
     places : sequence of int
         Candidates.
     """
-    c, names = evidence.system.candidates[places[0]], evidence.system.tolerances
-    if len(places) > 1 or c.tolerance not in names:
+    system, names = evidence.system, evidence.system.tolerances
+    candidates = [system.candidates[i] for i in places]
+    if not any(c.tolerance in names for c in candidates):
         return _together(evidence, places)
-    system, k = evidence.system.of(places), names.index(c.tolerance)
-    found = _together(weigh(system.held({k: 0.0})), [0])
-    return (_widened(system, form_beside(evidence, places, found), 0, found[0], k),)
+    few, found = system.of(places), _together(as_sums(evidence, places), range(len(places)))
+    form_error = form_beside(evidence, places, found)
+    return tuple(
+        _widened(few, form_error, k, e, names.index(c.tolerance)) if c.tolerance in names else e
+        for k, (c, e) in enumerate(zip(candidates, found, strict=True))
+    )
+
+
+def as_sums(evidence: Evidence, places: Sequence[int], rivals: Sequence[int] = ()) -> Evidence:
+    """Return what the data say of some candidates alone, tolerances of the same parameters at zero.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    places : sequence of int
+        Candidates whose sizes are sums of effect and tolerance.
+    rivals : sequence of int
+        More candidates, in whose stead one of these is.
+    """
+    system = evidence.system
+    own = {system.candidates[i].tolerance for i in places}
+    held = {k: 0.0 for k, name in enumerate(system.tolerances) if name in own}
+    return weigh(system.of([*places, *rivals]).held(held))
 
 
 def _widened(system: System, form_error: Form, index: int, e: Estimate, tolerance: int) -> Estimate:
@@ -58,10 +79,8 @@ def _widened(system: System, form_error: Form, index: int, e: Estimate, toleranc
     tolerance : int
     """
     c, gram, n = e.candidate, system.gram(form_error), system.columns
-    size, least = float(e.size[0]), _LEAST * float(np.abs(c.prior).min())
-    h = _NEAR * max(abs(size), least)
     slope = np.zeros(n)
-    slope[system.columns_of(index)] = (c.weights(size + h) - c.weights(size - h)) / (2 * h)
+    slope[system.columns_of(index)] = slopes(c, e.size)[0]
     power = float(slope @ gram[:n, :n] @ slope)
     sigma = abs(float(slope @ gram[:n, n + tolerance])) / power if power > 0 else 0.0
     room = sigma * float(ndtri((1 + INTERVAL) / 2))
@@ -143,10 +162,10 @@ class _Fit:
         """Return the likeliest sizes, from others on."""
         value, G, g = self.at(sizes)
         for _ in range(_STEPS):
-            w, slopes, precision, pull = self.slopes(sizes)
-            curve = slopes @ G @ slopes.T + np.diag(precision)
+            w, D, precision, pull = self.slopes(sizes)
+            curve = D @ G @ D.T + np.diag(precision)
             # the shortest step: two effects that do the same have no curvature between them
-            step = np.linalg.lstsq(curve, slopes @ (g - G @ w) - pull, rcond=None)[0].astype(float)
+            step = np.linalg.lstsq(curve, D @ (g - G @ w) - pull, rcond=None)[0].astype(float)
             for _ in range(_HALVINGS):
                 moved = self.moved(sizes, step)
                 better, G_there, g_there = self.at(moved)
@@ -163,8 +182,8 @@ class _Fit:
     def widening(self, sizes: list) -> list[Array]:
         """Return how much wider each standard deviation is than given the others, by candidate."""
         _, G, _ = self.at(sizes)
-        _, slopes, precision, _ = self.slopes(sizes)
-        inverse = slopes @ G @ slopes.T + np.diag(precision)
+        _, D, precision, _ = self.slopes(sizes)
+        inverse = D @ G @ D.T + np.diag(precision)
         covariance, found, k = np.linalg.pinv(inverse, hermitian=True), [], 0
         for c in self.candidates:
             n = 1 if c.kind == "scalar" else c.sizes.size
@@ -184,18 +203,16 @@ class _Fit:
 
     def slopes(self, sizes: list) -> tuple[Array, Array, Array, Array]:
         """Return weights of all columns, their slopes by each size, the prior's precision and its pull."""
-        weights, slopes, precision, pull = [], [], [], []
+        weights, moved, precision, pull = [], [], [], []
         for c, s in zip(self.candidates, sizes, strict=True):
             weights.append(_weights(c, s))
+            moved.append(slopes(c, s))
             if c.kind == "scalar":
-                h = _NEAR * max(abs(s), _LEAST * float(np.abs(c.prior).min()))
-                slopes.append(((c.weights(s + h) - c.weights(s - h)) / (2 * h))[None])
                 precision, pull = [*precision, 0.0], [*pull, 0.0]
             else:
                 wide = 1 / float(c.prior.max()) ** 2
-                slopes.append(np.eye(c.sizes.size))
                 precision, pull = [*precision, *[wide] * c.sizes.size], [*pull, *(wide * s)]
-        return np.concatenate(weights), block_diag(*slopes), np.array(precision), np.array(pull)
+        return np.concatenate(weights), block_diag(*moved), np.array(precision), np.array(pull)
 
     def moved(self, sizes: list, step: Array) -> list:
         """Return sizes after a step, a scalar's within its prior and of its sign."""
@@ -214,6 +231,16 @@ class _Fit:
     def _pulls(self, sizes: list) -> list[float]:
         each = zip(self.candidates, sizes, strict=True)
         return [float(s @ s) / float(c.prior.max()) ** 2 for c, s in each if c.kind == "vector"]
+
+
+def slopes(candidate: Candidate, size) -> Array:
+    """Return how the weights of a candidate's columns go with its sizes there, shape (size, column)."""
+    c = candidate
+    if c.kind == "vector":
+        return np.eye(c.sizes.size)
+    at = float(np.squeeze(size))
+    h = _NEAR * max(abs(at), _LEAST * float(np.abs(c.prior).min()))
+    return ((c.weights(at + h) - c.weights(at - h)) / (2 * h))[None]
 
 
 def _weights(candidate: Candidate, size) -> Array:

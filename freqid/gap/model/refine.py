@@ -75,7 +75,7 @@ def refined(
         return c
     far = known.sizes[~near(known.sizes, size)] if anew and after else known.sizes
     wanted = [s for s in (n * size for n in _NEAR) if low <= s <= high]
-    wanted = [s for s in wanted if np.min(np.abs(far / s - 1)) >= 0.05]
+    wanted = [s for s in wanted if np.abs(far / s - 1).min(initial=np.inf) >= 0.05]
     made: list[tuple[float, list]] = []
     for s in [*far.tolist(), *wanted] if anew else wanted:
         with suppress(ImpossibleSettings):

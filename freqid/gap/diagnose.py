@@ -173,7 +173,7 @@ def diagnose(
     exists = p <= q.level
     if exists:
         tell("computing the likeliest effects at their size")
-        system, columns = at_their_size(evidence, columns, used, q.candidates, q.tolerances)
+        system, columns = at_their_size(evidence, columns, used, q.candidates, q.tolerances, anew=True)
         evidence = weigh(system)
     found: dict[str, Settings] = {}
     for _ in range(_FLIGHTS if exists and departs else 0):

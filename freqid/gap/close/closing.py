@@ -116,11 +116,12 @@ def closing_of(
             columns_of(b, i, few, system.tolerances, library, tolerances, rows, forms, labels)
             for b, i in zip(flown, at, strict=True)
         ]
-        departures, fitted = likeliest_departures(
-            system, used, tolerances, form_error, explanation.weights(system)
-        )
+        weights = explanation.weights(system)
+        fitted = likeliest_departures(system, used, tolerances, form_error, weights)[1]
+        fewer, acting = replace(system, candidates=few), list(enumerate(explanation.estimates))
         parts += [
-            straightened(c, b, system.tolerances, departures, fitted, library, tolerances) for c, b in made
+            straightened(c, b, fewer, fitted, acting, library, tolerances, form_error, anew=True)
+            for c, b in made
         ]
         held_out = [replace(b, trial=own.trial) for (_, b), own in zip(made, held_out, strict=True)]
     blocks = [*used, *held_out]

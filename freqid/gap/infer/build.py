@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from freqid.core.arrays import Complex
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.columns import Columns, Parts
 from freqid.gap.infer.evidence import Evidence, weigh
@@ -75,21 +74,26 @@ def at_their_size(
     blocks: Sequence[Block],
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
+    *,
+    anew: bool = False,
 ) -> tuple[System, list[Columns]]:
     """Return the evidence's system with the likeliest effects' columns at sizes near their estimates.
 
     And tolerances straight about these. Again where estimates move: far from where it was computed, a strong
-    effect's columns are wrong by many times the noise, and the estimate stays where they are right.
+    effect's columns are wrong by many times the noise, and the estimate stays where they are right. `anew` as
+    in `relinearised`.
     """
     system, columns = evidence.system, list(columns)
-    for _ in range(_SETTLING):
+    for k in range(_SETTLING):
         new = list(system.candidates)
         for i in likeliest(evidence):
             new[i] = refined(new[i], float(joint_estimates(evidence, [i])[0].size[0]), library, blocks)
-        if all(a is b for a, b in zip(new, system.candidates, strict=True)):
+        if not (anew and k == 0) and all(a is b for a, b in zip(new, system.candidates, strict=True)):
             break
         system, columns = rebuilt(system, new, columns, blocks)
-        system, columns = relinearised(system, columns, blocks, library, sizes, evidence.form_error())
+        system, columns = relinearised(
+            system, columns, blocks, library, sizes, evidence.form_error(), anew=anew and k == 0
+        )
         evidence = weigh(system)
     return system, columns
 
@@ -138,8 +142,8 @@ def _straight(
     system, columns = _told_apart(system, columns)
     common = common_form(system, terms)
     known = [p.block for p in parts]
-    for _ in range(ROUNDS):
-        system, columns = relinearised(system, columns, known, library, sizes, common)
+    for k in range(ROUNDS):
+        system, columns = relinearised(system, columns, known, library, sizes, common, anew=k == ROUNDS - 1)
     return system, columns, parts, common
 
 
@@ -164,7 +168,7 @@ def _told_apart(system: System, columns: Sequence[Columns]) -> tuple[System, lis
     if len(kept) == len(system.candidates):
         return system, list(columns)
     parts = [system.columns_of(i) for i in kept]
-    new = [c.with_columns(parts, [], c.tolerances[:0], c.sigmas[:0]) for c in columns]
+    new = [c.with_effects(parts) for c in columns]
     candidates = [system.candidates[i] for i in kept]
     return replace(system, candidates=candidates, blocks=[c.matrices for c in new]), new
 
@@ -228,15 +232,12 @@ def _columns(
         form_names=tuple(terms),
         form_row=row,
         shared_names=tuple(labels),
+        own_names=parts.own_names,
     )
 
 
 def rebuilt(
-    system: System,
-    candidates: list[Candidate],
-    columns: Sequence[Columns],
-    blocks: Sequence[Block],
-    tolerances: Sequence[Mapping[str, Complex]] = (),
+    system: System, candidates: list[Candidate], columns: Sequence[Columns], blocks: Sequence[Block]
 ) -> tuple[System, list[Columns]]:
     """Return a system in which some candidates have other columns; all else is as it was.
 
@@ -248,8 +249,6 @@ def rebuilt(
     columns : sequence of Columns
         By block.
     blocks : sequence of Block
-    tolerances : sequence of dict of ndarray of complex, shape (row, line), optional
-        By block, what one sigma makes, by name: of those that are another.
     """
     new = []
     for b, (old, block) in enumerate(zip(columns, blocks, strict=True)):
@@ -257,8 +256,5 @@ def rebuilt(
             system.columns_of(i) if c is system.candidates[i] else block.white(c.columns[b])
             for i, c in enumerate(candidates)
         ]
-        here = tolerances[b] if tolerances else {}
-        other = [k for k, name in enumerate(system.tolerances) if name in here]
-        sigmas = np.array([here[system.tolerances[k]] for k in other]) if other else old.sigmas[:0]
-        new.append(old.with_columns(parts, other, block.white(sigmas), sigmas))
+        new.append(old.with_effects(parts))
     return replace(system, candidates=candidates, blocks=[c.matrices for c in new], _reduced={}), new

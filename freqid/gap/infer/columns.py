@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from freqid.core.arrays import Array, Complex
-from freqid.gap.infer.block_matrices import SEEN, BlockMatrices, Form, Products
+from freqid.gap.infer.block_matrices import SEEN, BlockMatrices, Form, Products, backward, forward
 from freqid.gap.infer.evidence import weigh
 from freqid.gap.infer.system import System
 from freqid.gap.model.candidate import Candidate
@@ -35,6 +35,8 @@ class Parts:
         Errors of form of size one that are the same in all blocks.
     form : tuple of FormColumns
         Errors of form of loads, actuators and relations between sensors.
+    own_names : tuple of str
+        Of what is unknown in the record by itself.
     """
 
     block: Block
@@ -43,6 +45,7 @@ class Parts:
     own: Complex
     shared: Complex
     form: tuple[FormColumns, ...]
+    own_names: tuple[str, ...]
 
     @classmethod
     def of(
@@ -71,9 +74,17 @@ class Parts:
             One sigma by name.
         """
         effects = np.concatenate([c.columns[index] for c in found]) if found else _zeros(block, 0)
-        own = _stacked(block, list(record_columns(block, library, sizes).values()))
+        own = record_columns(block, library, sizes)
         form = tuple(form_columns(block, form_terms(block)))
-        return cls(block, effects, _stacked(block, tolerances), own, _stacked(block, shared), form)
+        return cls(
+            block,
+            effects,
+            _stacked(block, tolerances),
+            _stacked(block, list(own.values())),
+            _stacked(block, shared),
+            form,
+            tuple(own),
+        )
 
     def fewer(self, largest: Mapping[str, float]) -> Parts:
         """Return the same form in fewer columns.
@@ -180,6 +191,8 @@ class Columns:
         Which of these each column of the form is of.
     shared_names : tuple of (str, str)
         Of the shared errors of form, see `shared_columns`.
+    own_names : tuple of str
+        Of what is unknown in the record by itself.
     """
 
     effects: Array
@@ -192,6 +205,7 @@ class Columns:
     form_names: tuple[str, ...]
     form_row: NDArray[np.intp]
     shared_names: tuple[tuple[str, str], ...]
+    own_names: tuple[str, ...]
 
     @cached_property
     def matrices(self) -> BlockMatrices:
@@ -226,33 +240,21 @@ class Columns:
         new.__dict__["matrices"] = replace(m, form=m.form[needed], form_gram=power, form_row=new.form_row)
         return new
 
-    def with_columns(
-        self, parts: Sequence[Array | slice], other: Sequence[int], tolerances: Array, sigmas: Complex
-    ) -> Columns:
-        """Return these columns with others; inner products of those that stay are not made again.
+    def with_effects(self, parts: Sequence[Array | slice]) -> Columns:
+        """Return these columns with other effects; inner products of those that stay are not made again.
 
         Parameters
         ----------
         parts : sequence of ndarray, shape (column, number), or slice
             What the columns of effects are made of, in order: new ones, or places of those that are there.
-        other : sequence of int
-            Places of the tolerances that are another.
-        tolerances : ndarray, shape (tolerance, number)
-            These, whitened.
-        sigmas : ndarray of complex, shape (tolerance, row, line)
-            These before whitening.
         """
         effects = np.concatenate([self.effects[p] if isinstance(p, slice) else p for p in parts])
-        at = np.array(other, dtype=int)
-        white, whole = self.tolerances.copy(), self.sigmas.copy()
-        white[at], whole[at] = tolerances, sigmas
-        new = replace(self, effects=effects, tolerances=white, sigmas=whole)
+        new = replace(self, effects=effects)
         m, count = self.matrices, len(self.effects)
         kept = [np.arange(count)[p] if isinstance(p, slice) else np.full(len(p), -1) for p in parts]
         source = np.concatenate([*kept, np.arange(count, len(m.gram))]).astype(int)
-        source[len(effects) + at] = -1
         fresh = np.flatnonzero(source < 0)
-        z = np.concatenate([effects, white, self.residual[None], self.shared])
+        z = np.concatenate([effects, self.tolerances, self.residual[None], self.shared])
         inner, across = z[fresh] @ z.T, self.form.across(z[fresh])
         if len(self.own):
             factor = cho_factor(np.eye(len(self.own)) + self.own @ self.own.T)
@@ -279,3 +281,21 @@ class Columns:
         gram[last], gram[:, last], form[:, last] = inner, inner, across
         new.__dict__["matrices"] = replace(m, gram=gram, form=form)
         return new
+
+    def likeliest_own(self, left: Array, form_error: Form) -> Array:
+        """Return what is likeliest of the record's own unknowns, in sigmas, beside errors of form.
+
+        Parameters
+        ----------
+        left : ndarray, shape (number,)
+            Residual less what is known to be in it.
+        form_error : Form
+        """
+        if not len(self.own):
+            return np.zeros(0)
+        factor = cho_factor(np.eye(len(self.own)) + self.own @ self.own.T)
+        projected, both = self.own @ left, self.form.across(self.own)
+        across = self.form.across(left[None])[:, 0] - both @ cho_solve(factor, projected)
+        lower, size, at = self.matrices.factor(form_error.loads)
+        form = size * backward(lower, forward(lower, (size * across[at])[:, None]))[:, 0]
+        return cho_solve(factor, projected - both[at].T @ form)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from freqid.core.arrays import Complex
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.build import rebuilt
 from freqid.gap.infer.columns import Columns
@@ -21,9 +20,8 @@ from freqid.gap.infer.system import System
 from freqid.gap.model.changes import beside
 from freqid.gap.model.refine import refined
 from freqid.gap.model.testable import in_force_of
-from freqid.gap.model.tolerance import tolerance_columns
 from freqid.gap.settings import ROUNDS
-from freqid.gap.simulation import Simulation, side_by_side
+from freqid.gap.simulation import Simulation
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
 
@@ -88,7 +86,7 @@ def about_explanation(
     form_error : Form
         At which the tolerances' departures are fitted.
     anew : bool
-        Whether tolerances' columns beside the effects are computed, or stay those of the system.
+        As in `relinearised`.
     """
     acting = settings_of(explanation, library, blocks[0].trial.simulation)
     new = list(system.candidates)
@@ -102,12 +100,9 @@ def about_explanation(
     alone = len(explanation.places) == 1 and flown[0] is blocks[0]
     if alone and all(a is b for a, b in zip(new, system.candidates, strict=True)):
         return system, list(columns)  # tolerances are straight about it already
-    beside: list[dict[str, Complex]] = []
-    if anew and flown[0] is not blocks[0]:
-        simulation = blocks[0].trial.simulation
-        beside = side_by_side(simulation, lambda b: tolerance_columns(b, library, sizes), flown)
-    system, columns = rebuilt(system, new, columns, blocks, beside)
-    return relinearised(system, columns, flown, library, sizes, form_error, explanation.weights(system))
+    system, columns = rebuilt(system, new, columns, blocks)
+    acts = list(zip(explanation.places, explanation.estimates, strict=True))
+    return relinearised(system, columns, flown, library, sizes, form_error, acts, anew=anew)
 
 
 def about_single(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -127,11 +128,21 @@ def _sizes(effect: Effect, values: Mapping[str, float], trial: Trial) -> dict[st
     return {n: values[effect.size] + of_kind.get(kinds[n], 0.0) + values.get(n, 0.0) for n in trial.positions}
 
 
-def change_together(effects: Sequence[tuple[Effect, Mapping[str, float]]], trial: Trial) -> Histories:
+def change_together(
+    effects: Sequence[tuple[Effect, Mapping[str, float]]], trial: Trial, offsets: Mapping[str, float] = {}
+) -> Histories:
     """Return the change that effects make together, each as in `change`.
 
     Those of sensors follow one another on the way into the log, and a body has one mass and one centre of
     gravity: what two of these make together is not the sum of what each does alone. All others add up.
+
+    Parameters
+    ----------
+    effects : sequence of (Effect, dict of float)
+        With their parameters, others at their values in force.
+    trial : Trial
+    offsets : dict of float
+        Of channels, which their sensors add last.
 
     Raises
     ------
@@ -149,8 +160,8 @@ def change_together(effects: Sequence[tuple[Effect, Mapping[str, float]]], trial
             carried = _carried(effect, values, carried)
         else:
             total = total + change(effect, trial, settings)
-    if sensors:
-        total = total + _relogged(trial, sensors)
+    if sensors or offsets:
+        total = total + _relogged(trial, sensors, offsets)
     return total + _loaded(trial, carried) if carried is not vehicle else total
 
 
@@ -236,7 +247,11 @@ def among(
 
 
 def _relogged(
-    trial: Trial, sensors: Sequence[tuple[Effect, dict[str, float]]], *, first_order: bool = False
+    trial: Trial,
+    sensors: Sequence[tuple[Effect, dict[str, float]]],
+    offsets: Mapping[str, float] = {},
+    *,
+    first_order: bool = False,
 ) -> Histories:
     """Return the change of a residual that effects of sensors make, one after the other on the way to a log.
 
@@ -244,10 +259,10 @@ def _relogged(
     of that is in the rows of actuators alone.
     """
     record, moving = trial.maneuver.record, trial.moving
-    logged = _logged(trial, sensors, record)
+    logged = _logged(trial, sensors, offsets, record)
     found = trial.relogged(logged, first_order=first_order)
     if moving is not record:
-        also = _logged(trial, sensors, moving)
+        also = _logged(trial, sensors, offsets, moving)
         channels = {n: f"effector/{n}" for n in trial.followed}
         also_moved = {
             n: also[k] - moving[k] - (logged[k] - record[k])
@@ -259,13 +274,23 @@ def _relogged(
 
 
 def _logged(
-    trial: Trial, sensors: Sequence[tuple[Effect, dict[str, float]]], record: FlightRecord
+    trial: Trial,
+    sensors: Sequence[tuple[Effect, dict[str, float]]],
+    offsets: Mapping[str, float],
+    record: FlightRecord,
 ) -> FlightRecord:
     """Return a record with effects of sensors, or without them where the record carries them already."""
+    if trial.carries:
+        record = _shifted(record, {n: -x for n, x in offsets.items()})
     for effect, values in sensors:
         assert effect.distort is not None
         record = _taken_back(effect, values, record) if trial.carries else effect.distort(values, record)
-    return record
+    return record if trial.carries else _shifted(record, offsets)
+
+
+def _shifted(record: FlightRecord, offsets: Mapping[str, float]) -> FlightRecord:
+    channels = [replace(record.channel(n), values=record[n] + x) for n, x in offsets.items()]
+    return record.with_channels(*channels) if channels else record
 
 
 def _taken_back(effect: Effect, values: Mapping[str, float], record: FlightRecord) -> FlightRecord:

@@ -180,6 +180,40 @@ def record_columns(
     return found | {name: share * z for name, z in _ends(block).items()}
 
 
+def offsets_of(
+    departures: Mapping[str, float], block: Block, sizes: Mapping[str, float]
+) -> tuple[dict[str, dict[str, float]], dict[str, float]]:
+    """Return the offsets of a record that some of its unknowns are.
+
+    Parameters
+    ----------
+    departures : dict of float
+        In sigmas, by the name that `record_columns` gives; ends and starts are no offsets.
+    block : Block
+    sizes : dict of float
+
+    Returns
+    -------
+    settings : dict of dict of float
+        Parameters by effect.
+    channels : dict of float
+        Offsets of effectors' channels.
+    """
+    share, kinds = 1 / np.sqrt(len(block.names)), block.trial.maneuver.vehicle.effector_kinds
+    settings: dict[str, dict[str, float]] = {}
+    channels = {}
+    for key, sigmas in departures.items():
+        what, _, name = key.partition(".")
+        if what != "offset":
+            continue
+        effect, _, parameter = name.partition(".")
+        if parameter:
+            settings.setdefault(effect, {})[parameter] = share * sigmas * sizes[name]
+        else:
+            channels[f"effector/{name}"] = share * sigmas * sizes[f"sensor_bias.{kinds[name]}"]
+    return settings, channels
+
+
 def _acts(change: Histories) -> bool:
     return bool(np.any(change.direct) or np.any(change.momentum))
 

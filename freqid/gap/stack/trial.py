@@ -237,14 +237,15 @@ class Trial:
     @cached_property
     def nominal(self) -> Trial:
         """The same on the simulation as it is: nominal parameters, and no effect acts."""
-        return self._asked_of(self.simulation.nominal) if isinstance(self.simulation, Departed) else self
+        return self.asked_of(self.simulation.nominal) if isinstance(self.simulation, Departed) else self
 
     @cached_property
     def undeparted(self) -> Trial:
         """The same on nominal parameters; an effect that acts still does."""
-        return self._asked_of(self.simulation.undeparted) if isinstance(self.simulation, Departed) else self
+        return self.asked_of(self.simulation.undeparted) if isinstance(self.simulation, Departed) else self
 
-    def _asked_of(self, simulation: Simulation) -> Trial:
+    def asked_of(self, simulation: Simulation) -> Trial:
+        """Return the same, replayed on a simulation with other parameters or effects."""
         own = replace(self, simulation=simulation)
         return replace(
             own, predicted=simulation.predict(self.maneuver.record), positions=own.positions_with()

@@ -25,11 +25,11 @@ from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import Estimate, estimate, weigh
 from freqid.gap.infer.system import System
 from freqid.gap.model.candidate import OTHER
-from freqid.gap.model.changes import change_together
+from freqid.gap.model.changes import as_moved, change_together
 from freqid.gap.model.testable import in_force_of, route_of
 from freqid.gap.model.tolerance import of_effects, offsets_of, record_columns, tolerance_columns
 from freqid.gap.settings import FARTHEST, INTERVAL, ROUNDS
-from freqid.gap.simulation import Simulation
+from freqid.gap.simulation import Simulation, side_by_side
 from freqid.gap.stack.block import Block
 from freqid.gap.stack.trial import Trial
 from freqid.simulate.effects.effect import Effect
@@ -74,10 +74,12 @@ def relinearised(
         acting = _likeliest_alone(replace(system, form_errors=(form_error,), _reduced={}))
     weights = _weights(system, acting)
     fitted = likeliest_departures(system, blocks, sizes, form_error, weights)[1]
-    new = [
-        straightened(c, block, system, fitted, acting, library, sizes, form_error, anew=anew)
-        for block, c in zip(blocks, columns, strict=True)
-    ]
+
+    def there(pair: tuple[Columns, Block]) -> Columns:
+        return straightened(*pair, system, fitted, acting, library, sizes, form_error, anew=anew)
+
+    pairs = list(zip(columns, blocks, strict=True))
+    new = side_by_side(blocks[0].trial.simulation, there, pairs)
     return replace(system, blocks=[c.matrices for c in new], _reduced={}), new
 
 
@@ -100,7 +102,7 @@ def likelier_without(
     alone = System([], system.tolerances, few, system.form_errors)
     before = weigh(alone).log_none
     for k in range(ROUNDS):
-        alone, parts = relinearised(alone, parts, blocks, library, sizes, form_error, anew=k == 0)
+        alone, parts = relinearised(alone, parts, blocks, library, sizes, form_error, anew=k == ROUNDS - 1)
     return max(weigh(alone).log_none - before, 0.0)
 
 
@@ -136,16 +138,18 @@ def straightened(
         As in `relinearised`.
     """
     c, weights = columns, _weights(system, acting)
-    if anew:
-        there = _Point.of(
-            block, dict(zip(system.tolerances, fitted.tolist(), strict=True)), {}, acting, library, sizes
-        )
-        c = _sloped(c, replace(block, trial=there.trial(block)), system.tolerances, library, sizes)
-    own = c.likeliest_own(c.residual - fitted @ c.tolerances - weights @ c.effects, form_error)
     known = dict(zip(system.tolerances, fitted.tolist(), strict=True))
-    offsets = dict(zip(c.own_names, np.clip(own, -FARTHEST, FARTHEST).tolist(), strict=True))
+
+    def offsets(c: Columns) -> dict[str, float]:
+        own = c.likeliest_own(c.residual - fitted @ c.tolerances - weights @ c.effects, form_error)
+        return dict(zip(c.own_names, np.clip(own, -FARTHEST, FARTHEST).tolist(), strict=True))
+
+    unknown = offsets(c)
+    if anew:
+        there = _Point.of(block, known, unknown, acting, library, sizes).moved(block)
+        c = _sloped(c, replace(block, trial=there), system.tolerances, library, sizes)
     for about in (
-        _Point.of(block, known, offsets, acting, library, sizes),
+        _Point.of(block, known, unknown, acting, library, sizes),
         _Point.of(block, known, {}, [], library, sizes),
         _Point.of(block, {}, {}, [], library, sizes),
     ):
@@ -153,7 +157,7 @@ def straightened(
             whole = about.made(block)
             break
     straight = np.zeros_like(c.residual)
-    for names, sigmas, made in ((system.tolerances, known, c.tolerances), (c.own_names, offsets, c.own)):
+    for names, sigmas, made in ((system.tolerances, known, c.tolerances), (c.own_names, unknown, c.own)):
         held = np.array([sigmas[n] if n in about.names else 0.0 for n in names])
         straight += held @ made
     straight += _weights(system, about.acting) @ c.effects
@@ -255,6 +259,12 @@ class _Point:
         if not (self.departures or self.own):
             return nominal
         return nominal.asked_of(cast(Simulation, Departed(nominal.simulation, self.departures, self.own)))
+
+    def moved(self, block: Block) -> Trial:
+        """Return the same on the motion as it was, not as sensors saw it."""
+        there = self.trial(block)
+        record = as_moved(self.effects, there, self.channels)
+        return there if record is there.maneuver.record else there.flown_as(record)
 
     def made(self, block: Block) -> Complex:
         """Return what all of it makes of a block's residual together, shape (row, line)."""

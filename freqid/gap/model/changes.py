@@ -165,6 +165,30 @@ def change_together(
     return total + _loaded(trial, carried) if carried is not vehicle else total
 
 
+def as_moved(
+    effects: Sequence[tuple[Effect, Mapping[str, float]]], trial: Trial, offsets: Mapping[str, float] = {}
+) -> FlightRecord:
+    """Return a trial's record without what sensors made of it: how the aircraft moved.
+
+    The simulation's own flight has no sensors in error, but feedback holds it where these read what they did
+    in flight.
+
+    Parameters
+    ----------
+    effects : sequence of (Effect, dict of float)
+        With their parameters, others at their values in force; those of sensors count.
+    trial : Trial
+    offsets : dict of float
+        Of channels.
+    """
+    record = _shifted(trial.maneuver.record, {n: -x for n, x in offsets.items()})
+    for effect, settings in effects:
+        if route_of(effect, trial.simulation) == "distort":
+            values = {**in_force_of(effect, trial.simulation), **settings}
+            record = _taken_back(effect, values, record)
+    return record
+
+
 def acts_on(effect: Effect, trial: Trial) -> str:
     """Return what an effect acts on between command and airframe, empty where it does not act there.
 

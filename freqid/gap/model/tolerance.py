@@ -201,7 +201,8 @@ def offsets_of(
     """
     share, kinds = 1 / np.sqrt(len(block.names)), block.trial.maneuver.vehicle.effector_kinds
     settings: dict[str, dict[str, float]] = {}
-    channels = {}
+    channels: dict[str, float] = {}
+    logged = block.trial.maneuver.record.group("effector")
     for key, sigmas in departures.items():
         what, _, name = key.partition(".")
         if what != "offset":
@@ -209,8 +210,12 @@ def offsets_of(
         effect, _, parameter = name.partition(".")
         if parameter:
             settings.setdefault(effect, {})[parameter] = share * sigmas * sizes[name]
-        else:
-            channels[f"effector/{name}"] = share * sigmas * sizes[f"sensor_bias.{kinds[name]}"]
+            continue
+        kind = name.removeprefix("every ") if name.startswith("every ") else kinds[name]
+        alike = [e for e in logged if kinds.get(e) == kind]
+        size = sizes[f"sensor_bias.{kind}"] * (np.sqrt(0.5) if len(alike) > 1 else 1.0)
+        for e in alike if name.startswith("every ") else [name]:
+            channels[f"effector/{e}"] = channels.get(f"effector/{e}", 0.0) + share * sigmas * size
     return settings, channels
 
 
@@ -361,7 +366,10 @@ def _rotor(trial: Trial, name: str, what: str) -> Histories:
 def _offsets(
     trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, float]
 ) -> Iterator[tuple[str, Histories]]:
-    """Yield each sensor's offset; each surface has its own."""
+    """Yield each sensor's offset; effectors of a kind are half off together, half each by itself.
+
+    A wrong zero of a calibration is that of all, a bent linkage is that of one: each is half of the variance.
+    """
     record, kinds = trial.maneuver.record, trial.maneuver.vehicle.effector_kinds
     for key in EACH_FLIGHT:
         stem, _, name = key.partition(".")
@@ -369,10 +377,13 @@ def _offsets(
         if not size:
             continue
         if name in ("surface", "tilt", "rotor"):
-            for e in (e for e in record.group("effector") if kinds.get(e) == name):
-                channel = record.channel(f"effector/{e}")
-                moved = record.with_channels(replace(channel, values=channel.values + size))
-                yield f"offset.{e}", trial.relogged(moved)
+            alike = [e for e in record.group("effector") if kinds.get(e) == name]
+            share = np.sqrt(0.5) if len(alike) > 1 else 1.0
+            for key, some in ((f"every {name}", alike if len(alike) > 1 else []), *((e, [e]) for e in alike)):
+                channels = [record.channel(f"effector/{e}") for e in some]
+                moved = [replace(c, values=c.values + share * size) for c in channels]
+                if moved:
+                    yield f"offset.{key}", trial.relogged(record.with_channels(*moved))
         elif effect is not None and effect.distort is not None and not untestable(effect, trial):
             moved = effect.distort(dict.fromkeys(effect.parameters, 0.0) | {name: size}, record)
             if moved is not record:

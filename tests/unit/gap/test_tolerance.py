@@ -140,7 +140,9 @@ def test_offsets_and_starts_are_each_records_own(block):
         found
     )
     at = [r.name for r in block.rows].index("actuator/d1")
-    assert found["offset.d1"][at, 0] == pytest.approx(0.005 * np.sqrt(block.lines.duration))
+    half = 0.005 * np.sqrt(0.5 * block.lines.duration)  # of the variance; the other half is that of both
+    assert found["offset.d1"][at, 0] == pytest.approx(half)
+    assert found["offset.every surface"][at, 0] == pytest.approx(half)
     assert np.abs(found["offset.d1"][at, 1:]).max() < 1e-9
 
 

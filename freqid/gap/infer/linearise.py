@@ -230,7 +230,7 @@ class _Point:
             c = e.candidate
             if c.effect == OTHER and c.kind == "scalar" and c.place.label in simulation.tolerances:
                 at.departures[c.place.label] = at.departures.get(c.place.label, 0.0) + float(e.size[0])
-            elif c.effect in library and c.kind == "scalar":
+            elif c.effect in library:
                 effect = library[c.effect].of(vehicle)
                 route = route_of(effect, simulation)
                 if route not in _MADE_TOGETHER or effect.stage == "command":
@@ -238,7 +238,7 @@ class _Point:
                 if route == "distort" and trial.carries:  # taken back on the trial already
                     continue
                 force = in_force_of(effect, simulation)
-                for name, value in c.place.settings(force, float(e.size[0])).items():
+                for name, value in c.place.settings(force, e.size).items():
                     add(effect.id, name, value - force[name])
             else:
                 continue

@@ -19,9 +19,9 @@ from freqid.gap.infer.build import at_their_size, build, flown_departures
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate, weigh
 from freqid.gap.infer.explain import Computed, Explanation, explain, likeliest
-from freqid.gap.infer.joint_replay import about_explanation, about_single, settings_of
+from freqid.gap.infer.joint_replay import about_explanation, about_single
 from freqid.gap.infer.joint_sizes import form_beside, joint_estimates
-from freqid.gap.infer.linearise import likelier_without, likeliest_departures
+from freqid.gap.infer.linearise import likelier_without, likeliest_departures, settled
 from freqid.gap.infer.null_draws import null_statistics, threshold_of
 from freqid.gap.infer.system import System
 from freqid.gap.infer.where import gap_map
@@ -161,8 +161,9 @@ def diagnose(
         if name in not_tested:
             raise UsageError(f"effect '{name}' cannot be tested here: {not_tested[name]}")
     tell("weighing effects")
+    form_error = weigh(system).form_error()
+    system, columns = settled(system, columns, used, q.candidates, q.tolerances, form_error)
     evidence = weigh(system)
-    form_error = evidence.form_error()
     without = likelier_without(system, columns, used, q.candidates, q.tolerances, form_error)
     evidence = replace(evidence, without=without)  # asked here alone: later ones stand on other lines
     null = null_statistics(evidence, q.draws, q.seed)
@@ -173,7 +174,7 @@ def diagnose(
     exists = p <= q.level
     if exists:
         tell("computing the likeliest effects at their size")
-        system, columns = at_their_size(evidence, columns, used, q.candidates, q.tolerances, anew=True)
+        system, columns = at_their_size(evidence, columns, used, q.candidates, q.tolerances)
         evidence = weigh(system)
     found: dict[str, Settings] = {}
     for _ in range(_FLIGHTS if exists and departs else 0):
@@ -188,6 +189,8 @@ def diagnose(
         behind = _behind(evidence, q.candidates)
         system, not_tested, columns, used = build(used, q.candidates, q.tolerances, behind)
         system, columns = at_their_size(weigh(system), columns, used, q.candidates, q.tolerances)
+        form_error = weigh(system).form_error()
+        system, columns = settled(system, columns, used, q.candidates, q.tolerances, form_error)
         evidence = weigh(system)
     ranking = rank(evidence, exists, INTERVAL, TEMPERATURE, p_none if exists else max(p_none, 0.5))
     leading = _leading(q.named, ranking)
@@ -283,8 +286,6 @@ def _explanation(
 
     def compute(at: Computed, explanation: Explanation, others: list[tuple[int, Estimate]]) -> Computed:
         form_error = form_beside(at.evidence, explanation.places, explanation.estimates)
-        acting = dict(settings_of(explanation, library, blocks[0].trial.simulation))
-        moved = not as_near(acting, at.beside)
         system, columns = about_explanation(
             at.evidence.system,
             at.columns,
@@ -294,10 +295,9 @@ def _explanation(
             library,
             tolerances,
             form_error,
-            anew=moved,
+            anew=not others,
         )
-        evidence = at.evidence if system is at.evidence.system else weigh(system)
-        return Computed(evidence, columns, acting if moved else at.beside)
+        return Computed(at.evidence if system is at.evidence.system else weigh(system), columns)
 
     start = Computed(evidence, columns)
     explanation, at = explain(start, leading, columns[0].form_names, asked=asked, compute=compute)

@@ -74,26 +74,21 @@ def at_their_size(
     blocks: Sequence[Block],
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
-    *,
-    anew: bool = False,
 ) -> tuple[System, list[Columns]]:
     """Return the evidence's system with the likeliest effects' columns at sizes near their estimates.
 
     And tolerances straight about these. Again where estimates move: far from where it was computed, a strong
-    effect's columns are wrong by many times the noise, and the estimate stays where they are right. `anew` as
-    in `relinearised`.
+    effect's columns are wrong by many times the noise, and the estimate stays where they are right.
     """
     system, columns = evidence.system, list(columns)
-    for k in range(_SETTLING):
+    for _ in range(_SETTLING):
         new = list(system.candidates)
         for i in likeliest(evidence):
             new[i] = refined(new[i], float(joint_estimates(evidence, [i])[0].size[0]), library, blocks)
-        if not (anew and k == 0) and all(a is b for a, b in zip(new, system.candidates, strict=True)):
+        if all(a is b for a, b in zip(new, system.candidates, strict=True)):
             break
         system, columns = rebuilt(system, new, columns, blocks)
-        system, columns = relinearised(
-            system, columns, blocks, library, sizes, evidence.form_error(), anew=anew and k == 0
-        )
+        system, columns = relinearised(system, columns, blocks, library, sizes, evidence.form_error())
         evidence = weigh(system)
     return system, columns
 

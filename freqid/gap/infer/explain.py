@@ -19,8 +19,9 @@ from freqid.gap.model.candidate import OTHER
 from freqid.gap.settings import INTERVAL, SEPARATE
 
 _MOST = 3  # effects of one explanation
-_SETTLING = 6  # times at most that effects are computed again until their sizes stay
+_SETTLING = 4  # times at most that effects are computed again until their sizes stay
 _CLOSE = 0.1  # of an interval: a size that has moved less stays
+_GAINED = 1.0  # nats by which data are likelier by another round, below which it has settled
 _FINALISTS = 6  # effects that are computed again near their estimated size
 _BEHIND = 10.0  # nats behind the leading one, from which an effect is no finalist
 
@@ -81,13 +82,10 @@ class Computed:
     evidence : Evidence
     columns : list of Columns
         By block.
-    beside : dict of dict of float
-        Effects beside which tolerances' columns were computed, with their parameters.
     """
 
     evidence: Evidence
     columns: list[Columns]
-    beside: dict[str, dict[str, float]] = field(default_factory=dict)
 
 
 Compute = Callable[[Computed, Explanation, list[tuple[int, Estimate]]], Computed]
@@ -149,7 +147,8 @@ def explain(
             break
         more = [*places, every[0][1]]
         there = search.settled(at, more)
-        gain = _worth(there.evidence, more, -1) - _at_sizes(at.evidence, places)
+        new, old = _explanation(there.evidence, more), _explanation(at.evidence, places)
+        gain = _worth(there.evidence, new, -1) - _at_sizes(at.evidence, old)
         if _raised([(gain, every[0][1]), *every[1:]]) < SEPARATE:
             break
         at, places, gains = there, more, [*gains, gain]
@@ -176,17 +175,22 @@ class _Search:
     known: dict[frozenset[int], Computed] = field(default_factory=dict)
 
     def settled(self, at: Computed, places: list[int]) -> Computed:
-        """Return what is computed about effects at the sizes that they have together, or nearly."""
+        """Return what is computed about effects at the sizes that they have together, once these stay.
+
+        And once the data are no likelier by another round: explanations are compared where all have settled.
+        """
         if self.compute is None:
             return at
-        about = _explanation(at.evidence, places)
+        about, last = _explanation(at.evidence, places), -np.inf
         for _ in range(_SETTLING):
             at = self.compute(at, about, [])
             now = _explanation(at.evidence, places)
+            here = _at_sizes(at.evidence, now)
             each = zip(about.estimates, now.estimates, strict=True)
-            if all(np.all(np.abs(a.size - e.size) <= _CLOSE * e.width) for a, e in each):
+            stay = all(np.all(np.abs(a.size - e.size) <= _CLOSE * e.width) for a, e in each)
+            if stay and here - last < _GAINED:
                 break
-            about = now
+            about, last = now, here
         return at
 
     def asked(self, at: Computed, places: list[int]) -> Computed:
@@ -201,21 +205,25 @@ class _Search:
 
     def exchanged(self, at: Computed, places: list[int]) -> tuple[list[int], Computed]:
         """Return places without one that the others do not need, or with a better one in its stead."""
-        for k in range(self.kept, len(places) if len(places) > 1 else 0):
+        if len(places) < 2:
+            return places, at
+        now = _explanation(at.evidence, places)
+        for k in range(self.kept, len(places)):
             others = places[:k] + places[k + 1 :]
             without = self.known.get(frozenset(others))
             if without is None or without.evidence.system.form_errors != at.evidence.system.form_errors:
                 without = self.settled(at, others)
-            left, candidates = _at_sizes(without.evidence, others), at.evidence.system.candidates
+            alone, candidates = _explanation(without.evidence, others), at.evidence.system.candidates
+            left = _at_sizes(without.evidence, alone)
             rivals = [one for one in _beside(without.evidence, others) if one[1] != places[k]]
             apart = [one for one in rivals if candidates[one[1]].effect != candidates[places[k]].effect]
-            worth = _worth(at.evidence, places, k) - left
+            worth = _worth(at.evidence, now, k) - left
             if _raised([(worth, places[k]), *apart]) < SEPARATE:
                 return others, without
             if rivals and rivals[0][0] > worth:
                 new = [*others[:k], rivals[0][1], *others[k:]]
                 there = self.settled(without, new)
-                if _worth(there.evidence, new, k) - left > worth:
+                if _worth(there.evidence, _explanation(there.evidence, new), k) - left > worth:
                     return new, there
         return places, at
 
@@ -269,33 +277,33 @@ def free(evidence: Evidence, places: list[int]) -> Array:
     return np.concatenate([directions(evidence, i) for i in places])
 
 
-def _at_sizes(evidence: Evidence, places: Sequence[int]) -> float:
-    """Return the log evidence of effects at the sizes that are likeliest together."""
-    return float(
-        logsumexp([left.log_evidence for left in _near(as_sums(evidence, places), evidence, places)])
-    )
+def _at_sizes(evidence: Evidence, explanation: Explanation) -> float:
+    """Return the log evidence of effects near their sizes, as they are estimated there."""
+    few = as_sums(evidence, explanation.places)
+    return float(logsumexp([left.log_evidence for left in _near(few, explanation)]))
 
 
-def _worth(evidence: Evidence, places: Sequence[int], k: int) -> float:
+def _worth(evidence: Evidence, explanation: Explanation, k: int) -> float:
     """Return the log evidence of effects near their sizes, that of one and its place integrated out."""
-    own, candidates = places[k], evidence.system.candidates
-    rivals = [i for i, c in enumerate(candidates) if c.effect == candidates[own].effect and i != own]
+    places, candidates = explanation.places, evidence.system.candidates
+    own = candidates[places[k]].effect
+    rivals = [i for i, c in enumerate(candidates) if c.effect == own and i != places[k]]
     few = as_sums(evidence, places, rivals)
     joint = [
         left.log_evidence + few.weighing.by_place(left, left.g[:, None])[:, 0]
-        for left in _near(few, evidence, places, own)
+        for left in _near(few, explanation, places[k])
     ]
-    every = [places.index(own), *range(len(places), len(places) + len(rivals))]
+    every = [k % len(places), *range(len(places), len(places) + len(rivals))]
     return float(log_mean(logsumexp(joint, axis=0)[every]))
 
 
-def _near(few: Evidence, evidence: Evidence, places: Sequence[int], but: int | None = None) -> list[Reduced]:
-    """Return what is left of a system of few candidates once those at some places are about their sizes.
+def _near(few: Evidence, explanation: Explanation, but: int | None = None) -> list[Reduced]:
+    """Return what is left of a system of few candidates once those of an explanation are about their sizes.
 
-    They are free to be a little larger or smaller there. One of them may be left out.
+    They are the first ones, free to be a little larger or smaller there. One of them may be left out.
     """
     given, free = np.zeros(few.system.columns), []
-    for j, (i, e) in enumerate(zip(places, joint_estimates(evidence, places), strict=True)):
+    for j, (i, e) in enumerate(zip(explanation.places, explanation.estimates, strict=True)):
         if i != but:
             at = few.system.columns_of(j)
             given[at] = e.weights

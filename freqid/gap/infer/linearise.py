@@ -28,11 +28,14 @@ from freqid.gap.model.candidate import OTHER
 from freqid.gap.model.changes import as_moved, change_together
 from freqid.gap.model.testable import in_force_of, route_of
 from freqid.gap.model.tolerance import of_effects, offsets_of, record_columns, tolerance_columns
-from freqid.gap.settings import FARTHEST, INTERVAL, ROUNDS
+from freqid.gap.settings import FARTHEST, INTERVAL
 from freqid.gap.simulation import Simulation, side_by_side
 from freqid.gap.stack.block import Block
 from freqid.gap.stack.trial import Trial
 from freqid.simulate.effects.effect import Effect
+
+_ROUNDS = 4  # of drawing lines anew at most
+_SETTLED = 1.0  # nats that another round gains, below which lines have settled
 
 _MADE_TOGETHER = ("own", "distort", "load")
 """Routes of effects that are asked for with all else; others are in force on the trial already."""
@@ -83,6 +86,30 @@ def relinearised(
     return replace(system, blocks=[c.matrices for c in new], _reduced={}), new
 
 
+def settled(
+    system: System,
+    columns: Sequence[Columns],
+    blocks: Sequence[Block],
+    library: Mapping[str, Effect],
+    sizes: Mapping[str, float],
+    form_error: Form,
+    acting: Acting | None = None,
+) -> tuple[System, list[Columns]]:
+    """Return a system whose lines are drawn anew until the data are no likelier by another round.
+
+    Two explanations are compared where both have settled, for each round may gain as much as an effect does.
+    As in `relinearised`.
+    """
+    last, columns = -np.inf, list(columns)
+    for _ in range(_ROUNDS):
+        system, columns = relinearised(system, columns, blocks, library, sizes, form_error, acting, anew=True)
+        here = _log_evidence(replace(system, form_errors=(form_error,), _reduced={}), acting)
+        if here - last < _SETTLED:
+            break
+        last = here
+    return system, columns
+
+
 def likelier_without(
     system: System,
     columns: Sequence[Columns],
@@ -91,19 +118,30 @@ def likelier_without(
     sizes: Mapping[str, float],
     form_error: Form,
 ) -> float:
-    """Return the nats by which no effect is likelier than a system says; see `relinearised`.
+    """Return the nats by which no effect is likelier than a system says whose lines have settled.
 
-    The system's lines are right where tolerances are likeliest *beside* its likeliest effect. Where that
-    effect and a tolerance do the same, as a late channel does, they are elsewhere without it: the case of no
-    effect would be judged with the errors of lines drawn far from it. So it is judged with lines of its own.
+    These are right where tolerances are likeliest *beside* its likeliest effect. Where that effect and a
+    tolerance do the same, as a late channel does, they are elsewhere without it: the case of no effect would
+    be judged with the errors of lines drawn far from it. So it is judged with lines of its own.
     """
+    if not _likeliest_alone(replace(system, form_errors=(form_error,), _reduced={})):
+        return 0.0
     parts = [replace(c, effects=c.effects[:0]) for c in columns]
     few = [c.matrices for c in parts]
     alone = System([], system.tolerances, few, system.form_errors)
     before = weigh(alone).log_none
-    for k in range(ROUNDS):
-        alone, parts = relinearised(alone, parts, blocks, library, sizes, form_error, anew=k == ROUNDS - 1)
+    alone, _ = settled(alone, parts, blocks, library, sizes, form_error, [])
     return max(weigh(alone).log_none - before, 0.0)
+
+
+def _log_evidence(system: System, acting: Acting | None) -> float:
+    """Return the log evidence of what acts, at one error of form; of the likeliest effect where absent."""
+    acting = _likeliest_alone(system) if acting is None else acting
+    if not acting:
+        return system.of([]).reduced(system.form_errors[0]).log_evidence
+    few = system.of([i for i, _ in acting]).reduced(system.form_errors[0])
+    w = np.concatenate([_weights(system, [one])[system.columns_of(one[0])] for one in acting])
+    return few.log_evidence + float(w @ few.g - 0.5 * w @ few.G @ w)
 
 
 def straightened(

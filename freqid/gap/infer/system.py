@@ -142,7 +142,8 @@ class System:
 
     def of(self, candidates: Sequence[int]) -> System:
         """Return the stack with some of the candidates."""
-        kept = np.concatenate([self.places(candidates), np.arange(self.columns, len(self.blocks[0].gram))])
+        own = self.places(candidates) if len(candidates) else np.zeros(0, dtype=np.intp)
+        kept = np.concatenate([own, np.arange(self.columns, len(self.blocks[0].gram))])
         blocks = [replace(b, gram=b.gram[np.ix_(kept, kept)], form=b.form[:, kept]) for b in self.blocks]
         return replace(self, candidates=[self.candidates[i] for i in candidates], blocks=blocks, _reduced={})
 

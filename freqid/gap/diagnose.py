@@ -370,14 +370,11 @@ def _which(
     effects = [e for e in ranking.credible if e not in (NONE, OTHER)]
     effects += [e for e in (explanation.effects if explanation else ()) if e not in effects and e != OTHER]
     parameters = {}
-    for effect in effects:
-        index = evidence.best_place(effect)
-        own = (
-            explanation.estimates[explanation.places.index(index)]
-            if explanation and index in explanation.places
-            else None
-        )
-        found = own or joint_estimates(evidence, [index])[0]
+    held = zip(explanation.places, explanation.estimates, strict=True) if explanation else ()
+    explained = {e.candidate.effect: (i, e) for i, e in held}
+    at = {e: explained[e][0] if e in explained else evidence.best_place(e) for e in effects}
+    for effect, index in at.items():
+        found = explained[effect][1] if effect in explained else joint_estimates(evidence, [index])[0]
         c = found.candidate
         names = c.place.parameters if c.kind == "vector" else (c.place.at or c.place.parameters[0],)
         parameters[effect] = {
@@ -413,7 +410,7 @@ def _which(
         pair=tuple(pair),
         named=tuple(named),
         withdrawn=withdrawn,
-        places={e: evidence.system.candidates[evidence.best_place(e)].place.label for e in effects},
+        places={e: evidence.system.candidates[i].place.label for e, i in at.items()},
         groups={g.name: g.effectors for g in blocks[0].trial.maneuver.vehicle.groups},
     )
 

@@ -69,6 +69,10 @@ def test_the_pair_is_called_though_a_third_effect_explains_more_than_either(answ
     which = answer(0.07, 0.10, shipped(), (), (1, 2, 3, 4)).which
     # the rate logged late is the same as the stick acting late: nothing else is measured
     assert set(which.pair) in ({"actuator_lag", "actuator_delay"}, {"actuator_lag", "time_skew"})
+    # and no third one beside them, whose size is nothing once it is computed
+    assert set(which.parameters) == set(which.pair)
+    found = [next(x.estimate for x in which.parameters[e].values() if x.estimate) for e in which.pair]
+    assert sorted(found) == pytest.approx([0.07, 0.10], rel=0.1)
 
 
 def test_without_them_there_is_no_gap(answer):

@@ -58,7 +58,7 @@ def effect_of_its_own(
         return {}
     effect = library[c.effect]
     in_force = {**in_force_of(effect, simulation), **simulation.effects[c.effect]}  # what was found is on top
-    size = float(joint_estimates(evidence, [i])[0].size[0])
+    size = float(joint_estimates(evidence.system, [i])[0].size[0])
     settings = {c.effect: {**in_force, **c.place.settings(in_force, size)}}
     loads = route_of(effect, simulation) == "own" and effect.stage != "command"
     return {"effects": settings, "acting": settings} if loads else {"effects": settings}

@@ -215,7 +215,7 @@ def diagnose(
         others = stack_of(
             simulation, held_out, names[count:], q.band_hz, seed=q.seed + 500, departures=departures, **found
         )
-        form_error = form_beside(joint, explanation.places, explanation.estimates)
+        form_error = form_beside(joint.system, explanation.places, explanation.estimates)
 
         def closing_by(system: System, columns: list[Columns], one: Explanation) -> Closing:
             return closing_of(system, used, columns, others, one, library, q.tolerances, form_error)
@@ -285,9 +285,9 @@ def _explanation(
     """Return the explanation that leading effects begin, its effects and what they change made together."""
 
     def compute(at: Computed, explanation: Explanation, others: list[tuple[int, Estimate]]) -> Computed:
-        form_error = form_beside(at.evidence, explanation.places, explanation.estimates)
+        form_error = form_beside(at.system, explanation.places, explanation.estimates)
         system, columns = about_explanation(
-            at.evidence.system,
+            at.system,
             at.columns,
             blocks,
             explanation,
@@ -297,9 +297,9 @@ def _explanation(
             form_error,
             anew=not others,
         )
-        return Computed(at.evidence if system is at.evidence.system else weigh(system), columns)
+        return at if system is at.system else Computed(system, columns)
 
-    start = Computed(evidence, columns)
+    start = Computed(evidence.system, columns)
     explanation, at = explain(start, leading, columns[0].form_names, asked=asked, compute=compute)
     return explanation, at.evidence, at.columns
 
@@ -374,7 +374,7 @@ def _which(
     explained = {e.candidate.effect: (i, e) for i, e in held}
     at = {e: explained[e][0] if e in explained else evidence.best_place(e) for e in effects}
     for effect, index in at.items():
-        found = explained[effect][1] if effect in explained else joint_estimates(evidence, [index])[0]
+        found = explained[effect][1] if effect in explained else joint_estimates(evidence.system, [index])[0]
         c = found.candidate
         names = c.place.parameters if c.kind == "vector" else (c.place.at or c.place.parameters[0],)
         parameters[effect] = {

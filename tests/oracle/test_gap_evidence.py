@@ -288,7 +288,7 @@ def test_separation_from_a_vector_is_what_no_combination_of_it_copies(dense):
 def test_a_second_effect_is_weighed_with_the_first_one_free():
     dense = Dense(effect=np.r_[4.0, np.zeros(6), 1.5, -1.0, 1.0])
     evidence = weigh(dense.system)
-    found, _ = explain(Computed(evidence, []), ("heavy",))
+    found, _ = explain(Computed(evidence.system, []), ("heavy",))
     assert set(found.effects) == {"heavy", "off"}
     first = estimate(evidence, 0, 0.9).weights @ dense.at(0)
     free = 1e6 * np.outer(first, first)
@@ -310,10 +310,10 @@ def test_one_effect_that_explains_all_stands_alone():
     dense = Dense(effect=np.r_[np.zeros(7), 1.5, -1.0, 1.0])
     evidence = weigh(dense.system)
     for first in ("off", "heavy", "late"):
-        found, _ = explain(Computed(evidence, []), (first,))
+        found, _ = explain(Computed(evidence.system, []), (first,))
         assert found.effects == ("off",)
         assert found.gains == pytest.approx((evidence.effect["off"],))
-    found, _ = explain(Computed(evidence, []), ("heavy",), asked=True)
+    found, _ = explain(Computed(evidence.system, []), ("heavy",), asked=True)
     assert found.effects == ("heavy", "off")
 
 
@@ -322,7 +322,7 @@ def test_sizes_of_several_effects_at_once_are_as_the_whole_posterior_has_them():
     dense = Dense(effect=np.r_[2.0, np.zeros(6), 1.5, -1.0, 1.0])
     few = [*dense.candidates[:3], replace(dense.candidates[3], prior=np.array([3.0]))]
     evidence = weigh(replace(dense.system, candidates=few, form_errors=(FORMS[1],), _reduced={}))
-    found = joint_estimates(evidence, (0, 3))
+    found = joint_estimates(evidence.system, (0, 3))
     columns = np.concatenate([dense.at(0) / dense.candidates[0].sizes[0], dense.at(3)])
     inverse = np.linalg.inv(dense.covariance(FORMS[1]))
     precision = columns @ inverse @ columns.T + np.diag([0.0, *[3.0**-2] * 3])
@@ -349,6 +349,6 @@ def test_two_effects_that_do_the_same_have_sizes_and_intervals():
         )
     ]
     evidence = weigh(System(few, dense.system.tolerances, blocks, (FORMS[1],)))
-    alone, found = estimate(evidence, 0, 0.9), joint_estimates(evidence, (0, 1))
+    alone, found = estimate(evidence, 0, 0.9), joint_estimates(evidence.system, (0, 1))
     assert found[0].size + found[1].size == pytest.approx(alone.size, rel=0.1)
     assert all(np.isfinite([e.lo, e.hi]).all() for e in found)

@@ -93,7 +93,7 @@ def close(
     for i in best.places if len(best.places) > 1 else ():
         own, at = (singles[i], 0) if singles else (closing, i)
         here, used = _weighed(own) if singles else (whole, fitted)
-        alone = Explanation((at,), (used.candidate[at],), joint_estimates(used, (at,)))
+        alone = Explanation((at,), (used.candidate[at],), joint_estimates(used.system, (at,)))
         score = _score(own, here, alone) - without
         found.append(_closed(own, used, alone, forms, score, seed, flown))
     return found
@@ -122,7 +122,7 @@ def _prefix(evidence: Evidence, explanation: Explanation, count: int) -> Explana
         return explanation
     places = explanation.places[:count]
     if count == 1:
-        return Explanation(places, explanation.gains[:1], joint_estimates(evidence, places))
+        return Explanation(places, explanation.gains[:1], joint_estimates(evidence.system, places))
     return Explanation(places, explanation.gains[:count], explanation.estimates[:count])
 
 
@@ -199,7 +199,7 @@ def _closed(
 def _again(evidence: Evidence, explanation: Explanation) -> Explanation:
     """Return an explanation with its sizes estimated anew on other data."""
     if len(explanation.places) == 1:
-        found = joint_estimates(evidence, explanation.places)
+        found = joint_estimates(evidence.system, explanation.places)
         return Explanation(explanation.places, explanation.gains, found)
     found, given = [], explanation.weights(evidence.system)
     for i in explanation.places:

@@ -84,7 +84,7 @@ def at_their_size(
     for _ in range(_SETTLING):
         new = list(system.candidates)
         for i in likeliest(evidence):
-            new[i] = refined(new[i], float(joint_estimates(evidence, [i])[0].size[0]), library, blocks)
+            new[i] = refined(new[i], float(joint_estimates(evidence.system, [i])[0].size[0]), library, blocks)
         if all(a is b for a, b in zip(new, system.candidates, strict=True)):
             break
         system, columns = rebuilt(system, new, columns, blocks)

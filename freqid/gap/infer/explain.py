@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.special import logsumexp
@@ -75,17 +76,22 @@ def likeliest(evidence: Evidence) -> list[int]:
 
 @dataclass(frozen=True, eq=False)
 class Computed:
-    """Effects computed at their sizes, what the data say about these, and the columns that say it.
+    """Effects computed at their sizes.
 
     Attributes
     ----------
-    evidence : Evidence
+    system : System
     columns : list of Columns
         By block.
     """
 
-    evidence: Evidence
+    system: System
     columns: list[Columns]
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """What the data say of all."""
+        return weigh(self.system)
 
 
 Compute = Callable[[Computed, Explanation, list[tuple[int, Estimate]]], Computed]
@@ -137,7 +143,7 @@ def explain(
             at, places = other, needed
             if len(places) < len(gains):
                 alone = at.evidence.effect
-                gains = [alone[at.evidence.system.candidates[i].effect] for i in places]
+                gains = [alone[at.system.candidates[i].effect] for i in places]
             continue
         if len(places) >= _MOST:
             break
@@ -147,12 +153,12 @@ def explain(
             break
         more = [*places, every[0][1]]
         there = search.settled(at, more)
-        new, old = _explanation(there.evidence, more), _explanation(at.evidence, places)
-        gain = _worth(there.evidence, new, -1) - _at_sizes(at.evidence, old)
+        new, old = _explanation(there.system, more), _explanation(at.system, places)
+        gain = _worth(there.system, new, -1) - _at_sizes(at.system, old)
         if _raised([(gain, every[0][1]), *every[1:]]) < SEPARATE:
             break
         at, places, gains = there, more, [*gains, gain]
-    return _explanation(at.evidence, places, gains), at
+    return _explanation(at.system, places, gains), at
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,11 +187,11 @@ class _Search:
         """
         if self.compute is None:
             return at
-        about, last = _explanation(at.evidence, places), -np.inf
+        about, last = _explanation(at.system, places), -np.inf
         for _ in range(_SETTLING):
             at = self.compute(at, about, [])
-            now = _explanation(at.evidence, places)
-            here = _at_sizes(at.evidence, now)
+            now = _explanation(at.system, places)
+            here = _at_sizes(at.system, now)
             each = zip(about.estimates, now.estimates, strict=True)
             stay = all(np.all(np.abs(a.size - e.size) <= _CLOSE * e.width) for a, e in each)
             if stay and here - last < _GAINED:
@@ -201,35 +207,35 @@ class _Search:
             return at
         given = _weights(at.evidence, places)
         others = [(i, estimate(at.evidence, i, INTERVAL, given=given)) for _, i in found]
-        return self.compute(at, _explanation(at.evidence, places), others)
+        return self.compute(at, _explanation(at.system, places), others)
 
     def exchanged(self, at: Computed, places: list[int]) -> tuple[list[int], Computed]:
         """Return places without one that the others do not need, or with a better one in its stead."""
         if len(places) < 2:
             return places, at
-        now = _explanation(at.evidence, places)
+        now = _explanation(at.system, places)
         for k in range(self.kept, len(places)):
             others = places[:k] + places[k + 1 :]
             without = self.known.get(frozenset(others))
-            if without is None or without.evidence.system.form_errors != at.evidence.system.form_errors:
+            if without is None or without.system.form_errors != at.system.form_errors:
                 without = self.settled(at, others)
-            alone, candidates = _explanation(without.evidence, others), at.evidence.system.candidates
-            left = _at_sizes(without.evidence, alone)
+            alone, candidates = _explanation(without.system, others), at.system.candidates
+            left = _at_sizes(without.system, alone)
             rivals = [one for one in _beside(without.evidence, others) if one[1] != places[k]]
             apart = [one for one in rivals if candidates[one[1]].effect != candidates[places[k]].effect]
-            worth = _worth(at.evidence, now, k) - left
+            worth = _worth(at.system, now, k) - left
             if _raised([(worth, places[k]), *apart]) < SEPARATE:
                 return others, without
             if rivals and rivals[0][0] > worth:
                 new = [*others[:k], rivals[0][1], *others[k:]]
                 there = self.settled(without, new)
-                if _worth(there.evidence, _explanation(there.evidence, new), k) - left > worth:
+                if _worth(there.system, _explanation(there.system, new), k) - left > worth:
                     return new, there
         return places, at
 
     def _with_forms_beside(self, at: Computed, places: list[int]) -> Computed:
         """Return it with more errors of form: the likeliest beside effects, and beside a second one."""
-        evidence, system = at.evidence, at.evidence.system
+        evidence, system = at.evidence, at.system
         if not self.terms:
             return at
         first, given = free(evidence, places), _weights(evidence, places)
@@ -239,11 +245,11 @@ class _Search:
         forms = forms_beside(system, self.terms, explanations)
         if forms == system.form_errors:
             return at
-        return replace(at, evidence=weigh(replace(system, form_errors=forms)))  # small matrices stay
+        return replace(at, system=replace(system, form_errors=forms))  # small matrices stay
 
 
-def _explanation(evidence: Evidence, places: list[int], gains: Sequence[float] = ()) -> Explanation:
-    return Explanation(tuple(places), tuple(gains), joint_estimates(evidence, places))
+def _explanation(system: System, places: list[int], gains: Sequence[float] = ()) -> Explanation:
+    return Explanation(tuple(places), tuple(gains), joint_estimates(system, places))
 
 
 def _beside(evidence: Evidence, places: list[int]) -> list[tuple[float, int]]:
@@ -267,7 +273,7 @@ def _finalists(evidence: Evidence, places: list[int]) -> list[tuple[float, int]]
 def _weights(evidence: Evidence, places: list[int]) -> Array:
     """Return the weights of all columns where some effects are as they are estimated together."""
     weights = np.zeros(evidence.system.columns)
-    for i, e in zip(places, joint_estimates(evidence, places), strict=True):
+    for i, e in zip(places, joint_estimates(evidence.system, places), strict=True):
         weights[evidence.system.columns_of(i)] += e.weights
     return weights
 
@@ -277,18 +283,18 @@ def free(evidence: Evidence, places: list[int]) -> Array:
     return np.concatenate([directions(evidence, i) for i in places])
 
 
-def _at_sizes(evidence: Evidence, explanation: Explanation) -> float:
+def _at_sizes(system: System, explanation: Explanation) -> float:
     """Return the log evidence of effects near their sizes, as they are estimated there."""
-    few = as_sums(evidence, explanation.places)
+    few = as_sums(system, explanation.places)
     return float(logsumexp([left.log_evidence for left in _near(few, explanation)]))
 
 
-def _worth(evidence: Evidence, explanation: Explanation, k: int) -> float:
+def _worth(system: System, explanation: Explanation, k: int) -> float:
     """Return the log evidence of effects near their sizes, that of one and its place integrated out."""
-    places, candidates = explanation.places, evidence.system.candidates
+    places, candidates = explanation.places, system.candidates
     own = candidates[places[k]].effect
     rivals = [i for i, c in enumerate(candidates) if c.effect == own and i != places[k]]
-    few = as_sums(evidence, places, rivals)
+    few = as_sums(system, places, rivals)
     joint = [
         left.log_evidence + few.weighing.by_place(left, left.g[:, None])[:, 0]
         for left in _near(few, explanation, places[k])

@@ -12,7 +12,7 @@ from dataclasses import replace
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.build import rebuilt
 from freqid.gap.infer.columns import Columns
-from freqid.gap.infer.evidence import Estimate, Evidence, weigh
+from freqid.gap.infer.evidence import Estimate, Evidence
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.infer.linearise import relinearised
@@ -128,5 +128,5 @@ def about_single(
     system, columns = evidence.system, list(columns)
     for _ in range(ROUNDS):
         system, columns = about_explanation(system, columns, blocks, one, [], library, sizes, form_error)
-        one = replace(one, estimates=joint_estimates(weigh(system), one.places))
+        one = replace(one, estimates=joint_estimates(system, one.places))
     return system, columns, one

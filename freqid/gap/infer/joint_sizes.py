@@ -23,7 +23,7 @@ _NEAR = 0.05  # of a size, on either side: how the change goes with the size the
 _LEAST = 1e-3  # of a scalar's smallest size in its prior: a size below is as good as none
 
 
-def joint_estimates(evidence: Evidence, places: Sequence[int]) -> tuple[Estimate, ...]:
+def joint_estimates(system: System, places: Sequence[int]) -> tuple[Estimate, ...]:
     """Return estimates of several candidates, each with the others' sizes unknown too.
 
     A tolerance of the same parameter only adds to the size of an effect: what both make is that of their sum.
@@ -33,34 +33,34 @@ def joint_estimates(evidence: Evidence, places: Sequence[int]) -> tuple[Estimate
 
     Parameters
     ----------
-    evidence : Evidence
+    system : System
     places : sequence of int
         Candidates.
     """
-    system, names = evidence.system, evidence.system.tolerances
-    candidates = [system.candidates[i] for i in places]
-    if not any(c.tolerance in names for c in candidates):
-        return _together(evidence, places)
-    few, found = system.of(places), _together(as_sums(evidence, places), range(len(places)))
-    form_error = form_beside(evidence, places, found)
+    names, sums = system.tolerances, as_sums(system, places)
+    found = _together(sums, range(len(places)))
+    if not any(e.candidate.tolerance in names for e in found):
+        return found
+    few, form_error = system.of(places), _form_beside(sums, found)
     return tuple(
-        _widened(few, form_error, k, e, names.index(c.tolerance)) if c.tolerance in names else e
-        for k, (c, e) in enumerate(zip(candidates, found, strict=True))
+        _widened(few, form_error, k, e, names.index(e.candidate.tolerance))
+        if e.candidate.tolerance in names
+        else e
+        for k, e in enumerate(found)
     )
 
 
-def as_sums(evidence: Evidence, places: Sequence[int], rivals: Sequence[int] = ()) -> Evidence:
+def as_sums(system: System, places: Sequence[int], rivals: Sequence[int] = ()) -> Evidence:
     """Return what the data say of some candidates alone, tolerances of the same parameters at zero.
 
     Parameters
     ----------
-    evidence : Evidence
+    system : System
     places : sequence of int
         Candidates whose sizes are sums of effect and tolerance.
     rivals : sequence of int
         More candidates, in whose stead one of these is.
     """
-    system = evidence.system
     own = {system.candidates[i].tolerance for i in places}
     held = {k: 0.0 for k, name in enumerate(system.tolerances) if name in own}
     return weigh(system.of([*places, *rivals]).held(held))
@@ -121,11 +121,16 @@ def _together(evidence: Evidence, places: Sequence[int]) -> tuple[Estimate, ...]
     return tuple(found)
 
 
-def form_beside(evidence: Evidence, places: Sequence[int], estimates: Sequence[Estimate]) -> Form:
+def form_beside(system: System, places: Sequence[int], estimates: Sequence[Estimate]) -> Form:
     """Return the likeliest error of form beside effects at their sizes."""
-    fit = _Fit.of(evidence, places)
+    return _form_beside(weigh(system.of(places)), estimates)
+
+
+def _form_beside(few: Evidence, estimates: Sequence[Estimate]) -> Form:
+    """Return it of a system of these alone."""
+    fit = _Fit.of(few, range(len(estimates)))
     w = np.concatenate([e.weights for e in estimates])
-    return evidence.system.form_errors[int(np.argmax(fit.none + fit.g @ w - 0.5 * (fit.G @ w) @ w))]
+    return few.system.form_errors[int(np.argmax(fit.none + fit.g @ w - 0.5 * (fit.G @ w) @ w))]
 
 
 @dataclass(frozen=True, eq=False)

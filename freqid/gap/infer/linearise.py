@@ -11,7 +11,6 @@ Seber, C. J. Wild, Nonlinear Regression, 1989, section 2.1).
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import cast
 
@@ -186,14 +185,12 @@ def straightened(
     if anew:
         there = _Point.of(block, known, unknown, acting, library, sizes).moved(block)
         c = _sloped(c, replace(block, trial=there), system.tolerances, library, sizes)
-    for about in (
-        _Point.of(block, known, unknown, acting, library, sizes),
-        _Point.of(block, known, {}, [], library, sizes),
-        _Point.of(block, {}, {}, [], library, sizes),
-    ):
-        with suppress(ImpossibleSettings):  # a fit may ask for a body that cannot be: then straight has to do
-            whole = about.made(block)
-            break
+    about = _Point.of(block, known, unknown, acting, library, sizes)
+    try:
+        whole = about.made(block)
+    except ImpossibleSettings:  # a fit may ask for a body that cannot be: its mass properties stay straight
+        about = _Point.of(block, known, unknown, acting, library, sizes, bodies=False)
+        whole = about.made(block)
     straight = np.zeros_like(c.residual)
     for names, sigmas, made in ((system.tolerances, known, c.tolerances), (c.own_names, unknown, c.own)):
         held = np.array([sigmas[n] if n in about.names else 0.0 for n in names])
@@ -238,8 +235,10 @@ class _Point:
         acting: Acting,
         library: Mapping[str, Effect],
         sizes: Mapping[str, float],
+        *,
+        bodies: bool = True,
     ) -> _Point:
-        """Return where tolerances and offsets, in sigmas by name, and effects are."""
+        """Return where tolerances and offsets, in sigmas by name, and effects are; `bodies` too or not."""
         trial, vehicle = block.trial, block.trial.maneuver.vehicle
         simulation = trial.nominal.simulation
         at = cls()
@@ -255,7 +254,7 @@ class _Point:
                 at.departures[name] = at.departures.get(name, 0.0) + sigma * x
                 at.names.add(key)
         for key, effect, name, size in of_effects(trial, library, sizes):
-            if known.get(key):
+            if known.get(key) and (bodies or effect.load is None):
                 add(effect.id, name, size * known[key])
                 at.names.add(key)
         settings, channels = offsets_of(offsets, block, sizes)
@@ -272,6 +271,8 @@ class _Point:
                 effect = library[c.effect].of(vehicle)
                 route = route_of(effect, simulation)
                 if route not in _MADE_TOGETHER or effect.stage == "command":
+                    continue
+                if route == "load" and not bodies:
                     continue
                 if route == "distort" and trial.carries:  # taken back on the trial already
                     continue

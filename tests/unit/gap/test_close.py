@@ -89,7 +89,7 @@ def test_a_second_effect_stays_only_where_it_predicts_what_was_not_used(worn):
     """The held-out flight lacks the drag that both flights used have beside the loss."""
     both = replace(WORN, drag=1.0)
     used = diagnosed(both, question=replace(QUESTION, close=False))
-    explanation, _ = explain(Computed(used.evidence, []), ("worn",))
+    explanation, _ = explain(Computed(used.evidence.system, []), ("worn",))
     assert set(explanation.effects) == {"worn", "drag"}
     scored = {}
     for name, truth in (("with it", both), ("without it", WORN)):

@@ -12,6 +12,7 @@ from linear_flight import INPUTS, LIBRARY, RESPONSES, SLOPES, TRIM, U0, W0, Line
 from freqid.gap.diagnose import Question, diagnose
 from freqid.gap.infer.linearise import likelier_without
 from freqid.gap.simulation import Tolerance
+from freqid.simulate.effects import shipped
 
 MORE = 0.2  # by which elevators do more than the simulation says, two sigmas
 OFFSETS = (  # rad, by flight: one and a half sigmas of their sensors, which feel it through these elevators
@@ -41,16 +42,24 @@ class Uncertain(Linear):
         return [(sides[0] - sides[1]) / 2]
 
 
-@pytest.fixture(scope="module")
-def found():
-    slopes = SLOPES.copy()
-    slopes[:, 3:] *= 1 + MORE
+def diagnosed(slopes, library, tolerances):
     truth = Truth(slopes=tuple(map(tuple, slopes.tolist())))
     flights = [
         fly(truth, noise=1.0, seed=10 + k, phases=k + 1, duration=40.0, add=OFFSETS[k]) for k in (0, 1)
     ]
-    question = Question(LIBRARY, TOLERANCES, (0.1, 2.0), draws=100, close=False)
-    return diagnose(Uncertain(), flights, question)
+    return diagnose(Uncertain(), flights, Question(library, tolerances, (0.1, 2.0), draws=100, close=False))
+
+
+@pytest.fixture(scope="module")
+def slopes():
+    more = SLOPES.copy()
+    more[:, 3:] *= 1 + MORE
+    return more
+
+
+@pytest.fixture(scope="module")
+def found(slopes):
+    return diagnosed(slopes, LIBRARY, TOLERANCES)
 
 
 def test_an_offset_that_is_felt_through_a_tolerance_is_no_gap(found):
@@ -77,3 +86,14 @@ def test_lines_that_are_right_without_an_effect_make_it_no_likelier_again(found)
     form = found.evidence.form_error()
     again = likelier_without(found.system, found.columns, found.blocks, LIBRARY, TOLERANCES, form)
     assert again == pytest.approx(0.0, abs=1.0)
+
+
+def test_where_a_fit_asks_for_a_body_that_cannot_be_all_else_is_still_asked_for_together(slopes):
+    """With 30 % less of its inertia in pitch, the aircraft would have more in yaw than in pitch and roll."""
+    lighter = slopes / np.array([[1.0], [1.0], [0.7]])
+    found = diagnosed(lighter, LIBRARY | {"inertia": shipped()["inertia"]}, TOLERANCES | {"inertia.yy": 0.15})
+    assert not found.diagnosis.gap.exists
+    fitted = found.system.likeliest_tolerances(
+        found.system.tolerance_rows(found.evidence.form_error()), np.zeros(found.system.columns)
+    )
+    assert dict(zip(found.system.tolerances, fitted, strict=True))["inertia.yy"] == pytest.approx(-2, abs=0.3)

@@ -177,15 +177,12 @@ def straightened(
     c, weights = columns, _weights(system, acting)
     known = dict(zip(system.tolerances, fitted.tolist(), strict=True))
 
-    def offsets(c: Columns) -> dict[str, float]:
-        own = c.likeliest_own(c.residual - fitted @ c.tolerances - weights @ c.effects, form_error)
-        return dict(zip(c.own_names, np.clip(own, -FARTHEST, FARTHEST).tolist(), strict=True))
-
-    unknown = offsets(c)
-    if anew:
-        there = _Point.of(block, known, unknown, acting, library, sizes).moved(block)
-        c = _sloped(c, replace(block, trial=there), system.tolerances, library, sizes)
+    own = c.likeliest_own(c.residual - fitted @ c.tolerances - weights @ c.effects, form_error)
+    unknown = dict(zip(c.own_names, np.clip(own, -FARTHEST, FARTHEST).tolist(), strict=True))
     about = _Point.of(block, known, unknown, acting, library, sizes)
+    if anew:
+        there = replace(block, trial=about.moved(block))
+        c = _sloped(c, there, system.tolerances, library, sizes)
     try:
         whole = about.made(block)
     except ImpossibleSettings:  # a fit may ask for a body that cannot be: its mass properties stay straight

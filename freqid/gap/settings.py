@@ -76,5 +76,11 @@ ROUNDS = 2
 NOISE_SCALES = (1.0, 1.4, 2.0, 2.8, 4.0, 5.6, 8.0)
 """Ratios of the loads' flown noise to what the record shows of it, among which the likeliest is taken."""
 
+MOST_ROUNDS = 4
+"""Times at most that effects are computed, or lines drawn, again where they came out; two or three do."""
+
+SETTLED = 1.0
+"""Nats by which another round makes the data likelier, below which it was the last one."""
+
 FARTHEST = 3.0
 """Sigmas of a tolerance: the largest departure that is believed, and that lines are drawn at."""

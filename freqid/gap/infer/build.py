@@ -21,12 +21,10 @@ from freqid.gap.model.candidates import beyond_tolerance, candidates
 from freqid.gap.model.form import shared_columns
 from freqid.gap.model.refine import refined
 from freqid.gap.model.tolerance import tolerance_columns
-from freqid.gap.settings import ALIKE, FORM_ERRORS, ROUNDS
+from freqid.gap.settings import ALIKE, FORM_ERRORS, MOST_ROUNDS, ROUNDS
 from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
-
-_SETTLING = 4  # times at most that effects are computed near their estimates
 
 
 def build(
@@ -81,7 +79,7 @@ def at_their_size(
     effect's columns are wrong by many times the noise, and the estimate stays where they are right.
     """
     system, columns = evidence.system, list(columns)
-    for _ in range(_SETTLING):
+    for _ in range(MOST_ROUNDS):
         new = list(system.candidates)
         for i in likeliest(evidence):
             new[i] = refined(new[i], float(joint_estimates(evidence.system, [i])[0].size[0]), library, blocks)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from weakref import WeakKeyDictionary
@@ -168,6 +168,15 @@ class Estimate:
         if self.candidate.kind == "scalar":
             return self.candidate.weights(float(self.size[0]))
         return self.size / self.candidate.sizes
+
+
+def weights_of(system: System, acting: Iterable[tuple[int, Estimate]]) -> Array:
+    """Return the weights of a system's columns where some candidates have their sizes, shape (column,)."""
+    weights = np.zeros(system.columns)
+    for i, e in acting:
+        c = system.candidates[i]
+        weights[system.columns_of(i)] = c.weights(float(e.size[0])) if c.kind == "scalar" else e.weights
+    return weights
 
 
 def estimate(evidence: Evidence, index: int, level: float, given: Array | None = None) -> Estimate:

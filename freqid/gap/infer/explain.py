@@ -11,18 +11,16 @@ from scipy.special import logsumexp
 
 from freqid.core.arrays import Array
 from freqid.gap.infer.columns import Columns
-from freqid.gap.infer.evidence import Estimate, Evidence, directions, estimate, weigh
+from freqid.gap.infer.evidence import Estimate, Evidence, directions, estimate, weigh, weights_of
 from freqid.gap.infer.forms import forms_beside
 from freqid.gap.infer.joint_sizes import as_sums, joint_estimates, slopes
 from freqid.gap.infer.system import Reduced, System
 from freqid.gap.infer.weighing import log_mean
 from freqid.gap.model.candidate import OTHER
-from freqid.gap.settings import INTERVAL, SEPARATE
+from freqid.gap.settings import INTERVAL, MOST_ROUNDS, SEPARATE, SETTLED
 
 _MOST = 3  # effects of one explanation
-_SETTLING = 4  # times at most that effects are computed again until their sizes stay
 _CLOSE = 0.1  # of an interval: a size that has moved less stays
-_GAINED = 1.0  # nats by which data are likelier by another round, below which it has settled
 _FINALISTS = 6  # effects that are computed again near their estimated size
 _BEHIND = 10.0  # nats behind the leading one, from which an effect is no finalist
 
@@ -60,11 +58,7 @@ class Explanation:
 
     def weights(self, system: System) -> Array:
         """Return the weights of a system's columns at the estimated sizes, shape (column,)."""
-        weights = np.zeros(system.columns)
-        for i, e in zip(self.places, self.estimates, strict=True):
-            c = system.candidates[i]
-            weights[system.columns_of(i)] = c.weights(float(e.size[0])) if c.kind == "scalar" else e.weights
-        return weights
+        return weights_of(system, zip(self.places, self.estimates, strict=True))
 
 
 def likeliest(evidence: Evidence) -> list[int]:
@@ -188,13 +182,13 @@ class _Search:
         if self.compute is None:
             return at
         about, last = _explanation(at.system, places), -np.inf
-        for _ in range(_SETTLING):
+        for _ in range(MOST_ROUNDS):
             at = self.compute(at, about, [])
             now = _explanation(at.system, places)
             here = _at_sizes(at.system, now)
             each = zip(about.estimates, now.estimates, strict=True)
             stay = all(np.all(np.abs(a.size - e.size) <= _CLOSE * e.width) for a, e in each)
-            if stay and here - last < _GAINED:
+            if stay and here - last < SETTLED:
                 break
             about, last = now, here
         return at
@@ -272,10 +266,7 @@ def _finalists(evidence: Evidence, places: list[int]) -> list[tuple[float, int]]
 
 def _weights(evidence: Evidence, places: list[int]) -> Array:
     """Return the weights of all columns where some effects are as they are estimated together."""
-    weights = np.zeros(evidence.system.columns)
-    for i, e in zip(places, joint_estimates(evidence.system, places), strict=True):
-        weights[evidence.system.columns_of(i)] += e.weights
-    return weights
+    return _explanation(evidence.system, places).weights(evidence.system)
 
 
 def free(evidence: Evidence, places: list[int]) -> Array:

@@ -21,20 +21,17 @@ from freqid.core.errors import ImpossibleSettings
 from freqid.gap.departed import Departed
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.columns import Columns
-from freqid.gap.infer.evidence import Estimate, estimate, weigh
+from freqid.gap.infer.evidence import Estimate, estimate, weigh, weights_of
 from freqid.gap.infer.system import System
 from freqid.gap.model.candidate import OTHER
 from freqid.gap.model.changes import as_moved, change_together
 from freqid.gap.model.testable import in_force_of, route_of
 from freqid.gap.model.tolerance import of_effects, offsets_of, record_columns, tolerance_columns
-from freqid.gap.settings import FARTHEST, INTERVAL
+from freqid.gap.settings import FARTHEST, INTERVAL, MOST_ROUNDS, SETTLED
 from freqid.gap.simulation import Simulation, side_by_side
 from freqid.gap.stack.block import Block
 from freqid.gap.stack.trial import Trial
 from freqid.simulate.effects.effect import Effect
-
-_ROUNDS = 4  # of drawing lines anew at most
-_SETTLED = 1.0  # nats that another round gains, below which lines have settled
 
 _MADE_TOGETHER = ("own", "distort", "load")
 """Routes of effects that are asked for with all else; others are in force on the trial already."""
@@ -74,7 +71,7 @@ def relinearised(
     """
     if acting is None:
         acting = _likeliest_alone(replace(system, form_errors=(form_error,), _reduced={}))
-    weights = _weights(system, acting)
+    weights = weights_of(system, acting)
     fitted = likeliest_departures(system, blocks, sizes, form_error, weights)[1]
 
     def there(pair: tuple[Columns, Block]) -> Columns:
@@ -100,10 +97,10 @@ def settled(
     As in `relinearised`.
     """
     last, columns = -np.inf, list(columns)
-    for _ in range(_ROUNDS):
+    for _ in range(MOST_ROUNDS):
         system, columns = relinearised(system, columns, blocks, library, sizes, form_error, acting, anew=True)
         here = _log_evidence(replace(system, form_errors=(form_error,), _reduced={}), acting)
-        if here - last < _SETTLED:
+        if here - last < SETTLED:
             break
         last = here
     return system, columns
@@ -139,7 +136,7 @@ def _log_evidence(system: System, acting: Acting | None) -> float:
     if not acting:
         return system.of([]).reduced(system.form_errors[0]).log_evidence
     few = system.of([i for i, _ in acting]).reduced(system.form_errors[0])
-    w = np.concatenate([_weights(system, [one])[system.columns_of(one[0])] for one in acting])
+    w = np.concatenate([weights_of(system, [one])[system.columns_of(one[0])] for one in acting])
     return few.log_evidence + float(w @ few.g - 0.5 * w @ few.G @ w)
 
 
@@ -174,7 +171,7 @@ def straightened(
     anew : bool
         As in `relinearised`.
     """
-    c, weights = columns, _weights(system, acting)
+    c, weights = columns, weights_of(system, acting)
     known = dict(zip(system.tolerances, fitted.tolist(), strict=True))
 
     own = c.likeliest_own(c.residual - fitted @ c.tolerances - weights @ c.effects, form_error)
@@ -192,7 +189,7 @@ def straightened(
     for names, sigmas, made in ((system.tolerances, known, c.tolerances), (c.own_names, unknown, c.own)):
         held = np.array([sigmas[n] if n in about.names else 0.0 for n in names])
         straight += held @ made
-    straight += _weights(system, about.acting) @ c.effects
+    straight += weights_of(system, about.acting) @ c.effects
     return c.with_residual(block.white(block.residual - whole) + straight)
 
 
@@ -271,7 +268,7 @@ class _Point:
                     continue
                 if route == "load" and not bodies:
                     continue
-                if route == "distort" and trial.carries:  # taken back on the trial already
+                if route == "distort" and trial.carries:  # an explanation's trial has it taken back
                     continue
                 force = in_force_of(effect, simulation)
                 for name, value in c.place.settings(force, e.size).items():
@@ -338,15 +335,6 @@ def _parameters(key: str, simulation: Simulation, kinds: Mapping[str, str]) -> I
             yield from each
 
 
-def _weights(system: System, acting: Acting) -> Array:
-    """Return the weights of a system's columns where some candidates have their sizes, shape (column,)."""
-    weights = np.zeros(system.columns)
-    for i, e in acting:
-        c = system.candidates[i]
-        weights[system.columns_of(i)] = c.weights(float(e.size[0])) if c.kind == "scalar" else e.weights
-    return weights
-
-
 def likeliest_departures(
     system: System,
     blocks: Sequence[Block],
@@ -361,7 +349,7 @@ def likeliest_departures(
     """
     own = blocks[0].trial.simulation.tolerances
     system = replace(system, form_errors=(form_error,), _reduced={})
-    beside = _weights(system, _likeliest_alone(system)) if weights is None else weights
+    beside = weights_of(system, _likeliest_alone(system)) if weights is None else weights
     fitted = system.likeliest_tolerances(system.tolerance_rows(form_error), beside)
     fitted = np.clip(fitted, -FARTHEST, FARTHEST)
     each = zip(system.tolerances, fitted.tolist(), strict=True)

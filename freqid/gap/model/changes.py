@@ -170,8 +170,8 @@ def as_moved(
 ) -> FlightRecord:
     """Return a trial's record without what sensors made of it: how the aircraft moved.
 
-    The simulation's own flight has no sensors in error, but feedback holds it where these read what they did
-    in flight.
+    The simulation's own flight, too, stands about the record's levels and follows what it misses of it: it
+    carries what sensors make of both.
 
     Parameters
     ----------
@@ -181,12 +181,12 @@ def as_moved(
     offsets : dict of float
         Of channels.
     """
-    record = _shifted(trial.maneuver.record, {n: -x for n, x in offsets.items()})
-    for effect, settings in effects:
-        if route_of(effect, trial.simulation) == "distort":
-            values = {**in_force_of(effect, trial.simulation), **settings}
-            record = _taken_back(effect, values, record)
-    return record
+    sensors = [
+        (effect, {**in_force_of(effect, trial.simulation), **settings})
+        for effect, settings in effects
+        if route_of(effect, trial.simulation) == "distort"
+    ]
+    return _without(sensors, offsets, trial.maneuver.record)
 
 
 def acts_on(effect: Effect, trial: Trial) -> str:
@@ -305,11 +305,21 @@ def _logged(
 ) -> FlightRecord:
     """Return a record with effects of sensors, or without them where the record carries them already."""
     if trial.carries:
-        record = _shifted(record, {n: -x for n, x in offsets.items()})
+        return _without(sensors, offsets, record)
     for effect, values in sensors:
         assert effect.distort is not None
-        record = _taken_back(effect, values, record) if trial.carries else effect.distort(values, record)
-    return record if trial.carries else _shifted(record, offsets)
+        record = effect.distort(values, record)
+    return _shifted(record, offsets)
+
+
+def _without(
+    sensors: Sequence[tuple[Effect, dict[str, float]]], offsets: Mapping[str, float], record: FlightRecord
+) -> FlightRecord:
+    """Return a record without effects of sensors and offsets of channels."""
+    record = _shifted(record, {n: -x for n, x in offsets.items()})
+    for effect, values in sensors:
+        record = _taken_back(effect, values, record)
+    return record
 
 
 def _shifted(record: FlightRecord, offsets: Mapping[str, float]) -> FlightRecord:

@@ -76,6 +76,9 @@ EACH_FLIGHT: dict[str, float] = {
 }
 """One sigma of offsets that are another in each record, and of the air's own motion on a calm day."""
 
+_POSITIONS = ("surface", "tilt", "rotor")
+"""Parameters of `sensor_bias` that are of effectors of a kind."""
+
 _PULSE_S = 0.2  # s: the pulse of a command's own size that stands for an unknown rate at the start
 
 
@@ -199,24 +202,19 @@ def offsets_of(
     channels : dict of float
         Offsets of effectors' channels.
     """
-    share, kinds = 1 / np.sqrt(len(block.names)), block.trial.maneuver.vehicle.effector_kinds
+    share = 1 / np.sqrt(len(block.names))
     settings: dict[str, dict[str, float]] = {}
-    channels: dict[str, float] = {}
-    logged = block.trial.maneuver.record.group("effector")
     for key, sigmas in departures.items():
         what, _, name = key.partition(".")
-        if what != "offset":
-            continue
         effect, _, parameter = name.partition(".")
-        if parameter:
+        if what == "offset" and parameter:
             settings.setdefault(effect, {})[parameter] = share * sigmas * sizes[name]
-            continue
-        kind = name.removeprefix("every ") if name.startswith("every ") else kinds[name]
-        alike = [e for e in logged if kinds.get(e) == kind]
-        size = sizes[f"sensor_bias.{kind}"] * (np.sqrt(0.5) if len(alike) > 1 else 1.0)
-        for e in alike if name.startswith("every ") else [name]:
-            channels[f"effector/{e}"] = channels.get(f"effector/{e}", 0.0) + share * sigmas * size
-    return settings, channels
+    channels: dict[str, float] = {}
+    for kind in _POSITIONS:
+        for key, some, size in _effectors_off(block.trial, kind, sizes.get(f"sensor_bias.{kind}", 0.0)):
+            for channel in some:
+                channels[channel] = channels.get(channel, 0.0) + share * departures.get(key, 0.0) * size
+    return settings, {n: x for n, x in channels.items() if x}
 
 
 def _acts(change: Histories) -> bool:
@@ -363,27 +361,36 @@ def _rotor(trial: Trial, name: str, what: str) -> Histories:
     return trial.rows(replay.responses(wrench))
 
 
+def _effectors_off(trial: Trial, kind: str, size: float) -> Iterator[tuple[str, list[str], float]]:
+    """Yield the offsets of a kind of effectors: name, channels and one sigma of each.
+
+    They are half off together, half each by itself: a wrong zero of a calibration is that of all, a bent
+    linkage is that of one.
+    """
+    kinds = trial.maneuver.vehicle.effector_kinds
+    alike = [e for e in trial.maneuver.record.group("effector") if kinds.get(e) == kind]
+    each = size * np.sqrt(0.5) if len(alike) > 1 else size
+    if len(alike) > 1:
+        yield f"offset.every {kind}", [f"effector/{e}" for e in alike], each
+    for e in alike:
+        yield f"offset.{e}", [f"effector/{e}"], each
+
+
 def _offsets(
     trial: Trial, library: Mapping[str, Effect], sizes: Mapping[str, float]
 ) -> Iterator[tuple[str, Histories]]:
-    """Yield each sensor's offset; effectors of a kind are half off together, half each by itself.
-
-    A wrong zero of a calibration is that of all, a bent linkage is that of one: each is half of the variance.
-    """
-    record, kinds = trial.maneuver.record, trial.maneuver.vehicle.effector_kinds
+    """Yield each sensor's offset."""
+    record = trial.maneuver.record
     for key in EACH_FLIGHT:
         stem, _, name = key.partition(".")
         size, effect = sizes.get(key, 0.0), library.get(stem)
         if not size:
             continue
-        if name in ("surface", "tilt", "rotor"):
-            alike = [e for e in record.group("effector") if kinds.get(e) == name]
-            share = np.sqrt(0.5) if len(alike) > 1 else 1.0
-            for key, some in ((f"every {name}", alike if len(alike) > 1 else []), *((e, [e]) for e in alike)):
-                channels = [record.channel(f"effector/{e}") for e in some]
-                moved = [replace(c, values=c.values + share * size) for c in channels]
-                if moved:
-                    yield f"offset.{key}", trial.relogged(record.with_channels(*moved))
+        if name in _POSITIONS:
+            for offset, some, each in _effectors_off(trial, name, size):
+                channels = [record.channel(n) for n in some]
+                moved = [replace(c, values=c.values + each) for c in channels]
+                yield offset, trial.relogged(record.with_channels(*moved))
         elif effect is not None and effect.distort is not None and not untestable(effect, trial):
             moved = effect.distort(dict.fromkeys(effect.parameters, 0.0) | {name: size}, record)
             if moved is not record:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 from linear_flight import INPUTS, LIBRARY, RESPONSES, SLOPES, TRIM, U0, W0, Linear, Truth, fly
 
 from freqid.gap.diagnose import Question, diagnose
-from freqid.gap.infer.linearise import likelier_without
+from freqid.gap.infer.linearise import settled
 from freqid.gap.simulation import Tolerance
 from freqid.simulate.effects import shipped
 
@@ -82,10 +82,13 @@ def test_tolerances_and_offsets_come_out_together(found):
         assert left @ left < 1.3 * left.size
 
 
-def test_lines_that_are_right_without_an_effect_make_it_no_likelier_again(found):
+def test_lines_that_have_settled_stay(found):
     form = found.evidence.form_error()
-    again = likelier_without(found.system, found.columns, found.blocks, LIBRARY, TOLERANCES, form)
-    assert again == pytest.approx(0.0, abs=1.0)
+    alone = replace(found.system.of([]), form_errors=(form,), _reduced={})
+    parts = [replace(c, effects=c.effects[:0]) for c in found.columns]
+    before = alone.reduced(form).log_evidence
+    again, _ = settled(alone, parts, found.blocks, LIBRARY, TOLERANCES, form, [])
+    assert again.reduced(form).log_evidence == pytest.approx(before, abs=1.0)
 
 
 def test_where_a_fit_asks_for_a_body_that_cannot_be_all_else_is_still_asked_for_together(slopes):

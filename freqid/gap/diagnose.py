@@ -16,7 +16,7 @@ from freqid.gap.close.closing import Closing, closing_of
 from freqid.gap.close.closure import Closed, close
 from freqid.gap.closest_flight import apart, as_near, closest, effect_of_its_own, flown
 from freqid.gap.infer.build import at_their_size, build, flown_departures
-from freqid.gap.infer.columns import Columns
+from freqid.gap.infer.columns import Columns, redrawn
 from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate, weigh
 from freqid.gap.infer.explain import Computed, Explanation, explain, likeliest
 from freqid.gap.infer.joint_replay import about_explanation, about_single
@@ -162,7 +162,7 @@ def diagnose(
             raise UsageError(f"effect '{name}' cannot be tested here: {not_tested[name]}")
     tell("weighing effects")
     form_error = weigh(system).form_error()
-    system, columns = settled(system, columns, used, q.candidates, q.tolerances, form_error)
+    system, columns, used = settled(system, columns, used, q.candidates, q.tolerances, form_error)
     evidence = weigh(system)
     without = likelier_without(system, columns, used, q.candidates, q.tolerances, form_error)
     evidence = replace(evidence, without=without)  # asked here alone: later ones stand on other lines
@@ -190,7 +190,7 @@ def diagnose(
         system, not_tested, columns, used = build(used, q.candidates, q.tolerances, behind)
         system, columns = at_their_size(weigh(system), columns, used, q.candidates, q.tolerances)
         form_error = weigh(system).form_error()
-        system, columns = settled(system, columns, used, q.candidates, q.tolerances, form_error)
+        system, columns, used = settled(system, columns, used, q.candidates, q.tolerances, form_error)
         evidence = weigh(system)
     ranking = rank(evidence, exists, INTERVAL, TEMPERATURE, p_none if exists else max(p_none, 0.5))
     leading = _leading(q.named, ranking)
@@ -299,7 +299,8 @@ def _explanation(
         )
         return at if system is at.system else Computed(system, columns)
 
-    start = Computed(evidence.system, columns)
+    every = range(len(evidence.system.candidates))
+    start = Computed(*redrawn(evidence.system, columns, blocks, library, every))
     explanation, at = explain(start, leading, columns[0].form_names, asked=asked, compute=compute)
     return explanation, at.evidence, at.columns
 

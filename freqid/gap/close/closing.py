@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from freqid.core.results.diagnosis import ScoredOn
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.build import columns_of
-from freqid.gap.infer.columns import Columns
+from freqid.gap.infer.columns import Columns, redrawn
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.joint_replay import acted_on, settings_of
-from freqid.gap.infer.linearise import likeliest_departures, straightened
+from freqid.gap.infer.linearise import drawn, likeliest_departures, straightened
 from freqid.gap.infer.system import System
 from freqid.gap.model.candidates import recomputed
 from freqid.gap.settings import FOLDS
@@ -106,24 +106,24 @@ def closing_of(
     chosen = system.places(explanation.places)
     parts = [replace(c, effects=c.effects[chosen]) for c in columns]
     if held_out:
-        added = [recomputed(c, library, held_out) for c in few]
-        few = [replace(c, columns=[*c.columns, *more]) for c, more in zip(few, added, strict=True)]
-        at = range(len(used), len(used) + len(held_out))
+        own = [replace(c, columns=recomputed(c, library, held_out)) for c in few]
         rows, forms, labels = columns[0].form_names, system.form_errors, columns[0].shared_names
-        acting = settings_of(explanation, library, held_out[0].trial.simulation)
-        flown = acted_on(held_out, acting, library)
+        flown = acted_on(held_out, settings_of(explanation, library, held_out[0].trial.simulation), library)
         made = [
-            columns_of(b, i, few, system.tolerances, library, tolerances, rows, forms, labels)
-            for b, i in zip(flown, at, strict=True)
+            columns_of(b, i, own, system.tolerances, library, tolerances, rows, forms, labels)
+            for i, b in enumerate(flown)
         ]
-        weights = explanation.weights(system)
-        fitted = likeliest_departures(system, used, tolerances, form_error, weights)[1]
-        fewer, acting = replace(system, candidates=few), list(enumerate(explanation.estimates))
-        parts += [
-            straightened(c, b, fewer, fitted, acting, library, tolerances, form_error, anew=True)
-            for c, b in made
-        ]
-        held_out = [replace(b, trial=own.trial) for (_, b), own in zip(made, held_out, strict=True)]
+        new, flown = [c for c, _ in made], [b for _, b in made]
+        held_out = [replace(b, trial=one.trial) for b, one in zip(flown, held_out, strict=True)]
+        fitted = likeliest_departures(system, used, tolerances, form_error, explanation.weights(system))[1]
+        there = fitted, list(enumerate(explanation.estimates)), library, tolerances, form_error
+        fewer = replace(system, candidates=own)
+        held_out = drawn(fewer, new, held_out, *there)
+        fewer, new = redrawn(fewer, new, held_out, library, range(len(few)))
+        flown = drawn(fewer, new, flown, *there)
+        parts += [straightened(c, b, fewer, *there, anew=True) for c, b in zip(new, flown, strict=True)]
+        each = zip(few, fewer.candidates, strict=True)
+        few = [replace(c, columns=[*c.columns, *more.columns]) for c, more in each]
     blocks = [*used, *held_out]
     source = list(range(len(blocks)))
     names = tuple(n for b in held_out or used for n in b.names)

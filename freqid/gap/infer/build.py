@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from freqid.gap.infer.block_matrices import Form
-from freqid.gap.infer.columns import Columns, Parts
+from freqid.gap.infer.columns import Columns, Parts, rebuilt
 from freqid.gap.infer.evidence import Evidence, weigh
 from freqid.gap.infer.explain import likeliest
 from freqid.gap.infer.forms import common_form, likely_forms, of_all, reach
@@ -86,7 +86,7 @@ def at_their_size(
         if all(a is b for a, b in zip(new, system.candidates, strict=True)):
             break
         system, columns = rebuilt(system, new, columns, blocks)
-        system, columns = relinearised(system, columns, blocks, library, sizes, evidence.form_error())
+        system, columns, _ = relinearised(system, columns, blocks, library, sizes, evidence.form_error())
         evidence = weigh(system)
     return system, columns
 
@@ -136,8 +136,10 @@ def _straight(
     common = common_form(system, terms)
     known = [p.block for p in parts]
     for k in range(ROUNDS):
-        system, columns = relinearised(system, columns, known, library, sizes, common, anew=k == ROUNDS - 1)
-    return system, columns, parts, common
+        system, columns, known = relinearised(
+            system, columns, known, library, sizes, common, anew=k == ROUNDS - 1
+        )
+    return system, columns, [replace(p, block=b) for p, b in zip(parts, known, strict=True)], common
 
 
 def _told_apart(system: System, columns: Sequence[Columns]) -> tuple[System, list[Columns]]:
@@ -227,27 +229,3 @@ def _columns(
         shared_names=tuple(labels),
         own_names=parts.own_names,
     )
-
-
-def rebuilt(
-    system: System, candidates: list[Candidate], columns: Sequence[Columns], blocks: Sequence[Block]
-) -> tuple[System, list[Columns]]:
-    """Return a system in which some candidates have other columns; all else is as it was.
-
-    Parameters
-    ----------
-    system : System
-    candidates : list of Candidate
-        In the same order.
-    columns : sequence of Columns
-        By block.
-    blocks : sequence of Block
-    """
-    new = []
-    for b, (old, block) in enumerate(zip(columns, blocks, strict=True)):
-        parts = [
-            system.columns_of(i) if c is system.candidates[i] else block.white(c.columns[b])
-            for i, c in enumerate(candidates)
-        ]
-        new.append(old.with_effects(parts))
-    return replace(system, candidates=candidates, blocks=[c.matrices for c in new], _reduced={}), new

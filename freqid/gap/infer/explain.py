@@ -181,17 +181,19 @@ class _Search:
         """
         if self.compute is None:
             return at
-        about, last = _explanation(at.system, places), -np.inf
+        about, best, found = _explanation(at.system, places), -np.inf, at
         for _ in range(MOST_ROUNDS):
             at = self.compute(at, about, [])
             now = _explanation(at.system, places)
-            here = _at_sizes(at.system, now)
+            gained = _at_sizes(at.system, now) - best
+            if gained > 0:
+                best, found = best + gained, at
             each = zip(about.estimates, now.estimates, strict=True)
             stay = all(np.all(np.abs(a.size - e.size) <= _CLOSE * e.width) for a, e in each)
-            if stay and here - last < SETTLED:
+            if gained < 0 or (stay and gained < SETTLED):
                 break
-            about, last = now, here
-        return at
+            about = now
+        return found
 
     def asked(self, at: Computed, places: list[int]) -> Computed:
         """Return what is computed once the likeliest others are near their sizes beside effects."""

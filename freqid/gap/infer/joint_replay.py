@@ -10,12 +10,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from freqid.gap.infer.block_matrices import Form
-from freqid.gap.infer.build import rebuilt
-from freqid.gap.infer.columns import Columns
-from freqid.gap.infer.evidence import Estimate, Evidence
+from freqid.gap.infer.columns import Columns, rebuilt, redrawn
+from freqid.gap.infer.evidence import Estimate, Evidence, weights_of
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.joint_sizes import joint_estimates
-from freqid.gap.infer.linearise import relinearised
+from freqid.gap.infer.linearise import drawn, likeliest_departures, relinearised
 from freqid.gap.infer.system import System
 from freqid.gap.model.changes import beside
 from freqid.gap.model.refine import refined
@@ -53,7 +52,8 @@ def acted_on(
     """Return blocks on whose trials effects are in force; the same where they change nothing for others."""
     effects = [(library[n], x) for n, x in acting]
     trials = [beside(effects, b.trial) for b in blocks]
-    return [b if t is b.trial else replace(b, trial=t) for b, t in zip(blocks, trials, strict=True)]
+    each = zip(blocks, trials, strict=True)
+    return [b if t is b.trial else replace(b, trial=t, as_moved=None) for b, t in each]
 
 
 def about_explanation(
@@ -89,20 +89,24 @@ def about_explanation(
         As in `relinearised`.
     """
     acting = settings_of(explanation, library, blocks[0].trial.simulation)
+    acts = list(zip(explanation.places, explanation.estimates, strict=True))
+    flown = acted_on(blocks, acting, library)
+    if len(acts) == 1 and not others and flown[0] is blocks[0]:
+        c = system.candidates[acts[0][0]]
+        if refined(c, float(acts[0][1].size[0]), library, blocks) is c:
+            return system, list(columns)  # lines are drawn about it already
+    fitted = likeliest_departures(system, blocks, sizes, form_error, weights_of(system, acts))[1]
+    there = drawn(system, columns, blocks, fitted, acts, library, sizes, form_error)
+    system, columns = redrawn(system, columns, there, library, [i for i, _ in [*acts, *others]])
     new = list(system.candidates)
     for i, e in zip(explanation.places, explanation.estimates, strict=True):
         k = next((k for k, (n, _) in enumerate(acting) if n == e.candidate.effect), len(acting))
         before, after = (acting[:k], acting[k + 1 :]) if k < len(acting) else ([], [])
-        new[i] = refined(new[i], float(e.size[0]), library, blocks, before, after)
+        new[i] = refined(new[i], float(e.size[0]), library, there, before, after)
     for i, e in others:
-        new[i] = refined(new[i], float(e.size[0]), library, blocks, acting)
-    flown = acted_on(blocks, acting, library)
-    alone = len(explanation.places) == 1 and flown[0] is blocks[0]
-    if alone and all(a is b for a, b in zip(new, system.candidates, strict=True)):
-        return system, list(columns)  # tolerances are straight about it already
+        new[i] = refined(new[i], float(e.size[0]), library, there, acting)
     system, columns = rebuilt(system, new, columns, blocks)
-    acts = list(zip(explanation.places, explanation.estimates, strict=True))
-    return relinearised(system, columns, flown, library, sizes, form_error, acts, anew=anew)
+    return relinearised(system, columns, flown, library, sizes, form_error, acts, anew=anew)[:2]
 
 
 def about_single(

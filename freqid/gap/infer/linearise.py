@@ -18,16 +18,19 @@ import numpy as np
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.errors import ImpossibleSettings
+from freqid.core.vehicle import Vehicle
 from freqid.gap.departed import Departed
 from freqid.gap.infer.block_matrices import Form
-from freqid.gap.infer.columns import Columns
-from freqid.gap.infer.evidence import Estimate, estimate, weigh, weights_of
+from freqid.gap.infer.columns import Columns, redrawn
+from freqid.gap.infer.evidence import Estimate, weigh, weights_of
+from freqid.gap.infer.explain import likeliest
+from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.infer.system import System
 from freqid.gap.model.candidate import OTHER
 from freqid.gap.model.changes import as_moved, change_together
 from freqid.gap.model.testable import in_force_of, route_of
 from freqid.gap.model.tolerance import of_effects, offsets_of, record_columns, tolerance_columns
-from freqid.gap.settings import FARTHEST, INTERVAL, MOST_ROUNDS, SETTLED
+from freqid.gap.settings import FARTHEST, MOST_ROUNDS, SETTLED
 from freqid.gap.simulation import Simulation, side_by_side
 from freqid.gap.stack.block import Block
 from freqid.gap.stack.trial import Trial
@@ -50,8 +53,12 @@ def relinearised(
     acting: Acting | None = None,
     *,
     anew: bool = False,
-) -> tuple[System, list[Columns]]:
+) -> tuple[System, list[Columns], list[Block]]:
     """Return a system whose lines are right where all that is unknown is likeliest.
+
+    And the blocks as they are there. Where lines are drawn anew and no effects are stated that act, those
+    that lead are drawn there too: one bias as an effect and as a tolerance, each on other motion, would leave
+    a change between the two that nothing makes.
 
     Parameters
     ----------
@@ -69,17 +76,58 @@ def relinearised(
     anew : bool
         Whether the lines also have the slopes that they have there, not those that they have.
     """
+    leading: list[int] = []
     if acting is None:
-        acting = _likeliest_alone(replace(system, form_errors=(form_error,), _reduced={}))
+        alone = replace(system, form_errors=(form_error,), _reduced={})
+        acting, leading = _likeliest_alone(alone), _leading(alone) if anew else []
     weights = weights_of(system, acting)
     fitted = likeliest_departures(system, blocks, sizes, form_error, weights)[1]
 
     def there(pair: tuple[Columns, Block]) -> Columns:
         return straightened(*pair, system, fitted, acting, library, sizes, form_error, anew=anew)
 
+    if anew:
+        blocks = drawn(system, columns, blocks, fitted, acting, library, sizes, form_error)
+        system, columns = redrawn(system, columns, blocks, library, leading)
     pairs = list(zip(columns, blocks, strict=True))
     new = side_by_side(blocks[0].trial.simulation, there, pairs)
-    return replace(system, blocks=[c.matrices for c in new], _reduced={}), new
+    return replace(system, blocks=[c.matrices for c in new], _reduced={}), new, list(blocks)
+
+
+def drawn(
+    system: System,
+    columns: Sequence[Columns],
+    blocks: Sequence[Block],
+    fitted: Array,
+    acting: Acting,
+    library: Mapping[str, Effect],
+    sizes: Mapping[str, float],
+    form_error: Form,
+) -> list[Block]:
+    """Return blocks on which columns are drawn where tolerances, offsets and effects are likeliest together.
+
+    Parameters
+    ----------
+    system : System
+    columns : sequence of Columns
+        By block.
+    blocks : sequence of Block
+    fitted : ndarray, shape (tolerance,)
+        Of all tolerances, in sigmas.
+    acting : sequence of (int, Estimate)
+    library : dict of Effect
+    sizes : dict of float
+        One sigma by name.
+    form_error : Form
+        At which the records' own unknowns are fitted.
+    """
+
+    def there(pair: tuple[Columns, Block]) -> Block:
+        about = _Point.about(*pair, system, fitted, acting, library, sizes, form_error)
+        return replace(pair[1], as_moved=about.moved(pair[1]))
+
+    pairs = list(zip(columns, blocks, strict=True))
+    return side_by_side(blocks[0].trial.simulation, there, pairs)
 
 
 def settled(
@@ -90,20 +138,24 @@ def settled(
     sizes: Mapping[str, float],
     form_error: Form,
     acting: Acting | None = None,
-) -> tuple[System, list[Columns]]:
+) -> tuple[System, list[Columns], list[Block]]:
     """Return a system whose lines are drawn anew until the data are no likelier by another round.
 
-    Two explanations are compared where both have settled, for each round may gain as much as an effect does.
-    As in `relinearised`.
+    And the blocks on which they are drawn; as in `relinearised`. Two explanations are compared where both
+    have settled, for each round may gain as much as an effect does. A round that leads away, as where the air
+    of a hover turns a flow angle round, is not taken.
     """
-    last, columns = -np.inf, list(columns)
+    best, found = -np.inf, (system, list(columns), list(blocks))
     for _ in range(MOST_ROUNDS):
-        system, columns = relinearised(system, columns, blocks, library, sizes, form_error, acting, anew=True)
+        new = relinearised(system, columns, blocks, library, sizes, form_error, acting, anew=True)
+        system, columns, blocks = new
         here = _log_evidence(replace(system, form_errors=(form_error,), _reduced={}), acting)
-        if here - last < SETTLED:
+        gained = here - best
+        if gained > 0:
+            best, found = here, new
+        if gained < SETTLED:
             break
-        last = here
-    return system, columns
+    return found
 
 
 def likelier_without(
@@ -126,7 +178,7 @@ def likelier_without(
     few = [c.matrices for c in parts]
     alone = System([], system.tolerances, few, system.form_errors)
     before = weigh(alone).log_none
-    alone, _ = settled(alone, parts, blocks, library, sizes, form_error, [])
+    alone, _, _ = settled(alone, parts, blocks, library, sizes, form_error, [])
     return max(weigh(alone).log_none - before, 0.0)
 
 
@@ -169,26 +221,20 @@ def straightened(
     form_error : Form
         At which the record's own unknowns are fitted.
     anew : bool
-        As in `relinearised`.
+        Whether tolerances and the record's own unknowns also have the slopes of the block as it is drawn.
     """
-    c, weights = columns, weights_of(system, acting)
-    known = dict(zip(system.tolerances, fitted.tolist(), strict=True))
-
-    own = c.likeliest_own(c.residual - fitted @ c.tolerances - weights @ c.effects, form_error)
-    unknown = dict(zip(c.own_names, np.clip(own, -FARTHEST, FARTHEST).tolist(), strict=True))
-    about = _Point.of(block, known, unknown, acting, library, sizes)
-    if anew:
-        there = replace(block, trial=about.moved(block))
-        c = _sloped(c, there, system.tolerances, library, sizes)
+    c, at = columns, (block, system, fitted, acting, library, sizes, form_error)
+    about = _Point.about(c, *at)
     try:
         whole = about.made(block)
     except ImpossibleSettings:  # a fit may ask for a body that cannot be: its mass properties stay straight
-        about = _Point.of(block, known, unknown, acting, library, sizes, bodies=False)
+        about = _Point.about(c, *at, bodies=False)
         whole = about.made(block)
+    if anew:
+        c = _sloped(c, block, system.tolerances, library, sizes)
     straight = np.zeros_like(c.residual)
-    for names, sigmas, made in ((system.tolerances, known, c.tolerances), (c.own_names, unknown, c.own)):
-        held = np.array([sigmas[n] if n in about.names else 0.0 for n in names])
-        straight += held @ made
+    for names, made in ((system.tolerances, c.tolerances), (c.own_names, c.own)):
+        straight += np.array([about.sigmas.get(n, 0.0) for n in names]) @ made
     straight += weights_of(system, about.acting) @ c.effects
     return c.with_residual(block.white(block.residual - whole) + straight)
 
@@ -205,9 +251,11 @@ class _Point:
         Parameters of effects of the simulation's own.
     effects : list of (Effect, dict of float)
         Of sensors and mass properties.
+    sensors : list of (Effect, dict of float)
+        Those of sensors as far as they are tolerances and offsets.
     channels : dict of float
         Offsets of effectors' channels.
-    names : set of str
+    sigmas : dict of float
         Tolerances and own unknowns of the record that are among these.
     acting : list of (int, Estimate)
         Effects that are.
@@ -216,12 +264,37 @@ class _Point:
     departures: dict[str, float] = field(default_factory=dict)
     own: dict[str, dict[str, float]] = field(default_factory=dict)
     effects: list[tuple[Effect, dict[str, float]]] = field(default_factory=list)
+    sensors: list[tuple[Effect, dict[str, float]]] = field(default_factory=list)
     channels: dict[str, float] = field(default_factory=dict)
-    names: set[str] = field(default_factory=set)
+    sigmas: dict[str, float] = field(default_factory=dict)
     acting: list[tuple[int, Estimate]] = field(default_factory=list)
 
     @classmethod
-    def of(
+    def about(
+        cls,
+        columns: Columns,
+        block: Block,
+        system: System,
+        fitted: Array,
+        acting: Acting,
+        library: Mapping[str, Effect],
+        sizes: Mapping[str, float],
+        form_error: Form,
+        *,
+        bodies: bool = True,
+    ) -> _Point:
+        """Return where all is likeliest, the record's own unknowns beside what is fitted.
+
+        As in `straightened`; mass properties are among it where `bodies` are.
+        """
+        c, weights = columns, weights_of(system, acting)
+        known = dict(zip(system.tolerances, fitted.tolist(), strict=True))
+        own = c.likeliest_own(c.residual - fitted @ c.tolerances - weights @ c.effects, form_error)
+        unknown = dict(zip(c.own_names, np.clip(own, -FARTHEST, FARTHEST).tolist(), strict=True))
+        return cls._of(block, known, unknown, acting, library, sizes, bodies=bodies)
+
+    @classmethod
+    def _of(
         cls,
         block: Block,
         known: Mapping[str, float],
@@ -230,7 +303,7 @@ class _Point:
         library: Mapping[str, Effect],
         sizes: Mapping[str, float],
         *,
-        bodies: bool = True,
+        bodies: bool,
     ) -> _Point:
         """Return where tolerances and offsets, in sigmas by name, and effects are; `bodies` too or not."""
         trial, vehicle = block.trial, block.trial.maneuver.vehicle
@@ -246,17 +319,18 @@ class _Point:
             for name in _parameters(key, simulation, vehicle.effector_kinds):
                 sigma = sizes.get(name, simulation.tolerances[name].sigma)
                 at.departures[name] = at.departures.get(name, 0.0) + sigma * x
-                at.names.add(key)
+                at.sigmas[key] = x
         for key, effect, name, size in of_effects(trial, library, sizes):
             if known.get(key) and (bodies or effect.load is None):
                 add(effect.id, name, size * known[key])
-                at.names.add(key)
+                at.sigmas[key] = known[key]
         settings, channels = offsets_of(offsets, block, sizes)
         at.channels.update(channels)
-        at.names.update(n for n in offsets if n.startswith("offset."))
+        at.sigmas.update({n: x for n, x in offsets.items() if n.startswith("offset.")})
         for effect_id, values in settings.items():
             for name, x in values.items():
                 add(effect_id, name, x)
+        stated = {n: dict(x) for n, x in added.items()}
         for i, e in acting:
             c = e.candidate
             if c.effect == OTHER and c.kind == "scalar" and c.place.label in simulation.tolerances:
@@ -268,22 +342,20 @@ class _Point:
                     continue
                 if route == "load" and not bodies:
                     continue
-                if route == "distort" and trial.carries:  # an explanation's trial has it taken back
-                    continue
                 force = in_force_of(effect, simulation)
                 for name, value in c.place.settings(force, e.size).items():
                     add(effect.id, name, value - force[name])
             else:
                 continue
             at.acting.append((i, e))
-        for effect_id, values in added.items():
-            effect = library[effect_id].of(vehicle)
-            force = in_force_of(effect, simulation)
-            moved = {n: force[n] + x for n, x in values.items()}
+        for effect, values in _in_force(stated, library, vehicle, simulation):
+            if route_of(effect, simulation) == "distort":
+                at.sensors.append((effect, values))
+        for effect, values in _in_force(added, library, vehicle, simulation):
             if route_of(effect, simulation) == "own" and effect.stage != "command":
-                at.own[effect_id] = {**force, **moved}
+                at.own[effect.id] = {**in_force_of(effect, simulation), **values}
             else:
-                at.effects.append((effect, moved))
+                at.effects.append((effect, values))
         return at
 
     def trial(self, block: Block) -> Trial:
@@ -294,17 +366,46 @@ class _Point:
         return nominal.asked_of(cast(Simulation, Departed(nominal.simulation, self.departures, self.own)))
 
     def moved(self, block: Block) -> Trial:
-        """Return the same on the motion as it was, not as sensors saw it."""
+        """Return the same on the motion as it was, not as sensors saw it.
+
+        What an effect that is taken to act does to sensors stays: its own columns begin without it.
+        """
         there = self.trial(block)
-        record = as_moved(self.effects, there, self.channels)
+        record = as_moved(self.sensors, there, self.channels)
         return there if record is there.maneuver.record else there.flown_as(record)
 
     def made(self, block: Block) -> Complex:
-        """Return what all of it makes of a block's residual together, shape (row, line)."""
+        """Return what all of it makes of a block's residual together, shape (row, line).
+
+        What sensors did is taken back from the records themselves: motion without noise is known to a few per
+        cent, and sharp data show a few per cent of a late channel.
+        """
         before, there = block.trial.nominal, self.trial(block)
         moved = {n: there.positions[n] - x for n, x in before.positions.items()}
         whole = before.rows(there.predicted - before.predicted, moved)
-        return block.transform(whole + change_together(self.effects, there, self.channels))
+        sensors = [one for one in self.effects if route_of(one[0], there.simulation) == "distort"]
+        others = [one for one in self.effects if one not in sensors]
+        made = block.transform(whole + change_together(others, there))
+        if not (sensors or self.channels):
+            return made
+        if not (there.quick and there.carries):
+            return made + block.transform(change_together(sensors, there, self.channels))
+        records = [t.asked_of(there.simulation) for t in block.recorded]
+        logs = [change_together(sensors, t, self.channels) for t in records]
+        return made + np.mean([block.lines.transform(h) for h in logs], axis=0)
+
+
+def _in_force(
+    departures: Mapping[str, Mapping[str, float]],
+    library: Mapping[str, Effect],
+    vehicle: Vehicle,
+    simulation: Simulation,
+) -> Iterator[tuple[Effect, dict[str, float]]]:
+    """Yield effects with parameters that depart from those in force."""
+    for name, departs in departures.items():
+        effect = library[name].of(vehicle)
+        force = in_force_of(effect, simulation)
+        yield effect, {n: force[n] + x for n, x in departs.items()}
 
 
 def _sloped(
@@ -314,7 +415,7 @@ def _sloped(
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
 ) -> Columns:
-    """Return columns of which tolerances and the record's own unknowns have the slopes of a block's trial."""
+    """Return columns of which tolerances and the record's own unknowns have the slopes of a block."""
     z = np.zeros_like(block.residual)
     stated, unknown = (of(block, library, sizes) for of in (tolerance_columns, record_columns))
     sigmas = np.array([stated.get(n, z) for n in names]) if names else columns.sigmas
@@ -356,10 +457,18 @@ def likeliest_departures(
     return {name: x * sizes.get(name, own[name].sigma) for name, x in each if name in own}, fitted
 
 
+def _leading(system: System) -> list[int]:
+    """Return the places of the effects that lead where these are likelier than no effect."""
+    evidence = weigh(system)
+    lead = {system.candidates[i].effect for i in likeliest(evidence)}
+    likelier = np.flatnonzero(evidence.candidate > 0).tolist()
+    return [i for i in likelier if system.candidates[i].effect in lead]
+
+
 def _likeliest_alone(system: System) -> Acting:
-    """Return the likeliest effect with its size; none where none is likely."""
+    """Return the likeliest effect with its size, that of a tolerance among it; none where none is likely."""
     evidence = weigh(system)
     best = int(np.argmax(evidence.candidate)) if len(evidence.candidate) else -1
     if best < 0 or evidence.candidate[best] <= 0:
         return []
-    return [(best, estimate(evidence, best, INTERVAL))]
+    return [(best, joint_estimates(system, [best])[0])]

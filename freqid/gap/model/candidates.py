@@ -162,7 +162,7 @@ def _scalar(effect: Effect, place: Place, of: Parameter, blocks: Sequence[Block]
         try:
             made = side_by_side(
                 blocks[0].trial.simulation,
-                lambda b: b.transform(change(effect, b.trial, settings, first_order=True)),
+                lambda b: b.transform(change(effect, b.drawn, settings, first_order=True)),
                 blocks,
             )
         except ImpossibleSettings:
@@ -238,7 +238,7 @@ def beyond_tolerance(
 def _departing(block: Block, own: Candidate) -> Complex:
     """Return the column of one of the simulation's own parameters on one block."""
     size = {own.place.label: float(own.sizes[0])}
-    return np.array([block.transform(change) for _, change in block.trial.departing(size)])
+    return np.array([block.transform(change) for _, change in block.drawn.departing(size)])
 
 
 def recomputed(candidate: Candidate, library: Mapping[str, Effect], blocks: Sequence[Block]) -> list[Complex]:
@@ -253,7 +253,7 @@ def recomputed(candidate: Candidate, library: Mapping[str, Effect], blocks: Sequ
     found = []
     for block in blocks:
         force = in_force_of(effect, block.trial.simulation)
-        trials = among(before, after, c.about, block.trial)
+        trials = among(before, after, c.about, block.drawn)
         made = []
         for k in range(c.sizes.size):
             if c.kind == "scalar":

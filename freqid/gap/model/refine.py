@@ -62,7 +62,7 @@ def refined(
     if blocks[0].trial.approximates and not anew:  # weighed by derivatives so far
         c = replace(c, columns=recomputed(c, library, blocks))
     first, last = ([(library[n].of(vehicle), x) for n, x in some] for some in (before, after))
-    trials = [among(first, last, size, b.trial) for b in blocks]
+    trials = [among(first, last, size, b.drawn) for b in blocks]
     force = in_force_of(effect, blocks[0].trial.simulation)
     known = c.curve or Curve(c.sizes, np.eye(c.sizes.size))
     low, high = c.bounds

@@ -156,7 +156,7 @@ def tolerance_columns(
 
     The same name in two blocks is the same error.
     """
-    found = {name: block.transform(h) for name, h in _shared(block.trial, library, sizes) if _acts(h)}
+    found = {name: block.transform(h) for name, h in _shared(block.drawn, library, sizes) if _acts(h)}
     return found | _of_one_make(found, block.trial.maneuver.vehicle.effector_kinds)
 
 
@@ -178,7 +178,7 @@ def record_columns(
     Repeats are averaged, so one sigma of their mean is smaller by the root of their number.
     """
     share = 1 / np.sqrt(len(block.names))
-    unknown = (*_offsets(block.trial, library, sizes), *_starts(block.trial))
+    unknown = (*_offsets(block.drawn, library, sizes), *_starts(block.drawn))
     found = {name: share * block.transform(h) for name, h in unknown if _acts(h)}
     return found | {name: share * z for name, z in _ends(block).items()}
 

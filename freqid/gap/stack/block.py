@@ -59,6 +59,9 @@ class Block:
         Of the mean residual's noise.
     noise_from : str
         What the noise was learned from.
+    as_moved : Trial, optional
+        On the same motion without what sensors made of it, and on the simulation as it is likeliest, once
+        both were asked of the data.
     """
 
     names: tuple[str, ...]
@@ -71,6 +74,12 @@ class Block:
     residuals: Complex
     covariance: Complex
     noise_from: str
+    as_moved: Trial | None = None
+
+    @property
+    def drawn(self) -> Trial:
+        """The trial on which columns are drawn, all of them on the same one."""
+        return self.as_moved or self.trial
 
     @property
     def rows(self) -> tuple[Row, ...]:
@@ -81,6 +90,12 @@ class Block:
     def regime(self) -> str:
         """Reference condition, else the first record's name."""
         return self.maneuvers[0].record.reference or self.names[0]
+
+    @cached_property
+    def recorded(self) -> list[Trial]:
+        """The simulation as it is beside the records themselves, noise and all."""
+        nominal = self.trial.nominal.simulation
+        return [Trial.of(nominal, self.motion.as_commanded(m)) for m in self.maneuvers]
 
     @cached_property
     def grid(self) -> Lines:
@@ -202,7 +217,7 @@ def flown_again(
     if effects and motion.source != OWN_FLIGHT:
         motion = noise_free(simulation, mean, lines, departures, None, commands)
     trial = motion.trial_of(_departed(simulation, departures, acting))
-    return replace(block, motion=motion, trial=_thin(trial, block.lines))
+    return replace(block, motion=motion, trial=_thin(trial, block.lines), as_moved=None)
 
 
 def _departed(

@@ -24,7 +24,7 @@ from freqid.gap.stack.missed_motion import share_missed
 from freqid.identify.instruments.driven import MOTION, driven_loop
 from freqid.identify.instruments.loop_model import LoopModel
 from freqid.simulate.effects.along import centre
-from freqid.simulate.effects.signals import delayed
+from freqid.simulate.effects.signals import logged_late
 
 _SENSORS: tuple[tuple[str, ...], ...] = (RATES, VELOCITY, FORCES)  # that are late together
 _STEPS = (0.04, 0.02, 0.01)  # s, in which their delays are looked for
@@ -91,13 +91,15 @@ def _flown(maneuver: Maneuver, lines: Lines, late: Mapping[tuple[str, ...], floa
         if place is not None:
             moved[name] = moved[name] + cross(rates, np.array(place)[:, None] - middle)[axis]
     moved = with_attitude_and_felt(record, moved, linear=True)
-    return {n: delayed(x, record.dt, next((late[g] for g in late if n in g), 0.0)) for n, x in moved.items()}
+    return {
+        n: logged_late(x, record.dt, next((late[g] for g in late if n in g), 0.0)) for n, x in moved.items()
+    }
 
 
 def _moved(record: FlightRecord, later: Mapping[tuple[str, ...], float]) -> FlightRecord:
     """Return a record with some channels later, s."""
     channels = [
-        replace(record.channel(n), values=delayed(record[n], record.dt, x))
+        replace(record.channel(n), values=logged_late(record[n], record.dt, x))
         for group, x in later.items()
         for n in group
         if x and n in record

@@ -48,7 +48,9 @@ def share_missed(record: FlightRecord, channels: Mapping[str, Array]) -> float:
     return float(np.sqrt(left / max(moved, 1e-300)))
 
 
-def with_missed(record: FlightRecord, own: Mapping[str, Array], lines: Lines) -> dict[str, Array]:
+def with_missed(
+    record: FlightRecord, own: Mapping[str, Array], lines: Lines, *, fitted: bool = False
+) -> dict[str, Array]:
     """Return channels with what they miss of a record.
 
     On the lines of one injected signal e a channel of the record is ``(1 + a) x + b e``, with x the model's,
@@ -64,6 +66,9 @@ def with_missed(record: FlightRecord, own: Mapping[str, Array], lines: Lines) ->
     own : dict of ndarray, shape (sample,)
         The model's, by channel.
     lines : Lines
+    fitted : bool
+        Whether the model is fitted to the record. It starts then as the record does, and couples as it does:
+        only shares are taken, nothing slow and no b.
 
     Returns
     -------
@@ -78,10 +83,10 @@ def with_missed(record: FlightRecord, own: Mapping[str, Array], lines: Lines) ->
     injected = lines.spectrum(record.matrix(f"excitation/{n}" for n in lines.inputs))
     driven = [(j, np.flatnonzero(lines.owner == j)) for j in range(len(lines.inputs))]
     driven = [(at, injected[j, at]) for j, at in driven if at.size]
-    slow = np.arange(1, np.flatnonzero(lines.driven)[0])
+    slow = np.arange(1, 1 if fitted else np.flatnonzero(lines.driven)[0])
     missed = np.zeros(y.shape, dtype=complex)
     for i in range(len(names)):
-        missed[i], noise = _missed(lines.hz, x[i], y[i], driven)
+        missed[i], noise = _missed(lines.hz, x[i], y[i], driven, couples=not fitted)
         power = np.abs(y[i, slow]) ** 2
         missed[i, slow] = y[i, slow] * np.maximum(1 - noise / np.maximum(power, 1e-300), 0.0)
     wave = np.exp(2j * np.pi * lines.hz[:, None] * (lines.dt * np.arange(record.time.size)))
@@ -90,7 +95,7 @@ def with_missed(record: FlightRecord, own: Mapping[str, Array], lines: Lines) ->
 
 
 def _missed(
-    hz: Array, x: Complex, y: Complex, driven: list[tuple[NDArray[np.intp], Complex]]
+    hz: Array, x: Complex, y: Complex, driven: list[tuple[NDArray[np.intp], Complex]], *, couples: bool
 ) -> tuple[Complex, float]:
     """Return the part of y, shape (line,), that changes slowly with frequency, and the power of the rest."""
     size = np.sqrt(np.mean(np.concatenate([np.abs(x[at]) for at, _ in driven]) ** 2))
@@ -123,7 +128,7 @@ def _missed(
     best, known = (0, 0), {(0, 0): left((0, 0))}
     while True:  # one spread after the other, until neither changes
         before = best
-        for k in (0, 1):
+        for k in (0, 1) if couples else (0,):
             asked = [(i, best[1]) if k == 0 else (best[0], i) for i in range(len(_SPREADS))]
             known |= {s: left(s) for s in asked if s not in known}
             best = min(asked, key=lambda s: known[s])

@@ -94,9 +94,9 @@ def noise_free(
 ) -> Motion:
     """Return the flight of a manoeuvre without its noise.
 
-    Candidates are the simulation's own flight, corrected by `with_missed`, and a closed loop fitted to the
-    record. The one that reproduces the record's rates better gives all channels. If the simulation cannot
-    fly, or flies something else, the fitted loop does.
+    Candidates are the simulation's own flight and a closed loop fitted to the record, both corrected by
+    `with_missed`. The one that reproduces the record's rates better gives all channels. If the simulation
+    cannot fly, or flies something else, the fitted loop does.
 
     Parameters
     ----------
@@ -121,6 +121,7 @@ def noise_free(
             found.append((share_missed(record, own), OWN_FLIGHT, own))
         loop = fitted_loop(maneuver, lines, found[0][0] if flown else np.inf)
         if loop:
+            loop = with_missed(record, loop, lines, fitted=True)
             found.append((share_missed(record, loop), "fitted loop", loop))
     if not found:
         response, part = _fitted_response(record)

@@ -120,7 +120,7 @@ class Trial:
 
     def thinned(self, every: int) -> Trial:
         """Return the trial on fewer of its samples: smooth motion needs few. Actuators keep theirs."""
-        if every == 1 or self.simulation.kind not in _QUICK:
+        if every == 1 or not self.quick:
             return self
         record = self.maneuver.record
         channels = {
@@ -202,7 +202,7 @@ class Trial:
         moved = {f"effector/{n}": x - before[n] for n, x in act(before).items() if n in before}
         channels = [replace(record.channel(n), values=record[n] + x) for n, x in moved.items()]
         felt = replace(self.maneuver, record=record.with_channels(*channels))
-        if self.simulation.kind in _QUICK:
+        if self.quick:
             return replace(self, maneuver=felt, predicted=self.simulation.predict(felt.record))
         new = replace(self, maneuver=felt, predicted=self.predicted + self.moved(moved))
         new.__dict__["gradient"] = self.gradient
@@ -210,7 +210,7 @@ class Trial:
 
     def flown_as(self, record: FlightRecord) -> Trial:
         """Return the trial on other motion, where the simulation can be asked again; else itself."""
-        if self.simulation.kind not in _QUICK:
+        if not self.quick:
             return self
         flown = replace(self.maneuver, record=record)
         measured, predicted = self.measured_on(flown), self.simulation.predict(record)
@@ -300,6 +300,11 @@ class Trial:
         return self.measured_on(self.maneuver)
 
     @property
+    def quick(self) -> bool:
+        """Whether the simulation can be asked again for any record."""
+        return self.simulation.kind in _QUICK
+
+    @property
     def approximates(self) -> bool:
         """Whether `relogged` is quicker by derivatives, though the simulation can be asked again."""
         return self.simulation.kind == "scenario"
@@ -344,7 +349,7 @@ class Trial:
         As `relogged` has them: a rotor's thrust goes with the square of its speed, so that a derivative at
         the speed that was flown is enough for small changes alone.
         """
-        if self.simulation.kind in _QUICK and not (first_order and self.approximates):
+        if self.quick and not (first_order and self.approximates):
             record = self.maneuver.record
             channels = [
                 replace(record.channel(n), values=record[n] + x) for n, x in changes.items() if n in record

@@ -20,6 +20,26 @@ def delayed(values: Array, dt: float, delay: float) -> Array:
     return CubicSpline(time, values, axis=-1)(np.clip(time - delay, 0.0, time[-1]))
 
 
+def logged_late(values: Array, dt: float, age: float) -> Array:
+    """Return signals, shape (..., sample), as a log holds them whose values are older than their time, s.
+
+    A log is cut out of a flight that went on. Beyond its ends a signal goes on as it came, turned about its
+    last value (odd extension). Held instead, a rate would stop there: an impulse of moment that is in all
+    lines.
+    """
+    if age == 0:
+        return values
+    from scipy.interpolate import CubicSpline
+
+    count = values.shape[-1]
+    beyond = min(int(np.ceil(abs(age) / dt)) + 2, count - 1)
+    before = 2 * values[..., :1] - values[..., beyond:0:-1]
+    after = 2 * values[..., -1:] - values[..., -2 : -beyond - 2 : -1]
+    time = dt * np.arange(-beyond, count + beyond)
+    whole = CubicSpline(time, np.concatenate([before, values, after], axis=-1), axis=-1)
+    return whole(dt * np.arange(count) - age)
+
+
 def lagged(values: Array, dt: float, time_constant: float) -> Array:
     """Return signals, shape (..., sample), through a first-order lag that starts in its steady state.
 

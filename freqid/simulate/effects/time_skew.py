@@ -10,7 +10,7 @@ from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
 from freqid.simulate.effects.channel_groups import changed, unwrapped
 from freqid.simulate.effects.effect import Effect, Parameter
-from freqid.simulate.effects.signals import delayed
+from freqid.simulate.effects.signals import logged_late
 
 _GROUPS = {
     "velocity": (
@@ -31,7 +31,7 @@ def _distort(settings: Mapping[str, float], record: FlightRecord) -> FlightRecor
         for channel in groups.get(place, (f"effector/{place}",)):
             if age and channel in record:
                 ages[channel] = ages.get(channel, 0.0) + age
-    late = {c: _wrapped(c, delayed(unwrapped(record, c), record.dt, age)) for c, age in ages.items()}
+    late = {c: _wrapped(c, logged_late(unwrapped(record, c), record.dt, age)) for c, age in ages.items()}
     return changed(record, late)
 
 

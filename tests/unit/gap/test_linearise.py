@@ -10,9 +10,13 @@ import pytest
 from linear_flight import INPUTS, LIBRARY, RESPONSES, SLOPES, TRIM, U0, W0, Linear, Truth, fly
 
 from freqid.gap.diagnose import Question, diagnose
-from freqid.gap.infer.linearise import settled
+from freqid.gap.infer.columns import redrawn
+from freqid.gap.infer.linearise import _Point, settled
 from freqid.gap.simulation import Tolerance
+from freqid.gap.stack.block import stack_of
+from freqid.gap.stack.trial import Trial
 from freqid.simulate.effects import shipped
+from freqid.simulate.effects.signals import logged_late
 
 MORE = 0.2  # by which elevators do more than the simulation says, two sigmas
 OFFSETS = (  # rad, by flight: one and a half sigmas of their sensors, which feel it through these elevators
@@ -87,8 +91,44 @@ def test_lines_that_have_settled_stay(found):
     alone = replace(found.system.of([]), form_errors=(form,), _reduced={})
     parts = [replace(c, effects=c.effects[:0]) for c in found.columns]
     before = alone.reduced(form).log_evidence
-    again, _ = settled(alone, parts, found.blocks, LIBRARY, TOLERANCES, form, [])
+    again, _, _ = settled(alone, parts, found.blocks, LIBRARY, TOLERANCES, form, [])
     assert again.reduced(form).log_evidence == pytest.approx(before, abs=1.0)
+
+
+def test_an_effect_and_the_tolerance_of_its_parameter_are_drawn_on_the_same_motion(slopes):
+    """Else what lies between the two would be free, and be taken for an effect."""
+    library = LIBRARY | {"sensor_scale": shipped()["sensor_scale"]}
+    found = diagnosed(slopes, library, TOLERANCES | {"sensor_scale.surface": 0.01})
+    system = found.system
+    (place,) = [i for i, c in enumerate(system.candidates) if c.tolerance == "sensor_scale.surface"]
+    at, row = system.columns_of(place), system.tolerances.index("sensor_scale.surface")
+    _, columns = redrawn(system, found.columns, found.blocks, library, [place])
+    for new, old in zip(columns, found.columns, strict=True):
+        assert alike(new.effects[at][0], old.tolerances[row]) > 1 - 1e-9
+        assert alike(old.effects[at][0], old.tolerances[row]) < 1 - 1e-7  # on motion with the offsets
+
+
+def alike(one, other):
+    return abs(one @ other) / np.sqrt((one @ one) * (other @ other))
+
+
+def test_what_sensors_did_is_taken_back_from_the_records_themselves():
+    """Motion without noise is known to a few per cent: here it has a tenth too little of the pitch rate."""
+    manoeuvre = fly(noise=0.1, seed=4, phases=2, duration=40.0)
+    record, age = manoeuvre.record, 0.03
+    late = record.channel("state/q")
+    late = replace(late, values=logged_late(late.values, record.dt, age))
+    (block,) = stack_of(
+        Linear(), [replace(manoeuvre, record=record.with_channels(late))], ["late"], (0.1, 2.0)
+    )
+    moving = block.trial.maneuver.record
+    less = replace(moving.channel("state/q"), values=0.9 * moving["state/q"])
+    block = replace(block, trial=block.trial.flown_as(moving.with_channels(less)))
+    point = _Point(effects=[(shipped()["time_skew"].of(manoeuvre.vehicle), {"rates": age})])
+    left = block.white(block.residual - point.made(block))
+    punctual = block.white(block.lines.transform(Trial.of(Linear(), manoeuvre).residual))
+    assert np.abs(block.white(block.residual) - punctual).max() > 50
+    assert np.abs(left - punctual).max() < 3
 
 
 def test_where_a_fit_asks_for_a_body_that_cannot_be_all_else_is_still_asked_for_together(slopes):

@@ -52,6 +52,22 @@ def test_noise_is_not_taken_for_motion(seed):
         assert apart(found[name], clean[name]) < 0.1 * SIGMA[name], name
 
 
+def test_of_a_fitted_model_only_the_share_is_taken_that_it_misses():
+    """It starts as the record does and couples as it does: slow motion of the record is gusts to it."""
+    record, clean = recorded(Truth(), SIGMA, 0)
+    time = record.time - record.time[0]
+    lines = lines_of(record, 2.0)
+    wander = 0.3 * np.sin(2 * np.pi * 0.5 * lines.hz[lines.driven][0] * time)
+    gusty = record.with_channels(
+        replace(record.channel("state/w"), values=record["state/w"] + wander * np.std(clean["state/w"]))
+    )
+    model = {n: 0.95 * clean[n] for n in NAMES}
+    found = with_missed(gusty, model, lines, fitted=True)
+    assert apart(found["state/w"], clean["state/w"]) < 0.3 * apart(model["state/w"], clean["state/w"])
+    taken = with_missed(gusty, model, lines)
+    assert apart(taken["state/w"], clean["state/w"]) > 3 * apart(found["state/w"], clean["state/w"])
+
+
 def test_where_nothing_was_injected_the_model_stays_as_it_is():
     record, clean = recorded(Truth(), SIGMA, 0)
     quiet = [replace(record.channel(n), values=0 * record[n]) for n in record.channels if "excitation" in n]

@@ -14,6 +14,7 @@ from freqid.simulate import effects
 from freqid.simulate.effects import along
 from freqid.simulate.effects.channel_groups import BIAS
 from freqid.simulate.effects.needs import unmet
+from freqid.simulate.effects.signals import delayed, logged_late
 
 VEHICLE = read_scenario(Path(__file__).parents[4] / "scenarios" / "la8.toml")[0].aircraft()
 KINDS = VEHICLE.effector_kinds
@@ -200,6 +201,16 @@ def test_an_effector_with_the_name_of_its_kind_stands_for_all_of_the_kind():
     scale = effects.find("sensor_scale").of(Vehicle(name="two tilts", mass_properties=body, effectors=pair))
     assert "aft" in scale.parameters
     assert scale.parameters["tilt"].sought
+
+
+@pytest.mark.parametrize("age", [0.036, -0.036])
+def test_a_late_log_goes_on_at_its_ends_as_the_flight_did(age):
+    """A log is cut out of a flight: a rate that is held at its end is an impulse of moment there."""
+    late = logged_late(np.sin(W * TIME), DT, age)
+    np.testing.assert_allclose(late, np.sin(W * (TIME - age)), atol=0.02)
+    held = delayed(np.sin(W * TIME), DT, age)
+    assert np.abs(held - np.sin(W * (TIME - age))).max() > 5 * np.abs(late - np.sin(W * (TIME - age))).max()
+    np.testing.assert_allclose(logged_late(late, DT, -age), np.sin(W * TIME), atol=0.01)
 
 
 def test_a_skew_makes_one_group_late():

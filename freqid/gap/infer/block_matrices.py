@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -90,6 +90,28 @@ class Products:
             len(shared),
             residual.size,
         )
+
+    def with_form(self, kept: NDArray[np.bool_]) -> Products:
+        """Return them with some of the form's columns alone."""
+        power = self.form_gram[np.ix_(kept, kept)]
+        return replace(self, form=self.form[kept], form_gram=power, own_form=self.own_form[:, kept])
+
+    def rearranged(self, source: NDArray[np.intp]) -> Products:
+        """Return them of some of the columns, by place; those at -1 are to be made."""
+        gram = self.gram[np.ix_(source, source)]
+        return replace(self, gram=gram, form=self.form[:, source], own=self.own[:, source])
+
+    def with_columns(self, at: NDArray[np.intp], columns: Array, own: Array, form: RowColumns) -> Products:
+        """Return them with those of some columns made anew, in place: of `rearranged` ones."""
+        new = columns[at]
+        inner = new @ columns.T
+        self.gram[at], self.gram[:, at] = inner, inner.T
+        self.form[:, at], self.own[:, at] = form.across(new), own @ new.T
+        return self
+
+    def beside(self, own: Array, columns: Array, form: RowColumns) -> Products:
+        """Return them beside other unknowns of the record."""
+        return replace(self, own_gram=own @ own.T, own=own @ columns.T, own_form=form.across(own).T)
 
     def matrices(
         self,

@@ -208,12 +208,20 @@ class Columns:
     shared_names: tuple[tuple[str, str], ...]
     own_names: tuple[str, ...]
 
+    @property
+    def _stacked(self) -> Array:
+        """All columns of which products are needed, in the order of the matrices."""
+        return np.concatenate([self.effects, self.tolerances, self.residual[None], self.shared])
+
+    @cached_property
+    def products(self) -> Products:
+        """Their inner products as they are whitened."""
+        return Products.of(self.effects, self.tolerances, self.residual, self.own, self.form, self.shared)
+
     @cached_property
     def matrices(self) -> BlockMatrices:
-        """Their inner products."""
-        return Products.of(
-            self.effects, self.tolerances, self.residual, self.own, self.form, self.shared
-        ).matrices(
+        """Their inner products beside the record's own unknowns."""
+        return self.products.matrices(
             form_row=self.form_row,
             shared_row=np.array(
                 [self.form_names.index(term) for term, _ in self.shared_names], dtype=np.intp
@@ -234,11 +242,10 @@ class Columns:
 
     def kept(self, forms: Sequence[Form]) -> Columns:
         """Return these columns with those of the form alone that some errors of it need."""
-        m = self.matrices
-        needed = np.max([f.loads for f in forms], axis=0)[self.form_row] ** 2 * m.form_power > SEEN**2
+        largest = np.max([f.loads for f in forms], axis=0)[self.form_row]
+        needed = largest**2 * self.matrices.form_power > SEEN**2
         new = replace(self, form=self.form.some(needed), form_row=self.form_row[needed])
-        power = m.form_gram[np.ix_(needed, needed)]
-        new.__dict__["matrices"] = replace(m, form=m.form[needed], form_gram=power, form_row=new.form_row)
+        new.__dict__["products"] = self.products.with_form(needed)
         return new
 
     def with_effects(self, parts: Sequence[Array | slice]) -> Columns:
@@ -249,38 +256,39 @@ class Columns:
         parts : sequence of ndarray, shape (column, number), or slice
             What the columns of effects are made of, in order: new ones, or places of those that are there.
         """
+        count = len(self.effects)
         effects = np.concatenate([self.effects[p] if isinstance(p, slice) else p for p in parts])
-        new = replace(self, effects=effects)
-        m, count = self.matrices, len(self.effects)
         kept = [np.arange(count)[p] if isinstance(p, slice) else np.full(len(p), -1) for p in parts]
-        source = np.concatenate([*kept, np.arange(count, len(m.gram))]).astype(int)
-        fresh = np.flatnonzero(source < 0)
-        z = np.concatenate([effects, self.tolerances, self.residual[None], self.shared])
-        inner, across = z[fresh] @ z.T, self.form.across(z[fresh])
-        if len(self.own):
-            factor = cho_factor(np.eye(len(self.own)) + self.own @ self.own.T)
-            solved = cho_solve(factor, self.own @ z[fresh].T)
-            inner = inner - solved.T @ (self.own @ z.T)
-            across = across - self.form.across(self.own) @ solved
-        gram, form = m.gram[np.ix_(source, source)], m.form[:, source]
-        gram[fresh], gram[:, fresh], form[:, fresh] = inner, inner.T, across
-        new.__dict__["matrices"] = replace(m, gram=gram, form=form)
-        return new
+        rest = np.arange(count, len(self._stacked))
+        return self._after(replace(self, effects=effects), np.concatenate([*kept, rest]).astype(np.intp))
 
     def with_residual(self, residual: Array) -> Columns:
-        """Return these columns beside another residual, shape (number,); most of the matrices stay."""
-        new, m = replace(self, residual=residual), self.matrices
-        z = np.concatenate([self.effects, self.tolerances, residual[None], self.shared])
-        inner, across = z @ residual, self.form.across(residual[None])[:, 0]
-        if len(self.own):
-            factor = cho_factor(np.eye(len(self.own)) + self.own @ self.own.T)
-            solved = cho_solve(factor, self.own @ residual)
-            fitted = self.own.T @ solved
-            inner, across = inner - z @ fitted, across - self.form.across(fitted[None])[:, 0]
-        gram, form = m.gram.copy(), m.form.copy()
-        last = m.count - 1
-        gram[last], gram[:, last], form[:, last] = inner, inner, across
-        new.__dict__["matrices"] = replace(m, gram=gram, form=form)
+        """Return these columns beside another residual, shape (number,)."""
+        kept = np.arange(len(self._stacked))
+        kept[len(self.effects) + len(self.tolerances)] = -1
+        return self._after(replace(self, residual=residual), kept)
+
+    def with_slopes(self, sigmas: Complex, tolerances: Array, own: Array) -> Columns:
+        """Return these columns with other ones of tolerances and of the record's own unknowns.
+
+        Parameters
+        ----------
+        sigmas : ndarray of complex, shape (tolerance, row, line)
+            As they are before whitening.
+        tolerances, own : ndarray, shape (column, number)
+        """
+        kept = np.arange(len(self._stacked))
+        kept[len(self.effects) : len(self.effects) + len(self.tolerances)] = -1
+        return self._after(replace(self, sigmas=sigmas, tolerances=tolerances, own=own), kept)
+
+    def _after(self, new: Columns, kept: NDArray[np.intp]) -> Columns:
+        """Return other columns, with these' inner products of those that are kept; -1 for each new one."""
+        stacked = new._stacked
+        fresh = np.flatnonzero(kept < 0)
+        products = self.products.rearranged(kept).with_columns(fresh, stacked, new.own, new.form)
+        new.__dict__["products"] = (
+            products if new.own is self.own else products.beside(new.own, stacked, new.form)
+        )
         return new
 
     def likeliest_own(self, left: Array, form_error: Form) -> Array:

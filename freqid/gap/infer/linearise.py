@@ -422,7 +422,7 @@ def _sloped(
     own = (
         np.array([unknown.get(n, z) for n in columns.own_names]) if columns.own_names else columns.sigmas[:0]
     )
-    return replace(columns, tolerances=block.white(sigmas), sigmas=sigmas, own=block.white(own))
+    return columns.with_slopes(sigmas, block.white(sigmas), block.white(own))
 
 
 def _parameters(key: str, simulation: Simulation, kinds: Mapping[str, str]) -> Iterator[str]:

@@ -343,7 +343,7 @@ class _Point:
                 if route == "load" and not bodies:
                     continue
                 if route == "distort" and effect.multiplies and trial.carries:
-                    continue  # it is taken back from motion, where an explanation's trial lacks it already
+                    continue  # taken back from a record, it would divide noise that was logged as it is
                 force = in_force_of(effect, simulation)
                 for name, value in c.place.settings(force, e.size).items():
                     add(effect.id, name, value - force[name])
@@ -380,17 +380,12 @@ class _Point:
         """Return what all of it makes of a block's residual together, shape (row, line).
 
         What sensors did is taken back from the records themselves: motion without noise is known to a few per
-        cent, and sharp data show a few per cent of a late channel. What multiplies a channel is not: it would
-        multiply noise that is in the residual as it was logged.
+        cent, and sharp data show a few per cent of a late channel.
         """
         before, there = block.trial.nominal, self.trial(block)
         moved = {n: there.positions[n] - x for n, x in before.positions.items()}
         whole = before.rows(there.predicted - before.predicted, moved)
-        sensors = [
-            one
-            for one in self.effects
-            if route_of(one[0], there.simulation) == "distort" and not one[0].multiplies
-        ]
+        sensors = [one for one in self.effects if route_of(one[0], there.simulation) == "distort"]
         others = [one for one in self.effects if one not in sensors]
         made = block.transform(whole + change_together(others, there))
         if not (sensors or self.channels):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from freqid.core.results.diagnosis import ScoredOn
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.build import columns_of
-from freqid.gap.infer.columns import Columns, redrawn
+from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.joint_replay import acted_on, settings_of
 from freqid.gap.infer.linearise import drawn, likeliest_departures, straightened
@@ -118,11 +118,9 @@ def closing_of(
         fitted = likeliest_departures(system, used, tolerances, form_error, explanation.weights(system))[1]
         there = fitted, list(enumerate(explanation.estimates)), library, tolerances, form_error
         fewer = replace(system, candidates=own)
-        held_out = drawn(fewer, new, held_out, *there)
-        fewer, new = redrawn(fewer, new, held_out, library, range(len(few)))
         flown = drawn(fewer, new, flown, *there)
         parts += [straightened(c, b, fewer, *there, anew=True) for c, b in zip(new, flown, strict=True)]
-        each = zip(few, fewer.candidates, strict=True)
+        each = zip(few, own, strict=True)
         few = [replace(c, columns=[*c.columns, *more.columns]) for c, more in each]
     blocks = [*used, *held_out]
     source = list(range(len(blocks)))

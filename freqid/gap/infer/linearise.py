@@ -22,7 +22,7 @@ from freqid.core.vehicle import Vehicle
 from freqid.gap.departed import Departed
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.columns import Columns, redrawn
-from freqid.gap.infer.evidence import Estimate, weigh, weights_of
+from freqid.gap.infer.evidence import Estimate, Evidence, weigh, weights_of
 from freqid.gap.infer.explain import likeliest
 from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.infer.system import System
@@ -79,7 +79,8 @@ def relinearised(
     leading: list[int] = []
     if acting is None:
         alone = replace(system, form_errors=(form_error,), _reduced={})
-        acting, leading = _likeliest_alone(alone), _leading(alone) if anew else []
+        evidence = weigh(alone)
+        acting, leading = _likeliest_alone(evidence), _leading(evidence) if anew else []
     weights = weights_of(system, acting)
     fitted = likeliest_departures(system, blocks, sizes, form_error, weights)[1]
 
@@ -172,7 +173,7 @@ def likelier_without(
     tolerance do the same, as a late channel does, they are elsewhere without it: the case of no effect would
     be judged with the errors of lines drawn far from it. So it is judged with lines of its own.
     """
-    if not _likeliest_alone(replace(system, form_errors=(form_error,), _reduced={})):
+    if not _likeliest_alone(weigh(replace(system, form_errors=(form_error,), _reduced={}))):
         return 0.0
     parts = [replace(c, effects=c.effects[:0]) for c in columns]
     few = [c.matrices for c in parts]
@@ -184,7 +185,7 @@ def likelier_without(
 
 def _log_evidence(system: System, acting: Acting | None) -> float:
     """Return the log evidence of what acts, at one error of form; of the likeliest effect where absent."""
-    acting = _likeliest_alone(system) if acting is None else acting
+    acting = _likeliest_alone(weigh(system)) if acting is None else acting
     if not acting:
         return system.of([]).reduced(system.form_errors[0]).log_evidence
     few = system.of([i for i, _ in acting]).reduced(system.form_errors[0])
@@ -290,22 +291,7 @@ class _Point:
         c, weights = columns, weights_of(system, acting)
         known = dict(zip(system.tolerances, fitted.tolist(), strict=True))
         own = c.likeliest_own(c.residual - fitted @ c.tolerances - weights @ c.effects, form_error)
-        unknown = dict(zip(c.own_names, np.clip(own, -FARTHEST, FARTHEST).tolist(), strict=True))
-        return cls._of(block, known, unknown, acting, library, sizes, bodies=bodies)
-
-    @classmethod
-    def _of(
-        cls,
-        block: Block,
-        known: Mapping[str, float],
-        offsets: Mapping[str, float],
-        acting: Acting,
-        library: Mapping[str, Effect],
-        sizes: Mapping[str, float],
-        *,
-        bodies: bool,
-    ) -> _Point:
-        """Return where tolerances and offsets, in sigmas by name, and effects are; `bodies` too or not."""
+        offsets = dict(zip(c.own_names, np.clip(own, -FARTHEST, FARTHEST).tolist(), strict=True))
         trial, vehicle = block.trial, block.trial.maneuver.vehicle
         simulation = trial.nominal.simulation
         at = cls()
@@ -342,8 +328,6 @@ class _Point:
                     continue
                 if route == "load" and not bodies:
                     continue
-                if route == "distort" and effect.multiplies and trial.carries:
-                    continue  # taken back from a record, it would divide noise that was logged as it is
                 force = in_force_of(effect, simulation)
                 for name, value in c.place.settings(force, e.size).items():
                     add(effect.id, name, value - force[name])
@@ -392,8 +376,7 @@ class _Point:
             return made
         if not (there.quick and there.carries):
             return made + block.transform(change_together(sensors, there, self.channels))
-        records = [t.asked_of(there.simulation) for t in block.recorded]
-        logs = [change_together(sensors, t, self.channels) for t in records]
+        logs = [change_together(sensors, t, self.channels) for t in block.recorded(there.simulation)]
         return made + np.mean([block.lines.transform(h) for h in logs], axis=0)
 
 
@@ -452,25 +435,23 @@ def likeliest_departures(
     """
     own = blocks[0].trial.simulation.tolerances
     system = replace(system, form_errors=(form_error,), _reduced={})
-    beside = weights_of(system, _likeliest_alone(system)) if weights is None else weights
+    beside = weights_of(system, _likeliest_alone(weigh(system))) if weights is None else weights
     fitted = system.likeliest_tolerances(system.tolerance_rows(form_error), beside)
     fitted = np.clip(fitted, -FARTHEST, FARTHEST)
     each = zip(system.tolerances, fitted.tolist(), strict=True)
     return {name: x * sizes.get(name, own[name].sigma) for name, x in each if name in own}, fitted
 
 
-def _leading(system: System) -> list[int]:
+def _leading(evidence: Evidence) -> list[int]:
     """Return the places of the effects that lead where these are likelier than no effect."""
-    evidence = weigh(system)
-    lead = {system.candidates[i].effect for i in likeliest(evidence)}
-    likelier = np.flatnonzero(evidence.candidate > 0).tolist()
-    return [i for i in likelier if system.candidates[i].effect in lead]
+    candidates = evidence.system.candidates
+    lead = {candidates[i].effect for i in likeliest(evidence)}
+    return [i for i in np.flatnonzero(evidence.candidate > 0).tolist() if candidates[i].effect in lead]
 
 
-def _likeliest_alone(system: System) -> Acting:
+def _likeliest_alone(evidence: Evidence) -> Acting:
     """Return the likeliest effect with its size, that of a tolerance among it; none where none is likely."""
-    evidence = weigh(system)
     best = int(np.argmax(evidence.candidate)) if len(evidence.candidate) else -1
     if best < 0 or evidence.candidate[best] <= 0:
         return []
-    return [(best, joint_estimates(system, [best])[0])]
+    return [(best, joint_estimates(evidence.system, [best])[0])]

@@ -91,11 +91,9 @@ class Block:
         """Reference condition, else the first record's name."""
         return self.maneuvers[0].record.reference or self.names[0]
 
-    @cached_property
-    def recorded(self) -> list[Trial]:
-        """The simulation as it is beside the records themselves, noise and all."""
-        nominal = self.trial.nominal.simulation
-        return [Trial.of(nominal, self.motion.as_commanded(m)) for m in self.maneuvers]
+    def recorded(self, simulation: Simulation) -> list[Trial]:
+        """Return a simulation beside the records themselves, noise and all."""
+        return [Trial.of(simulation, self.motion.as_commanded(m)) for m in self.maneuvers]
 
     @cached_property
     def grid(self) -> Lines:

@@ -158,11 +158,6 @@ class Effect:
     for_vehicle: Callable[[Vehicle], dict[str, Parameter]] | None = None
 
     @property
-    def multiplies(self) -> bool:
-        """Whether it multiplies what it distorts: to take that back is to divide."""
-        return self.inverse is not operator.neg
-
-    @property
     def size(self) -> str:
         """Name of the parameter that switches and scales the effect."""
         return next(iter(self.parameters))

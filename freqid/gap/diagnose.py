@@ -284,7 +284,9 @@ def _explanation(
 ) -> tuple[Explanation, Evidence, list[Columns]]:
     """Return the explanation that leading effects begin, its effects and what they change made together."""
 
-    def compute(at: Computed, explanation: Explanation, others: list[tuple[int, Estimate]]) -> Computed:
+    def compute(
+        at: Computed, explanation: Explanation, others: list[tuple[int, Estimate]], anew: bool
+    ) -> Computed:
         form_error = form_beside(at.system, explanation.places, explanation.estimates)
         system, columns = about_explanation(
             at.system,
@@ -295,7 +297,7 @@ def _explanation(
             library,
             tolerances,
             form_error,
-            anew=not others,
+            anew=anew,
         )
         return at if system is at.system else Computed(system, columns)
 

@@ -88,7 +88,7 @@ class Computed:
         return weigh(self.system)
 
 
-Compute = Callable[[Computed, Explanation, list[tuple[int, Estimate]]], Computed]
+Compute = Callable[[Computed, Explanation, list[tuple[int, Estimate]], bool], Computed]
 
 
 def explain(
@@ -124,7 +124,7 @@ def explain(
         Whether the first effects stay whatever the others are.
     compute : callable, optional
         Returns what an explanation's effects, and other estimates beside it, are once they are computed again
-        at their sizes.
+        at their sizes, with lines drawn anew or with those that there are.
     """
     search = _Search(tuple(terms), len(first) if asked else 0, compute)
     places = [start.evidence.best_place(e) for e in first]
@@ -178,12 +178,13 @@ class _Search:
         """Return what is computed about effects at the sizes that they have together, once these stay.
 
         And once the data are no likelier by another round: explanations are compared where all have settled.
+        Where sizes stay, a round keeps its lines first, as in `linearise.settled`.
         """
         if self.compute is None:
             return at
-        about, best, found = _explanation(at.system, places), -np.inf, at
-        for _ in range(MOST_ROUNDS):
-            at = self.compute(at, about, [])
+        about, best, found, anew = _explanation(at.system, places), -np.inf, at, True
+        for _ in range(2 * MOST_ROUNDS):
+            at = self.compute(at, about, [], anew)
             now = _explanation(at.system, places)
             gained = _at_sizes(at.system, now) - best
             if gained > 0:
@@ -192,7 +193,7 @@ class _Search:
             stay = all(np.all(np.abs(a.size - e.size) <= _CLOSE * e.width) for a, e in each)
             if gained < 0 or (stay and gained < SETTLED):
                 break
-            about = now
+            about, anew = now, not (stay and anew)
         return found
 
     def asked(self, at: Computed, places: list[int]) -> Computed:
@@ -203,7 +204,7 @@ class _Search:
             return at
         given = _weights(at.evidence, places)
         others = [(i, estimate(at.evidence, i, INTERVAL, given=given)) for _, i in found]
-        return self.compute(at, _explanation(at.system, places), others)
+        return self.compute(at, _explanation(at.system, places), others, False)
 
     def exchanged(self, at: Computed, places: list[int]) -> tuple[list[int], Computed]:
         """Return places without one that the others do not need, or with a better one in its stead."""

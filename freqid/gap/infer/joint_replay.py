@@ -86,7 +86,7 @@ def about_explanation(
     form_error : Form
         At which the tolerances' departures are fitted.
     anew : bool
-        As in `relinearised`.
+        As in `relinearised`. Without it, and without others, effects keep their columns too.
     """
     acting = settings_of(explanation, library, blocks[0].trial.simulation)
     acts = list(zip(explanation.places, explanation.estimates, strict=True))
@@ -95,6 +95,8 @@ def about_explanation(
         c = system.candidates[acts[0][0]]
         if refined(c, float(acts[0][1].size[0]), library, blocks) is c:
             return system, list(columns)  # lines are drawn about it already
+    if not (anew or others):
+        return relinearised(system, columns, flown, library, sizes, form_error, acts)[:2]
     fitted = likeliest_departures(system, blocks, sizes, form_error, weights_of(system, acts))[1]
     there = drawn(system, columns, blocks, fitted, acts, library, sizes, form_error)
     system, columns = redrawn(system, columns, there, library, [i for i, _ in [*acts, *others]])

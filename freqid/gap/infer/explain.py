@@ -182,19 +182,17 @@ class _Search:
         """
         if self.compute is None:
             return at
-        about, best, found, anew = _explanation(at.system, places), -np.inf, at, True
+        about, before, anew = _explanation(at.system, places), -np.inf, True
         for _ in range(2 * MOST_ROUNDS):
             at = self.compute(at, about, [], anew)
             now = _explanation(at.system, places)
-            gained = _at_sizes(at.system, now) - best
-            if gained > 0:
-                best, found = best + gained, at
+            gained, before = _at_sizes(at.system, now) - before, _at_sizes(at.system, now)
             each = zip(about.estimates, now.estimates, strict=True)
             stay = all(np.all(np.abs(a.size - e.size) <= _CLOSE * e.width) for a, e in each)
-            if gained < 0 or (stay and gained < SETTLED):
+            if stay and abs(gained) < SETTLED:
                 break
             about, anew = now, not (stay and anew)
-        return found
+        return at
 
     def asked(self, at: Computed, places: list[int]) -> Computed:
         """Return what is computed once the likeliest others are near their sizes beside effects."""

@@ -5,42 +5,33 @@ through a propeller that has five per cent more thrust, and a slipstream that is
 size makes. On an aircraft of two hundred uncertain parameters, flown slowly, that is fifty standard
 deviations of a mean moment. So the simulation is asked once with all of them at their likeliest sizes, and
 what their columns say less than that is taken off the residual (Gauss-Newton with columns that stay: G. A. F.
-Seber, C. J. Wild, Nonlinear Regression, 1989, section 2.1).
+Seber, C. J. Wild, Nonlinear Regression, 1989, section 2.1). A step to where the data are less likely, asked
+there and not by the lines, is halved.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import cast
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from freqid.core.arrays import Array, Complex
-from freqid.core.errors import ImpossibleSettings
-from freqid.core.vehicle import Vehicle
-from freqid.gap.departed import Departed
+from freqid.core.arrays import Array
+from freqid.core.errors import DataError, ImpossibleSettings
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.columns import Columns, redrawn
-from freqid.gap.infer.evidence import Estimate, Evidence, weigh, weights_of
+from freqid.gap.infer.evidence import Evidence, weigh, weights_of
 from freqid.gap.infer.explain import likeliest
 from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.infer.system import System
-from freqid.gap.model.candidate import OTHER
-from freqid.gap.model.changes import as_moved, change_together
-from freqid.gap.model.testable import in_force_of, route_of
-from freqid.gap.model.tolerance import of_effects, offsets_of, record_columns, tolerance_columns
+from freqid.gap.infer.together import Acting, Point
+from freqid.gap.model.tolerance import record_columns, tolerance_columns
 from freqid.gap.settings import FARTHEST, MOST_ROUNDS, SETTLED
-from freqid.gap.simulation import Simulation, side_by_side
+from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
-from freqid.gap.stack.trial import Trial
 from freqid.simulate.effects.effect import Effect
 
-_MADE_TOGETHER = ("own", "distort", "load")
-"""Routes of effects that are asked for with all else; others are in force on the trial already."""
-
-Acting = Sequence[tuple[int, Estimate]]
-"""Candidates that are taken to act, with their sizes."""
+_HALVINGS = 4  # of a step to where the data are less likely
 
 
 def relinearised(
@@ -58,7 +49,8 @@ def relinearised(
 
     And the blocks as they are there. Where lines are drawn anew and no effects are stated that act, those
     that lead are drawn there too: one bias as an effect and as a tolerance, each on other motion, would leave
-    a change between the two that nothing makes.
+    a change between the two that nothing makes. Where the data are less likely there than where lines were
+    made straight before, it goes half of the way.
 
     Parameters
     ----------
@@ -84,15 +76,63 @@ def relinearised(
     weights = weights_of(system, acting)
     fitted = likeliest_departures(system, blocks, sizes, form_error, weights)[1]
 
-    def there(pair: tuple[Columns, Block]) -> Columns:
-        return straightened(*pair, system, fitted, acting, library, sizes, form_error, anew=anew)
+    def straight(fitted: Array, acting: Acting, *, anew: bool = False) -> tuple[System, list[Columns]]:
+        """Return lines that are right there."""
 
+        def there(pair: tuple[Columns, Block]) -> Columns:
+            return straightened(*pair, system, fitted, acting, library, sizes, form_error, anew=anew)
+
+        new = side_by_side(blocks[0].trial.simulation, there, list(zip(columns, blocks, strict=True)))
+        made = replace(system, blocks=[c.matrices for c in new], _reduced={})
+        return replace(made, about=(fitted, acting, _misfit(made, form_error, fitted, acting))), new
+
+    def tried(fitted: Array, acting: Acting) -> tuple[float, tuple[System, list[Columns]] | None]:
+        """Return how unlikely the data are there, and these lines."""
+        try:
+            found = straight(fitted, acting)
+        except (DataError, ImpossibleSettings):  # no simulation can be so
+            return np.inf, None
+        assert found[0].about is not None
+        return found[0].about[2], found
+
+    misfit, found = tried(fitted, acting)
+    known, acted, least = system.about or (np.zeros_like(fitted), acting, np.inf)
+    if [i for i, _ in acted] != [i for i, _ in acting]:  # another effect leads: there is no way back
+        least = np.inf
+    elif misfit > least:
+        least = tried(known, acted)[0]  # columns may be others by now
+    for _ in range(_HALVINGS):
+        if found is not None and misfit <= least + SETTLED:
+            break
+        fitted, acting = (fitted + known) / 2, _halfway(acted, acting)
+        misfit, found = tried(fitted, acting)
     if anew:
         blocks = drawn(system, columns, blocks, fitted, acting, library, sizes, form_error)
         system, columns = redrawn(system, columns, blocks, library, leading)
-    pairs = list(zip(columns, blocks, strict=True))
-    new = side_by_side(blocks[0].trial.simulation, there, pairs)
-    return replace(system, blocks=[c.matrices for c in new], _reduced={}), new, list(blocks)
+    if anew or found is None:
+        found = straight(fitted, acting, anew=anew)
+    return *found, list(blocks)
+
+
+def _misfit(system: System, form_error: Form, tolerances: Array, acting: Acting) -> float:
+    """Return minus the log density of data and tolerances at some sizes, but for a constant.
+
+    Offsets of records and errors of form are as is likeliest there.
+    """
+    few = system.of([i for i, _ in acting])
+    gone = np.concatenate([weights_of(few, [(k, e) for k, (_, e) in enumerate(acting)]), tolerances])
+    gram, n = few.gram(form_error), gone.size
+    left = gram[:, -1] - gram[:, :n] @ gone
+    alike = left[n:-1]
+    energy = left[-1] - gone @ left[:n]
+    energy -= alike @ np.linalg.solve(np.eye(alike.size) + gram[n:-1, n:-1], alike)
+    return 0.5 * float(energy + tolerances @ tolerances)
+
+
+def _halfway(before: Acting, after: Acting) -> Acting:
+    """Return effects half the way back to the sizes that they had."""
+    sizes = {i: e.size for i, e in before}
+    return [(i, replace(e, size=(e.size + sizes.get(i, e.size)) / 2)) for i, e in after]
 
 
 def drawn(
@@ -124,7 +164,7 @@ def drawn(
     """
 
     def there(pair: tuple[Columns, Block]) -> Block:
-        about = _Point.about(*pair, system, fitted, acting, library, sizes, form_error)
+        about = Point.about(*pair, system, fitted, acting, library, sizes, form_error)
         return replace(pair[1], as_moved=about.moved(pair[1]))
 
     pairs = list(zip(columns, blocks, strict=True))
@@ -143,39 +183,32 @@ def settled(
     """Return a system whose lines are drawn anew until the data are no likelier by another round.
 
     And the blocks on which they are drawn; as in `relinearised`. Two explanations are compared where both
-    have settled, for each round may gain as much as an effect does. A round that leads away, as where the air
-    of a hover turns a flow angle round, is not taken. What all make together is asked for first with slopes
-    that stay, which is quick; where that changes nothing, slopes of the same place would not either (the
-    chord method: J. M. Ortega, W. C. Rheinboldt, Iterative Solution of Nonlinear Equations in Several
-    Variables, 1970, section 7.1).
+    have settled, for each round may gain as much as an effect does. What all make together is asked for first
+    with slopes that stay, which is quick; where that changes nothing, slopes of the same place would not
+    either (the chord method: J. M. Ortega, W. C. Rheinboldt, Iterative Solution of Nonlinear Equations in
+    Several Variables, 1970, section 7.1).
     """
-
-    def once(*, anew: bool) -> float:
-        """Take a round, keep what is best, and return the log evidence."""
-        nonlocal at, best, found
-        at = relinearised(*at, library, sizes, form_error, acting, anew=anew)
-        here = _log_evidence(replace(at[0], form_errors=(form_error,), _reduced={}), acting)
-        if here > best or (anew and here > best - SETTLED):  # alike: lines that are drawn there
-            best, found = here, at
-        return here
-
     at = (system, list(columns), list(blocks))
+
+    def log_evidence() -> float:
+        return _log_evidence(replace(at[0], form_errors=(form_error,), _reduced={}), acting)
+
     if acting is None:  # those that lead now may not have led when lines were drawn
         lead = _leading(weigh(replace(system, form_errors=(form_error,), _reduced={})))
         at = (*redrawn(system, columns, blocks, library, lead), list(blocks))
-    best, found = -np.inf, at
-    before = _log_evidence(replace(at[0], form_errors=(form_error,), _reduced={}), acting)
+    before = log_evidence()
     for _ in range(MOST_ROUNDS):
         start = before
         for _ in range(MOST_ROUNDS):
-            here = once(anew=False)
-            gained, before = here - before, here
+            at = relinearised(*at, library, sizes, form_error, acting)
+            gained, before = log_evidence() - before, log_evidence()
             if abs(gained) < SETTLED:
                 break
         if abs(before - start) < SETTLED:
             break
-        before = once(anew=True)
-    return found
+        at = relinearised(*at, library, sizes, form_error, acting, anew=True)
+        before = log_evidence()
+    return at
 
 
 def likelier_without(
@@ -244,11 +277,11 @@ def straightened(
         Whether tolerances and the record's own unknowns also have the slopes of the block as it is drawn.
     """
     c, at = columns, (block, system, fitted, acting, library, sizes, form_error)
-    about = _Point.about(c, *at)
+    about = Point.about(c, *at)
     try:
         whole = about.made(block)
     except ImpossibleSettings:  # a fit may ask for a body that cannot be: its mass properties stay straight
-        about = _Point.about(c, *at, bodies=False)
+        about = Point.about(c, *at, bodies=False)
         whole = about.made(block)
     if anew:
         c = _sloped(c, block, system.tolerances, library, sizes)
@@ -257,159 +290,6 @@ def straightened(
         straight += np.array([about.sigmas.get(n, 0.0) for n in names]) @ made
     straight += weights_of(system, about.acting) @ c.effects
     return c.with_residual(block.white(block.residual - whole) + straight)
-
-
-@dataclass(frozen=True, eq=False)
-class _Point:
-    """Where lines are drawn: what is asked for together.
-
-    Attributes
-    ----------
-    departures : dict of float
-        Of the simulation's own parameters.
-    own : dict of dict of float
-        Parameters of effects of the simulation's own.
-    effects : list of (Effect, dict of float)
-        Of sensors and mass properties.
-    sensors : list of (Effect, dict of float)
-        Those of sensors as far as they are tolerances and offsets.
-    channels : dict of float
-        Offsets of effectors' channels.
-    sigmas : dict of float
-        Tolerances and own unknowns of the record that are among these.
-    acting : list of (int, Estimate)
-        Effects that are.
-    """
-
-    departures: dict[str, float] = field(default_factory=dict)
-    own: dict[str, dict[str, float]] = field(default_factory=dict)
-    effects: list[tuple[Effect, dict[str, float]]] = field(default_factory=list)
-    sensors: list[tuple[Effect, dict[str, float]]] = field(default_factory=list)
-    channels: dict[str, float] = field(default_factory=dict)
-    sigmas: dict[str, float] = field(default_factory=dict)
-    acting: list[tuple[int, Estimate]] = field(default_factory=list)
-
-    @classmethod
-    def about(
-        cls,
-        columns: Columns,
-        block: Block,
-        system: System,
-        fitted: Array,
-        acting: Acting,
-        library: Mapping[str, Effect],
-        sizes: Mapping[str, float],
-        form_error: Form,
-        *,
-        bodies: bool = True,
-    ) -> _Point:
-        """Return where all is likeliest, the record's own unknowns beside what is fitted.
-
-        As in `straightened`; mass properties are among it where `bodies` are.
-        """
-        c, weights = columns, weights_of(system, acting)
-        known = dict(zip(system.tolerances, fitted.tolist(), strict=True))
-        own = c.likeliest_own(c.residual - fitted @ c.tolerances - weights @ c.effects, form_error)
-        offsets = dict(zip(c.own_names, np.clip(own, -FARTHEST, FARTHEST).tolist(), strict=True))
-        trial, vehicle = block.trial, block.trial.maneuver.vehicle
-        simulation = trial.nominal.simulation
-        at = cls()
-        added: dict[str, dict[str, float]] = {}
-
-        def add(effect: str, parameter: str, size: float) -> None:
-            of = added.setdefault(effect, {})
-            of[parameter] = of.get(parameter, 0.0) + size
-
-        for key, x in known.items():
-            for name in _parameters(key, simulation, vehicle.effector_kinds):
-                sigma = sizes.get(name, simulation.tolerances[name].sigma)
-                at.departures[name] = at.departures.get(name, 0.0) + sigma * x
-                at.sigmas[key] = x
-        for key, effect, name, size in of_effects(trial, library, sizes):
-            if known.get(key) and (bodies or effect.load is None):
-                add(effect.id, name, size * known[key])
-                at.sigmas[key] = known[key]
-        settings, channels = offsets_of(offsets, block, sizes)
-        at.channels.update(channels)
-        at.sigmas.update({n: x for n, x in offsets.items() if n.startswith("offset.")})
-        for effect_id, values in settings.items():
-            for name, x in values.items():
-                add(effect_id, name, x)
-        stated = {n: dict(x) for n, x in added.items()}
-        for i, e in acting:
-            c = e.candidate
-            if c.effect == OTHER and c.kind == "scalar" and c.place.label in simulation.tolerances:
-                at.departures[c.place.label] = at.departures.get(c.place.label, 0.0) + float(e.size[0])
-            elif c.effect in library:
-                effect = library[c.effect].of(vehicle)
-                route = route_of(effect, simulation)
-                if route not in _MADE_TOGETHER or effect.stage == "command":
-                    continue
-                if route == "load" and not bodies:
-                    continue
-                force = in_force_of(effect, simulation)
-                for name, value in c.place.settings(force, e.size).items():
-                    add(effect.id, name, value - force[name])
-            else:
-                continue
-            at.acting.append((i, e))
-        for effect, values in _in_force(stated, library, vehicle, simulation):
-            if route_of(effect, simulation) == "distort":
-                at.sensors.append((effect, values))
-        for effect, values in _in_force(added, library, vehicle, simulation):
-            if route_of(effect, simulation) == "own" and effect.stage != "command":
-                at.own[effect.id] = {**in_force_of(effect, simulation), **values}
-            else:
-                at.effects.append((effect, values))
-        return at
-
-    def trial(self, block: Block) -> Trial:
-        """Return a block's trial on the simulation as it is there."""
-        nominal = block.trial.nominal
-        if not (self.departures or self.own):
-            return nominal
-        return nominal.asked_of(cast(Simulation, Departed(nominal.simulation, self.departures, self.own)))
-
-    def moved(self, block: Block) -> Trial:
-        """Return the same on the motion as it was, not as sensors saw it.
-
-        What an effect that is taken to act does to sensors stays: its own columns begin without it.
-        """
-        there = self.trial(block)
-        record = as_moved(self.sensors, there, self.channels)
-        return there if record is there.maneuver.record else there.flown_as(record)
-
-    def made(self, block: Block) -> Complex:
-        """Return what all of it makes of a block's residual together, shape (row, line).
-
-        What sensors did is taken back from the records themselves: motion without noise is known to a few per
-        cent, and sharp data show a few per cent of a late channel.
-        """
-        before, there = block.trial.nominal, self.trial(block)
-        moved = {n: there.positions[n] - x for n, x in before.positions.items()}
-        whole = before.rows(there.predicted - before.predicted, moved)
-        sensors = [one for one in self.effects if route_of(one[0], there.simulation) == "distort"]
-        others = [one for one in self.effects if one not in sensors]
-        made = block.transform(whole + change_together(others, there))
-        if not (sensors or self.channels):
-            return made
-        if not (there.quick and there.carries):
-            return made + block.transform(change_together(sensors, there, self.channels))
-        logs = [change_together(sensors, t, self.channels) for t in block.recorded(there.simulation)]
-        return made + np.mean([block.lines.transform(h) for h in logs], axis=0)
-
-
-def _in_force(
-    departures: Mapping[str, Mapping[str, float]],
-    library: Mapping[str, Effect],
-    vehicle: Vehicle,
-    simulation: Simulation,
-) -> Iterator[tuple[Effect, dict[str, float]]]:
-    """Yield effects with parameters that depart from those in force."""
-    for name, departs in departures.items():
-        effect = library[name].of(vehicle)
-        force = in_force_of(effect, simulation)
-        yield effect, {n: force[n] + x for n, x in departs.items()}
 
 
 def _sloped(
@@ -429,17 +309,6 @@ def _sloped(
     return columns.with_slopes(sigmas, block.white(sigmas), block.white(own))
 
 
-def _parameters(key: str, simulation: Simulation, kinds: Mapping[str, str]) -> Iterator[str]:
-    """Yield the simulation's own parameters that a tolerance moves: itself, or those of all of one make."""
-    if key in simulation.tolerances:
-        yield key
-    elif key.startswith("every "):
-        kind, _, what = key.removeprefix("every ").rpartition(".")
-        each = [f"{n}.{what}" for n, k in kinds.items() if k == kind]
-        if all(n in simulation.tolerances for n in each):
-            yield from each
-
-
 def likeliest_departures(
     system: System,
     blocks: Sequence[Block],
@@ -449,15 +318,14 @@ def likeliest_departures(
 ) -> tuple[dict[str, float], Array]:
     """Return the likeliest departures of the simulation's own parameters, and of all tolerances in sigmas.
 
-    None beyond `FARTHEST`: where a large effect is not allowed for, tolerances are asked for what no
-    simulation can do.
+    Of the first none beyond `FARTHEST`: where a large effect is not allowed for, tolerances are asked for
+    what no simulation can do.
     """
     own = blocks[0].trial.simulation.tolerances
     system = replace(system, form_errors=(form_error,), _reduced={})
     beside = weights_of(system, _likeliest_alone(weigh(system))) if weights is None else weights
     fitted = system.likeliest_tolerances(system.tolerance_rows(form_error), beside)
-    fitted = np.clip(fitted, -FARTHEST, FARTHEST)
-    each = zip(system.tolerances, fitted.tolist(), strict=True)
+    each = zip(system.tolerances, np.clip(fitted, -FARTHEST, FARTHEST).tolist(), strict=True)
     return {name: x * sizes.get(name, own[name].sigma) for name, x in each if name in own}, fitted
 
 

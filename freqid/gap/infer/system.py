@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,9 @@ from freqid.gap.infer.block_matrices import (
     rooted,
 )
 from freqid.gap.model.candidate import Candidate
+
+if TYPE_CHECKING:
+    from freqid.gap.infer.evidence import Estimate
 
 _FREE = 1e-9  # of a free column's energy: what is left of it
 
@@ -104,12 +108,15 @@ class System:
     tolerances : tuple of str
     blocks : list of BlockMatrices
     form_errors : tuple of Form
+    about : (ndarray, sequence of (int, Estimate), float), optional
+        Where all were asked for together: tolerances, in sigmas, effects that act, and how likely that is.
     """
 
     candidates: list[Candidate]
     tolerances: tuple[str, ...]
     blocks: list[BlockMatrices]
     form_errors: tuple[Form, ...]
+    about: tuple[Array, Sequence[tuple[int, Estimate]], float] | None = None
     _reduced: dict[Form, Reduced] = field(default_factory=dict, repr=False)
 
     @cached_property

@@ -231,9 +231,20 @@ def _block(around: FlightContext, record: FlightRecord, like: Block, periods: in
     )
     residual = np.zeros((1, len(rows), lines.hz.size), dtype=complex)
     motion = Motion(maneuver, "own flight", 0.0)
-    names = ("next flight",)
+    names, source = ("next flight",), like.noise_from
     return Block(
-        names, (maneuver,), lines, motion, trial, like.sigma, draws, residual, covariance, like.noise_from
+        names,
+        (maneuver,),
+        lines,
+        motion,
+        trial,
+        like.sigma,
+        draws,
+        residual,
+        covariance,
+        source,
+        trial,
+        trial,
     )
 
 

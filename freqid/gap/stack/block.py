@@ -16,6 +16,7 @@ from freqid.gap.departed import Departed
 from freqid.gap.simulation import Departures, Settings, Simulation, side_by_side
 from freqid.gap.stack.histories import Histories, Row
 from freqid.gap.stack.lines import Lines, lines_of, thinning
+from freqid.gap.stack.missed_motion import as_far_as_seen
 from freqid.gap.stack.motion import OWN_FLIGHT, Motion, noise_free
 from freqid.gap.stack.noise import (
     Draws,
@@ -59,6 +60,10 @@ class Block:
         Of the mean residual's noise.
     noise_from : str
         What the noise was learned from.
+    plain : Trial
+        Of the motion, with the simulation as it is: no parameter departs and no effect acts.
+    as_logged : Trial
+        The same on the motion with what the records say beyond it.
     as_moved : Trial, optional
         On the same motion without what sensors made of it, and on the simulation as it is likeliest, once
         both were asked of the data.
@@ -74,6 +79,8 @@ class Block:
     residuals: Complex
     covariance: Complex
     noise_from: str
+    plain: Trial
+    as_logged: Trial
     as_moved: Trial | None = None
 
     @property
@@ -90,10 +97,6 @@ class Block:
     def regime(self) -> str:
         """Reference condition, else the first record's name."""
         return self.maneuvers[0].record.reference or self.names[0]
-
-    def recorded(self, simulation: Simulation) -> list[Trial]:
-        """Return a simulation beside the records themselves, noise and all."""
-        return [Trial.of(simulation, self.motion.as_commanded(m)) for m in self.maneuvers]
 
     @cached_property
     def grid(self) -> Lines:
@@ -215,7 +218,9 @@ def flown_again(
     if effects and motion.source != OWN_FLIGHT:
         motion = noise_free(simulation, mean, lines, departures, None, commands)
     trial = motion.trial_of(_departed(simulation, departures, acting))
-    return replace(block, motion=motion, trial=_thin(trial, block.lines), as_moved=None)
+    logged = _as_logged(simulation, mean, motion, lines, block.sigma, len(block.maneuvers))
+    trial, plain = (_thin(t, lines) for t in (trial, motion.trial_of(simulation)))
+    return replace(block, motion=motion, trial=trial, plain=plain, as_logged=logged, as_moved=None)
 
 
 def _departed(
@@ -225,6 +230,26 @@ def _departed(
         return simulation
     # all else that a simulation has is the nominal one's
     return cast(Simulation, Departed(simulation, departures or {}, acting or {}))
+
+
+def _as_logged(
+    simulation: Simulation,
+    mean: Maneuver,
+    motion: Motion,
+    lines: Lines,
+    sigma: Mapping[str, float],
+    repeats: int,
+) -> Trial:
+    """Return a simulation beside the motion with what the mean of so many records says beyond it."""
+    flown, logged = motion.maneuver.record, motion.as_commanded(mean)
+    moves = [n for n in flown.channels if n in sigma or n.startswith("effector/")]  # others follow from these
+    own = {n: flown[n] for n in moves if n in logged.record}
+    found = as_far_as_seen(logged.record, own, lines, {n: x / repeats**0.5 for n, x in sigma.items()})
+    own = {n: flown[n] for n in flown.channels if n in logged.record and n not in own}
+    found |= {n: x for n, x in own.items() if not n.startswith(("command/", "excitation/"))}
+    channels = [replace(flown.channel(n), values=x) for n, x in found.items()]
+    record = logged.record.with_channels(*channels)
+    return _thin(Trial.of(simulation, replace(logged, record=record)), lines)
 
 
 def _thin(trial: Trial, lines: Lines) -> Trial:
@@ -296,6 +321,8 @@ def _block(
         unbiased,
         covariance,
         source,
+        _thin(trial, lines),
+        _as_logged(simulation, mean, motion, lines, sigma, len(maneuvers)),
     )
 
 

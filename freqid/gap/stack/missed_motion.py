@@ -12,6 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.channels import RATES
@@ -22,6 +23,8 @@ from freqid.gap.stack.sensor_noise import sensor_noise
 _ANGLES = ("state/phi", "state/psi")  # that may turn all the way round
 _SHARE_ORDER = 3  # highest polynomial, in frequency, of the share that is missed
 _RESPONSE_ORDER = 4  # ... in its logarithm, of a response that the model does not have
+_ALIKE = 9  # neighbouring lines whose power is averaged
+_CLEAR = 2.0  # times the noise: what power of neighbouring lines has to be to tell of motion
 _SPREADS = (0.0, *np.geomspace(0.1, 1e3, 9).tolist())  # of either, in the noise's size
 
 
@@ -91,6 +94,43 @@ def with_missed(
         missed[i, slow] = y[i, slow] * np.maximum(1 - noise / np.maximum(power, 1e-300), 0.0)
     wave = np.exp(2j * np.pi * lines.hz[:, None] * (lines.dt * np.arange(record.time.size)))
     found = modelled + 2 / np.sqrt(lines.duration) * np.real(missed @ wave)
+    return dict(own) | dict(zip(names, found, strict=True))
+
+
+def as_far_as_seen(
+    record: FlightRecord, own: Mapping[str, Array], lines: Lines, sigma: Mapping[str, float]
+) -> dict[str, Array]:
+    """Return channels with what a record says beyond them, as far as it stands out of the noise.
+
+    Where the model flies close to the record, the rest is noise, and it stays the model's; where it does not,
+    it is the record's (N. Wiener, Extrapolation, Interpolation, and Smoothing of Stationary Time Series,
+    1949, chapter 3, with the power of neighbouring lines).
+
+    Parameters
+    ----------
+    record : FlightRecord
+    own : dict of ndarray, shape (sample,)
+        The model's, by channel.
+    lines : Lines
+    sigma : dict of float
+        Standard deviation of white noise by channel; a channel that has none is as it is recorded.
+
+    Returns
+    -------
+    dict of ndarray, shape (sample,)
+    """
+    names = [n for n in own if n in record]
+    modelled = np.array([own[n] for n in names])
+    measured = np.array([np.unwrap(record[n]) if n in _ANGLES else record[n] for n in names])
+    noise = lines.dt * np.array([sigma.get(n, 0.0) for n in names])[:, None] ** 2
+    y = lines.spectrum(measured - modelled)
+    for some in (np.flatnonzero(lines.driven), np.flatnonzero(~lines.driven)[1:]):
+        if some.size:
+            power = uniform_filter1d(np.abs(y[:, some]) ** 2, min(_ALIKE, some.size), axis=1, mode="nearest")
+            y[:, some] *= np.maximum(1 - _CLEAR * noise / np.maximum(power, 1e-300), 0.0)
+    y[:, 0] = 0.0  # both stand about the record's level
+    wave = np.exp(2j * np.pi * lines.hz[:, None] * (lines.dt * np.arange(record.time.size)))
+    found = modelled + 2 / np.sqrt(lines.duration) * np.real(y @ wave)
     return dict(own) | dict(zip(names, found, strict=True))
 
 

@@ -11,7 +11,8 @@ from linear_flight import INPUTS, LIBRARY, RESPONSES, SLOPES, TRIM, U0, W0, Line
 
 from freqid.gap.diagnose import Question, diagnose
 from freqid.gap.infer.columns import redrawn
-from freqid.gap.infer.linearise import _Point, settled
+from freqid.gap.infer.linearise import settled
+from freqid.gap.infer.together import Point
 from freqid.gap.simulation import Tolerance
 from freqid.gap.stack.block import stack_of
 from freqid.gap.stack.trial import Trial
@@ -124,7 +125,7 @@ def test_what_sensors_did_is_taken_back_from_the_records_themselves():
     moving = block.trial.maneuver.record
     less = replace(moving.channel("state/q"), values=0.9 * moving["state/q"])
     block = replace(block, trial=block.trial.flown_as(moving.with_channels(less)))
-    point = _Point(effects=[(shipped()["time_skew"].of(manoeuvre.vehicle), {"rates": age})])
+    point = Point(effects=[(shipped()["time_skew"].of(manoeuvre.vehicle), {"rates": age})])
     left = block.white(block.residual - point.made(block))
     punctual = block.white(block.lines.transform(Trial.of(Linear(), manoeuvre).residual))
     assert np.abs(block.white(block.residual) - punctual).max() > 50

@@ -117,7 +117,7 @@ def test_without_a_gap_nothing_is_named_or_closed():
 
 
 def test_nulls_of_a_simulation_within_its_tolerances_are_called_as_rarely_as_is_said():
-    """Every derivative off by its own sigma: of 20 flights 3 would be called once in 120 times."""
+    """Every derivative off by its own sigma: of 20 flights 3 would be called once in 140 times."""
     from linear_flight import SLOPES
 
     called, p = 0, []

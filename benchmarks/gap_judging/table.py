@@ -1,6 +1,6 @@
 """The table of judging cases: each measure with what it must and should be, one column for each results file.
 
-    python benchmarks/gap_judging/table.py results.csv [more.csv ...] [-o table.md]
+    python benchmarks/gap_judging/table.py results.csv [more.csv ...] [--last 8] [-o table.md]
 
 Results are those of run.py. A column is named by the file's label. Shares come with their count and their
 95 % Wilson interval, means with 1.96 standard errors. Rules that are not in a measure's own line:
@@ -174,8 +174,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("results", nargs="+", type=Path, help="CSV files of run.py")
     parser.add_argument("-o", "--output", type=Path, help="Markdown file")
+    parser.add_argument(
+        "--last", type=int, help="labels beside the first one, the last ones; all where absent"
+    )
     asked = parser.parse_args()
-    text = table({name: rows for path in asked.results for name, rows in read_outcomes(path).items()})
+    columns = {name: rows for path in asked.results for name, rows in read_outcomes(path).items()}
+    first, *others = columns
+    text = table({name: columns[name] for name in (first, *others[-(asked.last or len(others)) :])})
     print(text)
     if asked.output:
         asked.output.write_text(text + "\n", encoding="utf-8")

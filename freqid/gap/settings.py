@@ -83,4 +83,4 @@ SETTLED = 1.0
 """Nats by which another round makes the data likelier, below which it was the last one."""
 
 FARTHEST = 3.0
-"""Sigmas of a tolerance: the largest departure that is believed, and that lines are drawn at."""
+"""Sigmas: the largest departure that a simulation flies with, and that tolerances alone may have."""

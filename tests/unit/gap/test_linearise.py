@@ -8,7 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 from linear_flight import INPUTS, LIBRARY, RESPONSES, SLOPES, TRIM, U0, W0, Linear, Truth, fly
+from msgspec.structs import replace as changed
 
+from freqid.core.record import Maneuver
 from freqid.gap.diagnose import Question, diagnose
 from freqid.gap.infer.columns import redrawn
 from freqid.gap.infer.linearise import settled
@@ -113,21 +115,21 @@ def alike(one, other):
     return abs(one @ other) / np.sqrt((one @ one) * (other @ other))
 
 
-def test_what_sensors_did_is_taken_back_from_the_records_themselves():
-    """Motion without noise is known to a few per cent: here it has a tenth too little of the pitch rate."""
-    manoeuvre = fly(noise=0.1, seed=4, phases=2, duration=40.0)
-    record, age = manoeuvre.record, 0.03
+@pytest.mark.parametrize("more", [0.0, 0.15])
+def test_what_late_gyros_and_another_inertia_make_together_is_undone(more):
+    """Moments of inertia act on the motion as it was, not on the late one."""
+    flown = fly(noise=0.1, seed=4, phases=2, duration=40.0)
+    record, age, stated = flown.record, 0.06, flown.vehicle.mass_properties
     late = record.channel("state/q")
     late = replace(late, values=logged_late(late.values, record.dt, age))
-    (block,) = stack_of(
-        Linear(), [replace(manoeuvre, record=record.with_channels(late))], ["late"], (0.1, 2.0)
-    )
-    moving = block.trial.maneuver.record
-    less = replace(moving.channel("state/q"), values=0.9 * moving["state/q"])
-    block = replace(block, trial=block.trial.flown_as(moving.with_channels(less)))
-    point = Point(effects=[(shipped()["time_skew"].of(manoeuvre.vehicle), {"rates": age})])
+    less = changed(stated.inertia, yy=stated.inertia.yy / (1 + more))
+    light = changed(flown.vehicle, mass_properties=changed(stated, inertia=less))
+    logged = Maneuver(record.with_channels(late), light)
+    (block,) = stack_of(Linear(), [logged], ["late"], (0.1, 2.0))
+    effects = [("time_skew", {"rates": age}), ("inertia", {"yy": more})]
+    point = Point(effects=[(shipped()[n].of(light), x) for n, x in effects])
     left = block.white(block.residual - point.made(block))
-    punctual = block.white(block.lines.transform(Trial.of(Linear(), manoeuvre).residual))
+    punctual = block.white(block.lines.transform(Trial.of(Linear(), flown).residual))
     assert np.abs(block.white(block.residual) - punctual).max() > 50
     assert np.abs(left - punctual).max() < 3
 

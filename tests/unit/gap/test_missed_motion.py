@@ -10,7 +10,7 @@ from linear_flight import SIGMA, Truth, fly, motion
 
 from freqid.core.record import FlightRecord
 from freqid.gap.stack.lines import lines_of
-from freqid.gap.stack.missed_motion import with_missed
+from freqid.gap.stack.missed_motion import as_far_as_seen, with_missed
 
 NAMES = ("state/u", "state/w", "state/q", "state/theta", "effector/d1", "effector/d2")
 
@@ -75,3 +75,20 @@ def test_where_nothing_was_injected_the_model_stays_as_it_is():
     record = record.with_channels(*quiet)
     found = with_missed(record, own, lines_of(record, 2.0))
     assert all(np.array_equal(found[n], own[n]) for n in NAMES)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_record_counts_as_far_as_it_stands_out_of_the_noise(seed):
+    """A rate of which a fifth is missing is the record's; where the model is right, it stays the model's."""
+    record, clean = recorded(Truth(), SIGMA, seed)
+    own = {n: clean[n] for n in NAMES} | {"state/q": 0.8 * clean["state/q"]}
+    lines = lines_of(record, 2.0)
+    found = as_far_as_seen(record, own, lines, SIGMA)
+    q = "state/q"
+    driven = lines.spectrum(np.array([found[q] - clean[q], own[q] - clean[q]]))[:, lines.driven]
+    noise = SIGMA[q] ** 2 * lines.dt
+    left, missed = (np.abs(driven) ** 2).mean(axis=1)
+    assert missed > 100 * noise
+    assert left < 1.5 * noise
+    for name in set(NAMES) - {q}:
+        assert apart(found[name], clean[name]) < 0.03 * SIGMA[name], name

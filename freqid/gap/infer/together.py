@@ -158,9 +158,9 @@ class Point:
         """Return what all of it makes of a block's residual together, shape (row, line).
 
         One after the other, as where nothing acts yet: the simulation's own parameters, what acts on its
-        actuators, what sensors did, and the rest on the motion as it was. What sensors did is taken back from
-        the motion as far as the records tell it, all else is asked on motion without noise: a parameter that
-        makes noise quieter, as a smaller mass does that of accelerometers, would seem the likelier for it.
+        actuators, what sensors did. That is taken back from the motion as far as the records tell it, all
+        else is asked on motion without noise: a parameter that makes noise quieter, as a smaller mass does
+        that of accelerometers, would seem the likelier for it.
         """
         before = block.plain
         there = self._departed(before)
@@ -168,12 +168,9 @@ class Point:
         moved = {n: x - before.positions[n] for n, x in beside(late, there).positions.items()}
         whole = before.rows(there.predicted - before.predicted, moved)
         sensors = [one for one in self.effects if route_of(one[0], there.simulation) == "distort"]
+        whole = whole + change_together([o for o in self.effects if o not in late + sensors], there)
         if sensors or self.channels:
             whole = whole + change_together(sensors, self._departed(block.as_logged), self.channels)
-        others = [one for one in self.effects if one not in late + sensors]
-        if others:
-            there = there.flown_as(as_moved(sensors, there, self.channels))
-            whole = whole + change_together(others, there)
         return block.transform(whole)
 
 

@@ -186,7 +186,8 @@ class _Search:
         for _ in range(2 * MOST_ROUNDS):
             at = self.compute(at, about, [], anew)
             now = _explanation(at.system, places)
-            gained, before = _at_sizes(at.system, now) - before, _at_sizes(at.system, now)
+            here = _at_sizes(at.system, now)
+            gained, before = here - before, here
             each = zip(about.estimates, now.estimates, strict=True)
             stay = all(np.all(np.abs(a.size - e.size) <= _CLOSE * e.width) for a, e in each)
             if stay and abs(gained) < SETTLED:

@@ -23,7 +23,7 @@ from freqid.gap.infer.columns import Columns, redrawn
 from freqid.gap.infer.evidence import Evidence, weigh, weights_of
 from freqid.gap.infer.explain import likeliest
 from freqid.gap.infer.joint_sizes import joint_estimates
-from freqid.gap.infer.system import System
+from freqid.gap.infer.system import About, System
 from freqid.gap.infer.together import Acting, Point
 from freqid.gap.model.tolerance import record_columns, tolerance_columns
 from freqid.gap.settings import FARTHEST, MOST_ROUNDS, SETTLED
@@ -84,7 +84,7 @@ def relinearised(
 
         new = side_by_side(blocks[0].trial.simulation, there, list(zip(columns, blocks, strict=True)))
         made = replace(system, blocks=[c.matrices for c in new], _reduced={})
-        return replace(made, about=(fitted, acting, _misfit(made, form_error, fitted, acting))), new
+        return replace(made, about=About(fitted, acting, _misfit(made, form_error, fitted, acting))), new
 
     def tried(fitted: Array, acting: Acting) -> tuple[float, tuple[System, list[Columns]] | None]:
         """Return how unlikely the data are there, and these lines."""
@@ -93,10 +93,10 @@ def relinearised(
         except (DataError, ImpossibleSettings):  # no simulation can be so
             return np.inf, None
         assert found[0].about is not None
-        return found[0].about[2], found
+        return found[0].about.misfit, found
 
     misfit, found = tried(fitted, acting)
-    known, acted, least = system.about or (np.zeros_like(fitted), acting, np.inf)
+    known, acted, least = system.about or About(np.zeros_like(fitted), acting, np.inf)
     if [i for i, _ in acted] != [i for i, _ in acting]:  # another effect leads: there is no way back
         least = np.inf
     elif misfit > least:
@@ -201,7 +201,8 @@ def settled(
         start = before
         for _ in range(MOST_ROUNDS):
             at = relinearised(*at, library, sizes, form_error, acting)
-            gained, before = log_evidence() - before, log_evidence()
+            here = log_evidence()
+            gained, before = here - before, here
             if abs(gained) < SETTLED:
                 break
         if abs(before - start) < SETTLED:

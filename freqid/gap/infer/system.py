@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,6 +98,24 @@ class OwnProducts:
         return self.products
 
 
+class About(NamedTuple):
+    """Sizes of all that is unknown at which a simulation was asked.
+
+    Attributes
+    ----------
+    tolerances : ndarray, shape (tolerance,)
+        Sigmas.
+    acting : sequence of (int, Estimate)
+        Candidates with their sizes.
+    misfit : float
+        Nats by which data and tolerances are unlikely there, but for a constant.
+    """
+
+    tolerances: Array
+    acting: Sequence[tuple[int, Estimate]]
+    misfit: float
+
+
 @dataclass(frozen=True, eq=False)
 class System:
     """The whole stack.
@@ -108,15 +126,15 @@ class System:
     tolerances : tuple of str
     blocks : list of BlockMatrices
     form_errors : tuple of Form
-    about : (ndarray, sequence of (int, Estimate), float), optional
-        Where all were asked for together: tolerances, in sigmas, effects that act, and how likely that is.
+    about : About, optional
+        Where its lines were made straight.
     """
 
     candidates: list[Candidate]
     tolerances: tuple[str, ...]
     blocks: list[BlockMatrices]
     form_errors: tuple[Form, ...]
-    about: tuple[Array, Sequence[tuple[int, Estimate]], float] | None = None
+    about: About | None = None
     _reduced: dict[Form, Reduced] = field(default_factory=dict, repr=False)
 
     @cached_property

@@ -231,21 +231,8 @@ def _block(around: FlightContext, record: FlightRecord, like: Block, periods: in
     )
     residual = np.zeros((1, len(rows), lines.hz.size), dtype=complex)
     motion = Motion(maneuver, "own flight", 0.0)
-    names, source = ("next flight",), like.noise_from
-    return Block(
-        names,
-        (maneuver,),
-        lines,
-        motion,
-        trial,
-        like.sigma,
-        draws,
-        residual,
-        covariance,
-        source,
-        trial,
-        trial,
-    )
+    made = trial, like.sigma, draws, residual, covariance, like.noise_from
+    return Block(("next flight",), (maneuver,), lines, motion, *made, plain=trial, as_logged=trial)
 
 
 def _columns(around: FlightContext, block: Block, like: Block) -> PredictedFlight:

@@ -310,18 +310,19 @@ def _block(
             where=names[0],
             remedy="give a record whose samples are as the sensors took them, or a second flight of the same",
         )
+    plain = _thin(trial, lines)
     return Block(
         tuple(names),
         tuple(maneuvers),
         lines,
         motion,
-        _thin(motion.trial_of(_departed(simulation, departures)) if departures else trial, lines),
+        _thin(motion.trial_of(_departed(simulation, departures)), lines) if departures else plain,
         sigma,
         draws,
         unbiased,
         covariance,
         source,
-        _thin(trial, lines),
+        plain,
         _as_logged(simulation, mean, motion, lines, sigma, len(maneuvers)),
     )
 

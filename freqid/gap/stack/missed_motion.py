@@ -7,7 +7,7 @@ and that share changes slowly with frequency: so it takes few numbers, and these
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
@@ -23,7 +23,7 @@ from freqid.gap.stack.sensor_noise import sensor_noise
 _ANGLES = ("state/phi", "state/psi")  # that may turn all the way round
 _SHARE_ORDER = 3  # highest polynomial, in frequency, of the share that is missed
 _RESPONSE_ORDER = 4  # ... in its logarithm, of a response that the model does not have
-_ALIKE = 9  # neighbouring lines whose power is averaged
+_NEIGHBOURS = 9  # lines whose power is averaged
 _CLEAR = 2.0  # times the noise: what power of neighbouring lines has to be to tell of motion
 _SPREADS = (0.0, *np.geomspace(0.1, 1e3, 9).tolist())  # of either, in the noise's size
 
@@ -80,9 +80,8 @@ def with_missed(
     names = [n for n in own if n in record]
     if not names or not lines.driven.any():
         return dict(own)
-    modelled = np.array([own[n] for n in names])
-    measured = np.array([np.unwrap(record[n]) if n in _ANGLES else record[n] for n in names])
-    x, y = lines.spectrum(modelled), lines.spectrum(measured - modelled)
+    modelled, rest = _parted(record, own, names)
+    x, y = lines.spectrum(modelled), lines.spectrum(rest)
     injected = lines.spectrum(record.matrix(f"excitation/{n}" for n in lines.inputs))
     driven = [(j, np.flatnonzero(lines.owner == j)) for j in range(len(lines.inputs))]
     driven = [(at, injected[j, at]) for j, at in driven if at.size]
@@ -92,8 +91,7 @@ def with_missed(
         missed[i], noise = _missed(lines.hz, x[i], y[i], driven, couples=not fitted)
         power = np.abs(y[i, slow]) ** 2
         missed[i, slow] = y[i, slow] * np.maximum(1 - noise / np.maximum(power, 1e-300), 0.0)
-    wave = np.exp(2j * np.pi * lines.hz[:, None] * (lines.dt * np.arange(record.time.size)))
-    found = modelled + 2 / np.sqrt(lines.duration) * np.real(missed @ wave)
+    found = modelled + _history(missed, lines, record.time.size)
     return dict(own) | dict(zip(names, found, strict=True))
 
 
@@ -120,18 +118,32 @@ def as_far_as_seen(
     dict of ndarray, shape (sample,)
     """
     names = [n for n in own if n in record]
-    modelled = np.array([own[n] for n in names])
-    measured = np.array([np.unwrap(record[n]) if n in _ANGLES else record[n] for n in names])
+    if not names:
+        return dict(own)
     noise = lines.dt * np.array([sigma.get(n, 0.0) for n in names])[:, None] ** 2
-    y = lines.spectrum(measured - modelled)
+    modelled, rest = _parted(record, own, names)
+    y = lines.spectrum(rest)
     for some in (np.flatnonzero(lines.driven), np.flatnonzero(~lines.driven)[1:]):
         if some.size:
-            power = uniform_filter1d(np.abs(y[:, some]) ** 2, min(_ALIKE, some.size), axis=1, mode="nearest")
+            near = min(_NEIGHBOURS, some.size)
+            power = uniform_filter1d(np.abs(y[:, some]) ** 2, near, axis=1, mode="nearest")
             y[:, some] *= np.maximum(1 - _CLEAR * noise / np.maximum(power, 1e-300), 0.0)
     y[:, 0] = 0.0  # both stand about the record's level
-    wave = np.exp(2j * np.pi * lines.hz[:, None] * (lines.dt * np.arange(record.time.size)))
-    found = modelled + 2 / np.sqrt(lines.duration) * np.real(y @ wave)
+    found = modelled + _history(y, lines, record.time.size)
     return dict(own) | dict(zip(names, found, strict=True))
+
+
+def _parted(record: FlightRecord, own: Mapping[str, Array], names: Sequence[str]) -> tuple[Array, Array]:
+    """Return what a model has of some channels, shape (channel, sample), and what the record has beyond."""
+    modelled = np.array([own[n] for n in names])
+    measured = np.array([np.unwrap(record[n]) if n in _ANGLES else record[n] for n in names])
+    return modelled, measured - modelled
+
+
+def _history(spectrum: Complex, lines: Lines, samples: int) -> Array:
+    """Return a sum of lines, shape (..., line), over time, shape (..., sample)."""
+    wave = np.exp(2j * np.pi * lines.hz[:, None] * (lines.dt * np.arange(samples)))
+    return np.asarray(2 / np.sqrt(lines.duration) * np.real(spectrum @ wave), dtype=np.float64)
 
 
 def _missed(

@@ -187,7 +187,7 @@ def diagnose(
         found = likely
         used, departures = closest(*(flown(simulation, used, d, **found) for d in (beside, {})))
         behind = _behind(evidence, q.candidates)
-        system, not_tested, columns, used = build(used, q.candidates, q.tolerances, behind)
+        system, not_tested, columns, used = build(used, q.candidates, q.tolerances, behind, system)
         system, columns = at_their_size(weigh(system), columns, used, q.candidates, q.tolerances)
         form_error = weigh(system).form_error()
         system, columns, used = settled(system, columns, used, q.candidates, q.tolerances, form_error)

@@ -15,7 +15,7 @@ from freqid.gap.infer.block_matrices import Form, Products
 from freqid.gap.infer.evidence import estimate, separation, weigh
 from freqid.gap.infer.explain import Computed, Explanation, explain
 from freqid.gap.infer.joint_sizes import joint_estimates
-from freqid.gap.infer.null_draws import drawn, effects_of
+from freqid.gap.infer.null_draws import Drawn, drawn, effects_of
 from freqid.gap.infer.system import System
 from freqid.gap.model.candidate import Candidate, Place
 from freqid.gap.self_test.answers import DrawnData
@@ -167,6 +167,48 @@ def test_it_is_so_for_effects_that_leave_no_doubt_of_their_size(size):
     assert weigh(dense.system).places[1, 0] == pytest.approx(integral(dense, 0, FORMS[1]), abs=0.1)
 
 
+def tied(dense, sigma, residual=None):
+    """Return the same stack, its second tolerance that of the late effects."""
+    blocks = dense.system.blocks if residual is None else with_residual(dense, residual)
+    candidates = [replace(c, spread=sigma) if c.effect == "late" else c for c in dense.candidates]
+    return System(candidates, ("t0", "late.late", "t2", "t3"), blocks, FORMS)
+
+
+@pytest.mark.parametrize("sigma", [0.02, 0.4, 1.5])
+def test_an_effect_is_weighed_by_its_sum_with_the_tolerance_of_its_parameter(dense, sigma):
+    """That tolerance out of the covariance, its spread in that of the size; beside others as it is alone."""
+    i, f = 1, FORMS[1]
+    c, t = dense.candidates[i], np.concatenate(dense.t, axis=1)[1]
+    u = np.union1d(np.linspace(-1, 6, 14001), np.linspace(-5 * sigma, 5 * sigma, 2001))
+    logs = np.linspace(*np.log(LOG_SIZES[[0, -1]]), 2001)
+    density = np.exp(-0.5 * ((u[:, None] - np.exp(logs)) / sigma) ** 2).mean(axis=1) / sigma
+    density /= np.trapezoid(density, u)
+    without = dense.covariance(f) - np.outer(t, t)
+    inverse, change = np.linalg.inv(without), c.weights(u) @ dense.at(i)
+    each = change @ inverse @ dense.residual - 0.5 * ((change @ inverse) * change).sum(axis=1)
+    ratio = dense.log_density(f, more=-np.outer(t, t)) - dense.log_density(f)
+    expected = np.log(np.trapezoid(np.exp(each - each.max()) * density, u)) + each.max() + ratio
+    evidence = weigh(tied(dense, sigma))
+    assert evidence.places[1, i] == pytest.approx(expected, abs=0.1)
+    # the heavy one, known to be there, changes what the data say of that tolerance
+    given = np.r_[0.7, np.zeros(9)]
+    left = evidence.system.reduced(f).given(given)
+    moved = weigh(tied(dense, sigma, -given @ dense.columns)).places[1, i]
+    assert evidence.weighing.of_place(i, left) == pytest.approx(moved, rel=1e-8)
+
+
+def test_what_is_free_leaves_of_a_tolerance_what_a_wide_prior_leaves(dense):
+    wide = 1e4 * np.eye(10)[[0, 7]]
+    f = FORMS[1]
+    freed = tied(dense, 0.4).reduced(f).freed(wide / 1e4).departures
+    whole = dense.covariance(f) + (wide @ dense.columns).T @ (wide @ dense.columns)
+    inverse, t = np.linalg.inv(whole), np.concatenate(dense.t, axis=1)
+    assert freed.mean == pytest.approx(t @ inverse @ dense.residual, rel=1e-4)
+    assert freed.variance == pytest.approx(1 - np.diag(t @ inverse @ t.T), rel=1e-4)
+    kept = np.delete(np.arange(10), [0, 7])
+    np.testing.assert_allclose(freed.slopes[:, kept], (t @ inverse @ dense.columns.T)[:, kept], atol=1e-4)
+
+
 def test_vector_bayes_factor_is_the_mean_density_ratio_over_its_scales(dense):
     places = weigh(dense.system).places
     columns = dense.at(3)
@@ -224,13 +266,15 @@ def test_draws_have_the_moments_of_the_whole_gaussian(dense, inserted):
     inverse = {f: np.linalg.inv(dense.covariance(f)) for f in FORMS}
     half = {f: 0.5 * np.linalg.slogdet(dense.covariance(f))[1] for f in FORMS}
     for f in FORMS:
-        g, log = data[f]
-        x = dense.columns @ inverse[f]
-        expected = x @ truth @ x.T
-        sigma = np.sqrt(np.diag(expected))
-        assert (g.mean(axis=1) - x @ shift) / sigma == pytest.approx(np.zeros(len(g)), abs=5 / np.sqrt(count))
-        scale = np.outer(sigma, sigma)
-        np.testing.assert_allclose(np.cov(g) / scale, expected / scale, atol=0.03)
+        g, log, mean = data[f]
+        for rows, seen in ((dense.columns, g), (np.concatenate(dense.t, axis=1), mean)):
+            x = rows @ inverse[f]
+            expected = x @ truth @ x.T
+            sigma = np.sqrt(np.diag(expected))
+            apart = (seen.mean(axis=1) - x @ shift) / sigma
+            assert apart == pytest.approx(np.zeros(len(seen)), abs=5 / np.sqrt(count))
+            scale = np.outer(sigma, sigma)
+            np.testing.assert_allclose(np.cov(seen) / scale, expected / scale, atol=0.03)
         more = inverse[f] - inverse[NONE]
         middle = -0.5 * np.trace(more @ truth) - 0.5 * shift @ more @ shift - half[f] + half[NONE]
         apart = log - data[NONE][1]
@@ -243,7 +287,8 @@ def test_an_effect_added_to_draws_is_one_that_was_drawn_with_them(dense):
     with_it = drawn(dense.system, all_at(FORMS[-1], 4), np.random.default_rng(1), mean=weights)
     added = DrawnData(dense.system, bare).with_effect(weights, range(4))
     for f in FORMS:
-        assert added[f][0] == pytest.approx(with_it[f][0], rel=1e-8)
+        assert added[f].g == pytest.approx(with_it[f].g, rel=1e-8)
+        assert added[f].mean == pytest.approx(with_it[f].mean, rel=1e-8)
         between = added[f][1] - with_it[f][1] - (added[NONE][1] - with_it[NONE][1])
         assert between == pytest.approx(np.zeros(4), abs=1e-8)
 
@@ -251,7 +296,10 @@ def test_an_effect_added_to_draws_is_one_that_was_drawn_with_them(dense):
 def test_draws_are_weighed_as_data_are(dense):
     evidence = weigh(dense.system)
     each = {f: dense.system.reduced(f) for f in FORMS}
-    data = {f: (r.g[:, None], np.array([r.log_evidence])) for f, r in each.items()}
+    data = {
+        f: Drawn(r.g[:, None], np.array([r.log_evidence]), r.departures.mean[:, None])
+        for f, r in each.items()
+    }
     effects, none = effects_of(evidence, data)
     joint = logsumexp(none + effects[:, :, 0], axis=0) - logsumexp(none)
     assert joint == pytest.approx(list(evidence.effect.values()), rel=1e-8)

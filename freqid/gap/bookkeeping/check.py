@@ -131,7 +131,8 @@ def _not_its_own(comparisons: Sequence[Comparison]) -> list[Finding]:
             name,
             f"the simulation does not reproduce its own flight: {100 * np.sqrt(left[worst]):.2g} % of {name} "
             "(rms) is left on the states and positions that it flew itself",
-            "compare its logged states, positions and loads with what its model is given",
+            "compare its logged states, positions and loads with what its model is given; records that were "
+            "measured in flight are checked without --own",
             0.0,
         )
     ]

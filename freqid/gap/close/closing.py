@@ -108,7 +108,8 @@ def closing_of(
     if held_out:
         own = [replace(c, columns=recomputed(c, library, held_out)) for c in few]
         rows, forms, labels = columns[0].form_names, system.form_errors, columns[0].shared_names
-        flown = acted_on(held_out, settings_of(explanation, library, held_out[0].trial.simulation), library)
+        acting = settings_of(explanation.estimates, library, held_out[0].trial.simulation)
+        flown = acted_on(held_out, acting, library)
         made = [
             columns_of(b, i, own, system.tolerances, library, tolerances, rows, forms, labels)
             for i, b in enumerate(flown)

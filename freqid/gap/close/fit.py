@@ -121,7 +121,7 @@ def _by_form(system: System, evidence: Evidence, explanation: Explanation) -> li
         reduced = system.reduced(f)
         total = float(whole @ reduced.g - 0.5 * whole @ reduced.G @ whole)
         for i, own in parts:
-            g = reduced.g - reduced.G @ (whole - own)
-            total += weighing.of_place(i, reduced, g) - float(own @ g - 0.5 * own @ reduced.G @ own)
+            left = reduced.given(whole - own)
+            total += weighing.of_place(i, left) - float(own @ left.g - 0.5 * own @ left.G @ own)
         found.append(reduced.log_evidence + total)
     return found

@@ -7,20 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 
+from freqid.core.arrays import Array
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.columns import Columns, Parts, rebuilt
-from freqid.gap.infer.evidence import Evidence, weigh
+from freqid.gap.infer.evidence import Estimate, Evidence, weigh
 from freqid.gap.infer.explain import likeliest
 from freqid.gap.infer.forms import common_form, likely_forms, of_all, reach
 from freqid.gap.infer.joint_sizes import joint_estimates
-from freqid.gap.infer.linearise import likeliest_departures, relinearised
+from freqid.gap.infer.linearise import likeliest_departures, relinearised, straight
 from freqid.gap.infer.seen_sizes import down_to_seen
-from freqid.gap.infer.system import System
+from freqid.gap.infer.system import About, System
 from freqid.gap.model.candidate import OTHER, Candidate
 from freqid.gap.model.candidates import beyond_tolerance, candidates
 from freqid.gap.model.form import shared_columns
 from freqid.gap.model.refine import refined
-from freqid.gap.model.tolerance import tolerance_columns
+from freqid.gap.model.tolerance import one_sigmas, tolerance_columns
 from freqid.gap.settings import ALIKE, FORM_ERRORS, MOST_ROUNDS, ROUNDS
 from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
@@ -32,6 +33,7 @@ def build(
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
     known: Mapping[str, list[Candidate]] | None = None,
+    last: System | None = None,
 ) -> tuple[System, dict[str, str], list[Columns], list[Block]]:
     """Return the system of a stack, why effects are not tested, the columns by block, and the blocks.
 
@@ -47,9 +49,11 @@ def build(
         Tolerances, one sigma by name.
     known : dict of list of Candidate, optional
         By effect, candidates that stay as they are, on blocks whose noise is as loud as it was flown.
+    last : System, optional
+        Of the same records on other motion: lines are made straight first where its were.
     """
     found, not_tested = candidates(library, blocks, known)
-    system, columns, parts, common = _straight(blocks, found, library, sizes, quiet=known is None)
+    system, columns, parts, common = _straight(blocks, found, library, sizes, last, quiet=known is None)
     blocks = [p.block for p in parts]
     system = replace(system, form_errors=(common,), _reduced={})
     evidence = weigh(down_to_seen(system))
@@ -107,6 +111,7 @@ def _straight(
     found: list[Candidate],
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
+    last: System | None = None,
     *,
     quiet: bool,
 ) -> tuple[System, list[Columns], list[Parts], Form]:
@@ -118,6 +123,8 @@ def _straight(
     simulation = blocks[0].trial.simulation
     stated = side_by_side(simulation, lambda b: tolerance_columns(b, library, sizes), blocks)
     found = [*found, *beyond_tolerance(blocks, stated, sizes)] if found else found
+    sigmas = one_sigmas(blocks, library, sizes)
+    found = [replace(c, spread=sigmas.get(c.tolerance, 0.0)) for c in found]
     names = tuple(dict.fromkeys(n for one in stated for n in one))
     alike = side_by_side(simulation, shared_columns, blocks)
     labels = tuple(dict.fromkeys(n for one in alike for n in one))
@@ -135,11 +142,22 @@ def _straight(
     system, columns = _told_apart(system, columns)
     common = common_form(system, terms)
     known = [p.block for p in parts]
+    if last and last.about:
+        fitted, acting = _as_before(last, last.about, system)
+        system, columns = straight(system, columns, known, library, sizes, common, fitted, acting)
     for k in range(ROUNDS):
         system, columns, known = relinearised(
             system, columns, known, library, sizes, common, anew=k == ROUNDS - 1
         )
     return system, columns, [replace(p, block=b) for p, b in zip(parts, known, strict=True)], common
+
+
+def _as_before(last: System, about: About, system: System) -> tuple[Array, list[tuple[int, Estimate]]]:
+    """Return the tolerances and effects of one system as those of another, by name."""
+    departures = dict(zip(last.tolerances, about.tolerances.tolist(), strict=True))
+    at = {c.name: i for i, c in enumerate(system.candidates)}
+    acting = [(at[e.candidate.name], e) for _, e in about.acting if e.candidate.name in at]
+    return np.array([departures.get(n, 0.0) for n in system.tolerances]), acting
 
 
 def _told_apart(system: System, columns: Sequence[Columns]) -> tuple[System, list[Columns]]:

@@ -129,7 +129,8 @@ def weigh(system: System, *, once: bool = False) -> Evidence:
     for f in system.form_errors:
         own = weighing.at(f) if once else system.reduced(f)
         none.append(own.log_evidence)
-        places.append(weighing.by_place(own, own.g[:, None])[:, 0])
+        mean = own.departures.mean[:, None]
+        places.append(weighing.by_place(own, own.g[:, None], mean)[:, 0])
     return Evidence(weighing, np.array(none), np.array(places))
 
 
@@ -247,13 +248,11 @@ def _form_beside(evidence: Evidence, index: int, given: Array | None) -> tuple[A
     """
     if given is None:
         return evidence.form_weights(index), evidence.places[:, index]
-    log, beside = evidence.none.copy(), np.empty(evidence.none.size)
+    log, beside = np.empty((2, evidence.none.size))
     for k, f in enumerate(evidence.system.form_errors):
-        reduced = evidence.system.reduced(f)
-        moved = reduced.G @ given
-        log[k] += given @ reduced.g - 0.5 * given @ moved
-        beside[k] = evidence.weighing.of_place(index, reduced, reduced.g - moved)
-    log += beside
+        left = evidence.system.reduced(f).given(given)
+        beside[k] = evidence.weighing.of_place(index, left)
+        log[k] = left.log_evidence + beside[k]
     return np.exp(log - logsumexp(log)), beside
 
 
@@ -262,14 +261,12 @@ def _density(
 ) -> Array:
     """Return the posterior density of a scalar's size with a flat prior, times a constant, shape (size,)."""
     system = evidence.system
-    at = system.columns_of(index)
     log = np.full((len(mix), sizes.size), -np.inf)
     for k, f in enumerate(system.form_errors):
         if mix[k] > 1e-6:
-            reduced = system.reduced(f)
-            energy = np.einsum("sc,cd,sd->s", w, reduced.G[at, at], w)
-            g = reduced.g[at] if given is None else reduced.g[at] - reduced.G[at] @ given
-            log[k] = np.log(mix[k]) + w @ g - 0.5 * energy - beside[k]
+            left = system.reduced(f) if given is None else system.reduced(f).given(given)
+            G, g, ratio = evidence.weighing.alone(index, left)
+            log[k] = np.log(mix[k]) + w @ g - 0.5 * ((w @ G) * w).sum(axis=1) + ratio - beside[k]
     log -= log.max()
     return np.exp(logsumexp(log, axis=0)) * np.gradient(sizes)
 

@@ -279,7 +279,9 @@ def free(evidence: Evidence, places: list[int]) -> Array:
 def _at_sizes(system: System, explanation: Explanation) -> float:
     """Return the log evidence of effects near their sizes, as they are estimated there."""
     few = as_sums(system, explanation.places)
-    return float(logsumexp([left.log_evidence for left in _near(few, explanation)]))
+    there = list(enumerate(explanation.estimates))
+    found = float(logsumexp([left.log_evidence for left in _near(few, there)]))
+    return found - _promised(system, explanation)
 
 
 def _worth(system: System, explanation: Explanation, k: int) -> float:
@@ -288,45 +290,61 @@ def _worth(system: System, explanation: Explanation, k: int) -> float:
     own = candidates[places[k]].effect
     rivals = [i for i, c in enumerate(candidates) if c.effect == own and i != places[k]]
     few = as_sums(system, places, rivals)
+    others = [(j, e) for j, e in enumerate(explanation.estimates) if places[j] != places[k]]
     joint = [
-        left.log_evidence + few.weighing.by_place(left, left.g[:, None])[:, 0]
-        for left in _near(few, explanation, places[k])
+        left.log_evidence + few.weighing.by_place(left, left.g[:, None], left.departures.mean[:, None])[:, 0]
+        for left in _near(few, others)
     ]
     every = [k % len(places), *range(len(places), len(places) + len(rivals))]
-    return float(log_mean(logsumexp(joint, axis=0)[every]))
+    return float(log_mean(logsumexp(joint, axis=0)[every])) - _promised(system, explanation)
 
 
-def _near(few: Evidence, explanation: Explanation, but: int | None = None) -> list[Reduced]:
-    """Return what is left of a system of few candidates once those of an explanation are about their sizes.
+def _promised(system: System, explanation: Explanation) -> float:
+    """Return the nats by which lines say that data are likelier at some sizes than they are where asked.
 
-    They are the first ones, free to be a little larger or smaller there. One of them may be left out.
+    Lines that have settled say nothing of the kind. Others may say much that is not there: an explanation is
+    worth what it was found to be.
     """
-    given, free = np.zeros(few.system.columns), []
-    for j, (i, e) in enumerate(zip(explanation.places, explanation.estimates, strict=True)):
-        if i != but:
-            at = few.system.columns_of(j)
-            given[at] = e.weights
-            own = np.zeros((e.size.size, few.system.columns))
-            own[:, at] = slopes(e.candidate, e.size)
-            free.append(own)
-    found = []
-    for f in few.system.form_errors:
-        reduced = few.system.reduced(f)
-        moved = reduced.G @ given
-        log = reduced.log_evidence + float(given @ reduced.g - 0.5 * given @ moved)
-        found.append(Reduced(reduced.G, reduced.g - moved, log).freed(np.concatenate(free)))
-    return found
+    about = system.about
+    if about is None or {i for i, _ in about.acting} != set(explanation.places):
+        return 0.0
+    few = system.of(explanation.places)
+    weights = np.concatenate([e.weights for e in explanation.estimates])
+    own = few.own_tolerances(range(len(few.candidates)))
+    fitted = few.likeliest_tolerances(few.tolerance_rows(about.form_error), weights, own)
+    return max(about.misfit - few.misfit(about.form_error, fitted, weights), 0.0)
+
+
+def _near(evidence: Evidence, there: Sequence[tuple[int, Estimate]]) -> list[Reduced]:
+    """Return what is left at each error of form once effects are about their sizes.
+
+    Free to be a little larger or smaller there: freer, lines make of one effect what another does.
+
+    Parameters
+    ----------
+    evidence : Evidence
+    there : sequence of (int, Estimate)
+        Candidates with their sizes.
+    """
+    system = evidence.system
+    given, free = np.zeros(system.columns), [np.zeros((0, system.columns))]
+    for i, e in there:
+        at = system.columns_of(i)
+        given[at] = e.weights
+        free.append(np.zeros((e.size.size, system.columns)))
+        free[-1][:, at] = slopes(e.candidate, e.size)
+    each = [system.reduced(f).given(given) for f in system.form_errors]
+    return [left.freed(np.concatenate(free)) if there else left for left in each]
 
 
 def _given(evidence: Evidence, places: list[int]) -> dict[str, tuple[float, int]]:
-    """Return by effect the nats that it gains once other candidates' columns are free, and its best place."""
-    system, weighing = evidence.system, evidence.weighing
-    freed = free(evidence, places)
+    """Return by effect the nats that it gains beside others near their sizes, and its best place."""
+    weighing = evidence.weighing
+    estimates = joint_estimates(evidence.system, places)
     none, by_place = [], []
-    for f in system.form_errors:
-        left = system.reduced(f).freed(freed)
+    for left in _near(evidence, list(zip(places, estimates, strict=True))):
         none.append(left.log_evidence)
-        by_place.append(weighing.by_place(left, left.g[:, None])[:, 0])
+        by_place.append(weighing.by_place(left, left.g[:, None], left.departures.mean[:, None])[:, 0])
     joint = logsumexp(np.array(none)[:, None] + np.array(by_place), axis=0) - logsumexp(none)
     gains = weighing.by_effect(joint)
     return {

@@ -6,15 +6,15 @@ alone, and what a servo's tolerance makes of a position comes late too.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.columns import Columns, rebuilt, redrawn
-from freqid.gap.infer.evidence import Estimate, Evidence, weights_of
+from freqid.gap.infer.evidence import Estimate, Evidence
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.joint_sizes import joint_estimates
-from freqid.gap.infer.linearise import drawn, likeliest_departures, relinearised
+from freqid.gap.infer.linearise import drawn, drawn_anew, relinearised, straight
 from freqid.gap.infer.system import System
 from freqid.gap.model.changes import beside
 from freqid.gap.model.refine import refined
@@ -26,19 +26,19 @@ from freqid.simulate.effects.effect import Effect
 
 
 def settings_of(
-    explanation: Explanation, library: Mapping[str, Effect], simulation: Simulation
+    estimates: Iterable[Estimate], library: Mapping[str, Effect], simulation: Simulation
 ) -> list[tuple[str, dict[str, float]]]:
-    """Return the effects of one size that an explanation holds, with their parameters as estimated.
+    """Return the effects of one size among some, with their parameters as estimated.
 
     Parameters
     ----------
-    explanation : Explanation
+    estimates : iterable of Estimate
     library : dict of Effect
         Of the vehicle.
     simulation : Simulation
     """
     found = []
-    for e in explanation.estimates:
+    for e in estimates:
         c = e.candidate
         if c.kind == "scalar" and c.effect in library:
             force = in_force_of(library[c.effect], simulation)
@@ -88,7 +88,7 @@ def about_explanation(
     anew : bool
         As in `relinearised`. Without it, and without others, effects keep their columns too.
     """
-    acting = settings_of(explanation, library, blocks[0].trial.simulation)
+    acting = settings_of(explanation.estimates, library, blocks[0].trial.simulation)
     acts = list(zip(explanation.places, explanation.estimates, strict=True))
     flown = acted_on(blocks, acting, library)
     if len(acts) == 1 and not others and flown[0] is blocks[0]:
@@ -97,18 +97,25 @@ def about_explanation(
             return system, list(columns)  # lines are drawn about it already
     if not (anew or others):
         return relinearised(system, columns, flown, library, sizes, form_error, acts)[:2]
-    fitted = likeliest_departures(system, blocks, sizes, form_error, weights_of(system, acts))[1]
+    # a step that leads astray is halved before lines are drawn where it ends
+    system, columns, _ = relinearised(system, columns, flown, library, sizes, form_error, acts)
+    assert system.about is not None
+    fitted, acts = system.about.tolerances, list(system.about.acting)
+    acting = settings_of([e for _, e in acts], library, blocks[0].trial.simulation)
+    flown = acted_on(blocks, acting, library)
     there = drawn(system, columns, blocks, fitted, acts, library, sizes, form_error)
     system, columns = redrawn(system, columns, there, library, [i for i, _ in [*acts, *others]])
     new = list(system.candidates)
-    for i, e in zip(explanation.places, explanation.estimates, strict=True):
+    for i, e in acts:
         k = next((k for k, (n, _) in enumerate(acting) if n == e.candidate.effect), len(acting))
         before, after = (acting[:k], acting[k + 1 :]) if k < len(acting) else ([], [])
         new[i] = refined(new[i], float(e.size[0]), library, there, before, after)
     for i, e in others:
         new[i] = refined(new[i], float(e.size[0]), library, there, acting)
     system, columns = rebuilt(system, new, columns, blocks)
-    return relinearised(system, columns, flown, library, sizes, form_error, acts, anew=anew)[:2]
+    if anew:
+        return drawn_anew(system, columns, flown, library, sizes)[:2]
+    return straight(system, columns, flown, library, sizes, form_error, fitted, acts)
 
 
 def about_single(

@@ -51,7 +51,9 @@ def joint_estimates(system: System, places: Sequence[int]) -> tuple[Estimate, ..
 
 
 def as_sums(system: System, places: Sequence[int], rivals: Sequence[int] = ()) -> Evidence:
-    """Return what the data say of some candidates alone, tolerances of the same parameters at zero.
+    """Return what the data say of some candidates alone, of sums with tolerances of the same parameters.
+
+    These tolerances are held where they were asked for, what was asked of them added to the sizes.
 
     Parameters
     ----------
@@ -61,9 +63,13 @@ def as_sums(system: System, places: Sequence[int], rivals: Sequence[int] = ()) -
     rivals : sequence of int
         More candidates, in whose stead one of these is.
     """
-    own = {system.candidates[i].tolerance for i in places}
-    held = {k: 0.0 for k, name in enumerate(system.tolerances) if name in own}
-    return weigh(system.of([*places, *rivals]).held(held))
+    few = system.of([*places, *rivals])
+    held = {k: float(few.asked[k]) for k in few.own_tolerances(range(len(places)))}
+    added = np.zeros(few.columns)
+    for i in range(len(places)):
+        if any(held.get(k) for k in few.own_tolerances([i])):
+            added[few.columns_of(i)] = few.asked_together(i)
+    return weigh(few.held(held, added))
 
 
 def _widened(system: System, form_error: Form, index: int, e: Estimate, tolerance: int) -> Estimate:

@@ -50,7 +50,7 @@ def relinearised(
     And the blocks as they are there. Where lines are drawn anew and no effects are stated that act, those
     that lead are drawn there too: one bias as an effect and as a tolerance, each on other motion, would leave
     a change between the two that nothing makes. Where the data are less likely there than where lines were
-    made straight before, it goes half of the way.
+    made straight before, another effect that leads is not taken, and a step goes half of the way.
 
     Parameters
     ----------
@@ -69,64 +69,133 @@ def relinearised(
         Whether the lines also have the slopes that they have there, not those that they have.
     """
     leading: list[int] = []
+    free = acting is None
     if acting is None:
         alone = replace(system, form_errors=(form_error,), _reduced={})
         evidence = weigh(alone)
         acting, leading = _likeliest_alone(evidence), _leading(evidence) if anew else []
-    weights = weights_of(system, acting)
-    fitted = likeliest_departures(system, blocks, sizes, form_error, weights)[1]
 
-    def straight(fitted: Array, acting: Acting, *, anew: bool = False) -> tuple[System, list[Columns]]:
-        """Return lines that are right there."""
-
-        def there(pair: tuple[Columns, Block]) -> Columns:
-            return straightened(*pair, system, fitted, acting, library, sizes, form_error, anew=anew)
-
-        new = side_by_side(blocks[0].trial.simulation, there, list(zip(columns, blocks, strict=True)))
-        made = replace(system, blocks=[c.matrices for c in new], _reduced={})
-        return replace(made, about=About(fitted, acting, _misfit(made, form_error, fitted, acting))), new
+    def fit(acting: Acting) -> Array:
+        """Return the likeliest tolerances beside effects, those of their own parameters among the sizes."""
+        own = system.own_tolerances(i for i, _ in acting)
+        rows = system.tolerance_rows(form_error)
+        return system.likeliest_tolerances(rows, weights_of(system, acting), own)
 
     def tried(fitted: Array, acting: Acting) -> tuple[float, tuple[System, list[Columns]] | None]:
-        """Return how unlikely the data are there, and these lines."""
+        """Return how unlikely the data are there, and lines that are right there."""
         try:
-            found = straight(fitted, acting)
+            found = straight(system, columns, blocks, library, sizes, form_error, fitted, acting)
         except (DataError, ImpossibleSettings):  # no simulation can be so
             return np.inf, None
         assert found[0].about is not None
         return found[0].about.misfit, found
 
+    fitted = fit(acting)
     misfit, found = tried(fitted, acting)
-    known, acted, least = system.about or About(np.zeros_like(fitted), acting, np.inf)
-    if [i for i, _ in acted] != [i for i, _ in acting]:  # another effect leads: there is no way back
-        least = np.inf
-    elif misfit > least:
+    known, acted, _, least = system.about or About(np.zeros_like(fitted), acting, form_error, np.inf)
+    if misfit > least and (free or _same(acted, acting)):
         least = tried(known, acted)[0]  # columns may be others by now
+    if not _same(acted, acting):
+        if free and misfit > least + SETTLED:
+            places = [i for i, _ in acted]
+            acting = list(zip(places, joint_estimates(system, places), strict=True))
+            fitted = fit(acting)
+            misfit, found = tried(fitted, acting)
+        else:  # there is no way back
+            least = np.inf
     for _ in range(_HALVINGS):
         if found is not None and misfit <= least + SETTLED:
             break
         fitted, acting = (fitted + known) / 2, _halfway(acted, acting)
         misfit, found = tried(fitted, acting)
-    if anew:
-        blocks = drawn(system, columns, blocks, fitted, acting, library, sizes, form_error)
-        system, columns = redrawn(system, columns, blocks, library, leading)
-    if anew or found is None:
-        found = straight(fitted, acting, anew=anew)
-    return *found, list(blocks)
+    if found is None:
+        found = straight(system, columns, blocks, library, sizes, form_error, fitted, acting)
+    return drawn_anew(*found, blocks, library, sizes, leading) if anew else (*found, list(blocks))
+
+
+def straight(
+    system: System,
+    columns: Sequence[Columns],
+    blocks: Sequence[Block],
+    library: Mapping[str, Effect],
+    sizes: Mapping[str, float],
+    form_error: Form,
+    fitted: Array,
+    acting: Acting,
+    *,
+    anew: bool = False,
+) -> tuple[System, list[Columns]]:
+    """Return a system whose lines are right where tolerances and effects have some sizes.
+
+    Parameters
+    ----------
+    system : System
+    columns : sequence of Columns
+        By block.
+    blocks : sequence of Block
+    library : dict of Effect
+    sizes : dict of float
+        One sigma by name.
+    form_error : Form
+        At which the records' own unknowns are fitted.
+    fitted : ndarray, shape (tolerance,)
+        Of all tolerances, in sigmas.
+    acting : sequence of (int, Estimate)
+    anew : bool
+        As in `straightened`.
+    """
+
+    def there(pair: tuple[Columns, Block]) -> Columns:
+        return straightened(*pair, system, fitted, acting, library, sizes, form_error, anew=anew)
+
+    new = side_by_side(blocks[0].trial.simulation, there, list(zip(columns, blocks, strict=True)))
+    made = replace(system, blocks=[c.matrices for c in new], _reduced={})
+    about = About(fitted, acting, form_error, _misfit(made, form_error, fitted, acting))
+    return replace(made, about=about), new
+
+
+def drawn_anew(
+    system: System,
+    columns: Sequence[Columns],
+    blocks: Sequence[Block],
+    library: Mapping[str, Effect],
+    sizes: Mapping[str, float],
+    leading: Sequence[int] = (),
+) -> tuple[System, list[Columns], list[Block]]:
+    """Return a system whose lines also have the slopes that they have where they were made straight.
+
+    And the blocks as they are drawn there.
+
+    Parameters
+    ----------
+    system : System
+        That was made straight.
+    columns : sequence of Columns
+        By block.
+    blocks : sequence of Block
+    library : dict of Effect
+    sizes : dict of float
+        One sigma by name.
+    leading : sequence of int
+        Candidates that are drawn there too.
+    """
+    assert system.about is not None
+    fitted, acting, form_error, _ = system.about
+    blocks = drawn(system, columns, blocks, fitted, acting, library, sizes, form_error)
+    system, columns = redrawn(system, columns, blocks, library, leading)
+    found = straight(system, columns, blocks, library, sizes, form_error, fitted, acting, anew=True)
+    return *found, blocks
 
 
 def _misfit(system: System, form_error: Form, tolerances: Array, acting: Acting) -> float:
-    """Return minus the log density of data and tolerances at some sizes, but for a constant.
-
-    Offsets of records and errors of form are as is likeliest there.
-    """
+    """Return how unlikely data and tolerances are where some effects act."""
     few = system.of([i for i, _ in acting])
-    gone = np.concatenate([weights_of(few, [(k, e) for k, (_, e) in enumerate(acting)]), tolerances])
-    gram, n = few.gram(form_error), gone.size
-    left = gram[:, -1] - gram[:, :n] @ gone
-    alike = left[n:-1]
-    energy = left[-1] - gone @ left[:n]
-    energy -= alike @ np.linalg.solve(np.eye(alike.size) + gram[n:-1, n:-1], alike)
-    return 0.5 * float(energy + tolerances @ tolerances)
+    return few.misfit(form_error, tolerances, weights_of(few, [(k, e) for k, (_, e) in enumerate(acting)]))
+
+
+def _same(before: Acting, after: Acting) -> bool:
+    """Return whether the same candidates act, whatever their sizes."""
+    return [i for i, _ in before] == [i for i, _ in after]
 
 
 def _halfway(before: Acting, after: Acting) -> Acting:
@@ -200,11 +269,13 @@ def settled(
     for _ in range(MOST_ROUNDS):
         start = before
         for _ in range(MOST_ROUNDS):
+            last = at[0].about
             at = relinearised(*at, library, sizes, form_error, acting)
-            here = log_evidence()
-            gained, before = here - before, here
-            if abs(gained) < SETTLED:
+            here = at[0].about
+            assert here is not None
+            if last and _same(last.acting, here.acting) and here.misfit > last.misfit - SETTLED:
                 break
+        before = log_evidence()
         if abs(before - start) < SETTLED:
             break
         at = relinearised(*at, library, sizes, form_error, acting, anew=True)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,23 @@ from freqid.core.arrays import Array
 from freqid.gap.infer.block_matrices import BlockMatrices, Form, forward
 from freqid.gap.infer.evidence import Evidence
 from freqid.gap.infer.system import System
+
+
+class Drawn(NamedTuple):
+    """Draws of the data as one error of form sees them.
+
+    Attributes
+    ----------
+    g : ndarray, shape (column, draw)
+    none : ndarray, shape (draw,)
+        Log evidence of no effect less what all errors of form have in common.
+    mean : ndarray, shape (tolerance, draw)
+        What they say of the tolerances where there is no effect.
+    """
+
+    g: Array
+    none: Array
+    mean: Array
 
 
 def null_statistics(evidence: Evidence, count: int, seed: int) -> Array:
@@ -33,7 +51,7 @@ def null_statistics(evidence: Evidence, count: int, seed: int) -> Array:
 
 def drawn_from_posterior(
     evidence: Evidence, system: System, count: int, rng: np.random.Generator
-) -> dict[Form, tuple[Array, Array]]:
+) -> dict[Form, Drawn]:
     """Return draws of the data, each with an error of form of the evidence's posterior; see `drawn`."""
     weights = evidence.form_weights()
     chosen = rng.choice(len(weights), size=count, p=weights / weights.sum())
@@ -57,8 +75,8 @@ def threshold_of(null: Array, level: float) -> float:
 
 def drawn(
     system: System, chosen: NDArray[np.intp], rng: np.random.Generator, mean: Array | None = None
-) -> dict[Form, tuple[Array, Array]]:
-    """Return draws of the data, as every error of form sees them.
+) -> dict[Form, Drawn]:
+    """Return draws of the data, as every error of form sees them, by error of form.
 
     Parameters
     ----------
@@ -68,12 +86,6 @@ def drawn(
     rng : Generator
     mean : ndarray, shape (column,), optional
         Weights of candidates' columns that are in the data beside noise, tolerances and form.
-
-    Returns
-    -------
-    dict of (ndarray, ndarray)
-        By error of form: g, shape (column, draw), and the log evidence of no effect less what all have in
-        common, shape (draw,).
     """
     n, few, count = system.columns, len(system.tolerances), len(chosen)
     own = [system.form_errors[k] for k in chosen]
@@ -99,7 +111,7 @@ def drawn(
         solved = cho_solve(factor, inside)
         log = log + 0.5 * (inside * solved).sum(axis=0) - float(np.log(np.diag(factor[0])).sum())
         log = log + f.log_prior
-        found[f] = (z[:n] - rows[:, :n].T @ solved, log)
+        found[f] = Drawn(z[:n] - rows[:, :n].T @ solved, log, solved[:few])
     return found
 
 
@@ -121,7 +133,7 @@ def _without_residual(block: BlockMatrices, columns: Array) -> Array:
     return np.delete(columns, block.count - 1, axis=-1)
 
 
-def statistics_of(evidence: Evidence, data: dict[Form, tuple[Array, Array]]) -> Array:
+def statistics_of(evidence: Evidence, data: Mapping[Form, Drawn]) -> Array:
     """Return the statistic of drawn data, shape (draw,)."""
     effects, none = effects_of(evidence, data)
     log_none = logsumexp(none, axis=0)
@@ -129,13 +141,13 @@ def statistics_of(evidence: Evidence, data: dict[Form, tuple[Array, Array]]) -> 
     return logsumexp(joint, axis=0) - np.log(len(joint))
 
 
-def effects_of(evidence: Evidence, data: dict[Form, tuple[Array, Array]]) -> tuple[Array, Array]:
+def effects_of(evidence: Evidence, data: Mapping[Form, Drawn]) -> tuple[Array, Array]:
     """Return log Bayes factors by error of form, effect and draw, and log evidences of no effect."""
     effects, none = [], []
-    for f, (g, log) in data.items():
-        places = evidence.weighing.by_place(evidence.weighing.at(f), g)
+    for f, one in data.items():
+        places = evidence.weighing.by_place(evidence.weighing.at(f), one.g, one.mean)
         effects.append(evidence.weighing.by_effect(places))
-        none.append(log)
+        none.append(one.none)
     return np.array(effects), np.array(none)
 
 

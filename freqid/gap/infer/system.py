@@ -6,7 +6,7 @@ each and are integrated out there; tolerances are shared by all blocks and come 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -33,6 +33,23 @@ if TYPE_CHECKING:
 _FREE = 1e-9  # of a free column's energy: what is left of it
 
 
+class Departures(NamedTuple):
+    """What the data say of the tolerances, in sigmas.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (tolerance, ...)
+        Without an effect.
+    slopes : ndarray, shape (tolerance, column)
+        By which it is less for each column in the data.
+    variance : ndarray, shape (tolerance,)
+    """
+
+    mean: Array
+    slopes: Array
+    variance: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Reduced:
     """Candidates in the metric of noise, unknowns, form and tolerances, at one error of form.
@@ -44,6 +61,7 @@ class Reduced:
         Of the residual.
     log_evidence : float
         Of no effect, less what all sizes of form have in common.
+    departures : Departures
     tolerance_rows : ndarray, optional
         Of `System.tolerance_rows`, where these were made on the way.
     """
@@ -51,6 +69,7 @@ class Reduced:
     G: Array
     g: Array
     log_evidence: float
+    departures: Departures
     tolerance_rows: Array | None = None
 
     def own(self, layout: Sequence[NDArray[np.intp]]) -> list[Array]:
@@ -68,11 +87,26 @@ class Reduced:
         across, projected = across / size[:, None], projected / size
         own = own / size[:, None] / size + _FREE * np.eye(len(own))
         solved = np.linalg.solve(own, np.concatenate([across, projected[:, None]], axis=1))
+        mean, slopes, variance = self.departures
+        moved = slopes @ (directions / size[:, None]).T
         return Reduced(
             self.G - across.T @ solved[:, :-1],
             self.g - across.T @ solved[:, -1],
             self.log_evidence + 0.5 * float(projected @ solved[:, -1]),
+            Departures(
+                mean - moved @ solved[:, -1],
+                slopes - moved @ solved[:, :-1],
+                variance + (moved * np.linalg.solve(own, moved.T).T).sum(axis=1),
+            ),
         )
+
+    def given(self, weights: Array) -> Reduced:
+        """Return what is left once some weights of columns are known to be in the data."""
+        moved = self.G @ weights
+        log = self.log_evidence + float(weights @ self.g - 0.5 * weights @ moved)
+        known = self.departures
+        known = known._replace(mean=known.mean - known.slopes @ weights)
+        return Reduced(self.G, self.g - moved, log, known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,12 +120,14 @@ class OwnProducts:
     g : ndarray, shape (column,)
         Of the residual, of all candidates.
     log_evidence : float
+    departures : Departures
         As in `Reduced`.
     """
 
     products: list[Array]
     g: Array
     log_evidence: float
+    departures: Departures
 
     def own(self, layout: Sequence[NDArray[np.intp]]) -> list[Array]:
         """Return `products`; `layout`, columns of shape (candidate, column), is what they were made for."""
@@ -107,12 +143,14 @@ class About(NamedTuple):
         Sigmas.
     acting : sequence of (int, Estimate)
         Candidates with their sizes.
+    form_error : Form
     misfit : float
         Nats by which data and tolerances are unlikely there, but for a constant.
     """
 
     tolerances: Array
     acting: Sequence[tuple[int, Estimate]]
+    form_error: Form
     misfit: float
 
 
@@ -170,14 +208,49 @@ class System:
         own = self.places(candidates) if len(candidates) else np.zeros(0, dtype=np.intp)
         kept = np.concatenate([own, np.arange(self.columns, len(self.blocks[0].gram))])
         blocks = [replace(b, gram=b.gram[np.ix_(kept, kept)], form=b.form[:, kept]) for b in self.blocks]
-        return replace(self, candidates=[self.candidates[i] for i in candidates], blocks=blocks, _reduced={})
+        few = [self.candidates[i] for i in candidates]
+        return replace(self, candidates=few, blocks=blocks, about=self._about_only(candidates), _reduced={})
 
-    def held(self, departures: Mapping[int, float]) -> System:
-        """Return the stack with some tolerances, by place, known to depart by so many sigmas."""
+    def _about_only(self, candidates: Sequence[int]) -> About | None:
+        """Return where lines were made straight, effects by their places among some candidates."""
+        if self.about is None:
+            return None
+        at = {i: k for k, i in enumerate(candidates)}
+        return self.about._replace(acting=[(at[i], e) for i, e in self.about.acting if i in at])
+
+    def own_tolerances(self, candidates: Iterable[int]) -> list[int]:
+        """Return the places of tolerances that are of some candidates' parameters."""
+        names = {self.candidates[i].tolerance for i in candidates}
+        return [k for k, name in enumerate(self.tolerances) if name in names]
+
+    @property
+    def asked(self) -> Array:
+        """Departures of the tolerances, in sigmas, where lines were made straight, shape (tolerance,)."""
+        return np.zeros(len(self.tolerances)) if self.about is None else self.about.tolerances
+
+    def asked_together(self, candidate: int) -> Array:
+        """Return what was asked of a scalar's parameter for its tolerance, shape (column,).
+
+        As weights of its columns: those of all that was asked of it, less those of its own size.
+        """
+        c = self.candidates[candidate]
+        departure = self.asked[self.tolerances.index(c.tolerance)]
+        acting = {} if self.about is None else {i: float(e.size[0]) for i, e in self.about.acting}
+        size = acting.get(candidate, 0.0)
+        own = c.weights(size) if size else 0.0
+        return c.weights(size + departure * c.spread) - own
+
+    def held(self, departures: Mapping[int, float], weights: Array | None = None) -> System:
+        """Return the stack with some tolerances, by place, known to depart by so many sigmas.
+
+        And with some weights of candidates' columns added to the data.
+        """
         if not departures:
             return self
         at = self.columns + np.array(list(departures), dtype=np.intp)
         sigmas = np.array(list(departures.values()))
+        if weights is not None:
+            at, sigmas = np.concatenate([np.arange(self.columns), at]), np.concatenate([-weights, sigmas])
         names = tuple(n for k, n in enumerate(self.tolerances) if k not in departures)
         blocks = []
         for b in self.blocks:
@@ -185,9 +258,12 @@ class System:
             form[:, last] -= form[:, at] @ sigmas
             gram[last] -= sigmas @ gram[at]
             gram[:, last] -= gram[:, at] @ sigmas
-            kept = np.delete(np.arange(len(gram)), at)
+            kept = np.delete(np.arange(len(gram)), self.columns + np.array(list(departures)))
             blocks.append(replace(b, gram=gram[np.ix_(kept, kept)], form=form[:, kept]))
-        return replace(self, tolerances=names, blocks=blocks, _reduced={})
+        about = self.about
+        if about is not None:
+            about = about._replace(tolerances=np.delete(about.tolerances, list(departures)))
+        return replace(self, tolerances=names, blocks=blocks, about=about, _reduced={})
 
     def inside(self, form_error: Form) -> tuple[NDArray[np.intp], Array]:
         """Return which products an error of form needs, of ``[X, T, A, r]``, and how large each column is.
@@ -217,7 +293,9 @@ class System:
             return made.tolerance_rows
         return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks], self.columns)[0]
 
-    def likeliest_tolerances(self, rows: Array, weights: Array | None = None) -> Array:
+    def likeliest_tolerances(
+        self, rows: Array, weights: Array | None = None, without: Sequence[int] = ()
+    ) -> Array:
         """Return the likeliest departures of the tolerances, in sigmas, shape (tolerance,).
 
         Parameters
@@ -226,11 +304,37 @@ class System:
             Inner products at an error of form, of `tolerance_rows`.
         weights : ndarray, shape (column,), optional
             Of the candidates' columns, of what is in the data besides.
+        without : sequence of int
+            Tolerances, by place, that do not depart.
         """
         n, rows = self.columns, rows[:-1]
         left = rows[:, -1] if weights is None else rows[:, -1] - rows[:, :n] @ weights
-        found = cho_solve(cho_factor(np.eye(len(rows)) + rows[:, n:-1]), left)
+        free = np.delete(np.arange(len(rows)), list(without))
+        found = np.zeros(len(rows))
+        inside = np.eye(free.size) + rows[:, n:-1][np.ix_(free, free)]
+        found[free] = cho_solve(cho_factor(inside), left[free])
         return found[: len(self.tolerances)]
+
+    def misfit(self, form_error: Form, tolerances: Array, weights: Array) -> float:
+        """Return minus the log density of data and tolerances at some sizes, but for a constant.
+
+        Offsets of records and errors of form are as is likeliest there.
+
+        Parameters
+        ----------
+        form_error : Form
+        tolerances : ndarray, shape (tolerance,)
+            Sigmas.
+        weights : ndarray, shape (column,)
+            Of the candidates' columns.
+        """
+        gram, gone = self.gram(form_error), np.concatenate([weights, tolerances])
+        n = gone.size
+        left = gram[:, -1] - gram[:, :n] @ gone
+        alike = left[n:-1]
+        energy = left[-1] - gone @ left[:n]
+        energy -= alike @ np.linalg.solve(np.eye(alike.size) + gram[n:-1, n:-1], alike)
+        return 0.5 * float(energy + tolerances @ tolerances)
 
     def reduced(self, form_error: Form) -> Reduced:
         """Return the small matrices at one error of form, made once."""
@@ -239,8 +343,9 @@ class System:
             gram, determinant = self._rows(form_error, taken, 0)
             n = self.columns
             rows = gram[n:].copy()  # a view would keep all of it
-            across, g, log_evidence = _without_tolerances(rows, determinant, n)
-            self._reduced[form_error] = Reduced(gram[:n, :n] - across.T @ across, g, log_evidence, rows)
+            across, g, log_evidence, known = self._without_tolerances(rows, determinant)
+            G = gram[:n, :n] - across.T @ across
+            self._reduced[form_error] = Reduced(G, g, log_evidence, known, rows)
         return self._reduced[form_error]
 
     def own_products(self, form_error: Form, layout: Sequence[NDArray[np.intp]]) -> OwnProducts:
@@ -256,15 +361,15 @@ class System:
         """
         if form_error in self._reduced:
             reduced = self.reduced(form_error)
-            return OwnProducts(reduced.own(layout), reduced.g, reduced.log_evidence)
+            return OwnProducts(reduced.own(layout), reduced.g, reduced.log_evidence, reduced.departures)
         taken = [b.taken(form_error.loads) for b in self.blocks]
         rows, determinant = self._rows(form_error, taken, self.columns)
-        across, g, log_evidence = _without_tolerances(rows, determinant, self.columns)
+        across, g, log_evidence, known = self._without_tolerances(rows, determinant)
         own = []
         for c in layout:
             products = self._before_form[c[:, :, None], c[:, None, :]]
             own.append(products - sum(_squared(t, c) for t, _ in taken) - _squared(across, c))
-        return OwnProducts(own, g, log_evidence)
+        return OwnProducts(own, g, log_evidence, known)
 
     def beside(self, directions: Array) -> System:
         """Return the stack without candidates, some effects one more kind of tolerances.
@@ -348,6 +453,34 @@ class System:
         whole *= size[first:, None] * size
         return whole, sum(half for _, half in taken) - form_error.log_prior
 
+    def _without_tolerances(self, rows: Array, determinant: float) -> tuple[Array, Array, float, Departures]:
+        """Integrate out tolerances of one sigma each.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (tolerance + 1, column + tolerance + 1)
+            Inner products of the tolerances and the residual, the last, with ``[X, T, r]``; shared errors of
+            form are among the tolerances.
+        determinant : float
+            Of what was integrated out before.
+
+        Returns
+        -------
+        across : ndarray, shape (tolerance, column)
+            Its square is what the candidates' inner products lose.
+        g : ndarray, shape (column,)
+        log_evidence : float
+        departures : Departures
+        """
+        n = self.columns
+        inside, last = rows[:-1, n:-1], rows[-1]
+        inverse, half = rooted(inside)
+        across, own = inverse @ rows[:-1, :n], inverse @ rows[:-1, -1]
+        energy = float(last[-1] - own @ own)
+        stated = inverse[:, : len(self.tolerances)]
+        known = Departures(stated.T @ own, stated.T @ across, (stated**2).sum(axis=0))
+        return across, last[:n] - across.T @ own, -0.5 * energy - determinant - half, known
+
 
 def _moved(gram: Array, form: Array, directions: Array, n: int) -> dict[str, Array]:
     """Return inner products where directions of the first n columns stand in place of these."""
@@ -365,29 +498,3 @@ def _squared(rows: Array, columns: NDArray[np.intp]) -> Array:
     """Return inner products of some columns of rows, shape (candidate, column, column)."""
     each = rows.T[columns]  # (candidate, column, row)
     return each @ each.transpose(0, 2, 1)
-
-
-def _without_tolerances(rows: Array, determinant: float, n: int) -> tuple[Array, Array, float]:
-    """Integrate out tolerances of one sigma each.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (tolerance + 1, n + tolerance + 1)
-        Inner products of the tolerances and the residual, the last, with ``[X, T, r]``.
-    determinant : float
-        Of what was integrated out before.
-    n : int
-        Columns of candidates.
-
-    Returns
-    -------
-    across : ndarray, shape (tolerance, n)
-        Its square is what the candidates' inner products lose.
-    g : ndarray, shape (n,)
-    log_evidence : float
-    """
-    inside, last = rows[:-1, n:-1], rows[-1]
-    inverse, half = rooted(inside)
-    across, own = inverse @ rows[:-1, :n], inverse @ rows[:-1, -1]
-    energy = float(last[-1] - own @ own)
-    return across, last[:n] - across.T @ own, -0.5 * energy - determinant - half

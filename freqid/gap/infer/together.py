@@ -14,7 +14,7 @@ from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import Estimate, weights_of
 from freqid.gap.infer.system import System
 from freqid.gap.model.candidate import OTHER
-from freqid.gap.model.changes import acts_on, as_moved, beside, change_together
+from freqid.gap.model.changes import as_moved, beside, change_together
 from freqid.gap.model.testable import in_force_of, route_of
 from freqid.gap.model.tolerance import of_effects, offsets_of
 from freqid.gap.simulation import Simulation
@@ -115,7 +115,7 @@ class Point:
             elif c.effect in library:
                 effect = library[c.effect].of(vehicle)
                 route = route_of(effect, simulation)
-                seen_through = route == "act" and bool(trial.acting or trial.inside)
+                seen_through = route == "act" and trial.acts
                 if not seen_through and (route not in _MADE_TOGETHER or effect.stage == "command"):
                     continue
                 if route == "load" and not bodies:
@@ -163,14 +163,18 @@ class Point:
         that of accelerometers, would seem the likelier for it.
         """
         before = block.plain
-        there = self._departed(before)
-        late = [one for one in self.effects if acts_on(one[0], before) == "positions"]
-        moved = {n: x - before.positions[n] for n, x in beside(late, there).positions.items()}
+        late = [one for one in self.effects if route_of(one[0], before.simulation) == "act"]
+        there = beside(late, self._departed(before))
+        moved = {n: x - before.positions[n] for n, x in there.positions.items()}
         whole = before.rows(there.predicted - before.predicted, moved)
         sensors = [one for one in self.effects if route_of(one[0], there.simulation) == "distort"]
-        whole = whole + change_together([o for o in self.effects if o not in late + sensors], there)
         if sensors or self.channels:
-            whole = whole + change_together(sensors, self._departed(block.as_logged), self.channels)
+            logged = beside(late, self._departed(block.as_logged))
+            whole = whole + change_together(sensors, logged, self.channels)
+        others = [one for one in self.effects if one not in late + sensors]
+        if others:
+            there = there.flown_as(as_moved(sensors, there, self.channels))
+            whole = whole + change_together(others, there)
         return block.transform(whole)
 
 

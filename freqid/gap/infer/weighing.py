@@ -54,14 +54,14 @@ class Scalars:
         ----------
         G : ndarray, shape (candidate, column, column)
             Inner products of each candidate's columns.
-        g : ndarray, shape (column of all candidates, draw)
+        g : ndarray, shape (candidate, column, draw)
         """
-        few = max(_AT_ONCE // (self.weights.shape[1] * g.shape[1]), 1)
+        few = max(_AT_ONCE // (self.weights.shape[1] * g.shape[2]), 1)
         if few < len(self.candidates):
             parts = [slice(k, k + few) for k in range(0, len(self.candidates), few)]
-            return np.concatenate([self._some(part).factors(G[part], g) for part in parts])
+            return np.concatenate([self._some(part).factors(G[part], g[part]) for part in parts])
         w, cells = self.weights, self.cells
-        ends = w @ g[self.columns] - 0.5 * ((w @ G) * w).sum(axis=2)[:, :, None]
+        ends = w @ g - 0.5 * ((w @ G) * w).sum(axis=2)[:, :, None]
         top = ends.max(axis=1)
         step = w[:, 1:] - w[:, :-1]
         curve = ((step @ G) * step).sum(axis=2)
@@ -124,9 +124,20 @@ class Weighing:
         return [i for i, c in enumerate(self.system.candidates) if c.kind == "vector"]
 
     @cached_property
+    def own_tolerance(self) -> Index:
+        """Place of each candidate's own tolerance, -1 where there is none; shape (candidate,)."""
+        at = {name: k for k, name in enumerate(self.system.tolerances)}
+        own = [at.get(c.tolerance, -1) if c.spread else -1 for c in self.system.candidates]
+        return np.array(own, dtype=np.intp)
+
+    @cached_property
     def weights(self) -> list[Array]:
-        """Of each scalar's columns at each size of its prior, shape (size, column)."""
-        return [c.weights(c.prior) for c in map(self._candidate, self.scalars)]
+        """Of each scalar's columns at equally likely sizes, shape (size, column).
+
+        Where its parameter has a tolerance, at those of both together.
+        """
+        of = self.system.candidates
+        return [of[i].at_prior if self.own_tolerance[i] < 0 else of[i].at_sums for i in self.scalars]
 
     @cached_property
     def alike(self) -> list[Scalars]:
@@ -154,30 +165,86 @@ class Weighing:
         """Return what `by_place` needs of the system at an error of form."""
         return self.system.own_products(form_error, self.layout)
 
-    def by_place(self, reduced: Reduced | OwnProducts, g: Array) -> Array:
+    def by_place(self, reduced: Reduced | OwnProducts, g: Array, mean: Array) -> Array:
         """Return log Bayes factors of every candidate against no effect, shape (candidate, draw).
+
+        A tolerance of the same parameter only adds to the size of an effect: what both make is that of their
+        sum. So sums are weighed, that tolerance held where it was asked for. Beside it, a tolerance of some
+        sigmas the other way would leave what bends of a large size, as a change that nothing makes.
 
         Parameters
         ----------
         reduced : Reduced or OwnProducts
             Whose inner products are used.
         g : ndarray, shape (column, draw)
+        mean : ndarray, shape (tolerance, draw)
+            What the data say of the tolerances where there is no effect.
         """
         found = np.empty((len(self.system.candidates), g.shape[1]))
         own = reduced.own(self.layout)
         for one, G in zip(self.alike, own, strict=False):
-            found[list(one.candidates)] = one.factors(G, g)
+            G, there, log = self._held(one.candidates, one.columns, G, g[one.columns], mean, reduced)
+            found[list(one.candidates)] = one.factors(G, there) + log
         for i, G in zip(self.vectors, own[len(self.alike) :], strict=True):
             found[i] = _of_vector(self._candidate(i).prior, G[0], g[self.system.columns_of(i)])
         return found
 
-    def of_place(self, index: int, reduced: Reduced, g: Array) -> float:
-        """Return the log Bayes factor of one candidate against no effect; `g` of shape (column,)."""
-        at = self.system.columns_of(index)
-        G = reduced.G[at, at]
+    def of_place(self, index: int, reduced: Reduced) -> float:
+        """Return the log Bayes factor of one candidate against no effect."""
+        G, g, log = self.alone(index, reduced)
         if self._candidate(index).kind == "vector":
-            return float(_of_vector(self._candidate(index).prior, G, g[at, None])[0])
-        return float(self._together([self.scalars.index(index)]).factors(G[None], g[:, None])[0, 0])
+            return float(_of_vector(self._candidate(index).prior, G, g[:, None])[0])
+        one = self._together([self.scalars.index(index)])
+        return float(one.factors(G[None], g[None, :, None])[0, 0]) + log
+
+    def alone(self, index: int, reduced: Reduced) -> tuple[Array, Array, float]:
+        """Return inner products of one candidate, of it with the residual, and a log likelihood ratio.
+
+        Of a scalar, for its sum with the tolerance of its parameter; the ratio is that of holding this.
+        """
+        columns = self._columns(index)[None]
+        G, g = reduced.G[columns[0][:, None], columns[0]], reduced.g[columns[0]]
+        if self._candidate(index).kind == "vector":
+            return G, g, 0.0
+        mean = reduced.departures.mean[:, None]
+        G, g, log = self._held((index,), columns, G[None], g[None, :, None], mean, reduced)
+        return G[0], g[0, :, 0], float(log[0, 0])
+
+    def _held(
+        self,
+        candidates: Sequence[int],
+        columns: Index,
+        G: Array,
+        g: Array,
+        mean: Array,
+        reduced: Reduced | OwnProducts,
+    ) -> tuple[Array, Array, Array]:
+        """Return G and g of candidates whose own tolerances are held, and log likelihood ratios.
+
+        Of a tolerance t with the density N(mean - slopes w, variance) once the data are known, and N(0, 1)
+        before, the ratio of both is how much likelier the data are at that t than with it integrated out. It
+        is held where lines were made straight: there the line of the tolerance is right, and the effect makes
+        what it makes at a size beyond what it makes at that one (`System.asked_together`).
+        """
+        k = self.own_tolerance[list(candidates)]
+        held = np.flatnonzero(k >= 0)
+        log = np.zeros((len(k), g.shape[2]))
+        if not held.size:
+            return G, g, log
+        known, k = reduced.departures, k[held]
+        root = np.sqrt(known.variance[k])
+        slopes = known.slopes[k[:, None], columns[held]] / root[:, None]
+        asked = self.system.asked[k]
+        there = (mean[k] - asked[:, None]) / root[:, None]
+        G, g = G.copy(), g.copy()
+        G[held] += slopes[:, :, None] * slopes[:, None, :]
+        g[held] += slopes[:, :, None] * there[:, None, :]
+        log[held] = 0.5 * (asked**2)[:, None] - 0.5 * there**2 - np.log(root)[:, None]
+        for n in held[asked != 0]:
+            base = self.system.asked_together(candidates[n])
+            log[n] -= base @ g[n] + 0.5 * base @ G[n] @ base
+            g[n] += (G[n] @ base)[:, None]
+        return G, g, log
 
     def by_effect(self, places: Array) -> Array:
         """Return log Bayes factors of effects, their prior shared by their places, shape (effect, ...)."""
@@ -200,11 +267,12 @@ class Weighing:
         """Return some of the scalars, all of one shape."""
         indices = [self.scalars[k] for k in places]
         priors = np.array([self._candidate(i).prior for i in indices])
+        summed = self.own_tolerance[indices] >= 0  # of these zero is a size like others
         return Scalars(
             tuple(indices),
             np.array([self._columns(i) for i in indices]),
             np.array([self.weights[k] for k in places]),
-            np.sign(priors[:, 1:]) == np.sign(priors[:, :-1]),
+            (np.sign(priors[:, 1:]) == np.sign(priors[:, :-1])) | summed[:, None],
         )
 
 

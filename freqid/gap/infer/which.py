@@ -119,8 +119,9 @@ def detectable_sizes(evidence: Evidence, threshold: float) -> dict[str, tuple[fl
     needed = threshold + np.log(len(weighing.effects))
     found: dict[str, tuple[float, float, str]] = {}
     whole = {c.effect for c in system.candidates if not c.place.label}
-    for i, weights in zip(weighing.scalars, weighing.weights, strict=True):
+    for i in weighing.scalars:
         c, at = system.candidates[i], system.columns_of(i)
+        weights = c.at_prior
         if c.effect in whole and c.place.label:
             continue
         places = np.log(len(weighing.places_of(c.effect)))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import inf
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
+from scipy.special import ndtr
 
 from freqid.core.arrays import Array, Complex
 
@@ -17,6 +19,7 @@ OTHER = "other"
 """What no effect of the library explains: free changes of the simulation's terms, and its own parameters
 beyond their tolerances."""
 
+_TAIL, _POINTS = 4.0, 33  # sigmas up to which a tolerance is followed, and at how many sizes
 _ABOUT = (0.75, 1.3)  # shares of an estimated size: those that `refined` computes lie between
 
 
@@ -98,6 +101,8 @@ class Candidate:
         Effects that act on what it makes: sizes near `about` change by as much as they do with these.
     about : float
         Its size in an explanation.
+    spread : float
+        One sigma of the tolerance of the same parameter, in the same unit.
     """
 
     effect: str
@@ -113,6 +118,7 @@ class Candidate:
     beside: tuple[tuple[str, dict[str, float]], ...] = ()
     after: tuple[tuple[str, dict[str, float]], ...] = ()
     about: float = 0.0
+    spread: float = 0.0
 
     @property
     def name(self) -> str:
@@ -126,6 +132,20 @@ class Candidate:
             return ""
         own = self.place.parameters[0]
         return own if self.effect == OTHER else f"{self.effect}.{own}"
+
+    @cached_property
+    def at_prior(self) -> Array:
+        """Weights of a scalar's columns at each size of its prior, shape (size, column)."""
+        return self.weights(self.prior)
+
+    @cached_property
+    def at_sums(self) -> Array:
+        """The same at sizes between which the sum of effect and tolerance is equally likely, ascending."""
+        if not self.spread:
+            return self.at_prior
+        grid = np.unique(self.prior[:, None] + self.spread * np.linspace(-_TAIL, _TAIL, _POINTS))
+        below = ndtr((grid[:, None] - self.prior) / self.spread).mean(axis=1)
+        return self.weights(np.interp((np.arange(self.prior.size) + 0.5) / self.prior.size, below, grid))
 
     def weights(self, size: float | Array) -> Array:
         """Return the weights of a scalar's columns at a size: smooth between sizes, and to zero.

@@ -276,6 +276,23 @@ def of_effects(
             yield key, effect, name, size
 
 
+def one_sigmas(
+    blocks: Sequence[Block], library: Mapping[str, Effect], sizes: Mapping[str, float]
+) -> dict[str, float]:
+    """Return one sigma of each tolerance, the simulation's own parameters among them.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+    library : dict of Effect
+    sizes : dict of float
+        One sigma by name, where it is stated.
+    """
+    own = blocks[0].trial.simulation.tolerances
+    found = {n: sizes.get(n, t.sigma) for n, t in own.items()}
+    return found | {key: size for b in blocks for key, _, _, size in of_effects(b.trial, library, sizes)}
+
+
 def by_clock(dt: float) -> float:
     """Return one sigma of the time at which a channel was taken, anywhere within a sample, s."""
     return dt / 12**0.5

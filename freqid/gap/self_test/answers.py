@@ -19,7 +19,7 @@ from freqid.core.arrays import Array
 from freqid.core.results.gap_self_test import SEVERAL
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.evidence import NONE, Evidence
-from freqid.gap.infer.null_draws import drawn_from_posterior
+from freqid.gap.infer.null_draws import Drawn, drawn_from_posterior
 from freqid.gap.infer.system import Reduced, System
 from freqid.gap.infer.weighing import Weighing
 from freqid.gap.infer.which import Ranking, probability_of_none, rank
@@ -28,7 +28,7 @@ from freqid.gap.settings import INTERVAL, NAMED, TEMPERATURE
 
 Index = Sequence[int] | NDArray[np.intp]
 
-Data = dict[Form, tuple[Array, Array]]
+Data = dict[Form, Drawn]
 """By error of form: products with all columns, (column, draw), and log evidence of no effect, (draw,)."""
 
 
@@ -106,7 +106,7 @@ class DrawnData:
     @property
     def count(self) -> int:
         """Number of draws."""
-        return len(next(iter(self.data.values()))[1])
+        return next(iter(self.data.values())).none.size
 
     def with_effect(self, weights: Array, at: Index, rows: Index | None = None) -> Data:
         """Return some draws with columns added to the data, as every error of form sees them.
@@ -123,12 +123,17 @@ class DrawnData:
         w, draws = weights[added], np.asarray(at)
         wanted = np.arange(len(weights)) if rows is None else np.asarray(rows)
         found: Data = {}
-        for f, (g, log) in self.data.items():
-            G = self.system.reduced(f).G
+        for f, (g, log, mean) in self.data.items():
+            reduced = self.system.reduced(f)
+            G, slopes = reduced.G, reduced.departures.slopes[:, added]
             more = G[wanted[:, None], added] @ w
             # up to a constant in f, the log evidence is -r' C^-1 r / 2, with r' C^-1 x the products in g
             less = w @ g[added[:, None], draws] + 0.5 * float(w @ G[added[:, None], added] @ w)
-            found[f] = (g[wanted[:, None], draws] + more[:, None], log[draws] - less)
+            found[f] = Drawn(
+                g[wanted[:, None], draws] + more[:, None],
+                log[draws] - less,
+                mean[:, draws] + (slopes @ w)[:, None],
+            )
         return found
 
 
@@ -155,8 +160,8 @@ class Weighed:
         """Weigh drawn data by every candidate."""
         system, weighing = evidence.system, evidence.weighing
         n, sizes = system.columns, system.form_errors
-        places = np.array([weighing.by_place(system.reduced(f), data[f][0][:n]) for f in sizes])
-        return cls(evidence, data, places, np.array([data[f][1] for f in sizes]))
+        places = np.array([weighing.by_place(system.reduced(f), data[f].g[:n], data[f].mean) for f in sizes])
+        return cls(evidence, data, places, np.array([data[f].none for f in sizes]))
 
     def effects(self) -> Array:
         """Return log Bayes factors of effects, the error of form integrated out, shape (effect, draw)."""
@@ -174,8 +179,9 @@ class Weighed:
         reduced = {}
         for i, f in enumerate(system.form_errors):
             r = system.reduced(f)
-            g = self.data[f][0][: system.columns, k]
-            reduced[f] = Reduced(r.G, g, float(self.none[i, k]))
+            one = self.data[f]
+            known = r.departures._replace(mean=one.mean[:, k])
+            reduced[f] = Reduced(r.G, one.g[: system.columns, k], float(self.none[i, k]), known)
         return Evidence(Weighing(replace(system, _reduced=reduced)), self.none[:, k], self.places[:, :, k])
 
     def without(self, effect: str) -> Weighed:
@@ -183,7 +189,7 @@ class Weighed:
         system = self.evidence.system
         left = [i for i, c in enumerate(system.candidates) if c.effect != effect]
         at = system.places(left)
-        data = {f: (g[at], log) for f, (g, log) in self.data.items()}
+        data = {f: one._replace(g=one.g[at]) for f, one in self.data.items()}
         return Weighed(only_candidates(self.evidence, left), data, self.places[:, left], self.none)
 
 
@@ -194,9 +200,9 @@ def only_candidates(evidence: Evidence, left: Sequence[int]) -> Evidence:
     reduced = {}
     for f in system.form_errors:
         r = system.reduced(f)
-        reduced[f] = Reduced(r.G[np.ix_(at, at)], r.g[at], r.log_evidence)
-    # products before tolerances keep all columns: nothing here asks for them
-    here = replace(system, candidates=[system.candidates[i] for i in left], _reduced=reduced)
+        known = r.departures._replace(slopes=r.departures.slopes[:, at])
+        reduced[f] = Reduced(r.G[np.ix_(at, at)], r.g[at], r.log_evidence, known)
+    here = replace(system.of(left), _reduced=reduced)
     return Evidence(Weighing(here), evidence.none, evidence.places[:, left])
 
 

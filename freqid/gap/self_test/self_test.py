@@ -29,7 +29,7 @@ from freqid.core.results.gap_self_test import (
 )
 from freqid.gap.diagnose import Findings
 from freqid.gap.infer.evidence import NONE
-from freqid.gap.infer.null_draws import threshold_of
+from freqid.gap.infer.null_draws import Drawn, threshold_of
 from freqid.gap.model.candidate import OTHER
 from freqid.gap.self_test.answers import Answer, DrawnData, Weighed, answers
 from freqid.gap.self_test.insertions import Inserted, insert
@@ -154,7 +154,7 @@ def _weighed(
         own = at[[d for d, w in enumerate(which) if w == k]]
         parts.append(pool.with_effect(inserted.insertions[k].weights, own))
     data = {
-        f: (np.concatenate([p[f][0] for p in parts], axis=1), np.concatenate([p[f][1] for p in parts]))
+        f: Drawn(*(np.concatenate(each, axis=-1) for each in zip(*(p[f] for p in parts), strict=True)))
         for f in parts[0]
     }
     return Weighed.of(findings.evidence, data), sorted(which, key=each.index)

@@ -65,6 +65,8 @@ class Trial:
         What acts inside the actuators' loops: the simulation computes it.
     bare : Trial, optional
         The same without any of that; None where nothing acts.
+    felt : bool
+        Whether the airframe feels other positions of effectors than were measured.
     followed : dict of ndarray
         Movement of actuators that the manoeuvre's effectors lack: what they followed of the commands' noise.
     """
@@ -81,6 +83,7 @@ class Trial:
     acting: tuple[Act, ...] = ()
     inside: tuple[Inside, ...] = ()
     bare: Trial | None = None
+    felt: bool = False
     followed: Mapping[str, Array] = field(default_factory=dict)
 
     @classmethod
@@ -203,8 +206,8 @@ class Trial:
         channels = [replace(record.channel(n), values=record[n] + x) for n, x in moved.items()]
         felt = replace(self.maneuver, record=record.with_channels(*channels))
         if self.quick:
-            return replace(self, maneuver=felt, predicted=self.simulation.predict(felt.record))
-        new = replace(self, maneuver=felt, predicted=self.predicted + self.moved(moved))
+            return replace(self, maneuver=felt, predicted=self.simulation.predict(felt.record), felt=True)
+        new = replace(self, maneuver=felt, predicted=self.predicted + self.moved(moved), felt=True)
         new.__dict__["gradient"] = self.gradient
         return new
 
@@ -298,6 +301,11 @@ class Trial:
         It is `measured`, but where the airframe feels other positions than the log holds: see `felt_through`.
         """
         return self.measured_on(self.maneuver)
+
+    @property
+    def acts(self) -> bool:
+        """Whether an effect is in force between command and airframe besides the simulation."""
+        return bool(self.acting or self.inside or self.felt)
 
     @property
     def quick(self) -> bool:

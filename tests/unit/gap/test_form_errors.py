@@ -181,7 +181,7 @@ def test_a_second_effect_that_hides_in_the_form_of_several_rows_is_found_beside_
     forms = forms_beside(system, ROWS[:3], [np.array([[1.0, 0.0]]), np.eye(2)])
     assert forms[0] == hidden
     left = {f: system.reduced(f).freed(np.array([[1.0, 0.0]])) for f in forms}
-    second = {f: x.log_evidence + float(Weighing(system).of_place(1, x, x.g)) for f, x in left.items()}
+    second = {f: x.log_evidence + Weighing(system).of_place(1, x) for f, x in left.items()}
     assert max(max(second, key=second.get).loads) <= UNSEEN
     assert max(second.values()) - max(x.log_evidence for x in left.values()) > SEPARATE
     known = second[hidden] - left[hidden].log_evidence

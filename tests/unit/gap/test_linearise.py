@@ -115,15 +115,7 @@ def alike(one, other):
     return abs(one @ other) / np.sqrt((one @ one) * (other @ other))
 
 
-@pytest.mark.parametrize(
-    "more",
-    [
-        0.0,
-        pytest.param(
-            0.15, marks=pytest.mark.xfail(reason="inertia is asked on the late motion", strict=True)
-        ),
-    ],
-)
+@pytest.mark.parametrize("more", [0.0, 0.15])
 def test_what_late_gyros_and_another_inertia_make_together_is_undone(more):
     """Moments of inertia act on the motion as it was, not on the late one."""
     flown = fly(noise=0.1, seed=4, phases=2, duration=40.0)

@@ -39,11 +39,11 @@ def test_every_effect_is_answered_in_every_stratum(tested, library):
 
 
 def test_of_a_gap_that_was_called_the_columns_are_still_those_of_the_evidence(diagnosed, library):
-    """Once it is named, an effect is computed at more sizes: that is another stack."""
+    """Once it is named, an effect is computed near its size: that is another stack."""
     found = diagnosed(late=("p_dps", "q_dps", "r_dps"), samples=3)
     assert found.diagnosis.which.named == ("time_skew",)
     assert all(len(c.effects) == found.evidence.system.columns for c in found.columns)
-    assert found.system.columns != found.evidence.system.columns
+    assert found.system is not found.evidence.system
     assert self_test(found, library, draws=5).strata[-1].detected.share == 1.0
 
 

@@ -21,7 +21,7 @@ from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate, weigh
 from freqid.gap.infer.explain import Computed, Explanation, explain, likeliest
 from freqid.gap.infer.joint_replay import about_explanation, about_single
 from freqid.gap.infer.joint_sizes import form_beside, joint_estimates
-from freqid.gap.infer.linearise import likelier_without, likeliest_departures, settled
+from freqid.gap.infer.linearise import likeliest_departures, settled, settled_beside_none
 from freqid.gap.infer.null_draws import null_statistics, threshold_of
 from freqid.gap.infer.system import System
 from freqid.gap.infer.where import gap_map
@@ -162,10 +162,10 @@ def diagnose(
             raise UsageError(f"effect '{name}' cannot be tested here: {not_tested[name]}")
     tell("weighing effects")
     form_error = weigh(system).form_error()
-    system, columns, used = settled(system, columns, used, q.candidates, q.tolerances, form_error)
-    evidence = weigh(system)
-    without = likelier_without(system, columns, used, q.candidates, q.tolerances, form_error)
-    evidence = replace(evidence, without=without)  # asked here alone: later ones stand on other lines
+    system, columns, used, without = settled_beside_none(
+        system, columns, used, q.candidates, q.tolerances, form_error
+    )
+    evidence = replace(weigh(system), without=without)  # asked here alone: later ones stand on other lines
     null = null_statistics(evidence, q.draws, q.seed)
     drawn = float((1 + (null >= evidence.statistic).sum()) / (1 + null.size))
     p_none = probability_of_none(evidence)

@@ -95,11 +95,10 @@ def about_explanation(
         c = system.candidates[acts[0][0]]
         if refined(c, float(acts[0][1].size[0]), library, blocks) is c:
             return system, list(columns)  # lines are drawn about it already
-    if not (anew or others):
-        return relinearised(system, columns, flown, library, sizes, form_error, acts)[:2]
-    # a step that leads astray is halved before lines are drawn where it ends
     system, columns, _ = relinearised(system, columns, flown, library, sizes, form_error, acts)
-    assert system.about is not None
+    if not (anew or others):
+        return system, columns
+    assert system.about is not None  # where the step ends, halved where it led astray
     fitted, acts = system.about.tolerances, list(system.about.acting)
     acting = settings_of([e for _, e in acts], library, blocks[0].trial.simulation)
     flown = acted_on(blocks, acting, library)

@@ -98,7 +98,7 @@ def relinearised(
     if not _same(acted, acting):
         if free and misfit > least + SETTLED:
             places = [i for i, _ in acted]
-            acting = list(zip(places, joint_estimates(system, places), strict=True))
+            acting = list(zip(places, joint_estimates(system, places), strict=True)) if places else []
             fitted = fit(acting)
             misfit, found = tried(fitted, acting)
         else:  # there is no way back
@@ -283,28 +283,40 @@ def settled(
     return at
 
 
-def likelier_without(
+def settled_beside_none(
     system: System,
     columns: Sequence[Columns],
     blocks: Sequence[Block],
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
     form_error: Form,
-) -> float:
-    """Return the nats by which no effect is likelier than a system says whose lines have settled.
+) -> tuple[System, list[Columns], list[Block], float]:
+    """Return what `settled` returns, and the nats by which no effect is likelier than these lines say.
 
-    These are right where tolerances are likeliest *beside* its likeliest effect. Where that effect and a
+    They are right where tolerances are likeliest *beside* the likeliest effect. Where that effect and a
     tolerance do the same, as a late channel does, they are elsewhere without it: the case of no effect would
-    be judged with the errors of lines drawn far from it. So it is judged with lines of its own.
+    be judged with the errors of lines drawn far from it. So it is judged with lines of its own. Where the
+    data are likelier there than beside the effect, of which no effect is a special case, that one has settled
+    elsewhere than where it is likeliest, and begins again from there.
     """
-    if not _likeliest_alone(weigh(replace(system, form_errors=(form_error,), _reduced={}))):
-        return 0.0
+    at = settled(system, columns, blocks, library, sizes, form_error)
+    if not _likeliest_alone(weigh(replace(at[0], form_errors=(form_error,), _reduced={}))):
+        return *at, 0.0
+    alone, parts = _without_effects(system, at[1])
+    alone, _, _ = settled(alone, parts, at[2], library, sizes, form_error, [])
+    assert alone.about is not None
+    assert at[0].about is not None
+    if alone.about.misfit < at[0].about.misfit - SETTLED:
+        begun = straight(*at, library, sizes, form_error, alone.about.tolerances, [])
+        at = settled(*begun, at[2], library, sizes, form_error)
+    here, _ = _without_effects(system, at[1])
+    return *at, max(weigh(alone).log_none - weigh(here).log_none, 0.0)
+
+
+def _without_effects(system: System, columns: Sequence[Columns]) -> tuple[System, list[Columns]]:
+    """Return a system with no candidates, and its columns."""
     parts = [replace(c, effects=c.effects[:0]) for c in columns]
-    few = [c.matrices for c in parts]
-    alone = System([], system.tolerances, few, system.form_errors)
-    before = weigh(alone).log_none
-    alone, _, _ = settled(alone, parts, blocks, library, sizes, form_error, [])
-    return max(weigh(alone).log_none - before, 0.0)
+    return System([], system.tolerances, [c.matrices for c in parts], system.form_errors), parts
 
 
 def _log_evidence(system: System, acting: Acting | None) -> float:

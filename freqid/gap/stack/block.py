@@ -240,7 +240,13 @@ def _as_logged(
     sigma: Mapping[str, float],
     repeats: int,
 ) -> Trial:
-    """Return a simulation beside the motion with what the mean of so many records says beyond it."""
+    """Return a simulation beside the motion with what the mean of so many records says beyond it.
+
+    Where nothing was injected that may be gusts, whose loads are in the residual: shifted or scaled, what
+    they moved would copy them. There it stays the motion.
+    """
+    if not lines.driven.any():
+        return _thin(motion.trial_of(simulation), lines)
     flown, logged = motion.maneuver.record, motion.as_commanded(mean)
     moves = [n for n in flown.channels if n in sigma or n.startswith("effector/")]  # others follow from these
     own = {n: flown[n] for n in moves if n in logged.record}

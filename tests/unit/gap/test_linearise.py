@@ -134,6 +134,19 @@ def test_what_late_gyros_and_another_inertia_make_together_is_undone(more):
     assert np.abs(left - punctual).max() < 3
 
 
+def test_what_is_felt_late_and_logged_late_is_as_it_seems():
+    """What sensors did is seen through what acts: the sum of what each makes bends by the square of both."""
+    flown = fly(noise=0.1, seed=4, phases=2, duration=40.0)
+    (block,) = stack_of(Linear(actuators=False), [flown], ["late"], (0.1, 2.0))
+    late = [("actuator_delay", {"extra": 0.06}), ("time_skew", {"effectors": 0.06})]
+    effects = [(shipped()[n].of(flown.vehicle), x) for n, x in late]
+    each = [np.abs(block.white(Point(effects=[one]).made(block))).max() for one in effects]
+    added = block.white(sum(Point(effects=[one]).made(block) for one in effects))
+    assert min(*each, np.abs(added).max()) > 1000
+    # a shift between samples is a little less than that of the record
+    assert np.abs(block.white(Point(effects=effects).made(block))).max() < 50
+
+
 @pytest.mark.parametrize("reads", [0.72, 1.1])
 def test_gyros_of_another_scale_are_given_with_it(reads):
     """An effect is taken back as its tolerance is: tolerances alone would seem likelier than the truth."""

@@ -200,7 +200,7 @@ def test_an_effect_is_weighed_by_its_sum_with_the_tolerance_of_its_parameter(den
 def test_what_is_free_leaves_of_a_tolerance_what_a_wide_prior_leaves(dense):
     wide = 1e4 * np.eye(10)[[0, 7]]
     f = FORMS[1]
-    freed = tied(dense, 0.4).reduced(f).freed(wide / 1e4).departures
+    freed = tied(dense, 0.4).reduced(f).freed(wide / 1e4).posterior
     whole = dense.covariance(f) + (wide @ dense.columns).T @ (wide @ dense.columns)
     inverse, t = np.linalg.inv(whole), np.concatenate(dense.t, axis=1)
     assert freed.mean == pytest.approx(t @ inverse @ dense.residual, rel=1e-4)
@@ -266,8 +266,8 @@ def test_draws_have_the_moments_of_the_whole_gaussian(dense, inserted):
     inverse = {f: np.linalg.inv(dense.covariance(f)) for f in FORMS}
     half = {f: 0.5 * np.linalg.slogdet(dense.covariance(f))[1] for f in FORMS}
     for f in FORMS:
-        g, log, mean = data[f]
-        for rows, seen in ((dense.columns, g), (np.concatenate(dense.t, axis=1), mean)):
+        g, log, departures = data[f]
+        for rows, seen in ((dense.columns, g), (np.concatenate(dense.t, axis=1), departures)):
             x = rows @ inverse[f]
             expected = x @ truth @ x.T
             sigma = np.sqrt(np.diag(expected))
@@ -288,7 +288,7 @@ def test_an_effect_added_to_draws_is_one_that_was_drawn_with_them(dense):
     added = DrawnData(dense.system, bare).with_effect(weights, range(4))
     for f in FORMS:
         assert added[f].g == pytest.approx(with_it[f].g, rel=1e-8)
-        assert added[f].mean == pytest.approx(with_it[f].mean, rel=1e-8)
+        assert added[f].departures == pytest.approx(with_it[f].departures, rel=1e-8)
         between = added[f][1] - with_it[f][1] - (added[NONE][1] - with_it[NONE][1])
         assert between == pytest.approx(np.zeros(4), abs=1e-8)
 
@@ -297,8 +297,7 @@ def test_draws_are_weighed_as_data_are(dense):
     evidence = weigh(dense.system)
     each = {f: dense.system.reduced(f) for f in FORMS}
     data = {
-        f: Drawn(r.g[:, None], np.array([r.log_evidence]), r.departures.mean[:, None])
-        for f, r in each.items()
+        f: Drawn(r.g[:, None], np.array([r.log_evidence]), r.posterior.mean[:, None]) for f, r in each.items()
     }
     effects, none = effects_of(evidence, data)
     joint = logsumexp(none + effects[:, :, 0], axis=0) - logsumexp(none)

@@ -129,8 +129,7 @@ def weigh(system: System, *, once: bool = False) -> Evidence:
     for f in system.form_errors:
         own = weighing.at(f) if once else system.reduced(f)
         none.append(own.log_evidence)
-        mean = own.departures.mean[:, None]
-        places.append(weighing.by_place(own, own.g[:, None], mean)[:, 0])
+        places.append(weighing.of_data(own))
     return Evidence(weighing, np.array(none), np.array(places))
 
 

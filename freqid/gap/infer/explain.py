@@ -291,10 +291,7 @@ def _worth(system: System, explanation: Explanation, k: int) -> float:
     rivals = [i for i, c in enumerate(candidates) if c.effect == own and i != places[k]]
     few = as_sums(system, places, rivals)
     others = [(j, e) for j, e in enumerate(explanation.estimates) if places[j] != places[k]]
-    joint = [
-        left.log_evidence + few.weighing.by_place(left, left.g[:, None], left.departures.mean[:, None])[:, 0]
-        for left in _near(few, others)
-    ]
+    joint = [left.log_evidence + few.weighing.of_data(left) for left in _near(few, others)]
     every = [k % len(places), *range(len(places), len(places) + len(rivals))]
     return float(log_mean(logsumexp(joint, axis=0)[every])) - _promised(system, explanation)
 
@@ -327,14 +324,14 @@ def _near(evidence: Evidence, there: Sequence[tuple[int, Estimate]]) -> list[Red
         Candidates with their sizes.
     """
     system = evidence.system
-    given, free = np.zeros(system.columns), [np.zeros((0, system.columns))]
+    given, free = np.zeros(system.columns), []
     for i, e in there:
         at = system.columns_of(i)
         given[at] = e.weights
         free.append(np.zeros((e.size.size, system.columns)))
         free[-1][:, at] = slopes(e.candidate, e.size)
-    each = [system.reduced(f).given(given) for f in system.form_errors]
-    return [left.freed(np.concatenate(free)) if there else left for left in each]
+    freed = np.concatenate(free)
+    return [system.reduced(f).given(given).freed(freed) for f in system.form_errors]
 
 
 def _given(evidence: Evidence, places: list[int]) -> dict[str, tuple[float, int]]:
@@ -344,7 +341,7 @@ def _given(evidence: Evidence, places: list[int]) -> dict[str, tuple[float, int]
     none, by_place = [], []
     for left in _near(evidence, list(zip(places, estimates, strict=True))):
         none.append(left.log_evidence)
-        by_place.append(weighing.by_place(left, left.g[:, None], left.departures.mean[:, None])[:, 0])
+        by_place.append(weighing.of_data(left))
     joint = logsumexp(np.array(none)[:, None] + np.array(by_place), axis=0) - logsumexp(none)
     gains = weighing.by_effect(joint)
     return {

@@ -37,6 +37,8 @@ def joint_estimates(system: System, places: Sequence[int]) -> tuple[Estimate, ..
     places : sequence of int
         Candidates.
     """
+    if not places:
+        return ()
     names, sums = system.tolerances, as_sums(system, places)
     found = _together(sums, range(len(places)))
     if not any(e.candidate.tolerance in names for e in found):

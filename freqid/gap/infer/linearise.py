@@ -98,7 +98,7 @@ def relinearised(
     if not _same(acted, acting):
         if free and misfit > least + SETTLED:
             places = [i for i, _ in acted]
-            acting = list(zip(places, joint_estimates(system, places), strict=True)) if places else []
+            acting = list(zip(places, joint_estimates(system, places), strict=True))
             fitted = fit(acting)
             misfit, found = tried(fitted, acting)
         else:  # there is no way back

@@ -25,13 +25,13 @@ class Drawn(NamedTuple):
     g : ndarray, shape (column, draw)
     none : ndarray, shape (draw,)
         Log evidence of no effect less what all errors of form have in common.
-    mean : ndarray, shape (tolerance, draw)
-        What they say of the tolerances where there is no effect.
+    departures : ndarray, shape (tolerance, draw)
+        Of the tolerances in sigmas, as they say where there is no effect.
     """
 
     g: Array
     none: Array
-    mean: Array
+    departures: Array
 
 
 def null_statistics(evidence: Evidence, count: int, seed: int) -> Array:
@@ -145,7 +145,7 @@ def effects_of(evidence: Evidence, data: Mapping[Form, Drawn]) -> tuple[Array, A
     """Return log Bayes factors by error of form, effect and draw, and log evidences of no effect."""
     effects, none = [], []
     for f, one in data.items():
-        places = evidence.weighing.by_place(evidence.weighing.at(f), one.g, one.mean)
+        places = evidence.weighing.by_place(evidence.weighing.at(f), one.g, one.departures)
         effects.append(evidence.weighing.by_effect(places))
         none.append(one.none)
     return np.array(effects), np.array(none)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 _FREE = 1e-9  # of a free column's energy: what is left of it
 
 
-class Departures(NamedTuple):
+class Posterior(NamedTuple):
     """What the data say of the tolerances, in sigmas.
 
     Attributes
@@ -61,7 +61,7 @@ class Reduced:
         Of the residual.
     log_evidence : float
         Of no effect, less what all sizes of form have in common.
-    departures : Departures
+    posterior : Posterior
     tolerance_rows : ndarray, optional
         Of `System.tolerance_rows`, where these were made on the way.
     """
@@ -69,7 +69,7 @@ class Reduced:
     G: Array
     g: Array
     log_evidence: float
-    departures: Departures
+    posterior: Posterior
     tolerance_rows: Array | None = None
 
     def own(self, layout: Sequence[NDArray[np.intp]]) -> list[Array]:
@@ -87,13 +87,13 @@ class Reduced:
         across, projected = across / size[:, None], projected / size
         own = own / size[:, None] / size + _FREE * np.eye(len(own))
         solved = np.linalg.solve(own, np.concatenate([across, projected[:, None]], axis=1))
-        mean, slopes, variance = self.departures
+        mean, slopes, variance = self.posterior
         moved = slopes @ (directions / size[:, None]).T
         return Reduced(
             self.G - across.T @ solved[:, :-1],
             self.g - across.T @ solved[:, -1],
             self.log_evidence + 0.5 * float(projected @ solved[:, -1]),
-            Departures(
+            Posterior(
                 mean - moved @ solved[:, -1],
                 slopes - moved @ solved[:, :-1],
                 variance + (moved * np.linalg.solve(own, moved.T).T).sum(axis=1),
@@ -104,7 +104,7 @@ class Reduced:
         """Return what is left once some weights of columns are known to be in the data."""
         moved = self.G @ weights
         log = self.log_evidence + float(weights @ self.g - 0.5 * weights @ moved)
-        known = self.departures
+        known = self.posterior
         known = known._replace(mean=known.mean - known.slopes @ weights)
         return Reduced(self.G, self.g - moved, log, known)
 
@@ -120,14 +120,14 @@ class OwnProducts:
     g : ndarray, shape (column,)
         Of the residual, of all candidates.
     log_evidence : float
-    departures : Departures
+    posterior : Posterior
         As in `Reduced`.
     """
 
     products: list[Array]
     g: Array
     log_evidence: float
-    departures: Departures
+    posterior: Posterior
 
     def own(self, layout: Sequence[NDArray[np.intp]]) -> list[Array]:
         """Return `products`; `layout`, columns of shape (candidate, column), is what they were made for."""
@@ -361,7 +361,7 @@ class System:
         """
         if form_error in self._reduced:
             reduced = self.reduced(form_error)
-            return OwnProducts(reduced.own(layout), reduced.g, reduced.log_evidence, reduced.departures)
+            return OwnProducts(reduced.own(layout), reduced.g, reduced.log_evidence, reduced.posterior)
         taken = [b.taken(form_error.loads) for b in self.blocks]
         rows, determinant = self._rows(form_error, taken, self.columns)
         across, g, log_evidence, known = self._without_tolerances(rows, determinant)
@@ -453,7 +453,7 @@ class System:
         whole *= size[first:, None] * size
         return whole, sum(half for _, half in taken) - form_error.log_prior
 
-    def _without_tolerances(self, rows: Array, determinant: float) -> tuple[Array, Array, float, Departures]:
+    def _without_tolerances(self, rows: Array, determinant: float) -> tuple[Array, Array, float, Posterior]:
         """Integrate out tolerances of one sigma each.
 
         Parameters
@@ -470,7 +470,7 @@ class System:
             Its square is what the candidates' inner products lose.
         g : ndarray, shape (column,)
         log_evidence : float
-        departures : Departures
+        posterior : Posterior
         """
         n = self.columns
         inside, last = rows[:-1, n:-1], rows[-1]
@@ -478,7 +478,7 @@ class System:
         across, own = inverse @ rows[:-1, :n], inverse @ rows[:-1, -1]
         energy = float(last[-1] - own @ own)
         stated = inverse[:, : len(self.tolerances)]
-        known = Departures(stated.T @ own, stated.T @ across, (stated**2).sum(axis=0))
+        known = Posterior(stated.T @ own, stated.T @ across, (stated**2).sum(axis=0))
         return across, last[:n] - across.T @ own, -0.5 * energy - determinant - half, known
 
 

@@ -165,6 +165,10 @@ class Weighing:
         """Return what `by_place` needs of the system at an error of form."""
         return self.system.own_products(form_error, self.layout)
 
+    def of_data(self, reduced: Reduced | OwnProducts) -> Array:
+        """Return log Bayes factors of every candidate against no effect, of the data, shape (candidate,)."""
+        return self.by_place(reduced, reduced.g[:, None], reduced.posterior.mean[:, None])[:, 0]
+
     def by_place(self, reduced: Reduced | OwnProducts, g: Array, mean: Array) -> Array:
         """Return log Bayes factors of every candidate against no effect, shape (candidate, draw).
 
@@ -206,7 +210,7 @@ class Weighing:
         G, g = reduced.G[columns[0][:, None], columns[0]], reduced.g[columns[0]]
         if self._candidate(index).kind == "vector":
             return G, g, 0.0
-        mean = reduced.departures.mean[:, None]
+        mean = reduced.posterior.mean[:, None]
         G, g, log = self._held((index,), columns, G[None], g[None, :, None], mean, reduced)
         return G[0], g[0, :, 0], float(log[0, 0])
 
@@ -231,7 +235,7 @@ class Weighing:
         log = np.zeros((len(k), g.shape[2]))
         if not held.size:
             return G, g, log
-        known, k = reduced.departures, k[held]
+        known, k = reduced.posterior, k[held]
         root = np.sqrt(known.variance[k])
         slopes = known.slopes[k[:, None], columns[held]] / root[:, None]
         asked = self.system.asked[k]

@@ -29,7 +29,7 @@ from freqid.gap.settings import INTERVAL, NAMED, TEMPERATURE
 Index = Sequence[int] | NDArray[np.intp]
 
 Data = dict[Form, Drawn]
-"""By error of form: products with all columns, (column, draw), and log evidence of no effect, (draw,)."""
+"""By error of form; products with all columns."""
 
 
 @dataclass(frozen=True)
@@ -123,16 +123,16 @@ class DrawnData:
         w, draws = weights[added], np.asarray(at)
         wanted = np.arange(len(weights)) if rows is None else np.asarray(rows)
         found: Data = {}
-        for f, (g, log, mean) in self.data.items():
+        for f, (g, log, departures) in self.data.items():
             reduced = self.system.reduced(f)
-            G, slopes = reduced.G, reduced.departures.slopes[:, added]
+            G, slopes = reduced.G, reduced.posterior.slopes[:, added]
             more = G[wanted[:, None], added] @ w
             # up to a constant in f, the log evidence is -r' C^-1 r / 2, with r' C^-1 x the products in g
             less = w @ g[added[:, None], draws] + 0.5 * float(w @ G[added[:, None], added] @ w)
             found[f] = Drawn(
                 g[wanted[:, None], draws] + more[:, None],
                 log[draws] - less,
-                mean[:, draws] + (slopes @ w)[:, None],
+                departures[:, draws] + (slopes @ w)[:, None],
             )
         return found
 
@@ -160,7 +160,9 @@ class Weighed:
         """Weigh drawn data by every candidate."""
         system, weighing = evidence.system, evidence.weighing
         n, sizes = system.columns, system.form_errors
-        places = np.array([weighing.by_place(system.reduced(f), data[f].g[:n], data[f].mean) for f in sizes])
+        places = np.array(
+            [weighing.by_place(system.reduced(f), data[f].g[:n], data[f].departures) for f in sizes]
+        )
         return cls(evidence, data, places, np.array([data[f].none for f in sizes]))
 
     def effects(self) -> Array:
@@ -180,7 +182,7 @@ class Weighed:
         for i, f in enumerate(system.form_errors):
             r = system.reduced(f)
             one = self.data[f]
-            known = r.departures._replace(mean=one.mean[:, k])
+            known = r.posterior._replace(mean=one.departures[:, k])
             reduced[f] = Reduced(r.G, one.g[: system.columns, k], float(self.none[i, k]), known)
         return Evidence(Weighing(replace(system, _reduced=reduced)), self.none[:, k], self.places[:, :, k])
 
@@ -200,7 +202,7 @@ def only_candidates(evidence: Evidence, left: Sequence[int]) -> Evidence:
     reduced = {}
     for f in system.form_errors:
         r = system.reduced(f)
-        known = r.departures._replace(slopes=r.departures.slopes[:, at])
+        known = r.posterior._replace(slopes=r.posterior.slopes[:, at])
         reduced[f] = Reduced(r.G[np.ix_(at, at)], r.g[at], r.log_evidence, known)
     here = replace(system.of(left), _reduced=reduced)
     return Evidence(Weighing(here), evidence.none, evidence.places[:, left])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -113,7 +114,10 @@ class FlightRecord(Viewable):
 
     def __post_init__(self) -> None:
         check_time(self.time)
-        for name, channel in self.channels.items():
+        self._check(self.channels)
+
+    def _check(self, channels: Mapping[str, Channel]) -> None:
+        for name, channel in channels.items():
             split(name)
             if channel.values.shape != self.time.shape:
                 raise DataError(
@@ -207,7 +211,12 @@ class FlightRecord(Viewable):
         *channels : Channel
             On the same time base.
         """
-        return replace(self, channels={**self.channels, **{c.name: c for c in channels}})
+        new = {c.name: c for c in channels}
+        record = copy(self)  # of which time and all other channels are checked
+        record.__dict__.pop("fingerprint", None)
+        record.__dict__["channels"] = {**self.channels, **new}
+        record._check(new)
+        return record
 
     def check_band(self, names: Iterable[str], f_max: float) -> None:
         """Check that channels can tell anything up to a frequency.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
@@ -152,9 +152,13 @@ class Candidate:
 
         Shape (column,), or (size, column) at several sizes.
         """
-        weights = _between(self.sizes if self.curve is None else self.curve.sizes, np.atleast_1d(size))
+        weights = self._between_sizes(np.atleast_1d(size))
         weights = weights if self.curve is None else weights @ self.curve.mix
         return weights if np.ndim(size) else weights[0]
+
+    @cached_property
+    def _between_sizes(self) -> Callable[[Array], Array]:
+        return _interpolated(self.sizes if self.curve is None else self.curve.sizes)
 
     def settings(self, column: int, in_force: Mapping[str, float], share: float = 1.0) -> dict[str, float]:
         """Return the effect's parameters at which a column is computed, at a share of its size."""
@@ -170,8 +174,8 @@ def near(sizes: Array, about: float) -> NDArray[np.bool_]:
     return (share > _ABOUT[0]) & (share < _ABOUT[1])
 
 
-def _between(sizes: Array, wanted: Array) -> Array:
-    """Return the weights of the changes at some sizes in those at others, shape (wanted, size).
+def _interpolated(sizes: Array) -> Callable[[Array], Array]:
+    """Return what gives the weights of the changes at any sizes in those at some, shape (wanted, size).
 
     By cubic Hermite polynomials through the sizes and zero, whose slopes are those of parabolas through three
     neighbours: weights are the same whatever the changes are, and a delay turns the phase, which straight
@@ -181,12 +185,17 @@ def _between(sizes: Array, wanted: Array) -> Array:
     nodes = np.union1d(sizes, 0.0)
     known = np.zeros((nodes.size, sizes.size))
     known[np.searchsorted(nodes, sizes), np.arange(sizes.size)] = 1.0
-    inside = np.clip(wanted, nodes[0], nodes[-1])
     slopes = np.gradient(known, nodes, axis=0, edge_order=2 if nodes.size > 2 else 1)
-    weights = CubicHermiteSpline(nodes, known, slopes)(inside)
-    beyond = np.flatnonzero(wanted != inside)
-    if beyond.size:
-        outermost = nodes[np.where(wanted[beyond] > 0, -1, 0)]
-        outermost = np.where(outermost, outermost, sizes[0])  # nothing is known on that side
-        weights[beyond] = known[np.searchsorted(nodes, outermost)] * (wanted[beyond] / outermost)[:, None]
-    return weights
+    inner = CubicHermiteSpline(nodes, known, slopes)
+
+    def at(wanted: Array) -> Array:
+        inside = np.clip(wanted, nodes[0], nodes[-1])
+        weights = inner(inside)
+        beyond = np.flatnonzero(wanted != inside)
+        if beyond.size:
+            outermost = nodes[np.where(wanted[beyond] > 0, -1, 0)]
+            outermost = np.where(outermost, outermost, sizes[0])  # nothing is known on that side
+            weights[beyond] = known[np.searchsorted(nodes, outermost)] * (wanted[beyond] / outermost)[:, None]
+        return weights
+
+    return at

@@ -171,7 +171,7 @@ def _missed(
         """Return each line's value as predicted from all other lines, shape (signal, number)."""
         a, b = (_SPREADS[k] ** 2 for k in spreads)
         known = a * shares + b * responses
-        return _by_the_others(known @ np.linalg.inv(np.eye(number) + known), z)
+        return _by_the_others(np.eye(number) - np.linalg.inv(np.eye(number) + known), z)
 
     def left(spreads: tuple[int, int]) -> float:
         """Return the squared error of that prediction."""

@@ -99,7 +99,7 @@ def _kinematics(record: FlightRecord) -> list[Histories]:
             Histories(
                 tuple(Row(f"kinematic/{n}", "rad/s", "kinematic") for n in names),
                 -np.array([angles[n] for n in names]),
-                np.array([np.unwrap(record[f"state/{n}"]) for n in names]),
+                np.unwrap(record.matrix(f"state/{n}" for n in names)),
             )
         )
     return found

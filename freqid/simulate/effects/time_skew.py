@@ -31,7 +31,11 @@ def _distort(settings: Mapping[str, float], record: FlightRecord) -> FlightRecor
         for channel in groups.get(place, (f"effector/{place}",)):
             if age and channel in record:
                 ages[channel] = ages.get(channel, 0.0) + age
-    late = {c: _wrapped(c, logged_late(unwrapped(record, c), record.dt, age)) for c, age in ages.items()}
+    late: dict[str, np.ndarray] = {}
+    for age in dict.fromkeys(ages.values()):  # those of one age together: a spline costs as much as two
+        some = [c for c, own in ages.items() if own == age]
+        values = logged_late(np.array([unwrapped(record, c) for c in some]), record.dt, age)
+        late.update({c: _wrapped(c, v) for c, v in zip(some, values, strict=True)})
     return changed(record, late)
 
 

@@ -14,7 +14,7 @@ from freqid.gap.infer.evidence import Estimate, Evidence, weigh
 from freqid.gap.infer.explain import likeliest
 from freqid.gap.infer.forms import common_form, likely_forms, of_all, reach
 from freqid.gap.infer.joint_sizes import joint_estimates
-from freqid.gap.infer.linearise import likeliest_departures, relinearised, straight
+from freqid.gap.infer.linearise import drawn_anew, likeliest_departures, relinearised, straight
 from freqid.gap.infer.seen_sizes import down_to_seen
 from freqid.gap.infer.system import About, System
 from freqid.gap.model.candidate import OTHER, Candidate
@@ -90,7 +90,7 @@ def at_their_size(
         if all(a is b for a, b in zip(new, system.candidates, strict=True)):
             break
         system, columns = rebuilt(system, new, columns, blocks)
-        system, columns, _ = relinearised(system, columns, blocks, library, sizes, evidence.form_error())
+        system, columns = relinearised(system, columns, blocks, library, sizes, evidence.form_error())
         evidence = weigh(system)
     return system, columns
 
@@ -145,10 +145,9 @@ def _straight(
     if last and last.about:
         fitted, acting = _as_before(last, last.about, system)
         system, columns = straight(system, columns, known, library, sizes, common, fitted, acting)
-    for k in range(ROUNDS):
-        system, columns, known = relinearised(
-            system, columns, known, library, sizes, common, anew=k == ROUNDS - 1
-        )
+    for _ in range(ROUNDS):
+        system, columns = relinearised(system, columns, known, library, sizes, common)
+    system, columns, known = drawn_anew(system, columns, known, library, sizes, leading=bool(found))
     return system, columns, [replace(p, block=b) for p, b in zip(parts, known, strict=True)], common
 
 

@@ -86,7 +86,8 @@ def about_explanation(
     form_error : Form
         At which the tolerances' departures are fitted.
     anew : bool
-        As in `relinearised`. Without it, and without others, effects keep their columns too.
+        Whether lines have the slopes that they have there. Without it, and without others, effects keep
+        their columns too.
     """
     acting = settings_of(explanation.estimates, library, blocks[0].trial.simulation)
     acts = list(zip(explanation.places, explanation.estimates, strict=True))
@@ -95,10 +96,10 @@ def about_explanation(
         c = system.candidates[acts[0][0]]
         if refined(c, float(acts[0][1].size[0]), library, blocks) is c:
             return system, list(columns)  # lines are drawn about it already
-    system, columns, _ = relinearised(system, columns, flown, library, sizes, form_error, acts)
+    system, columns = relinearised(system, columns, flown, library, sizes, form_error, acts)
     if not (anew or others):
         return system, columns
-    assert system.about is not None  # where the step ends, halved where it led astray
+    assert system.about is not None  # where the step ends, shorter where it led astray
     fitted, acts = system.about.tolerances, list(system.about.acting)
     acting = settings_of([e for _, e in acts], library, blocks[0].trial.simulation)
     flown = acted_on(blocks, acting, library)

@@ -6,7 +6,8 @@ size makes. On an aircraft of two hundred uncertain parameters, flown slowly, th
 deviations of a mean moment. So the simulation is asked once with all of them at their likeliest sizes, and
 what their columns say less than that is taken off the residual (Gauss-Newton with columns that stay: G. A. F.
 Seber, C. J. Wild, Nonlinear Regression, 1989, section 2.1). A step to where the data are less likely, asked
-there and not by the lines, is halved.
+there and not by the lines, is shortened to where a parabola through what was found has its least (J. E.
+Dennis, R. B. Schnabel, Numerical Methods for Unconstrained Optimization, 1983, section 6.3.2).
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
 
-_HALVINGS = 4  # of a step to where the data are less likely
+_TRIES = 3  # of a step, shorter each time where the data are less likely at its end
+_SHORTER = (0.1, 0.5)  # share of such a step that is tried next: between these
 
 
 def relinearised(
@@ -42,15 +44,12 @@ def relinearised(
     sizes: Mapping[str, float],
     form_error: Form,
     acting: Acting | None = None,
-    *,
-    anew: bool = False,
-) -> tuple[System, list[Columns], list[Block]]:
+) -> tuple[System, list[Columns]]:
     """Return a system whose lines are right where all that is unknown is likeliest.
 
-    And the blocks as they are there. Where lines are drawn anew and no effects are stated that act, those
-    that lead are drawn there too: one bias as an effect and as a tolerance, each on other motion, would leave
-    a change between the two that nothing makes. Where the data are less likely there than where lines were
-    made straight before, another effect that leads is not taken, and a step goes half of the way.
+    Where the data are less likely there than where lines were made straight before, another effect that leads
+    is not taken, and a step is shortened. One that cannot gain what settles is not taken: lines stay where
+    they are right.
 
     Parameters
     ----------
@@ -65,15 +64,10 @@ def relinearised(
         At which departures are fitted.
     acting : sequence of (int, Estimate), optional
         What acts beside them; the likeliest effect where absent, if one is likely.
-    anew : bool
-        Whether the lines also have the slopes that they have there, not those that they have.
     """
-    leading: list[int] = []
     free = acting is None
     if acting is None:
-        alone = replace(system, form_errors=(form_error,), _reduced={})
-        evidence = weigh(alone)
-        acting, leading = _likeliest_alone(evidence), _leading(evidence) if anew else []
+        acting = _likeliest_alone(_weighed(system, form_error))
 
     def fit(acting: Acting) -> Array:
         """Return the likeliest tolerances beside effects, those of their own parameters among the sizes."""
@@ -81,7 +75,7 @@ def relinearised(
         rows = system.tolerance_rows(form_error)
         return system.likeliest_tolerances(rows, weights_of(system, acting), own)
 
-    def tried(fitted: Array, acting: Acting) -> tuple[float, tuple[System, list[Columns]] | None]:
+    def asked(fitted: Array, acting: Acting) -> tuple[float, tuple[System, list[Columns]] | None]:
         """Return how unlikely the data are there, and lines that are right there."""
         try:
             found = straight(system, columns, blocks, library, sizes, form_error, fitted, acting)
@@ -90,27 +84,32 @@ def relinearised(
         assert found[0].about is not None
         return found[0].about.misfit, found
 
+    known, acted, least, at = np.zeros(len(system.tolerances)), acting, np.inf, None
+    if system.about is not None:
+        known, acted, at = system.about.tolerances, system.about.acting, (system, list(columns))
+        if all(e.candidate is system.candidates[i] for i, e in acted):
+            least = _misfit(system, form_error, known, acted)
+        else:  # drawn elsewhere by now
+            least, at = asked(known, acted)
     fitted = fit(acting)
-    misfit, found = tried(fitted, acting)
-    known, acted, _, least = system.about or About(np.zeros_like(fitted), acting, form_error, np.inf)
-    if misfit > least and (free or _same(acted, acting)):
-        least = tried(known, acted)[0]  # columns may be others by now
     if not _same(acted, acting):
-        if free and misfit > least + SETTLED:
-            places = [i for i, _ in acted]
-            acting = list(zip(places, joint_estimates(system, places), strict=True))
-            fitted = fit(acting)
-            misfit, found = tried(fitted, acting)
-        else:  # there is no way back
-            least = np.inf
-    for _ in range(_HALVINGS):
-        if found is not None and misfit <= least + SETTLED:
+        misfit, found = asked(fitted, acting)
+        if found is not None and not (free and misfit > least + SETTLED):
+            return found
+        places = [i for i, _ in acted]
+        acting = list(zip(places, joint_estimates(system, places), strict=True))
+        fitted = fit(acting)
+    gain, share = least - _misfit(system, form_error, fitted, acting), 1.0
+    for _ in range(_TRIES):
+        if 2 * share * gain < SETTLED:
             break
-        fitted, acting = (fitted + known) / 2, _halfway(acted, acting)
-        misfit, found = tried(fitted, acting)
-    if found is None:
-        found = straight(system, columns, blocks, library, sizes, form_error, fitted, acting)
-    return drawn_anew(*found, blocks, library, sizes, leading) if anew else (*found, list(blocks))
+        misfit, found = asked(known + share * (fitted - known), _part_of_the_way(acted, acting, share))
+        if misfit < least:
+            at = found
+            break
+        bend = misfit - least + 2 * share * gain
+        share *= float(np.clip(share * gain / bend, *_SHORTER)) if np.isfinite(bend) else _SHORTER[0]
+    return at or straight(system, columns, blocks, library, sizes, form_error, fitted, acting)
 
 
 def straight(
@@ -150,6 +149,7 @@ def straight(
 
     new = side_by_side(blocks[0].trial.simulation, there, list(zip(columns, blocks, strict=True)))
     made = replace(system, blocks=[c.matrices for c in new], _reduced={})
+    acting = [(i, replace(e, candidate=system.candidates[i])) for i, e in acting]  # as it is drawn now
     about = About(fitted, acting, form_error, _misfit(made, form_error, fitted, acting))
     return replace(made, about=about), new
 
@@ -160,11 +160,13 @@ def drawn_anew(
     blocks: Sequence[Block],
     library: Mapping[str, Effect],
     sizes: Mapping[str, float],
-    leading: Sequence[int] = (),
+    *,
+    leading: bool = False,
 ) -> tuple[System, list[Columns], list[Block]]:
     """Return a system whose lines also have the slopes that they have where they were made straight.
 
-    And the blocks as they are drawn there.
+    And the blocks as they are drawn there. Effects that lead may be drawn there too: one bias as an effect
+    and as a tolerance, each on other motion, would leave a change between the two that nothing makes.
 
     Parameters
     ----------
@@ -176,15 +178,22 @@ def drawn_anew(
     library : dict of Effect
     sizes : dict of float
         One sigma by name.
-    leading : sequence of int
-        Candidates that are drawn there too.
+    leading : bool
+        Whether those that lead are drawn there.
     """
     assert system.about is not None
     fitted, acting, form_error, _ = system.about
     blocks = drawn(system, columns, blocks, fitted, acting, library, sizes, form_error)
-    system, columns = redrawn(system, columns, blocks, library, leading)
+    if leading:
+        lead = _leading(_weighed(system, form_error))
+        system, columns = redrawn(system, columns, blocks, library, lead)
     found = straight(system, columns, blocks, library, sizes, form_error, fitted, acting, anew=True)
     return *found, blocks
+
+
+def _weighed(system: System, form_error: Form) -> Evidence:
+    """Return what the data say of every candidate at one error of form."""
+    return weigh(replace(system, form_errors=(form_error,), _reduced={}))
 
 
 def _misfit(system: System, form_error: Form, tolerances: Array, acting: Acting) -> float:
@@ -198,10 +207,10 @@ def _same(before: Acting, after: Acting) -> bool:
     return [i for i, _ in before] == [i for i, _ in after]
 
 
-def _halfway(before: Acting, after: Acting) -> Acting:
-    """Return effects half the way back to the sizes that they had."""
+def _part_of_the_way(before: Acting, after: Acting, share: float) -> Acting:
+    """Return effects a share of the way from the sizes that they had."""
     sizes = {i: e.size for i, e in before}
-    return [(i, replace(e, size=(e.size + sizes.get(i, e.size)) / 2)) for i, e in after]
+    return [(i, replace(e, size=sizes[i] + share * (e.size - sizes[i]))) for i, e in after]
 
 
 def drawn(
@@ -257,30 +266,30 @@ def settled(
     either (the chord method: J. M. Ortega, W. C. Rheinboldt, Iterative Solution of Nonlinear Equations in
     Several Variables, 1970, section 7.1).
     """
-    at = (system, list(columns), list(blocks))
 
     def log_evidence() -> float:
-        return _log_evidence(replace(at[0], form_errors=(form_error,), _reduced={}), acting)
+        return _log_evidence(replace(system, form_errors=(form_error,), _reduced={}), acting)
 
-    if acting is None:  # those that lead now may not have led when lines were drawn
-        lead = _leading(weigh(replace(system, form_errors=(form_error,), _reduced={})))
-        at = (*redrawn(system, columns, blocks, library, lead), list(blocks))
+    free = acting is None
+    if free:  # those that lead now may not have led when lines were drawn
+        lead = _leading(_weighed(system, form_error))
+        system, columns = redrawn(system, columns, blocks, library, lead)
     before = log_evidence()
     for _ in range(MOST_ROUNDS):
         start = before
         for _ in range(MOST_ROUNDS):
-            last = at[0].about
-            at = relinearised(*at, library, sizes, form_error, acting)
-            here = at[0].about
+            last = system.about
+            system, columns = relinearised(system, columns, blocks, library, sizes, form_error, acting)
+            here = system.about
             assert here is not None
             if last and _same(last.acting, here.acting) and here.misfit > last.misfit - SETTLED:
                 break
         before = log_evidence()
         if abs(before - start) < SETTLED:
             break
-        at = relinearised(*at, library, sizes, form_error, acting, anew=True)
+        system, columns, blocks = drawn_anew(system, columns, blocks, library, sizes, leading=free)
         before = log_evidence()
-    return at
+    return system, list(columns), list(blocks)
 
 
 def settled_beside_none(
@@ -300,7 +309,7 @@ def settled_beside_none(
     elsewhere than where it is likeliest, and begins again from there.
     """
     at = settled(system, columns, blocks, library, sizes, form_error)
-    if not _likeliest_alone(weigh(replace(at[0], form_errors=(form_error,), _reduced={}))):
+    if not _likeliest_alone(_weighed(at[0], form_error)):
         return *at, 0.0
     alone, parts = _without_effects(system, at[1])
     alone, _, _ = settled(alone, parts, at[2], library, sizes, form_error, [])

@@ -153,7 +153,7 @@ def _likely_effects(system: System, form: Form) -> dict[int, Array]:
 
     Of shape (direction, column).
     """
-    evidence = weigh(replace(system, form_errors=(form,), _reduced={}))
+    evidence = weigh(replace(system, form_errors=(form,)))
     least = max(max(evidence.effect.values(), default=0.0) - SEPARATE, 0.0)
     places = [evidence.best_place(effect) for effect, nats in evidence.effect.items() if nats > least]
     return {i: directions(evidence, i) for i in places}

@@ -193,7 +193,7 @@ def drawn_anew(
 
 def _weighed(system: System, form_error: Form) -> Evidence:
     """Return what the data say of every candidate at one error of form."""
-    return weigh(replace(system, form_errors=(form_error,), _reduced={}))
+    return weigh(replace(system, form_errors=(form_error,)))
 
 
 def _misfit(system: System, form_error: Form, tolerances: Array, acting: Acting) -> float:
@@ -268,7 +268,7 @@ def settled(
     """
 
     def log_evidence() -> float:
-        return _log_evidence(replace(system, form_errors=(form_error,), _reduced={}), acting)
+        return _log_evidence(replace(system, form_errors=(form_error,)), acting)
 
     free = acting is None
     if free:  # those that lead now may not have led when lines were drawn
@@ -415,7 +415,7 @@ def likeliest_departures(
     what no simulation can do.
     """
     own = blocks[0].trial.simulation.tolerances
-    system = replace(system, form_errors=(form_error,), _reduced={})
+    system = replace(system, form_errors=(form_error,))
     beside = weights_of(system, _likeliest_alone(weigh(system))) if weights is None else weights
     fitted = system.likeliest_tolerances(system.tolerance_rows(form_error), beside)
     each = zip(system.tolerances, np.clip(fitted, -FARTHEST, FARTHEST).tolist(), strict=True)

@@ -13,7 +13,7 @@ from scipy.optimize import brentq, fsolve
 
 FOLDER = Path(__file__).resolve().parents[3] / "benchmarks" / "gap_judging" / "tiltwing"
 RHO = 1.19
-SETTLE, LASTING = 5.0, 20.0  # s of a flight before what is looked at, and of that
+SETTLE, LASTING = 5.0, 10.0  # s of a flight before what is looked at, and of that
 
 
 loaded = partial(module_of, FOLDER)

@@ -53,7 +53,7 @@ browser-test: demo  ## the demo's pages in chromium (Debian's, installed if it i
 lint: $(READY)  ## style, types and the direction of imports
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright --threads 2
+	$(BIN)/pyrefly check
 	$(BIN)/lint-imports
 
 docs: $(READY)  ## build docs/ into site/

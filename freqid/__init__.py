@@ -84,7 +84,8 @@ _NOUNS = {
 }
 _FOLDERS = ("blend", "simulate")  # that are verbs too
 
-__all__ = [*_VERBS, *_NOUNS]  # pyright: ignore[reportUnsupportedDunderAll]
+# The names are loaded when they are asked for.
+__all__ = [*_VERBS, *_NOUNS]  # pyrefly: ignore[unresolvable-dunder-all]
 
 
 def __getattr__(name: str) -> object:

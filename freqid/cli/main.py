@@ -7,7 +7,7 @@ import os
 import sys
 import traceback
 import warnings
-from typing import Any
+from typing import TextIO
 
 import click
 
@@ -100,12 +100,19 @@ def _exit_code(arguments: list[str] | None) -> int:
         return EXIT_BUG
 
 
-def _said(message: Warning | str, category: type[Warning], *place: Any) -> None:
+def _said(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
     """Print a warning of ours as one sentence; its place in the code is for those who work on freqid."""
     if issubclass(category, UncheckedFile):
         click.echo(f"freqid: {message}.", err=True)
     else:
-        click.echo(warnings.formatwarning(message, category, *place[:2]), err=True, nl=False)
+        click.echo(warnings.formatwarning(message, category, filename, lineno), err=True, nl=False)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ def monte_carlo_table(found: MonteCarlo) -> str:
         for at in found.axis_values:
             cells = {m.measure: m for m in found.measured if (m.at, m.curve, m.quantity) == (at, curve, "")}
             if cells:
-                place = [*([curve] if found.by else []), f"{at:g}" if isinstance(at, float) else str(at)]
+                place = [*([curve] if found.by else []), f"{at:g}" if isinstance(at, float) else f"{at}"]
                 lines.append("".join(map(_cell, [*place, *(_told(cells.get(n)) for n in names)])))
     lines.append(f"{found.cases} cases, {found.failed} without a result, {found.rows} rows")
     return "\n".join(line.rstrip() for line in lines)

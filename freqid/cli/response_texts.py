@@ -15,7 +15,7 @@ def response_result(response: FrequencyResponse) -> dict[str, Any]:
     def plain(values: Any) -> list[float | None]:
         return [float(v) if isfinite(v) else None for v in values]
 
-    pairs = {}
+    pairs: dict[str, dict[str, Any]] = {}
     for o, output in enumerate(response.outputs):
         pairs[output] = {
             input_: {

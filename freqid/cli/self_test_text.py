@@ -50,7 +50,7 @@ def self_test_text(test: SelfTest) -> str:
 
 def _effects(test: SelfTest) -> list[tuple[str, ...]]:
     middle = test.strata[len(test.strata) // 2]
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for effect in dict.fromkeys(s.effect for s in test.smallest):
         each = sorted((s for s in test.smallest if s.effect == effect), key=_rank)
         right, instead = _answers(middle, effect)

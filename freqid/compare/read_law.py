@@ -337,7 +337,13 @@ def _read_mat(path: Path, vehicle: Vehicle) -> LawSchedule:
         if values.size:  # the reader drops axes of length one
             matrices[m] = (values if values.ndim == 2 else values.reshape(size[m])).tolist()
     sign = int(np.ravel(np.asarray(held.get("sign", 1.0), dtype=float))[0])
-    return schedule_of(LoopFile(**units, sign=sign, state_space=Matrices(**matrices)), vehicle)
+    law = LoopFile(
+        signals=units["signals"],
+        commands=units["commands"],
+        sign=sign,
+        state_space=Matrices(**matrices),
+    )
+    return schedule_of(law, vehicle)
 
 
 def _of_object(system: Any) -> ControlLaw:

@@ -191,6 +191,8 @@ def _read_all(path: str, objects: bool) -> None:
 
     if objects:
         from matio import load_from_mat
+    else:
+        load_from_mat = None
     size, used = os.path.getsize(path), time.process_time()
     try:
         import resource
@@ -201,7 +203,7 @@ def _read_all(path: str, objects: bool) -> None:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         _limit_memory(101 * size)
         _limit_processor(used, _OBJECT_SECONDS + size / _OBJECT_RATE if objects else _SECONDS + size / _RATE)
-    if objects:
+    if load_from_mat is not None:
         load_from_mat(path, raw_data=True)
         return
     visited = 0

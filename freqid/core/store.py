@@ -17,7 +17,7 @@ import re
 import shutil
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from io import BufferedRandom, BufferedReader
@@ -35,7 +35,7 @@ from freqid.core.errors import DataError, FreqidError, UncheckedFile
 try:
     import fcntl
 except ImportError:  # where there are no such locks, what killed runs left stays
-    fcntl = None  # type: ignore[assignment]
+    fcntl = None
 
 VERSION = "1.3"  # of the file layout; the major number changes when an old release could misread a file
 _CHECKED_SINCE = (1, 3)  # the layout that a checksum came with
@@ -53,7 +53,7 @@ _written: set[bytes] = set()  # first 512 bytes, with the checksum, of what this
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path) -> Generator[Path]:
     """Yield a temporary path beside `path`; move it there at the end, or remove it after an error.
 
     What killed processes left in the folder is removed first. A temporary path that another call yielded is
@@ -187,7 +187,7 @@ def write(path: Path, kind: str, fill: Callable[[h5py.File], None], scenario_sha
 
 
 @contextmanager
-def editing(path: Path) -> Iterator[h5py.File]:
+def editing(path: Path) -> Generator[h5py.File]:
     """Open a copy of one of freqid's files for changes on purpose; at the end it takes the file's place.
 
     Parameters
@@ -227,7 +227,7 @@ def _add_checksum(path: Path, kind: str) -> None:
 
 
 @contextmanager
-def reading(path: Path, kind: str) -> Iterator[h5py.File]:
+def reading(path: Path, kind: str) -> Generator[h5py.File]:
     """Open an HDF5 file of a given format whose bytes are as they were written.
 
     Raises
@@ -280,7 +280,7 @@ def reading(path: Path, kind: str) -> Iterator[h5py.File]:
 
 
 @contextmanager
-def _in_one_sentence(where: str, kind: str) -> Iterator[None]:
+def _in_one_sentence(where: str, kind: str) -> Generator[None]:
     """Raise whatever goes wrong in reading as an error that names the file."""
     try:
         yield
@@ -416,7 +416,7 @@ _DISTRUST = "make the file again with the program that wrote it"
 
 
 @contextmanager
-def _told_as_os_errors() -> Iterator[None]:
+def _told_as_os_errors() -> Generator[None]:
     """Raise what h5py raises on a full disk as the system error that it is."""
     try:
         yield

@@ -362,7 +362,7 @@ def margins_from_samples(omega: Array, values: ArrayLike, loop: LoopGain | None 
                 at = float(low * (high / low) ** share)
                 found.append((at, complex(v[i] + share * (v[i + 1] - v[i]))))
             else:
-                at = float(brentq(lambda w: exact(_one(loop, w)), low, high, xtol=1e-12 * low))  # pyright: ignore
+                at = float(brentq(lambda w: exact(_one(loop, w)), low, high, xtol=1e-12 * low))
                 found.append((at, _one(loop, at)))
         return found
 

@@ -361,5 +361,5 @@ def _mass_properties(mass: Sequence[Column], rows: slice) -> MassProperties | No
     cg = (mean.get("cg_x", 0.0), mean.get("cg_y", 0.0), mean.get("cg_z", 0.0))
     try:
         return MassProperties(mass_kg=mean["mass"], cg_m=cg, inertia=Inertia(**inertia))
-    except (ValueError, np.linalg.LinAlgError) as error:
+    except ValueError as error:
         raise DataError(f"the logged mass properties do not fit together: {error}") from None

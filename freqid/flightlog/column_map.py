@@ -244,7 +244,7 @@ class ColumnMap(Strict, frozen=True):
         derived += ATTITUDE if self.attitude else ()
         derived += VELOCITY if self.velocity else ()
         channels = [place.name for place in self.channel]
-        masses = [place.name for place in self.mass_property]
+        masses: list[str] = [place.name for place in self.mass_property]
         for kind, names in (("channel", [*channels, *derived]), ("mass_property", masses)):
             twice = sorted({name for name in names if names.count(name) > 1})
             if twice:

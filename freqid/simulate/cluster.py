@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from itertools import islice
 from pathlib import Path
@@ -28,7 +28,7 @@ _REACHED_S = 20.0
 
 
 @contextmanager
-def cluster(scheduler: str = "", workers: int = 0) -> Iterator[Client | None]:
+def cluster(scheduler: str = "", workers: int = 0) -> Generator[Client | None]:
     """Yield a client of a cluster, or None where neither argument is given.
 
     Parameters

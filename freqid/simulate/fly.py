@@ -197,10 +197,12 @@ def sortie(
     law = loop.law
     if not feedback:
         law = law._replace(settings=law.settings._replace(gain=np.zeros_like(law.settings.gain)))
+    # numpy's arrays stand for JAX's, as those of `doubles` do
+    around = trimmed.around._replace(wind=mean)  # pyrefly: ignore[bad-argument-type]
     return Sortie(
         parameters=loop.parameters,
         law=law,
-        state=_started(loop.parameters, trimmed.body, trimmed.positions, trimmed.around._replace(wind=mean)),
+        state=_started(loop.parameters, trimmed.body, trimmed.positions, around),
         aim=doubles(
             Aim,
             u=reference.u + share * ((to or reference).u - reference.u),

@@ -77,7 +77,7 @@ def local_coefficients(
     body, slopes_of_body = _body_axes(
         parameters, jnp.asarray(at[: len(MOTION)]), jnp.asarray(at[len(MOTION) :][order]), mean["air/rho"]
     )
-    slopes_of_body = np.array(slopes_of_body)
+    slopes_of_body = np.array(slopes_of_body, dtype=float)
     slopes_of_body[:, len(MOTION) + order] = slopes_of_body[:, len(MOTION) :].copy()
     # loads to coefficients, and the dynamic pressure that goes with V
     scale = 0.5 * mean["air/rho"] * speed**2 * area * np.concatenate([np.ones(3), lengths])

@@ -124,7 +124,8 @@ def fly_campaign(
         ),
         around=base.around._replace(
             rho=air(jnp.asarray(level + climbed)).rho,
-            ground=np.full(steps, level - campaign.altitude_m),
+            # numpy's array stands for JAX's, as those of `doubles` do
+            ground=np.full(steps, level - campaign.altitude_m),  # pyrefly: ignore[bad-argument-type]
         ),
     )
     flight = fly(ready)

@@ -205,7 +205,7 @@ def design_inputs(
     for option, given in (("--optimal", optimal), ("--reach", reach)):
         if given and model is None:
             raise UsageError(f"{option} needs a model to predict with", remedy="name one with --model")
-    provenance = {"scenario": source_of(described), "seed": seed}
+    provenance: dict[str, Any] = {"scenario": source_of(described), "seed": seed}
     aircraft = ModelledAircraft.of(point, described, seed) if point is not None else None
     trim = {**positions_at(reference, described.aircraft()), **(aircraft.trim if aircraft else {})}
     if at:
@@ -352,7 +352,7 @@ def _other_periods(scenario: Scenario, seed: int) -> tuple[Iterable[MultisineDes
     found = Parallel(n_jobs=-1, return_as="generator")(
         delayed(_with_period)(scenario, period, seed) for period in periods
     )
-    return found, "study of other periods", len(periods)  # type: ignore[return-value]
+    return found, "study of other periods", len(periods)
 
 
 def _with_period(scenario: Scenario, period_s: float, seed: int) -> MultisineDesign | None:

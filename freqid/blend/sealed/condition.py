@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypedDict
 
 import numpy as np
 
@@ -159,7 +160,7 @@ def of_global(
     left = residual.responses if residual is not None else {}
     responses = []
     for row, knots in enumerate(c.responses.values()):
-        found = _left_by(left[knots.response]) if knots.response in left else {}
+        found = _left_by(left[knots.response]) if knots.response in left else _NOTHING_LEFT
         responses.append(
             PredictedResponse(
                 response=knots.response,
@@ -171,7 +172,7 @@ def of_global(
                 estimate=gradient[row, [place[n] for n in knots.regressors]],
                 covariance=model.parameter_covariance(knots.response, inputs),
                 bias=float(bias[row]),
-                **{**_NOTHING_LEFT, **found},
+                **found,
             )
         )
     trim = {n: float(x[0]) for n, x in inputs.items()}
@@ -181,7 +182,16 @@ def of_global(
     return _at(reference, tuple(responses), trim, by_name, float(highest), "global", vehicle)
 
 
-_NOTHING_LEFT = {
+class _Left(TypedDict):
+    residual_rms: float
+    residual_hz: Array
+    residual: Complex
+    residual_noise: Array
+    duration: float
+    rate_hz: float
+
+
+_NOTHING_LEFT: _Left = {
     "residual_rms": float("nan"),
     "residual_hz": np.empty(0),
     "residual": np.empty(0, dtype=complex),
@@ -248,11 +258,11 @@ def _of_response(model: ResponseModel) -> PredictedResponse:
         estimate=model.estimate,
         covariance=model.covariance * scatter,
         bias=float(model.bias),
-        **{**_NOTHING_LEFT, **_left_by(model)},
+        **_left_by(model),
     )
 
 
-def _left_by(model: ResponseModel) -> dict[str, object]:
+def _left_by(model: ResponseModel) -> _Left:
     """Return residual fields of a response: rms in time, and amplitude densities on the lines.
 
     The densities are those of noise and of what is not linear, once the share that the fit took with its
@@ -260,7 +270,7 @@ def _left_by(model: ResponseModel) -> dict[str, object]:
     """
     times = [f for name, f in model.fit.items() if name.startswith("time")]
     if not times:
-        return {}
+        return _NOTHING_LEFT
     duration = float(np.mean([f.axis[-1] + f.axis[1] - f.axis[0] for f in times]))
     lines = [f for name, f in model.fit.items() if name.startswith("frequency")]
     highest = float(lines[0].axis[-1]) if lines else float("inf")
@@ -268,7 +278,8 @@ def _left_by(model: ResponseModel) -> dict[str, object]:
     freed = max(1 - len(model.regressors) / equations, 0.1)
     square = np.mean([np.var(f.inside(highest).residual) for f in times])
     step = float(times[0].axis[1] - times[0].axis[0])
-    found: dict[str, object] = {
+    found: _Left = {
+        **_NOTHING_LEFT,
         "residual_rms": float(np.sqrt(square / freed)),
         "duration": duration,
         "rate_hz": 1 / step,
@@ -278,11 +289,9 @@ def _left_by(model: ResponseModel) -> dict[str, object]:
         noise = [f.noise if f.noise is not None else np.full(f.axis.size, np.nan) for f in lines]
         slow = [_slow_lines(f, float(lines[0].axis[0])) for f in times]
         drift = np.sqrt(2 / duration) * np.concatenate([left for _, left in slow])
-        found |= {
-            "residual_hz": np.concatenate([*(hz for hz, _ in slow), *(f.axis for f in lines)]),
-            "residual": np.concatenate([drift, scale * np.concatenate([f.residual for f in lines])]),
-            "residual_noise": np.concatenate([np.abs(drift), scale * np.concatenate(noise)]),
-        }
+        found["residual_hz"] = np.concatenate([*(hz for hz, _ in slow), *(f.axis for f in lines)])
+        found["residual"] = np.concatenate([drift, scale * np.concatenate([f.residual for f in lines])])
+        found["residual_noise"] = np.concatenate([np.abs(drift), scale * np.concatenate(noise)])
     return found
 
 

@@ -113,6 +113,7 @@ class OutputErrorManeuver:
             step = -np.linalg.solve(point.information[np.ix_(rest, rest)], point.gradient[rest])
             if abs(float(step @ point.gradient[rest])) < _CLOSE**2:
                 break
+            trial = free
             for _ in range(_HALVINGS):
                 trial = free.copy()
                 trial[rest] += step

@@ -276,7 +276,7 @@ class Closure:
     def scored_text(self) -> str:
         """What it was scored on, and what of that was left out of the fit, as the end of a sentence."""
         names = [name.rpartition("/")[2] for name in self.held_out]
-        on = f"on {' and '.join(filter(None, [', '.join(names[:-1]), *names[-1:]]))}"
+        on = f"on {' and '.join(n for n in (', '.join(names[:-1]), *names[-1:]) if n)}"
         if self.scored == "held out":
             return f"{on}, which {'were' if len(names) > 1 else 'was'} held out"
         if self.scored == "turns":

@@ -42,7 +42,7 @@ class Rate:
     @classmethod
     def over(cls, flags: Iterable[bool]) -> Rate:
         """Return the rate of what is true."""
-        known = [bool(f) for f in flags]
+        known = list(flags)
         return cls(sum(known), len(known), *(wilson(sum(known), len(known)) if known else (0.0, 1.0)))
 
 

@@ -594,8 +594,8 @@ def missed_gates(model: PointModel, gates: Gates) -> list[MissedGate]:
             if not value >= gates.coherence:
                 missed.append(MissedGate(name, "coherence", value, gates.coherence))
         asked = gates.validation.get(name) if isinstance(gates.validation, dict) else gates.validation
-        if asked is not None and not (value := validation_error(model, name)) <= asked:
-            missed.append(MissedGate(name, "validation error", value, asked))
+        if asked is not None and not (error := validation_error(model, name)) <= asked:
+            missed.append(MissedGate(name, "validation error", error, asked))
     return missed
 
 

@@ -162,7 +162,7 @@ class Experiment:
             return one[None]
         trend = 1j * (1.0 / self.frequencies_hz)
         moments = any(r in WRENCH[3:] for r in self.settings.responses)
-        return np.array([trend, one] if moments or self.arm.any() else [trend])
+        return np.array([trend, one] if moments or self.arm.any() else [trend], dtype=complex)
 
     def _variance(self, heard: NDArray[np.bool_], response: str) -> Array:
         sensors = (*STATES, *self.loop.effectors, *SPECIFIC_FORCES)

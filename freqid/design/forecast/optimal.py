@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -214,17 +214,18 @@ def _descend(information: _Information, limits: PeakLimits, start: Array) -> tup
     lower, upper = np.log(LEAST_SHARE * limits.alone), np.log(limits.alone)
     cuts = limits.cuts(start, 0.9)
     for _ in range(ROUNDS):
+        within: Any = {  # scipy's stubs know no constraint of many values
+            "type": "ineq",
+            "fun": lambda x, g=cuts: 1 - g @ np.exp(x),
+            "jac": lambda x, g=cuts: -g * np.exp(x),
+        }
         solved = minimize(
             information,
             np.clip(x, lower, upper),
             jac=True,
             method="SLSQP",
             bounds=list(zip(lower, upper, strict=True)),
-            constraints={
-                "type": "ineq",
-                "fun": lambda x, g=cuts: 1 - g @ np.exp(x),
-                "jac": lambda x, g=cuts: -g * np.exp(x),
-            },
+            constraints=within,
             options={"ftol": 1e-10, "maxiter": 300},
         )
         x = solved.x

@@ -238,12 +238,12 @@ def check_feasible(
 
 def effectiveness(effectors: Sequence[Effector]) -> Array:
     """Return the loads of unit positions, shape (6, effector), X Y Z L M N by effector."""
-    return np.array([[e.effectiveness.get(axis, 0.0) for e in effectors] for axis in WRENCH])  # type: ignore[call-overload]
+    return np.array([[e.effectiveness.get(axis, 0.0) for e in effectors] for axis in WRENCH])
 
 
 def _importance(excitation: Excitation) -> Array:
     """Return the weights of the axes' net loads, shape (6,)."""
-    return np.array([excitation.net_load.get(axis, 0.0) for axis in WRENCH])  # type: ignore[call-overload]
+    return np.array([excitation.net_load.get(axis, 0.0) for axis in WRENCH])
 
 
 def with_low_net_loads(

@@ -60,7 +60,7 @@ def physical(record: FlightRecord) -> Iterator[Finding]:
                 f'correct unit of [[channel]] name = "{name}" in the map (now {_logged(channel)})'
                 if outside.size > FEW * record.time.size
                 else f"cut the record there with --cut, or repair '{name}' first",
-                {"samples": int(outside.size), "worst": float(worst), "low": low, "high": high},
+                {"samples": outside.size, "worst": float(worst), "low": low, "high": high},
                 _span(outside, record),
             )
 
@@ -76,7 +76,7 @@ def spikes(record: FlightRecord, stray: Iterable[Stray]) -> Iterator[Finding]:
             f"{record.channel(name).unit}, {largest / usual:.0f} times what 99.5 % of its samples do, first "
             f"at t = {record.time[at[0]]:.4g} s",
             f"repair '{name}' first, or cut the record there with --cut",
-            {"samples": int(at.size), "largest": largest, "usual": usual},
+            {"samples": at.size, "largest": largest, "usual": usual},
             _span(at, record),
         )
 
@@ -160,7 +160,7 @@ def _beyond(record: FlightRecord, channel: Channel, effector: Effector) -> Findi
         f"{channel.unit}; it is beyond in {_counted(outside, record)}",
         f'correct unit of [[channel]] name = "{channel.name}" in the map (now {_logged(channel)}), or limits '
         f'of [[effector]] name = "{effector.name}" in the scenario',
-        {"samples": int(outside.size), "worst": worst, "low": low, "high": high},
+        {"samples": outside.size, "worst": worst, "low": low, "high": high},
         _span(outside, record),
     )
 
@@ -182,7 +182,7 @@ def _too_fast(record: FlightRecord, channel: Channel, effector: Effector, limit:
             f"is {limit:g} {channel.unit}/s; it is faster in {_counted(fast, record)}",
             f'correct rate_limit of [[effector]] name = "{effector.name}" in the scenario, or the unit of '
             f"'{channel.name}' in the map",
-            {"samples": int(fast.size), "fastest": float(rate.max()), "rate_limit": limit},
+            {"samples": fast.size, "fastest": float(rate.max()), "rate_limit": limit},
             _span(fast, record),
         )
 

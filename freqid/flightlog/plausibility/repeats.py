@@ -86,7 +86,7 @@ def constant(record: FlightRecord, explained: Mapping[str, str]) -> Iterator[Fin
             f"'{name}' is {channel.values[0]:.6g} {channel.unit} in all {record.time.size} samples"
             + (f", although {explained[name]}" if name in explained else ", expected a sensor to move"),
             f'correct column of [[channel]] name = "{name}" in the map, or leave it out',
-            {"samples": int(record.time.size), "value": float(channel.values[0])},
+            {"samples": record.time.size, "value": float(channel.values[0])},
         )
 
 

@@ -252,7 +252,8 @@ def write_sidpac(record: FlightRecord, path: Path) -> tuple[str, ...]:
     }
     content = {"fdata": fdata, "t": record.time[:, None], "dt": record.dt, "fds": fds}
     with store.replacing(path) as temporary, open(temporary, "wb") as file:
-        savemat(file, content, format="5", oned_as="column")  # pyright: ignore[reportArgumentType]
+        # scipy takes an open file too, its stubs do not say so
+        savemat(file, content, format="5", oned_as="column")  # pyrefly: ignore[bad-argument-type]
     return tuple(left_out)
 
 

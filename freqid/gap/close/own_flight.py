@@ -145,7 +145,8 @@ class OwnFlight:
         basis, _ = self._unsteady
         white = self._white(left[None])[0]
         real, imag = np.split(white - (white @ basis.T) @ basis, 2)
-        return np.reshape(real + 1j * imag, left.shape) / np.sqrt(2 / self.power)
+        steady: Complex = np.reshape(real + 1j * imag, left.shape)
+        return steady / np.sqrt(2 / self.power)
 
     def energy(self, left: Complex) -> Array:
         """Return squares over noise of what is left of the motion, shape (number,); one where noise is all.

@@ -78,7 +78,7 @@ class CallableSimulation:
                 object.__setattr__(self, name, value)
 
         for hook in ("positions", "fly"):
-            given = getattr(self.function, hook, None)
+            given = self._hook(hook)
             if given is not None and not callable(given):
                 raise DataError(
                     f"{hook} is {type(given).__name__}, expected a function",
@@ -91,12 +91,12 @@ class CallableSimulation:
     @property
     def can_fly(self) -> bool:
         """Whether the function has ``fly``."""
-        return getattr(self.function, "fly", None) is not None
+        return self._hook("fly") is not None
 
     @property
     def has_actuators(self) -> bool:
         """Whether the function has ``positions``."""
-        return getattr(self.function, "positions", None) is not None
+        return self._hook("positions") is not None
 
     def acting_with(self, effects: Settings) -> CallableSimulation:
         """Return the simulation with effects of its own at other settings."""
@@ -127,11 +127,12 @@ class CallableSimulation:
     ) -> dict[str, Array]:
         """Return what its ``positions`` makes of the commands; empty without that or without commands."""
         command = {n: record[f"command/{n}"].copy() for n in record.group("command")}
-        if not self.has_actuators or not command:
+        hook = self._hook("positions")
+        if hook is None or not command:
             return {}
 
         def ask(parameters: dict[str, Any]) -> dict[str, Array]:
-            made = self._called(self.function.positions, record.time.copy(), command, parameters)
+            made = self._called(hook, record.time.copy(), command, parameters)
             return answers.signals(made, record.time, dict.fromkeys(command), f"{self.name}.positions")
 
         made = self._moved.of(record, self._parameters(effects, departures), ask)
@@ -141,10 +142,11 @@ class CallableSimulation:
         self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None
     ) -> dict[str, Array] | None:
         """Return the states, and positions and commands if any, of its own flight; None without ``fly``."""
-        if not self.can_fly:
+        hook = self._hook("fly")
+        if hook is None:
             return None
         where, parameters = f"{self.name}.fly", self._parameters(effects, departures)
-        flown = self._called(self.function.fly, record, parameters, during=record)
+        flown = self._called(hook, record, parameters, during=record)
         described = self.vehicle or record.vehicle
         effectors = [e.name for e in described.effectors] if described else []
         effectors += [*record.group("effector"), *record.group("command")]
@@ -153,6 +155,10 @@ class CallableSimulation:
         flight = answers.signals(flown, record.time, names, where)
         answers.check_flight(flight, record, where)
         return flight
+
+    def _hook(self, name: str) -> Callable[..., Any] | None:
+        """Return a function that the function has as an attribute, such as ``fly``; None without it."""
+        return getattr(self.function, name, None)
 
     def _answer(
         self, record: FlightRecord, effects: Settings | None = None, departures: Departures | None = None

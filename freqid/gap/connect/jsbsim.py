@@ -122,7 +122,7 @@ class JsbsimSimulation:
                     fdm.run_ic()
                     pair.append(loads(fdm))
                 place(fdm, effector, record[name][k])
-                slopes[:, i] = np.subtract(*pair) / (2 * steps[name])
+                slopes[:, i] = np.subtract(pair[0], pair[1]) / (2 * steps[name])
             put(fdm, run.motion[:, k])
             fdm.run_ic()
             grid.append(record.time[k])

@@ -8,7 +8,7 @@ import re
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -32,7 +32,7 @@ _ALIAS = {"de": "elevator", "da": "aileron", "dr": "rudder", "df": "flap", "dt":
 
 
 @contextmanager
-def quiet() -> Iterator[Any]:
+def quiet() -> Generator[Any]:
     """Keep what JSBSim writes from C++ to stdout and stderr away from both; yield the file that gets it."""
     sys.stdout.flush()
     sys.stderr.flush()

@@ -79,7 +79,7 @@ def relinearised(
         """Return how unlikely the data are there, and lines that are right there."""
         try:
             found = straight(system, columns, blocks, library, sizes, form_error, fitted, acting)
-        except (DataError, ImpossibleSettings):  # no simulation can be so
+        except DataError:  # no simulation can be so
             return np.inf, None
         assert found[0].about is not None
         return found[0].about.misfit, found

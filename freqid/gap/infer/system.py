@@ -381,7 +381,7 @@ class System:
         """
         n = self.columns
         names = (*map(str, range(len(directions))), *self.tolerances)
-        blocks = [replace(b, **_moved(b.gram, b.form, directions, n)) for b in self.blocks]
+        blocks = [_moved(b, directions, n) for b in self.blocks]
         return System([], names, blocks, self.form_errors)
 
     def slope(self, form_error: Form) -> tuple[float, Array, Array]:
@@ -482,16 +482,16 @@ class System:
         return across, last[:n] - across.T @ own, -0.5 * energy - determinant - half, known
 
 
-def _moved(gram: Array, form: Array, directions: Array, n: int) -> dict[str, Array]:
+def _moved(block: BlockMatrices, directions: Array, n: int) -> BlockMatrices:
     """Return inner products where directions of the first n columns stand in place of these."""
-    few = len(directions)
+    gram, form, few = block.gram, block.form, len(directions)
     across = directions @ gram[:n]
     inner = np.empty((few + len(gram) - n,) * 2)
     inner[few:, few:] = gram[n:, n:]
     inner[:few, :few] = across[:, :n] @ directions.T
     inner[:few, few:] = across[:, n:]
     inner[few:, :few] = across[:, n:].T
-    return {"gram": inner, "form": np.concatenate([form[:, :n] @ directions.T, form[:, n:]], axis=1)}
+    return replace(block, gram=inner, form=np.concatenate([form[:, :n] @ directions.T, form[:, n:]], axis=1))
 
 
 def _squared(rows: Array, columns: NDArray[np.intp]) -> Array:

@@ -79,7 +79,7 @@ def _flown(maneuver: Maneuver, lines: Lines, late: Mapping[tuple[str, ...], floa
     settings = Identification(regressors=(*MOTION, *moving))
     try:
         loop, driven = driven_loop(replace(maneuver, record=record), hz, settings)
-    except (DataError, UsageError, ValueError, np.linalg.LinAlgError):
+    except (DataError, UsageError, ValueError):
         return {}
     names = [*(f"state/{n}" for n in MOTION), *(f"effector/{n}" for n in moving)]
     level = np.array([record[n].mean() if n in record else 0.0 for n in names])[:, None]

@@ -353,7 +353,7 @@ def _simulated(a: Array, b: Array, x: Array, d: Array, dt: float) -> Array | Non
     if not np.isfinite(forced).all() or not np.isfinite(held).all():
         return None
     basis = np.concatenate([free, held], axis=1).transpose(0, 2, 1).reshape(count * samples, 2 * count)
-    unknown = np.linalg.lstsq(basis, (x - forced).ravel(), rcond=1e-10)[0]
+    unknown = np.asarray(np.linalg.lstsq(basis, (x - forced).ravel(), rcond=1e-10)[0], dtype=np.float64)
     return forced + (basis @ unknown).reshape(count, samples)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -93,7 +93,7 @@ class Trial:
         maneuver: Maneuver,
         carries: bool = True,
         followed: Mapping[str, Array] | None = None,
-    ) -> Trial:
+    ) -> Self:
         """Replay a simulation on a manoeuvre.
 
         Raises

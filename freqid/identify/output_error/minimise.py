@@ -94,6 +94,7 @@ def minimise(
     now = linearise(free)
     if not np.isfinite(now.cost):
         return None
+    pushed = np.zeros(free.shape, dtype=bool)
     for turn in range(STEPS):
         pushed = ((free <= lower) & (now.gradient > 0)) | ((free >= upper) & (now.gradient < 0))
         open_ = ~pushed

@@ -105,7 +105,7 @@ def align_excitation(record: FlightRecord, inputs: SampledInputs) -> tuple[Fligh
         solution = least_squares(
             fit.residual,
             unknowns,
-            jac=lambda at: fit.slopes(*at).T,  # type: ignore[arg-type]
+            jac=lambda at: fit.slopes(*at).T,
             x_scale=[_STEP_S, _STEP_DRIFT],
             xtol=1e-12,
             ftol=1e-12,

@@ -192,7 +192,9 @@ class FourierPlan:
             or not (np.all(np.isfinite(f)) and f[0] > 0.0 and np.all(np.diff(f) > 0.0))
         ):
             raise UsageError("the frequencies of a transform must be a list of positive, increasing Hz")
-        self.samples, self.dt, self.duration = int(samples), float(dt), float((samples - 1) * dt)
+        # callers may give numpy's integers
+        self.samples = int(samples)  # pyrefly: ignore[unnecessary-type-conversion]
+        self.dt, self.duration = float(dt), float((samples - 1) * dt)
         if f[-1] > 0.5 / self.dt * (1.0 + 1e-9):
             raise DataError(
                 f"the highest frequency, {f[-1]:.6g} Hz, is above Nyquist, {0.5 / self.dt:.6g} Hz",

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
@@ -167,15 +168,17 @@ def net_load_strips(axes_names: Sequence[str], time: Array, loads: Array, before
         N and N m.
     """
     figure, panels = stacked_panels([0.56] * len(axes_names), legend=1)
+    lines: list[Line2D] = []
     for panel, name, after, old in zip(panels, axes_names, loads, before, strict=True):
         grey = draw_history(panel, time, old, GREY, linewidth=0.8, alpha=0.8, label="before the choice")
         blue = draw_history(panel, time, after, BLUE, linewidth=0.9, label="as chosen")
+        lines = [grey, blue]
         for peak, colour in ((np.abs(old).max(), GREY), (np.abs(after).max(), BLUE)):
             for side in (-peak, peak):
                 panel.axhline(side, color=colour, linewidth=0.6, linestyle=(0, (4, 3)))
         name_panel(panel, name, "N" if name in "XYZ" else "N m")
         few_ticks(panel)
-    draw_legend(figure, [grey, blue])
+    draw_legend(figure, lines)
     share_time(panels, time)
     return figure
 

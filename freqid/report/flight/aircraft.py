@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, degrees, pi, sin
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -328,7 +329,7 @@ def _extent(parts: Sequence[Solid], marked: Array, axes: Array) -> tuple[float, 
     return float(left), float(right), float(low), float(high)
 
 
-def _write(panel: Axes, x: float, y: float, text: str, side: tuple[int, int] = (0, 0), **look) -> None:
+def _write(panel: Axes, x: float, y: float, text: str, side: tuple[int, int] = (0, 0), **look: Any) -> None:
     """Write a name that stays readable where it crosses a line.
 
     Parameters
@@ -339,14 +340,14 @@ def _write(panel: Axes, x: float, y: float, text: str, side: tuple[int, int] = (
     side : tuple of 2 int
         Where the name stands beside the point: -1 left of it or below, 1 right or above, 0 centred on it.
     """
-    look = {
+    style: dict[str, Any] = {
         "ha": ("right", "center", "left")[1 + side[0]],
         "va": ("top", "center", "bottom")[1 + side[1]],
         "size": _SIZE,
         "path_effects": [withStroke(linewidth=2.2, foreground="white")],
     } | look
     offset = (_NEAR * side[0], _NEAR * side[1])
-    panel.annotate(literal(text, 16), (x, y), offset, textcoords="offset points", **look)
+    panel.annotate(literal(text, 16), (x, y), offset, textcoords="offset points", **style)
 
 
 def _mark_centre(panel: Axes, at: Array) -> None:

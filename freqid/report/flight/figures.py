@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -104,10 +105,11 @@ def draw_effector_rows(
     """
     figure, (axes,) = stacked_panels([0.36 * len(effectors)], right=0.92)
     for i, (row, wanted) in enumerate(zip(moved, commanded, strict=True)):
-        for values, look in (
+        looks: tuple[tuple[Array, dict[str, Any]], ...] = (
             (wanted, {"color": GREY, "linewidth": 1.6, "alpha": 0.5}),
             (row, {"color": colours[i], "linewidth": 0.8}),
-        ):
+        )
+        for values, look in looks:
             drawn, shown = envelope(time, values)
             axes.plot(drawn, i - 0.46 * np.clip(shown / scale[i], -1.05, 1.05), **look)
     frame_rows(axes, [e.name for e in effectors], notes, "largest")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -136,7 +137,7 @@ def parameters_along(panels: Sequence[Panel], names: Sequence[str], label: str =
         _scale(axes, panel)
         name_panel(axes, literal(panel.label, 20), panel.unit)
         few_ticks(axes)
-    dot = {"color": INK, "marker": "o", "markersize": 3.2, "linestyle": "none"}
+    dot: dict[str, Any] = {"color": INK, "marker": "o", "markersize": 3.2, "linestyle": "none"}
     handles = [Line2D([], [], label="point, ±2σ", **dot)]
     if held:
         handles.append(Line2D([], [], markerfacecolor="white", label="held out", **dot))
@@ -198,7 +199,7 @@ def draw_key(figure: Figure, handles: list[Line2D], names: Sequence[str]) -> Non
         draw_legend(figure, handles)
         return
     draw_legend(figure, handles)
-    look = {"linestyle": "none", "markersize": 4.2}
+    look: dict[str, Any] = {"linestyle": "none", "markersize": 4.2}
     lines = [
         Line2D([], [], color=colour, marker=marker, label=literal(name, 24), **look)
         for (colour, marker), name in zip(LOOKS, names, strict=False)

@@ -10,6 +10,7 @@ import matplotlib.style
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.container import Container
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
@@ -185,7 +186,7 @@ def frame_rows(axes: Axes, names: Sequence[str], notes: Sequence[str], heading: 
     axes.annotate(heading, (1.0, 1.0), (5, 4), "axes fraction", textcoords="offset points", color=INK)
 
 
-def draw_legend(figure: Figure, lines: Sequence[Artist], columns: int | None = None) -> None:
+def draw_legend(figure: Figure, lines: Sequence[Artist | Container], columns: int | None = None) -> None:
     """Name the lines above the panels, in one row unless `columns` says how many stand side by side.
 
     Where they need more rows than that, the figure grows.

@@ -27,7 +27,8 @@ _TEMPLATES = jinja2.Environment(
 
 _SCRIPT = (_FOLDER / "page.js").read_text(encoding="utf-8")
 # The browser runs no other script in the page, whatever a name in a file may hold.
-_TEMPLATES.globals |= {
+# jinja2 says of its globals no more than what they are at first.
+_TEMPLATES.globals |= {  # pyrefly: ignore[bad-assignment]
     "script": Markup(_SCRIPT),
     "script_hash": "sha256-" + base64.b64encode(hashlib.sha256(f"\n{_SCRIPT}\n".encode()).digest()).decode(),
 }

@@ -7,6 +7,7 @@ from math import inf, isinf, isnan
 from typing import Any
 
 import numpy as np
+from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 
 from freqid import __version__
@@ -359,12 +360,12 @@ def modes_along(found: LoopMargins) -> Figure:
     colours = (BLUE, ORANGE, "#009E73", "#CC79A7", "#56B4E9", INK, GREY)
     frame, panels = stacked_panels([1.5, 1.2], legend=2)
     order = np.argsort(found.u)
-    lines = []
+    lines: dict[str, ErrorbarContainer] = {}
     for colour, marker, name in zip(colours, "osD^vPX", shown, strict=False):
         for panel, what in zip(panels, ("frequency", "damping"), strict=True):
             estimate, low, high = found.row(f"closed_modes/{name}/{what}")[:, order]
             bars = np.abs(np.nan_to_num(np.array([estimate - low, high - estimate])))
-            line = panel.errorbar(
+            lines[name] = panel.errorbar(
                 found.u[order],
                 estimate,
                 bars,
@@ -375,7 +376,6 @@ def modes_along(found: LoopMargins) -> Figure:
                 elinewidth=0.9,
                 label=literal(name, 18),
             )
-        lines.append(line)
     name_panel(panels[0], "Frequency", "rad/s")
     panels[1].set_title("Damping ratio")
     panels[1].axhline(0.0, color=PALE, linewidth=0.8, zorder=0)
@@ -383,7 +383,7 @@ def modes_along(found: LoopMargins) -> Figure:
     for panel in panels:
         few_ticks(panel)
     _by_speed(panels, found)
-    draw_legend(frame, lines, columns=4)
+    draw_legend(frame, list(lines.values()), columns=4)
     return frame
 
 

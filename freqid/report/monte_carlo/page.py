@@ -144,7 +144,7 @@ def _of(m: Measured) -> str:
 
 
 def _value(at: float | str) -> str:
-    return f"{at:.4g}" if isinstance(at, float) else str(at)
+    return f"{at:.4g}" if isinstance(at, float) else f"{at}"
 
 
 def _told(m: Measured | None) -> str:

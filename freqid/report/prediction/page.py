@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
 from freqid import __version__
@@ -73,6 +74,7 @@ def difference_strips(channels: Sequence[ChannelScore]) -> Figure:
     channels : sequence of ChannelScore
     """
     figure, panels = stacked_panels([0.62] * len(channels), legend=1)
+    marks: list[Artist] = []
     for axes, c in zip(panels, channels, strict=True):
         label, factor = shown_unit(_channel(c.name), c.unit)
         width = factor * QUANTILE * c.std
@@ -81,9 +83,10 @@ def difference_strips(channels: Sequence[ChannelScore]) -> Figure:
         line = draw_history(axes, c.time, off, ORANGE, linewidth=0.5)
         name_panel(axes, literal(c.name, 40), label)
         few_ticks(axes)
-    band.set_label("95 % band")
-    line.set_label("flown less predicted")
-    draw_legend(figure, [band, line])
+        band.set_label("95 % band")
+        line.set_label("flown less predicted")
+        marks = [band, line]
+    draw_legend(figure, marks)
     share_time(panels, channels[0].time)
     return figure
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -210,7 +211,7 @@ def build_design_sheet(
         plan = flight_plan(None, design, scenario)
     else:
         plan = FlightPlan(vehicle or _bare(design))
-    plan = FlightPlan(**{**plan.__dict__, "source": name, "sha256": sha256})
+    plan = replace(plan, source=name, sha256=sha256)
     if isinstance(design, ClassicDesign):
         from freqid.design.classic import extent
         from freqid.report.design.classic_page import build_classic_page

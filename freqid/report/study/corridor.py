@@ -81,7 +81,10 @@ def _share_speed(panels: Sequence[Axes]) -> None:
 
 
 _SYMMETRIC, _LATERAL = ("u", "w", "q"), ("v", "p", "r")
-_STATES = dict.fromkeys("XZM", _SYMMETRIC) | dict.fromkeys("YLN", _LATERAL)
+_STATES: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys("XZM", _SYMMETRIC),
+    **dict.fromkeys("YLN", _LATERAL),
+}
 
 
 def error_pictures(results: StudyResults) -> list[Picture]:

@@ -227,13 +227,14 @@ def _gain(
     drift[2] = s.altitude
     effort = weight * np.array([s.force if axis in ("X", "Z") else s.moment * span for axis in s.axes])
     q, r = np.concatenate([deviation, drift]) ** -2, np.diag(effort**2)
+    gain = None
     try:
         gain = r @ driven.T @ solve_continuous_are(whole, driven, np.diag(q), np.linalg.inv(r))
         # some builds of LAPACK find a solution where there is none, which leaves what drifts as it is
         holds = np.linalg.eigvals(whole - driven @ gain).real.max() < -_SLOWEST
     except np.linalg.LinAlgError:
         holds = False
-    if not holds:
+    if gain is None or not holds:
         raise UsageError(
             f"no feedback through the axes {' '.join(s.axes)} holds speed, heading and altitude",
             where=f"reference '{at.reference.id}'",

@@ -8,6 +8,7 @@ equations of equilibrium; nothing is assumed about symmetry.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -220,7 +221,7 @@ class _Problem:
                 least_squares(
                     lambda x: self._balance(condition, x)[0],
                     start,
-                    jac=lambda x: self._balance(condition, x)[2],  # type: ignore[arg-type]
+                    jac=lambda x: self._balance(condition, x)[2],
                     bounds=bounds,
                     x_scale="jac",
                 )
@@ -265,12 +266,14 @@ class _Problem:
             by_move = np.stack([by_condition[:, 0], by_condition[:, 1:].sum(1)], axis=1) * _STEPS
             return np.hstack([by_x, by_move[:, :more]])
 
+        # scipy's stubs know no constraint of many values
+        balanced: Any = {"type": "eq", "fun": unbalanced, "jac": slope}
         found = minimize(
             lambda x: 0.5 * np.sum((effort @ x) ** 2),
             np.concatenate([np.clip(start, self._low, self._high), np.zeros(more)]),
             jac=lambda x: effort.T @ (effort @ x),
             bounds=bounds,
-            constraints={"type": "eq", "fun": unbalanced, "jac": slope},  # type: ignore[arg-type]
+            constraints=balanced,
             method="SLSQP",
             options={"maxiter": 60, "ftol": 1e-12},  # 5 to 30 where it can be balanced
         )

@@ -83,7 +83,8 @@ def _fault(effect: Any, before: Mapping[str, Effect]) -> str:
         return f"{name} has the id of one that comes with freqid; give it another id"
     if effect.id in before:
         return f"{name} is there twice; give one of them another id"
-    if not str(effect.id).isidentifier():
+    # a file of one's own may hold anything
+    if not str(effect.id).isidentifier():  # pyrefly: ignore[unnecessary-type-conversion]
         return f"{name} has an id that is no Python name, expected one such as icing"
     if effect.stage not in get_args(Stage):
         return f"{name} has the stage '{effect.stage}', expected one of {', '.join(get_args(Stage))}"

@@ -47,9 +47,11 @@ def _mode(
     pushed = CubicSpline(time, force)(np.minimum(fine, time[-1]))
     found = []
     for numerator in ([1.0, 0.0], [1.0, 0.0, 0.0]):
-        mode = TransferFunction(numerator, [1.0, 2 * damping * w, w**2]).to_discrete(
-            dt / _STEPS, method="foh"
+        # scipy returns one of a subclass
+        continuous = TransferFunction(  # pyrefly: ignore[direct-abstract-base-instantiation]
+            numerator, [1.0, 2 * damping * w, w**2]
         )
+        mode = continuous.to_discrete(dt / _STEPS, method="foh")
         found.append(lfilter(mode.num, mode.den, pushed)[::_STEPS])
     return found[0], found[1]
 

@@ -145,7 +145,7 @@ def variables(parameters: Coefficients, flow: Flow, positions: Positions) -> dic
     span, chord = parameters.lengths
     turning = flow.rates / (2 * speed)
     layout = parameters.layout
-    found = dict(zip("uvwpqr", [*velocity, *flow.rates], strict=True))
+    found: dict[str, jax.Array] = dict(zip("uvwpqr", [*velocity, *flow.rates], strict=True))
     found |= {
         "V": speed,
         "alpha": jnp.arctan2(velocity[2], velocity[0]),

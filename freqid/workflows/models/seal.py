@@ -185,8 +185,9 @@ def predict_flight(
         responses=local.responses,
         assumptions=assumptions(local, aircraft.vehicle, any(noise.values()), in_words, source),
         settings={
-            "seed": int(seed),
-            "draws": int(draws),
+            # callers may give numpy's integers, which a file of settings does not take
+            "seed": int(seed),  # pyrefly: ignore[unnecessary-type-conversion]
+            "draws": int(draws),  # pyrefly: ignore[unnecessary-type-conversion]
             "level": 0.95,
             "noise": {n: float(x) for n, x in sorted(noise.items())},
             "turbulence_m_s": float(turbulence),

@@ -309,7 +309,8 @@ def diagnose(case: Case) -> list[dict[str, Any]]:
     return [
         case.row(
             present=present,
-            called=bool(gap.gap.exists),
+            # numpy's where the level is
+            called=bool(gap.gap.exists),  # pyrefly: ignore[unnecessary-type-conversion]
             named=" or ".join(named) or None,
             right=right,
             p=float(gap.gap.p),

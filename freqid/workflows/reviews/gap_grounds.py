@@ -230,7 +230,7 @@ def _flown_margins(closure: Closure) -> Iterator[Reversal]:
 
 def listed(names: Sequence[str]) -> str:
     """Join names as a sentence does: a, b and c."""
-    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
+    return " and ".join(n for n in (", ".join(names[:-1]), *names[-1:]) if n)
 
 
 def base_name(record: str) -> str:

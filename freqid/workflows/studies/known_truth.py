@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TypedDict
 
 import numpy as np
 
@@ -22,6 +23,13 @@ from freqid.workflows.studies.units import closed_loop
 SMALL = 0.125
 """Share of a flight's signals that is flown in place of none: what goes with the amplitude is then down to an
 eighth or less (benchmarks/study_amplitude.py)."""
+
+
+class _How(TypedDict):
+    at: str
+    sensors: str
+    seed: int
+
 
 Derivatives = dict[str, dict[str, float]]
 """By response and regressor."""
@@ -56,7 +64,7 @@ def know(
     full = read_inputs(Path(design))
     small = replace(full, values=SMALL * full.values)
     loop = closed_loop(scenario, sha256, at.rho)
-    how = {"at": reference, "sensors": sensors, "seed": seed}
+    how: _How = {"at": reference, "sensors": sensors, "seed": seed}
     found = {
         "linear": _linearised(described, loop, reference),
         "noise_free": _estimated(described, full, loop, estimator, how),
@@ -108,14 +116,14 @@ def _estimated(
     inputs: SampledInputs,
     loop: ClosedLoop,
     estimator: EstimatorName | None,
-    how: Mapping[str, object],
+    how: _How,
 ) -> Derivatives:
     """Return what is identified from a flight that is logged without error."""
     from freqid.workflows.fly import simulate
 
-    flown = simulate(scenario, inputs, loop=loop, **how)  # pyright: ignore[reportArgumentType]
+    flown = simulate(scenario, inputs, loop=loop, **how)
     flown.refuse_divergence(f"{how['at']}, without noise")
-    model = identify_point(flown.record, scenario, at=str(how["at"]), estimator=estimator)
+    model = identify_point(flown.record, scenario, at=how["at"], estimator=estimator)
     return {
         name: dict(zip(r.regressors, r.estimate.tolist(), strict=True)) for name, r in model.responses.items()
     }

@@ -344,7 +344,7 @@ def _roles(
     for name in validate:
         if name not in known:
             raise UsageError(f"no flight is called '{name}'", remedy=nearest(name, known))
-    roles = {}
+    roles: dict[str, tuple[Flown, Flown]] = {}
     for identifier, of in flights.items():
         names = list(of)
         chosen = [n for n in names if n in validate] if validate else names[1:][-1:]

@@ -119,7 +119,7 @@ class MonteCarlo(Viewable):
     def axis_values(self) -> list[float | str]:
         """Values of the axis: numbers ascending, texts as they were stated."""
         found = list(dict.fromkeys(m.at for m in self.measured))
-        return sorted(found) if all(isinstance(v, int | float) for v in found) else found  # type: ignore[type-var]
+        return sorted(found) if all(isinstance(v, int | float) for v in found) else found
 
     def of(self, measure: str, quantity: str = "", curve: str | None = None) -> list[Measured]:
         """Return one measure along the axis.

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -84,3 +86,16 @@ def test_a_channel_that_is_missing_has_no_stand_in(asked, said):
     record = FlightRecord(np.arange(3.0), {"state/q": Channel("state/q", "rad/s", np.zeros(3), 1.0, "made")})
     with pytest.raises(DataError, match=said):
         record.channel(asked)
+
+
+def test_channels_that_are_replaced_are_checked_and_the_record_is_another_one():
+    before = record(state__u=np.ones(501), state__w=np.zeros(501))
+    channel = before.channel("state/u")
+    after = before.with_channels(replace(channel, values=channel.values + 1.0))
+    assert after.matrix(["state/u", "state/w"])[:, 0].tolist() == [2.0, 0.0]
+    assert after.fingerprint != before.fingerprint
+    assert after.with_channels(channel).fingerprint == before.fingerprint
+    with pytest.raises(DataError, match="is not finite in 1 of"):
+        before.with_channels(replace(channel, values=np.where(before.time == before.time[1], np.nan, 0.0)))
+    with pytest.raises(DataError, match="has shape"):
+        before.with_channels(replace(channel, values=channel.values[:-1]))

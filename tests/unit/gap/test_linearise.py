@@ -13,7 +13,7 @@ from msgspec.structs import replace as changed
 from freqid.core.record import Maneuver
 from freqid.gap.diagnose import Question, diagnose
 from freqid.gap.infer.columns import redrawn
-from freqid.gap.infer.linearise import settled
+from freqid.gap.infer.linearise import relinearised, settled, straight
 from freqid.gap.infer.together import Point
 from freqid.gap.simulation import Tolerance
 from freqid.gap.stack.block import stack_of
@@ -96,6 +96,21 @@ def test_lines_that_have_settled_stay(found):
     before = alone.reduced(form).log_evidence
     again, _, _ = settled(alone, parts, found.blocks, LIBRARY, TOLERANCES, form, [])
     assert again.reduced(form).log_evidence == pytest.approx(before, abs=1.0)
+
+
+@pytest.mark.parametrize("sigmas", [-4.0, 5.0])
+def test_a_round_ends_where_the_data_are_likelier(found, sigmas):
+    form = found.evidence.form_error()
+    alone = replace(found.system.of([]), form_errors=(form,), _reduced={})
+    parts = [replace(c, effects=c.effects[:0]) for c in found.columns]
+    rest = (found.blocks, LIBRARY, TOLERANCES, form)
+    at = straight(alone, parts, *rest, np.array([sigmas]), [])
+    before = at[0].about.misfit
+    at = relinearised(*at, *rest, [])
+    assert at[0].about.misfit < before - 100
+    assert at[0].about.tolerances == pytest.approx([MORE / TOLERANCES["elevators"]], abs=0.3)
+    again = relinearised(*at, *rest, [])
+    assert again[0].about.misfit <= at[0].about.misfit
 
 
 def test_an_effect_and_the_tolerance_of_its_parameter_are_drawn_on_the_same_motion(slopes):

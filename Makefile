@@ -4,7 +4,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 # Small matrix products are slower on several BLAS threads than on one.
 export OPENBLAS_NUM_THREADS ?= 1
-# Tests and the demo start many processes: each would compile all that it imports, 3 s of processor time.
+# Tests and the demo start many processes, and each would compile all that it imports again.
 unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: help install demo test browser-test lint docs bench lock clean

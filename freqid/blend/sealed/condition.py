@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypedDict
+from typing import Any
 
 import numpy as np
 
@@ -182,16 +182,7 @@ def of_global(
     return _at(reference, tuple(responses), trim, by_name, float(highest), "global", vehicle)
 
 
-class _Left(TypedDict):
-    residual_rms: float
-    residual_hz: Array
-    residual: Complex
-    residual_noise: Array
-    duration: float
-    rate_hz: float
-
-
-_NOTHING_LEFT: _Left = {
+_NOTHING_LEFT: dict[str, Any] = {
     "residual_rms": float("nan"),
     "residual_hz": np.empty(0),
     "residual": np.empty(0, dtype=complex),
@@ -262,7 +253,7 @@ def _of_response(model: ResponseModel) -> PredictedResponse:
     )
 
 
-def _left_by(model: ResponseModel) -> _Left:
+def _left_by(model: ResponseModel) -> dict[str, Any]:
     """Return residual fields of a response: rms in time, and amplitude densities on the lines.
 
     The densities are those of noise and of what is not linear, once the share that the fit took with its
@@ -278,7 +269,7 @@ def _left_by(model: ResponseModel) -> _Left:
     freed = max(1 - len(model.regressors) / equations, 0.1)
     square = np.mean([np.var(f.inside(highest).residual) for f in times])
     step = float(times[0].axis[1] - times[0].axis[0])
-    found: _Left = {
+    found = {
         **_NOTHING_LEFT,
         "residual_rms": float(np.sqrt(square / freed)),
         "duration": duration,
@@ -289,9 +280,11 @@ def _left_by(model: ResponseModel) -> _Left:
         noise = [f.noise if f.noise is not None else np.full(f.axis.size, np.nan) for f in lines]
         slow = [_slow_lines(f, float(lines[0].axis[0])) for f in times]
         drift = np.sqrt(2 / duration) * np.concatenate([left for _, left in slow])
-        found["residual_hz"] = np.concatenate([*(hz for hz, _ in slow), *(f.axis for f in lines)])
-        found["residual"] = np.concatenate([drift, scale * np.concatenate([f.residual for f in lines])])
-        found["residual_noise"] = np.concatenate([np.abs(drift), scale * np.concatenate(noise)])
+        found |= {
+            "residual_hz": np.concatenate([*(hz for hz, _ in slow), *(f.axis for f in lines)]),
+            "residual": np.concatenate([drift, scale * np.concatenate([f.residual for f in lines])]),
+            "residual_noise": np.concatenate([np.abs(drift), scale * np.concatenate(noise)]),
+        }
     return found
 
 

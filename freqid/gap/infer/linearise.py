@@ -33,7 +33,7 @@ from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
 
 _TRIES = 3  # of a step, shorter each time where the data are less likely at its end
-_SHORTER = (0.1, 0.5)  # share of such a step that is tried next: between these
+_SHORTER = (0.1, 0.5)  # least and largest share of such a step that is tried next (the book's bounds)
 
 
 def relinearised(
@@ -48,8 +48,8 @@ def relinearised(
     """Return a system whose lines are right where all that is unknown is likeliest.
 
     Where the data are less likely there than where lines were made straight before, another effect that leads
-    is not taken, and a step is shortened. One that cannot gain what settles is not taken: lines stay where
-    they are right.
+    is not taken, and a step is shortened. Where the slope at its beginning promises less than `SETTLED` nats,
+    no step is taken, and lines stay as they are.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def relinearised(
         known, acted, at = system.about.tolerances, system.about.acting, (system, list(columns))
         if all(e.candidate is system.candidates[i] for i, e in acted):
             least = _misfit(system, form_error, known, acted)
-        else:  # drawn elsewhere by now
+        else:  # columns of what acts were drawn anew since: lines are not right there any more
             least, at = asked(known, acted)
     fitted = fit(acting)
     if not _same(acted, acting):

@@ -158,6 +158,7 @@ class Candidate:
 
     @cached_property
     def _between_sizes(self) -> Callable[[Array], Array]:
+        """Interpolation between the sizes, made once: its weights are asked for at thousands of sizes."""
         return _interpolated(self.sizes if self.curve is None else self.curve.sizes)
 
     def settings(self, column: int, in_force: Mapping[str, float], share: float = 1.0) -> dict[str, float]:
@@ -175,7 +176,9 @@ def near(sizes: Array, about: float) -> NDArray[np.bool_]:
 
 
 def _interpolated(sizes: Array) -> Callable[[Array], Array]:
-    """Return what gives the weights of the changes at any sizes in those at some, shape (wanted, size).
+    """Return the interpolation between changes at some sizes, as a function of the sizes that are wanted.
+
+    It gives the weights of the changes that are known in each one that is wanted, shape (wanted, size).
 
     By cubic Hermite polynomials through the sizes and zero, whose slopes are those of parabolas through three
     neighbours: weights are the same whatever the changes are, and a delay turns the phase, which straight

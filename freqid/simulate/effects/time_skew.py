@@ -32,7 +32,7 @@ def _distort(settings: Mapping[str, float], record: FlightRecord) -> FlightRecor
             if age and channel in record:
                 ages[channel] = ages.get(channel, 0.0) + age
     late: dict[str, np.ndarray] = {}
-    for age in dict.fromkeys(ages.values()):  # those of one age together: a spline costs as much as two
+    for age in dict.fromkeys(ages.values()):  # one spline of many channels costs little more than of one
         some = [c for c, own in ages.items() if own == age]
         values = logged_late(np.array([unwrapped(record, c) for c in some]), record.dt, age)
         late.update({c: _wrapped(c, v) for c, v in zip(some, values, strict=True)})

@@ -66,8 +66,6 @@ def relinearised(
         What acts beside them; the likeliest effect where absent, if one is likely.
     """
     free = acting is None
-    if acting is None:
-        acting = _likeliest_alone(_weighed(system, form_error))
 
     def fit(acting: Acting) -> Array:
         """Return the likeliest tolerances beside effects, those of their own parameters among the sizes."""
@@ -84,13 +82,18 @@ def relinearised(
         assert found[0].about is not None
         return found[0].about.misfit, found
 
-    known, acted, least, at = np.zeros(len(system.tolerances)), acting, np.inf, None
+    known, acted, least, at = np.zeros(len(system.tolerances)), None, np.inf, None
     if system.about is not None:
         known, acted, at = system.about.tolerances, system.about.acting, (system, list(columns))
         if all(e.candidate is system.candidates[i] for i, e in acted):
             least = _misfit(system, form_error, known, acted)
         else:  # columns of what acts were drawn anew since: lines are not right there any more
             least, at = asked(known, acted)
+            system, columns = at or (system, columns)
+    if acting is None:
+        acting = _likeliest_alone(_weighed(system, form_error))
+    if acted is None:
+        acted = acting
     fitted = fit(acting)
     if not _same(acted, acting):
         misfit, found = asked(fitted, acting)

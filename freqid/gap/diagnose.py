@@ -16,12 +16,12 @@ from freqid.gap.close.closing import Closing, closing_of
 from freqid.gap.close.closure import Closed, close
 from freqid.gap.closest_flight import apart, as_near, closest, effect_of_its_own, flown
 from freqid.gap.infer.build import at_their_size, build, flown_departures
-from freqid.gap.infer.columns import Columns, redrawn
-from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate, weigh
-from freqid.gap.infer.explain import Computed, Explanation, explain, likeliest
+from freqid.gap.infer.columns import Columns
+from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate
+from freqid.gap.infer.explain import Explanation, explain
 from freqid.gap.infer.joint_replay import about_explanation, about_single
 from freqid.gap.infer.joint_sizes import form_beside, joint_estimates
-from freqid.gap.infer.linearise import likeliest_departures, settled, settled_beside_none
+from freqid.gap.infer.linearise import Linearised
 from freqid.gap.infer.null_draws import null_statistics, threshold_of
 from freqid.gap.infer.system import System
 from freqid.gap.infer.where import gap_map
@@ -151,21 +151,18 @@ def diagnose(
     departs = bool(simulation.tolerances) and any(b.motion.flown for b in used)
     if departs:
         tell("flying the simulation as it is likeliest")
-        departures = flown_departures(used, q.candidates, q.tolerances)
+        departures = flown_departures(used, library, q.tolerances)
         used, departures = closest(flown(simulation, used, departures), (used, {}))
     tell("computing effects and tolerances")
-    system, not_tested, columns, used = build(used, q.candidates, q.tolerances)
+    at, not_tested = build(used, library, q.tolerances)
     for name in q.named:
         if name not in library:
             raise UsageError(f"effect '{name}' is unknown", remedy=nearest(name, library))
         if name in not_tested:
             raise UsageError(f"effect '{name}' cannot be tested here: {not_tested[name]}")
     tell("weighing effects")
-    form_error = weigh(system).form_error()
-    system, columns, used, without = settled_beside_none(
-        system, columns, used, q.candidates, q.tolerances, form_error
-    )
-    evidence = replace(weigh(system), without=without)  # asked here alone: later ones stand on other lines
+    at, without = at.settled_beside_none(at.evidence.form_error())
+    evidence = replace(at.evidence, without=without)  # asked here alone: later ones stand on other lines
     null = null_statistics(evidence, q.draws, q.seed)
     drawn = float((1 + (null >= evidence.statistic).sum()) / (1 + null.size))
     p_none = probability_of_none(evidence)
@@ -174,59 +171,51 @@ def diagnose(
     exists = p <= q.level
     if exists:
         tell("computing the likeliest effects at their size")
-        system, columns = at_their_size(evidence, columns, used, q.candidates, q.tolerances)
-        evidence = weigh(system)
+        at = at_their_size(at)
+        evidence = at.evidence
     found: dict[str, Settings] = {}
     for _ in range(_FLIGHTS if exists and departs else 0):
-        beside = likeliest_departures(system, used, q.tolerances, evidence.form_error())[0]
+        beside = at.likeliest_departures(evidence.form_error())[0]
         likely = effect_of_its_own(evidence, simulation, library)
         near = as_near(*(dict(x.get("effects", {})) for x in (likely, found)))
         if near and apart(beside, departures, simulation, q.tolerances) <= _AWAY:
             break
         tell("flying the simulation as it is likeliest with what was found")
         found = likely
-        used, departures = closest(*(flown(simulation, used, d, **found) for d in (beside, {})))
-        behind = _behind(evidence, q.candidates)
-        system, not_tested, columns, used = build(used, q.candidates, q.tolerances, behind, system)
-        system, columns = at_their_size(weigh(system), columns, used, q.candidates, q.tolerances)
-        form_error = weigh(system).form_error()
-        system, columns, used = settled(system, columns, used, q.candidates, q.tolerances, form_error)
-        evidence = weigh(system)
+        used, departures = closest(*(flown(simulation, at.blocks, d, **found) for d in (beside, {})))
+        at, not_tested = build(used, library, q.tolerances, _behind(evidence, library), at.system)
+        at = at_their_size(at)
+        at = at.settled(at.evidence.form_error())
+        evidence = at.evidence
     ranking = rank(evidence, exists, INTERVAL, TEMPERATURE, p_none if exists else max(p_none, 0.5))
     leading = _leading(q.named, ranking)
     explanation: Explanation | None = None
-    joint: Evidence | None = None
-    joint_columns = columns
+    joint, used = at, at.blocks
     if leading and exists:
         tell("looking for a second effect")
-        explanation, joint, joint_columns = _explanation(
-            evidence, leading, bool(q.named), columns, used, library, q.tolerances
-        )
-        system = joint.system
+        explanation, joint = _explanation(at, leading, asked=bool(q.named))
         if explanation.effects[0] not in leading:  # computed at its size, another one took its place
-            evidence, ranking = joint, rank(joint, exists, INTERVAL, TEMPERATURE, p_none)
+            evidence, ranking = joint.evidence, rank(joint.evidence, exists, INTERVAL, TEMPERATURE, p_none)
     by_effect = [_made(e, used) for e in _clear(explanation)]
     explained = [sum((one[i] for one in by_effect), np.zeros_like(b.residual)) for i, b in enumerate(used)]
-    cells = gap_map(used, joint_columns, by_effect or [[b.residual for b in used]])
+    cells = gap_map(used, joint.columns, by_effect or [[b.residual for b in used]])
     closing: Closing | None = None
     closed: list[Closed] = []
-    if q.close and explanation and joint:
+    if q.close and explanation:
         tell("closing the gap")
         others = stack_of(
             simulation, held_out, names[count:], q.band_hz, seed=q.seed + 500, departures=departures, **found
         )
         form_error = form_beside(joint.system, explanation.places, explanation.estimates)
-
-        def closing_by(system: System, columns: list[Columns], one: Explanation) -> Closing:
-            return closing_of(system, used, columns, others, one, library, q.tolerances, form_error)
-
-        closing = closing_by(system, joint_columns, explanation)
+        closing = closing_of(joint, others, explanation, form_error)
         singles = [
-            closing_by(*about_single(joint, joint_columns, used, one, library, q.tolerances, form_error))
-            for one in explanation.interacting(system)
+            closing_of(about, others, single, form_error)
+            for about, single in (
+                about_single(joint, one, form_error) for one in explanation.interacting(joint.system)
+            )
         ]
         closed = close(closing, explanation, q.seed, library, q.tolerances, len(leading), singles)
-    forms = evidence.form_sizes(columns[0].form_names)
+    forms = evidence.form_sizes(at.columns[0].form_names)
     forms = {n: f if f >= FORM_ERRORS[1] else 0.0 for n, f in forms.items()}
     relations = {n.partition("/")[2]: f for n, f in forms.items() if n.startswith("kinematic/")}
     forms = {n: f for n, f in forms.items() if "/" not in n}
@@ -234,7 +223,7 @@ def diagnose(
     which = _which(ranking, evidence, explanation, exists, not_tested, closed, used, library)
     sensors = _sensors(explanation, library, which) if exists else ()
     where = tuple(cells.places()) if exists else ()
-    closures = tuple(_figures(c, system) for c in closed)
+    closures = tuple(_figures(c, joint.system) for c in closed)
     diagnosis = GapDiagnosis(
         verdict=verdict(existence, where, cells, which, closures, sensors, library),
         simulation=simulation.name,
@@ -250,8 +239,8 @@ def diagnose(
     return Findings(
         diagnosis,
         used,
-        columns,
-        system,
+        at.columns,
+        joint.system,
         evidence,
         threshold,
         explanation,
@@ -269,42 +258,21 @@ def _behind(evidence: Evidence, library: Mapping[str, Effect]) -> dict[str, list
     they may act beside one that leads.
     """
     every = evidence.system.candidates
-    leading = {every[i].effect for i in likeliest(evidence)}
+    leading = {every[i].effect for i in evidence.likeliest}
     return {e: [c for c in every if c.effect == e] for e in library if e not in leading}
 
 
-def _explanation(
-    evidence: Evidence,
-    leading: Sequence[str],
-    asked: bool,
-    columns: list[Columns],
-    blocks: Sequence[Block],
-    library: Mapping[str, Effect],
-    tolerances: Mapping[str, float],
-) -> tuple[Explanation, Evidence, list[Columns]]:
-    """Return the explanation that leading effects begin, its effects and what they change made together."""
+def _explanation(at: Linearised, leading: Sequence[str], *, asked: bool) -> tuple[Explanation, Linearised]:
+    """Return the explanation that leading effects begin, and the model about it."""
 
     def compute(
-        at: Computed, explanation: Explanation, others: list[tuple[int, Estimate]], anew: bool
-    ) -> Computed:
+        at: Linearised, explanation: Explanation, others: list[tuple[int, Estimate]], anew: bool
+    ) -> Linearised:
         form_error = form_beside(at.system, explanation.places, explanation.estimates)
-        system, columns = about_explanation(
-            at.system,
-            at.columns,
-            blocks,
-            explanation,
-            others,
-            library,
-            tolerances,
-            form_error,
-            anew=anew,
-        )
-        return at if system is at.system else Computed(system, columns)
+        return about_explanation(at, explanation, others, form_error, anew=anew)
 
-    every = range(len(evidence.system.candidates))
-    start = Computed(*redrawn(evidence.system, columns, blocks, library, every))
-    explanation, at = explain(start, leading, columns[0].form_names, asked=asked, compute=compute)
-    return explanation, at.evidence, at.columns
+    start = at.redrawn(range(len(at.system.candidates)))
+    return explain(start, leading, at.columns[0].form_names, asked=asked, compute=compute)
 
 
 def _leading(named: Sequence[str], ranking: Ranking) -> tuple[str, ...]:

@@ -13,8 +13,9 @@ from scipy.stats import multivariate_normal
 from freqid.gap.close.fit import departures_beyond, fit
 from freqid.gap.infer.block_matrices import Form, Products
 from freqid.gap.infer.evidence import estimate, separation, weigh
-from freqid.gap.infer.explain import Computed, Explanation, explain
+from freqid.gap.infer.explain import Explanation, explain
 from freqid.gap.infer.joint_sizes import joint_estimates
+from freqid.gap.infer.linearise import Linearised
 from freqid.gap.infer.null_draws import Drawn, drawn, effects_of
 from freqid.gap.infer.system import System
 from freqid.gap.model.candidate import Candidate, Place
@@ -332,10 +333,14 @@ def test_separation_from_a_vector_is_what_no_combination_of_it_copies(dense):
     assert separation(evidence, 0, 3) == pytest.approx(left @ left, rel=1e-6)
 
 
+def alone(system):
+    return Linearised(system, [], [], {}, {})
+
+
 def test_a_second_effect_is_weighed_with_the_first_one_free():
     dense = Dense(effect=np.r_[4.0, np.zeros(6), 1.5, -1.0, 1.0])
     evidence = weigh(dense.system)
-    found, _ = explain(Computed(evidence.system, []), ("heavy",))
+    found, _ = explain(alone(evidence.system), ("heavy",))
     assert set(found.effects) == {"heavy", "off"}
     first = estimate(evidence, 0, 0.9).weights @ dense.at(0)
     free = 1e6 * np.outer(first, first)
@@ -357,10 +362,10 @@ def test_one_effect_that_explains_all_stands_alone():
     dense = Dense(effect=np.r_[np.zeros(7), 1.5, -1.0, 1.0])
     evidence = weigh(dense.system)
     for first in ("off", "heavy", "late"):
-        found, _ = explain(Computed(evidence.system, []), (first,))
+        found, _ = explain(alone(evidence.system), (first,))
         assert found.effects == ("off",)
         assert found.gains == pytest.approx((evidence.effect["off"],))
-    found, _ = explain(Computed(evidence.system, []), ("heavy",), asked=True)
+    found, _ = explain(alone(evidence.system), ("heavy",), asked=True)
     assert found.effects == ("heavy", "off")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,12 +14,11 @@ from freqid.gap.infer.build import columns_of
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.joint_replay import acted_on, settings_of
-from freqid.gap.infer.linearise import drawn, likeliest_departures, straightened
+from freqid.gap.infer.linearise import Linearised
 from freqid.gap.infer.system import System
 from freqid.gap.model.candidates import recomputed
 from freqid.gap.settings import FOLDS
 from freqid.gap.stack.block import Block
-from freqid.simulate.effects.effect import Effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,52 +74,35 @@ class Closing:
 
 
 def closing_of(
-    system: System,
-    used: Sequence[Block],
-    columns: Sequence[Columns],
-    held_out: Sequence[Block],
-    explanation: Explanation,
-    library: Mapping[str, Effect],
-    tolerances: Mapping[str, float],
-    form_error: Form,
+    at: Linearised, held_out: Sequence[Block], explanation: Explanation, form_error: Form
 ) -> Closing:
     """Divide a stack: held-out blocks against the others; else conditions in turns; one block by its lines.
 
     Parameters
     ----------
-    system : System
-        Of the blocks that were used.
-    used : sequence of Block
-    columns : sequence of Columns
-        By block.
+    at : Linearised
+        The model of the blocks that were used.
     held_out : sequence of Block
     explanation : Explanation
-    library : dict of Effect
-        Of the vehicle.
-    tolerances : dict of float
     form_error : Form
         Beside the explanation. What tolerances make beyond first order, at their departures there, is as
         much on what is held out as on what was used.
     """
+    system, used, library = at.system, at.blocks, at.library
     few = [system.candidates[i] for i in explanation.places]
     chosen = system.places(explanation.places)
-    parts = [replace(c, effects=c.effects[chosen]) for c in columns]
+    parts = [replace(c, effects=c.effects[chosen]) for c in at.columns]
     if held_out:
         own = [replace(c, columns=recomputed(c, library, held_out)) for c in few]
-        rows, forms, labels = columns[0].form_names, system.form_errors, columns[0].shared_names
         acting = settings_of(explanation.estimates, library, held_out[0].trial.simulation)
-        flown = acted_on(held_out, acting, library)
-        made = [
-            columns_of(b, i, own, system.tolerances, library, tolerances, rows, forms, labels)
-            for i, b in enumerate(flown)
-        ]
+        made = [columns_of(b, i, own, at) for i, b in enumerate(acted_on(held_out, acting, library))]
         new, flown = [c for c, _ in made], [b for _, b in made]
         held_out = [replace(b, trial=one.trial) for b, one in zip(flown, held_out, strict=True)]
-        fitted = likeliest_departures(system, used, tolerances, form_error, explanation.weights(system))[1]
-        there = fitted, list(enumerate(explanation.estimates)), library, tolerances, form_error
-        fewer = replace(system, candidates=own)
-        flown = drawn(fewer, new, flown, *there)
-        parts += [straightened(c, b, fewer, *there, anew=True) for c, b in zip(new, flown, strict=True)]
+        fitted = at.likeliest_departures(form_error, explanation.weights(system))[1]
+        there = fitted, list(enumerate(explanation.estimates)), form_error
+        left_out = replace(at, system=replace(system, candidates=own), columns=new, blocks=flown)
+        left_out = replace(left_out, blocks=left_out.drawn(*there)).at(*there, anew=True)
+        parts += left_out.columns
         each = zip(few, own, strict=True)
         few = [replace(c, columns=[*c.columns, *more.columns]) for c, more in each]
     blocks = [*used, *held_out]

@@ -9,12 +9,11 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.gap.infer.block_matrices import Form
-from freqid.gap.infer.columns import Columns, Parts, rebuilt
-from freqid.gap.infer.evidence import Estimate, Evidence, weigh
-from freqid.gap.infer.explain import likeliest
+from freqid.gap.infer.columns import Columns, Parts
+from freqid.gap.infer.evidence import Estimate
 from freqid.gap.infer.forms import common_form, likely_forms, of_all, reach
 from freqid.gap.infer.joint_sizes import joint_estimates
-from freqid.gap.infer.linearise import drawn_anew, likeliest_departures, relinearised, straight
+from freqid.gap.infer.linearise import Linearised
 from freqid.gap.infer.seen_sizes import down_to_seen
 from freqid.gap.infer.system import About, System
 from freqid.gap.model.candidate import OTHER, Candidate
@@ -34,8 +33,8 @@ def build(
     sizes: Mapping[str, float],
     known: Mapping[str, list[Candidate]] | None = None,
     last: System | None = None,
-) -> tuple[System, dict[str, str], list[Columns], list[Block]]:
-    """Return the system of a stack, why effects are not tested, the columns by block, and the blocks.
+) -> tuple[Linearised, dict[str, str]]:
+    """Return the model of a stack, and why effects are not tested.
 
     The blocks come back with the noise of their loads as loud as it was flown, where no repeats told it. The
     likeliest effects are computed at their size before errors of form are looked for: what is missing of a
@@ -53,46 +52,35 @@ def build(
         Of the same records on other motion: lines are made straight first where its were.
     """
     found, not_tested = candidates(library, blocks, known)
-    system, columns, parts, common = _straight(blocks, found, library, sizes, last, quiet=known is None)
-    blocks = [p.block for p in parts]
-    system = replace(system, form_errors=(common,), _reduced={})
-    evidence = weigh(down_to_seen(system))
-    system, columns = at_their_size(evidence, columns, blocks, library, sizes)
+    at, parts, common = _straight(blocks, found, library, sizes, last, quiet=known is None)
+    system = replace(at.system, form_errors=(common,), _reduced={})
+    at = at_their_size(replace(at, system=down_to_seen(system)))
     parts = side_by_side(blocks[0].trial.simulation, Parts.second_order, parts)
     terms = _terms(parts)
-    start = of_all(terms, columns[0].form_names, common)
+    start = of_all(terms, at.columns[0].form_names, common)
     largest = dict(zip(terms, reach(start).tolist(), strict=True))
-    columns = [c.with_form(p.fewer(largest), terms) for c, p in zip(columns, parts, strict=True)]
-    system = replace(system, blocks=[c.matrices for c in columns])
-    forms = likely_forms(system, terms, start)
+    columns = [c.with_form(p.fewer(largest), terms) for c, p in zip(at.columns, parts, strict=True)]
+    forms = likely_forms(replace(at.system, blocks=[c.matrices for c in columns]), terms, start)
     columns = [c.kept(forms) for c in columns]
-    system = replace(system, blocks=[c.matrices for c in columns], form_errors=forms, _reduced={})
-    return system, not_tested, columns, blocks
+    system = replace(at.system, blocks=[c.matrices for c in columns], form_errors=forms, _reduced={})
+    return replace(at, system=system, columns=columns), not_tested
 
 
-def at_their_size(
-    evidence: Evidence,
-    columns: Sequence[Columns],
-    blocks: Sequence[Block],
-    library: Mapping[str, Effect],
-    sizes: Mapping[str, float],
-) -> tuple[System, list[Columns]]:
-    """Return the evidence's system with the likeliest effects' columns at sizes near their estimates.
+def at_their_size(at: Linearised) -> Linearised:
+    """Return the model with the likeliest effects' columns at sizes near their estimates.
 
     And tolerances straight about these. Again where estimates move: far from where it was computed, a strong
     effect's columns are wrong by many times the noise, and the estimate stays where they are right.
     """
-    system, columns = evidence.system, list(columns)
     for _ in range(MOST_ROUNDS):
-        new = list(system.candidates)
-        for i in likeliest(evidence):
-            new[i] = refined(new[i], float(joint_estimates(evidence.system, [i])[0].size[0]), library, blocks)
-        if all(a is b for a, b in zip(new, system.candidates, strict=True)):
+        new = list(at.system.candidates)
+        for i in at.evidence.likeliest:
+            size = float(joint_estimates(at.system, [i])[0].size[0])
+            new[i] = refined(new[i], size, at.library, at.blocks)
+        if all(a is b for a, b in zip(new, at.system.candidates, strict=True)):
             break
-        system, columns = rebuilt(system, new, columns, blocks)
-        system, columns = relinearised(system, columns, blocks, library, sizes, evidence.form_error())
-        evidence = weigh(system)
-    return system, columns
+        at = at.rebuilt(new).likelier(at.evidence.form_error())
+    return at
 
 
 def flown_departures(
@@ -102,8 +90,8 @@ def flown_departures(
 
     With these it flies closer to the record than with its nominal ones.
     """
-    system, _, parts, common = _straight(blocks, [], library, sizes, quiet=True)
-    return likeliest_departures(system, [p.block for p in parts], sizes, common)[0]
+    at, _, common = _straight(blocks, [], library, sizes, quiet=True)
+    return at.likeliest_departures(common)[0]
 
 
 def _straight(
@@ -114,11 +102,11 @@ def _straight(
     last: System | None = None,
     *,
     quiet: bool,
-) -> tuple[System, list[Columns], list[Parts], Form]:
-    """Return a system with errors of form of first order and straight tolerances.
+) -> tuple[Linearised, list[Parts], Form]:
+    """Return a model with errors of form of first order and straight tolerances.
 
-    And its columns, the parts that they are made of, and the likeliest error of form that is common to all
-    terms of a kind. Where blocks are `quiet`, the noise of their loads may be louder than it seems.
+    And the parts that its columns are made of, and the likeliest error of form that is common to all terms of
+    a kind. Where blocks are `quiet`, the noise of their loads may be louder than it seems.
     """
     simulation = blocks[0].trial.simulation
     stated = side_by_side(simulation, lambda b: tolerance_columns(b, library, sizes), blocks)
@@ -141,14 +129,13 @@ def _straight(
     system = System(found, names, [c.matrices for c in columns], every)
     system, columns = _told_apart(system, columns)
     common = common_form(system, terms)
-    known = [p.block for p in parts]
+    at = Linearised(system, columns, [p.block for p in parts], library, sizes)
     if last and last.about:
-        fitted, acting = _as_before(last, last.about, system)
-        system, columns = straight(system, columns, known, library, sizes, common, fitted, acting)
+        at = at.at(*_as_before(last, last.about, system), common)
     for _ in range(ROUNDS):
-        system, columns = relinearised(system, columns, known, library, sizes, common)
-    system, columns, known = drawn_anew(system, columns, known, library, sizes, leading=bool(found))
-    return system, columns, [replace(p, block=b) for p, b in zip(parts, known, strict=True)], common
+        at = at.likelier(common)
+    at = at.drawn_anew(leading=bool(found))
+    return at, [replace(p, block=b) for p, b in zip(parts, at.blocks, strict=True)], common
 
 
 def _as_before(last: System, about: About, system: System) -> tuple[Array, list[tuple[int, Estimate]]]:
@@ -190,15 +177,7 @@ def _terms(parts: Sequence[Parts]) -> tuple[str, ...]:
 
 
 def columns_of(
-    block: Block,
-    index: int,
-    found: Sequence[Candidate],
-    names: Sequence[str],
-    library: Mapping[str, Effect],
-    sizes: Mapping[str, float],
-    terms: Sequence[str],
-    forms: Sequence[Form],
-    labels: Sequence[tuple[str, str]],
+    block: Block, index: int, found: Sequence[Candidate], like: Linearised
 ) -> tuple[Columns, Block]:
     """Return the columns of one more block, and the block with its noise as it was flown.
 
@@ -208,21 +187,16 @@ def columns_of(
     index : int
         Of the block among those that the candidates have columns for.
     found : sequence of Candidate
-    names : sequence of str
-        Tolerances, in their order.
-    library : dict of Effect
-    sizes : dict of float
-    terms : sequence of str
-        Of the errors of form anywhere in the stack.
-    forms : sequence of Form
-        Errors of form of the stack.
-    labels : sequence of (str, str)
-        Of those that are the same in all blocks.
+    like : Linearised
+        With the tolerances and the errors of form that it has too.
     """
+    library, sizes, c = like.library, like.sizes, like.columns[0]
     stated, alike = tolerance_columns(block, library, sizes), shared_columns(block)
-    tolerances, shared = [stated.get(n) for n in names], [alike.get(n) for n in labels]
+    tolerances = [stated.get(n) for n in like.system.tolerances]
+    shared = [alike.get(n) for n in c.shared_names]
     parts = Parts.of(block, index, found, tolerances, shared, library, sizes).as_loud_as_flown(found)
-    return _columns(parts.second_order(), terms, forms, labels), parts.block
+    made = _columns(parts.second_order(), c.form_names, like.system.form_errors, c.shared_names)
+    return made, parts.block
 
 
 def _columns(

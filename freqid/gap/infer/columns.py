@@ -15,7 +15,6 @@ from freqid.gap.infer.block_matrices import SEEN, BlockMatrices, Form, Products,
 from freqid.gap.infer.evidence import weigh
 from freqid.gap.infer.system import System
 from freqid.gap.model.candidate import Candidate
-from freqid.gap.model.candidates import recomputed
 from freqid.gap.model.form import FormColumns, form_columns, form_terms, product_columns
 from freqid.gap.model.row_columns import RowColumns
 from freqid.gap.model.tolerance import record_columns
@@ -308,41 +307,3 @@ class Columns:
         lower, size, at = self.matrices.factor(form_error.loads)
         form = size * backward(lower, forward(lower, (size * across[at])[:, None]))[:, 0]
         return cho_solve(factor, projected - both[at].T @ form)
-
-
-def redrawn(
-    system: System,
-    columns: Sequence[Columns],
-    blocks: Sequence[Block],
-    library: Mapping[str, Effect],
-    places: Sequence[int],
-) -> tuple[System, list[Columns]]:
-    """Return a system in which some candidates have the columns of blocks as these are drawn."""
-    new = list(system.candidates)
-    for i in places:
-        new[i] = replace(new[i], columns=recomputed(new[i], library, blocks))
-    return rebuilt(system, new, columns, blocks) if places else (system, list(columns))
-
-
-def rebuilt(
-    system: System, candidates: list[Candidate], columns: Sequence[Columns], blocks: Sequence[Block]
-) -> tuple[System, list[Columns]]:
-    """Return a system in which some candidates have other columns; all else is as it was.
-
-    Parameters
-    ----------
-    system : System
-    candidates : list of Candidate
-        In the same order.
-    columns : sequence of Columns
-        By block.
-    blocks : sequence of Block
-    """
-    new = []
-    for b, (old, block) in enumerate(zip(columns, blocks, strict=True)):
-        parts = [
-            system.columns_of(i) if c is system.candidates[i] else block.white(c.columns[b])
-            for i, c in enumerate(candidates)
-        ]
-        new.append(old.with_effects(parts))
-    return replace(system, candidates=candidates, blocks=[c.matrices for c in new], _reduced={}), new

@@ -14,7 +14,7 @@ from freqid.core.arrays import Array
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.system import System
 from freqid.gap.infer.weighing import Weighing, log_mean
-from freqid.gap.model.candidate import Candidate
+from freqid.gap.model.candidate import OTHER, Candidate
 from freqid.gap.model.form import PRODUCTS, row_of
 from freqid.gap.settings import INTERVAL
 
@@ -22,6 +22,11 @@ _FINE = 1001  # sizes at which a posterior is drawn
 _NEAR = 0.2  # of a size, on either side: how a change that is not proportional changes there
 
 NONE = "none"
+FINALISTS = 6
+"""Effects at most that are computed again near their estimated size."""
+
+BEHIND = 10.0
+"""Nats behind the leading effect, from which another is no finalist."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +76,13 @@ class Evidence:
         if not self.effect:
             return -np.inf
         return float(log_mean(np.array(list(self.effect.values())))) - self.without
+
+    @cached_property
+    def likeliest(self) -> list[int]:
+        """The best places of the effects of a library that lead, the likeliest first."""
+        ranked = sorted((e for e in self.effect if e != OTHER), key=lambda e: -self.effect[e])
+        best = max(self.effect.values(), default=0.0)
+        return [self.best_place(e) for e in ranked[:FINALISTS] if best - self.effect[e] <= BEHIND]
 
     def best_place(self, effect: str) -> int:
         """Return the likeliest candidate of an effect."""

@@ -4,16 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 from scipy.special import logsumexp
 
 from freqid.core.arrays import Array
-from freqid.gap.infer.columns import Columns
-from freqid.gap.infer.evidence import Estimate, Evidence, directions, estimate, weigh, weights_of
+from freqid.gap.infer.evidence import (
+    BEHIND,
+    FINALISTS,
+    Estimate,
+    Evidence,
+    directions,
+    estimate,
+    weights_of,
+)
 from freqid.gap.infer.forms import forms_beside
 from freqid.gap.infer.joint_sizes import as_sums, joint_estimates, slopes
+from freqid.gap.infer.linearise import Linearised
 from freqid.gap.infer.system import Reduced, System
 from freqid.gap.infer.weighing import log_mean
 from freqid.gap.model.candidate import OTHER
@@ -21,8 +28,6 @@ from freqid.gap.settings import INTERVAL, MOST_ROUNDS, SEPARATE, SETTLED
 
 _MOST = 3  # effects of one explanation
 _CLOSE = 0.1  # of an interval: a size that has moved less stays
-_FINALISTS = 6  # effects that are computed again near their estimated size
-_BEHIND = 10.0  # nats behind the leading one, from which an effect is no finalist
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,44 +66,17 @@ class Explanation:
         return weights_of(system, zip(self.places, self.estimates, strict=True))
 
 
-def likeliest(evidence: Evidence) -> list[int]:
-    """Return the best places of the effects of a library that lead, the likeliest first."""
-    ranked = sorted((e for e in evidence.effect if e != OTHER), key=lambda e: -evidence.effect[e])
-    best = max(evidence.effect.values(), default=0.0)
-    return [evidence.best_place(e) for e in ranked[:_FINALISTS] if best - evidence.effect[e] <= _BEHIND]
-
-
-@dataclass(frozen=True, eq=False)
-class Computed:
-    """Effects computed at their sizes.
-
-    Attributes
-    ----------
-    system : System
-    columns : list of Columns
-        By block.
-    """
-
-    system: System
-    columns: list[Columns]
-
-    @cached_property
-    def evidence(self) -> Evidence:
-        """What the data say of all."""
-        return weigh(self.system)
-
-
-Compute = Callable[[Computed, Explanation, list[tuple[int, Estimate]], bool], Computed]
+Compute = Callable[[Linearised, Explanation, list[tuple[int, Estimate]], bool], Linearised]
 
 
 def explain(
-    start: Computed,
+    start: Linearised,
     first: Sequence[str],
     terms: Sequence[str] = (),
     *,
     asked: bool = False,
     compute: Compute | None = None,
-) -> tuple[Explanation, Computed]:
+) -> tuple[Explanation, Linearised]:
     """Return effects and those that the evidence supports beside them, and what was computed about these.
 
     The likeliest place's columns are freed, and all others are asked again, until one more effect, whichever
@@ -115,7 +93,7 @@ def explain(
 
     Parameters
     ----------
-    start : Computed
+    start : Linearised
     first : sequence of str
         Effect ids.
     terms : sequence of str
@@ -165,20 +143,20 @@ class _Search:
     kept : int
         First effects that stay.
     compute : callable, optional
-    known : dict of Computed
+    known : dict of Linearised
         Explanations by their places.
     """
 
     terms: tuple[str, ...]
     kept: int
     compute: Compute | None
-    known: dict[frozenset[int], Computed] = field(default_factory=dict)
+    known: dict[frozenset[int], Linearised] = field(default_factory=dict)
 
-    def settled(self, at: Computed, places: list[int]) -> Computed:
+    def settled(self, at: Linearised, places: list[int]) -> Linearised:
         """Return what is computed about effects at the sizes that they have together, once these stay.
 
         And once the data are no likelier by another round: explanations are compared where all have settled.
-        Where sizes stay, a round keeps its lines first, as in `linearise.settled`.
+        Where sizes stay, a round keeps its lines first, as in `Linearised.settled`.
         """
         if self.compute is None:
             return at
@@ -195,7 +173,7 @@ class _Search:
             about, anew = now, not (stay and anew)
         return at
 
-    def asked(self, at: Computed, places: list[int]) -> Computed:
+    def asked(self, at: Linearised, places: list[int]) -> Linearised:
         """Return what is computed once the likeliest others are near their sizes beside effects."""
         at = self._with_forms_beside(at, places)
         found = _finalists(at.evidence, places)
@@ -205,7 +183,7 @@ class _Search:
         others = [(i, estimate(at.evidence, i, INTERVAL, given=given)) for _, i in found]
         return self.compute(at, _explanation(at.system, places), others, False)
 
-    def exchanged(self, at: Computed, places: list[int]) -> tuple[list[int], Computed]:
+    def exchanged(self, at: Linearised, places: list[int]) -> tuple[list[int], Linearised]:
         """Return places without one that the others do not need, or with a better one in its stead."""
         if len(places) < 2:
             return places, at
@@ -229,7 +207,7 @@ class _Search:
                     return new, there
         return places, at
 
-    def _with_forms_beside(self, at: Computed, places: list[int]) -> Computed:
+    def _with_forms_beside(self, at: Linearised, places: list[int]) -> Linearised:
         """Return it with more errors of form: the likeliest beside effects, and beside a second one."""
         evidence, system = at.evidence, at.system
         if not self.terms:
@@ -262,8 +240,8 @@ def _raised(every: Sequence[tuple[float, int]]) -> float:
 def _finalists(evidence: Evidence, places: list[int]) -> list[tuple[float, int]]:
     """Return the nats and the places of the effects that gain most beside others, none of these again."""
     gains = _beside(evidence, places)
-    least = max(gains[0][0] - _BEHIND, 0.0) if gains else 0.0
-    return [one for one in gains[:_FINALISTS] if one[0] >= least]
+    least = max(gains[0][0] - BEHIND, 0.0) if gains else 0.0
+    return [one for one in gains[:FINALISTS] if one[0] >= least]
 
 
 def _weights(evidence: Evidence, places: list[int]) -> Array:

@@ -10,12 +10,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from freqid.gap.infer.block_matrices import Form
-from freqid.gap.infer.columns import Columns, rebuilt, redrawn
-from freqid.gap.infer.evidence import Estimate, Evidence
+from freqid.gap.infer.evidence import Estimate
 from freqid.gap.infer.explain import Explanation
 from freqid.gap.infer.joint_sizes import joint_estimates
-from freqid.gap.infer.linearise import drawn, drawn_anew, relinearised, straight
-from freqid.gap.infer.system import System
+from freqid.gap.infer.linearise import Linearised
 from freqid.gap.model.changes import beside
 from freqid.gap.model.refine import refined
 from freqid.gap.model.testable import in_force_of
@@ -57,89 +55,67 @@ def acted_on(
 
 
 def about_explanation(
-    system: System,
-    columns: Sequence[Columns],
-    blocks: Sequence[Block],
+    at: Linearised,
     explanation: Explanation,
     others: Sequence[tuple[int, Estimate]],
-    library: Mapping[str, Effect],
-    sizes: Mapping[str, float],
     form_error: Form,
     *,
     anew: bool = True,
-) -> tuple[System, list[Columns]]:
-    """Return a system about an explanation: its effects near their sizes, tolerances beside them.
+) -> Linearised:
+    """Return the model about an explanation: its effects near their sizes, tolerances beside them.
 
     Parameters
     ----------
-    system : System
-    columns : sequence of Columns
-        By block.
-    blocks : sequence of Block
+    at : Linearised
     explanation : Explanation
     others : sequence of (int, Estimate)
         Candidates that may act beside it, with their sizes there.
-    library : dict of Effect
-        Of the vehicle.
-    sizes : dict of float
-        Tolerances, one sigma by name.
     form_error : Form
         At which the tolerances' departures are fitted.
     anew : bool
         Whether lines have the slopes that they have there. Without it, and without others, effects keep
         their columns too.
     """
-    acting = settings_of(explanation.estimates, library, blocks[0].trial.simulation)
+    library, blocks, simulation = at.library, at.blocks, at.blocks[0].trial.simulation
+    acting = settings_of(explanation.estimates, library, simulation)
     acts = list(zip(explanation.places, explanation.estimates, strict=True))
     flown = acted_on(blocks, acting, library)
     if len(acts) == 1 and not others and flown[0] is blocks[0]:
-        c = system.candidates[acts[0][0]]
+        c = at.system.candidates[acts[0][0]]
         if refined(c, float(acts[0][1].size[0]), library, blocks) is c:
-            return system, list(columns)  # lines are drawn about it already
-    system, columns = relinearised(system, columns, flown, library, sizes, form_error, acts)
+            return at  # lines are drawn about it already
+    at = replace(replace(at, blocks=flown).likelier(form_error, acts), blocks=blocks)
     if not (anew or others):
-        return system, columns
-    assert system.about is not None  # where the step ends, shorter where it led astray
-    fitted, acts = system.about.tolerances, list(system.about.acting)
-    acting = settings_of([e for _, e in acts], library, blocks[0].trial.simulation)
-    flown = acted_on(blocks, acting, library)
-    there = drawn(system, columns, blocks, fitted, acts, library, sizes, form_error)
-    system, columns = redrawn(system, columns, there, library, [i for i, _ in [*acts, *others]])
-    new = list(system.candidates)
+        return at
+    assert at.system.about is not None  # where the step ends, shorter where it led astray
+    fitted, acts = at.system.about.tolerances, list(at.system.about.acting)
+    acting = settings_of([e for _, e in acts], library, simulation)
+    there = replace(at, blocks=at.drawn(fitted, acts, form_error))
+    there = there.redrawn([i for i, _ in [*acts, *others]])
+    new = list(there.system.candidates)
     for i, e in acts:
         k = next((k for k, (n, _) in enumerate(acting) if n == e.candidate.effect), len(acting))
         before, after = (acting[:k], acting[k + 1 :]) if k < len(acting) else ([], [])
-        new[i] = refined(new[i], float(e.size[0]), library, there, before, after)
+        new[i] = refined(new[i], float(e.size[0]), library, there.blocks, before, after)
     for i, e in others:
-        new[i] = refined(new[i], float(e.size[0]), library, there, acting)
-    system, columns = rebuilt(system, new, columns, blocks)
-    if anew:
-        return drawn_anew(system, columns, flown, library, sizes)[:2]
-    return straight(system, columns, flown, library, sizes, form_error, fitted, acts)
+        new[i] = refined(new[i], float(e.size[0]), library, there.blocks, acting)
+    there = replace(there.rebuilt(new), blocks=acted_on(blocks, acting, library))
+    there = there.drawn_anew() if anew else there.at(fitted, acts, form_error)
+    return replace(there, blocks=blocks)
 
 
-def about_single(
-    evidence: Evidence,
-    columns: Sequence[Columns],
-    blocks: Sequence[Block],
-    one: Explanation,
-    library: Mapping[str, Effect],
-    sizes: Mapping[str, float],
-    form_error: Form,
-) -> tuple[System, list[Columns], Explanation]:
-    """Return a system about one effect of several by itself, at the size that it has then.
+def about_single(at: Linearised, one: Explanation, form_error: Form) -> tuple[Linearised, Explanation]:
+    """Return a model about one effect of several by itself, at the size that it has then.
 
     Parameters
     ----------
-    evidence : Evidence
+    at : Linearised
         About them all.
-    columns, blocks, library, sizes, form_error
-        As in `about_explanation`.
     one : Explanation
         Of that effect.
+    form_error : Form
     """
-    system, columns = evidence.system, list(columns)
     for _ in range(ROUNDS):
-        system, columns = about_explanation(system, columns, blocks, one, [], library, sizes, form_error)
-        one = replace(one, estimates=joint_estimates(system, one.places))
-    return system, columns, one
+        at = about_explanation(at, one, [], form_error)
+        one = replace(one, estimates=joint_estimates(at.system, one.places))
+    return at, one

@@ -13,19 +13,21 @@ Dennis, R. B. Schnabel, Numerical Methods for Unconstrained Optimization, 1983, 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError, ImpossibleSettings
 from freqid.gap.infer.block_matrices import Form
-from freqid.gap.infer.columns import Columns, redrawn
+from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import Evidence, weigh, weights_of
-from freqid.gap.infer.explain import likeliest
 from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.infer.system import About, System
 from freqid.gap.infer.together import Acting, Point
+from freqid.gap.model.candidate import Candidate
+from freqid.gap.model.candidates import recomputed
 from freqid.gap.model.tolerance import record_columns, tolerance_columns
 from freqid.gap.settings import FARTHEST, MOST_ROUNDS, SETTLED
 from freqid.gap.simulation import side_by_side
@@ -36,162 +38,276 @@ _TRIES = 3  # of a step, shorter each time where the data are less likely at its
 _SHORTER = (0.1, 0.5)  # least and largest share of such a step that is tried next (the book's bounds)
 
 
-def relinearised(
-    system: System,
-    columns: Sequence[Columns],
-    blocks: Sequence[Block],
-    library: Mapping[str, Effect],
-    sizes: Mapping[str, float],
-    form_error: Form,
-    acting: Acting | None = None,
-) -> tuple[System, list[Columns]]:
-    """Return a system whose lines are right where all that is unknown is likeliest.
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """The model of the data as straight lines about one place of all that is unknown.
 
-    Where the data are less likely there than where lines were made straight before, another effect that leads
-    is not taken, and a step is shortened. Where the slope at its beginning promises less than `SETTLED` nats,
-    no step is taken, and lines stay as they are.
+    In its methods `acting` are effects with their sizes, `fitted` the departures of all tolerances in sigmas,
+    shape (tolerance,), and `form_error` that at which departures, and the records' own unknowns, are fitted.
 
-    Parameters
+    Attributes
     ----------
     system : System
-    columns : sequence of Columns
+        The lines in small matrices, and where they were made straight.
+    columns : list of Columns
         By block.
-    blocks : sequence of Block
+    blocks : list of Block
+        As the columns are drawn.
     library : dict of Effect
+        Of the vehicle.
     sizes : dict of float
-        One sigma by name.
-    form_error : Form
-        At which departures are fitted.
-    acting : sequence of (int, Estimate), optional
-        What acts beside them; the likeliest effect where absent, if one is likely.
+        Tolerances, one sigma by name.
     """
-    free = acting is None
 
-    def fit(acting: Acting) -> Array:
-        """Return the likeliest tolerances beside effects, those of their own parameters among the sizes."""
-        own = system.own_tolerances(i for i, _ in acting)
-        rows = system.tolerance_rows(form_error)
-        return system.likeliest_tolerances(rows, weights_of(system, acting), own)
+    system: System
+    columns: list[Columns]
+    blocks: list[Block]
+    library: Mapping[str, Effect]
+    sizes: Mapping[str, float]
 
-    def asked(fitted: Array, acting: Acting) -> tuple[float, tuple[System, list[Columns]] | None]:
-        """Return how unlikely the data are there, and lines that are right there."""
-        try:
-            found = straight(system, columns, blocks, library, sizes, form_error, fitted, acting)
-        except DataError:  # no simulation can be so
-            return np.inf, None
-        assert found[0].about is not None
-        return found[0].about.misfit, found
+    @cached_property
+    def evidence(self) -> Evidence:
+        """What the data say of every candidate."""
+        return weigh(self.system)
 
-    known, acted, least, at = np.zeros(len(system.tolerances)), None, np.inf, None
-    if system.about is not None:
-        known, acted, at = system.about.tolerances, system.about.acting, (system, list(columns))
-        if all(e.candidate is system.candidates[i] for i, e in acted):
-            least = _misfit(system, form_error, known, acted)
-        else:  # columns of what acts were drawn anew since: lines are not right there any more
-            least, at = asked(known, acted)
-            system, columns = at or (system, columns)
-    if acting is None:
-        acting = _likeliest_alone(_weighed(system, form_error))
-    if acted is None:
-        acted = acting
-    fitted = fit(acting)
-    if not _same(acted, acting):
-        misfit, found = asked(fitted, acting)
-        if found is not None and not (free and misfit > least + SETTLED):
-            return found
-        places = [i for i, _ in acted]
-        acting = list(zip(places, joint_estimates(system, places), strict=True))
+    def rebuilt(self, candidates: list[Candidate]) -> Linearised:
+        """Return the model with other columns of some candidates, in the same order; all else as it was."""
+        system, new = self.system, []
+        for b, (old, block) in enumerate(zip(self.columns, self.blocks, strict=True)):
+            parts = [
+                system.columns_of(i) if c is system.candidates[i] else block.white(c.columns[b])
+                for i, c in enumerate(candidates)
+            ]
+            new.append(old.with_effects(parts))
+        made = replace(system, candidates=candidates, blocks=[c.matrices for c in new], _reduced={})
+        return replace(self, system=made, columns=new)
+
+    def redrawn(self, places: Sequence[int]) -> Linearised:
+        """Return the model in which some candidates have the columns of blocks as these are drawn."""
+        new = list(self.system.candidates)
+        for i in places:
+            new[i] = replace(new[i], columns=recomputed(new[i], self.library, self.blocks))
+        return self.rebuilt(new) if places else self
+
+    def without_effects(self) -> Linearised:
+        """Return the model with no candidates."""
+        s, parts = self.system, [replace(c, effects=c.effects[:0]) for c in self.columns]
+        system = System([], s.tolerances, [c.matrices for c in parts], s.form_errors)
+        return replace(self, system=system, columns=parts)
+
+    def at(self, fitted: Array, acting: Acting, form_error: Form, *, anew: bool = False) -> Linearised:
+        """Return lines that are right where tolerances and effects have some sizes.
+
+        The residual is less by what all make together beyond their columns. With `anew`, tolerances and the
+        records' own unknowns also have the slopes of the blocks as they are drawn.
+        """
+
+        def there(pair: tuple[Columns, Block]) -> Columns:
+            return self._straightened(*pair, fitted, acting, form_error, anew)
+
+        new = self._by_block(there)
+        system = replace(self.system, blocks=[c.matrices for c in new], _reduced={})
+        acting = [(i, replace(e, candidate=system.candidates[i])) for i, e in acting]  # as it is drawn now
+        about = About(fitted, acting, form_error, _misfit(system, form_error, fitted, acting))
+        return replace(self, system=replace(system, about=about), columns=new)
+
+    def likelier(self, form_error: Form, acting: Acting | None = None) -> Linearised:
+        """Return lines that are right where all that is unknown is likeliest, by one step.
+
+        Where the data are less likely there than where lines were made straight before, another effect that
+        leads is not taken, and a step is shortened. Where the slope at its beginning promises less than
+        `SETTLED` nats, no step is taken, and lines stay as they are. Without `acting`, the likeliest effect
+        acts beside the tolerances, if one is likely.
+        """
+        free, here = acting is None, self
+
+        def fit(acting: Acting) -> Array:
+            """Return the likeliest tolerances beside effects; sizes have those of their parameters."""
+            system = here.system
+            own = system.own_tolerances(i for i, _ in acting)
+            rows = system.tolerance_rows(form_error)
+            return system.likeliest_tolerances(rows, weights_of(system, acting), own)
+
+        def asked(fitted: Array, acting: Acting) -> tuple[float, Linearised | None]:
+            """Return how unlikely the data are there, and lines that are right there."""
+            try:
+                found = here.at(fitted, acting, form_error)
+            except DataError:  # no simulation can be so
+                return np.inf, None
+            assert found.system.about is not None
+            return found.system.about.misfit, found
+
+        about = self.system.about
+        known, acted, least, found = np.zeros(len(self.system.tolerances)), None, np.inf, None
+        if about is not None:
+            known, acted = about.tolerances, about.acting
+            if all(e.candidate is self.system.candidates[i] for i, e in acted):
+                least, found = _misfit(self.system, form_error, known, acted), self
+            else:  # columns of what acts were drawn anew since: lines are not right there any more
+                least, found = asked(known, acted)
+                here = found or self
+        if acting is None:
+            acting = _likeliest_alone(_weighed(here.system, form_error))
+        if acted is None:
+            acted = acting
         fitted = fit(acting)
-    gain, share = least - _misfit(system, form_error, fitted, acting), 1.0
-    for _ in range(_TRIES):
-        if 2 * share * gain < SETTLED:
-            break
-        misfit, found = asked(known + share * (fitted - known), _part_of_the_way(acted, acting, share))
-        if misfit < least:
-            at = found
-            break
-        bend = misfit - least + 2 * share * gain
-        share *= float(np.clip(share * gain / bend, *_SHORTER)) if np.isfinite(bend) else _SHORTER[0]
-    return at or straight(system, columns, blocks, library, sizes, form_error, fitted, acting)
+        if not _same(acted, acting):
+            misfit, there = asked(fitted, acting)
+            if there is not None and not (free and misfit > least + SETTLED):
+                return there
+            places = [i for i, _ in acted]
+            acting = list(zip(places, joint_estimates(here.system, places), strict=True))
+            fitted = fit(acting)
+        gain, share = least - _misfit(here.system, form_error, fitted, acting), 1.0
+        for _ in range(_TRIES):
+            if 2 * share * gain < SETTLED:
+                break
+            misfit, there = asked(known + share * (fitted - known), _part_of_the_way(acted, acting, share))
+            if misfit < least:
+                found = there
+                break
+            bend = misfit - least + 2 * share * gain
+            share *= float(np.clip(share * gain / bend, *_SHORTER)) if np.isfinite(bend) else _SHORTER[0]
+        return found or here.at(fitted, acting, form_error)
 
+    def drawn(self, fitted: Array, acting: Acting, form_error: Form) -> list[Block]:
+        """Return the blocks as they are drawn where tolerances, offsets and effects have some sizes."""
 
-def straight(
-    system: System,
-    columns: Sequence[Columns],
-    blocks: Sequence[Block],
-    library: Mapping[str, Effect],
-    sizes: Mapping[str, float],
-    form_error: Form,
-    fitted: Array,
-    acting: Acting,
-    *,
-    anew: bool = False,
-) -> tuple[System, list[Columns]]:
-    """Return a system whose lines are right where tolerances and effects have some sizes.
+        def there(pair: tuple[Columns, Block]) -> Block:
+            return replace(pair[1], as_moved=self._point(*pair, fitted, acting, form_error).moved(pair[1]))
 
-    Parameters
-    ----------
-    system : System
-    columns : sequence of Columns
-        By block.
-    blocks : sequence of Block
-    library : dict of Effect
-    sizes : dict of float
-        One sigma by name.
-    form_error : Form
-        At which the records' own unknowns are fitted.
-    fitted : ndarray, shape (tolerance,)
-        Of all tolerances, in sigmas.
-    acting : sequence of (int, Estimate)
-    anew : bool
-        As in `straightened`.
-    """
+        return self._by_block(there)
 
-    def there(pair: tuple[Columns, Block]) -> Columns:
-        return straightened(*pair, system, fitted, acting, library, sizes, form_error, anew=anew)
+    def drawn_anew(self, *, leading: bool = False) -> Linearised:
+        """Return lines that also have the slopes that they have where they were made straight.
 
-    new = side_by_side(blocks[0].trial.simulation, there, list(zip(columns, blocks, strict=True)))
-    made = replace(system, blocks=[c.matrices for c in new], _reduced={})
-    acting = [(i, replace(e, candidate=system.candidates[i])) for i, e in acting]  # as it is drawn now
-    about = About(fitted, acting, form_error, _misfit(made, form_error, fitted, acting))
-    return replace(made, about=about), new
+        With `leading`, so have the effects that lead: one bias as an effect and as a tolerance, each on other
+        motion, would leave a change between the two that nothing makes.
+        """
+        assert self.system.about is not None
+        fitted, acting, form_error, _ = self.system.about
+        there = replace(self, blocks=self.drawn(fitted, acting, form_error))
+        if leading:
+            there = there.redrawn(_leading(_weighed(self.system, form_error)))
+        return there.at(fitted, acting, form_error, anew=True)
 
+    def settled(self, form_error: Form, acting: Acting | None = None) -> Linearised:
+        """Return lines that are drawn anew until the data are no likelier by another round; as in `likelier`.
 
-def drawn_anew(
-    system: System,
-    columns: Sequence[Columns],
-    blocks: Sequence[Block],
-    library: Mapping[str, Effect],
-    sizes: Mapping[str, float],
-    *,
-    leading: bool = False,
-) -> tuple[System, list[Columns], list[Block]]:
-    """Return a system whose lines also have the slopes that they have where they were made straight.
+        Two explanations are compared where both have settled, for each round may gain as much as an effect
+        does. What all make together is asked for first with slopes that stay, which is quick; where that
+        changes nothing, slopes of the same place would not either (the chord method: J. M. Ortega, W. C.
+        Rheinboldt, Iterative Solution of Nonlinear Equations in Several Variables, 1970, section 7.1).
+        """
+        free, at = acting is None, self
+        if free:  # those that lead now may not have led when lines were drawn
+            at = at.redrawn(_leading(_weighed(at.system, form_error)))
+        before = at._log_evidence(form_error, acting)
+        for _ in range(MOST_ROUNDS):
+            start = before
+            for _ in range(MOST_ROUNDS):
+                last = at.system.about
+                at = at.likelier(form_error, acting)
+                here = at.system.about
+                assert here is not None
+                if last and _same(last.acting, here.acting) and here.misfit > last.misfit - SETTLED:
+                    break
+            before = at._log_evidence(form_error, acting)
+            if abs(before - start) < SETTLED:
+                break
+            at = at.drawn_anew(leading=free)
+            before = at._log_evidence(form_error, acting)
+        return at
 
-    And the blocks as they are drawn there. Effects that lead may be drawn there too: one bias as an effect
-    and as a tolerance, each on other motion, would leave a change between the two that nothing makes.
+    def settled_beside_none(self, form_error: Form) -> tuple[Linearised, float]:
+        """Return what `settled` returns, and the nats by which no effect is likelier than these lines say.
 
-    Parameters
-    ----------
-    system : System
-        That was made straight.
-    columns : sequence of Columns
-        By block.
-    blocks : sequence of Block
-    library : dict of Effect
-    sizes : dict of float
-        One sigma by name.
-    leading : bool
-        Whether those that lead are drawn there.
-    """
-    assert system.about is not None
-    fitted, acting, form_error, _ = system.about
-    blocks = drawn(system, columns, blocks, fitted, acting, library, sizes, form_error)
-    if leading:
-        lead = _leading(_weighed(system, form_error))
-        system, columns = redrawn(system, columns, blocks, library, lead)
-    found = straight(system, columns, blocks, library, sizes, form_error, fitted, acting, anew=True)
-    return *found, blocks
+        They are right where tolerances are likeliest *beside* the likeliest effect. Where that effect and a
+        tolerance do the same, as a late channel does, they are elsewhere without it: the case of no effect
+        would be judged with the errors of lines drawn far from it. So it is judged with lines of its own.
+        Where the data are likelier there than beside the effect, of which no effect is a special case, that
+        one has settled elsewhere than where it is likeliest, and begins again from there.
+        """
+        at = self.settled(form_error)
+        if not _likeliest_alone(_weighed(at.system, form_error)):
+            return at, 0.0
+        alone = at.without_effects().settled(form_error, [])
+        assert alone.system.about is not None
+        assert at.system.about is not None
+        if alone.system.about.misfit < at.system.about.misfit - SETTLED:
+            at = at.at(alone.system.about.tolerances, [], form_error).settled(form_error)
+        return at, max(alone.evidence.log_none - at.without_effects().evidence.log_none, 0.0)
+
+    def likeliest_departures(
+        self, form_error: Form, weights: Array | None = None
+    ) -> tuple[dict[str, float], Array]:
+        """Return the likeliest departures of the simulation's own parameters, and of all in sigmas.
+
+        Of the first none beyond `FARTHEST`: where a large effect is not allowed for, tolerances are asked for
+        what no simulation can do. `weights` are those of candidates' columns, shape (column,); of the
+        likeliest effect where absent.
+        """
+        own, sizes = self.blocks[0].trial.simulation.tolerances, self.sizes
+        system = replace(self.system, form_errors=(form_error,))
+        beside = weights_of(system, _likeliest_alone(weigh(system))) if weights is None else weights
+        fitted = system.likeliest_tolerances(system.tolerance_rows(form_error), beside)
+        each = zip(system.tolerances, np.clip(fitted, -FARTHEST, FARTHEST).tolist(), strict=True)
+        return {name: x * sizes.get(name, own[name].sigma) for name, x in each if name in own}, fitted
+
+    def _by_block(self, work):
+        pairs = list(zip(self.columns, self.blocks, strict=True))
+        return side_by_side(self.blocks[0].trial.simulation, work, pairs)
+
+    def _point(
+        self,
+        columns: Columns,
+        block: Block,
+        fitted: Array,
+        acting: Acting,
+        form_error: Form,
+        *,
+        bodies: bool = True,
+    ) -> Point:
+        return Point.about(
+            columns, block, self.system, fitted, acting, self.library, self.sizes, form_error, bodies=bodies
+        )
+
+    def _straightened(
+        self, columns: Columns, block: Block, fitted: Array, acting: Acting, form_error: Form, anew: bool
+    ) -> Columns:
+        """Return the columns of a block, its residual less what all make together beyond their columns."""
+        c, system = columns, self.system
+        point = self._point(c, block, fitted, acting, form_error)
+        try:
+            whole = point.made(block)
+        except ImpossibleSettings:  # a fit asks for a body that cannot be: its mass properties stay straight
+            point = self._point(c, block, fitted, acting, form_error, bodies=False)
+            whole = point.made(block)
+        if anew:
+            c = self._sloped(c, block)
+        straight = np.zeros_like(c.residual)
+        for names, made in ((system.tolerances, c.tolerances), (c.own_names, c.own)):
+            straight += np.array([point.sigmas.get(n, 0.0) for n in names]) @ made
+        straight += weights_of(system, point.acting) @ c.effects
+        return c.with_residual(block.white(block.residual - whole) + straight)
+
+    def _sloped(self, columns: Columns, block: Block) -> Columns:
+        """Return columns of which tolerances and the record's own unknowns have the slopes of a block."""
+        c, names, z = columns, self.system.tolerances, np.zeros_like(block.residual)
+        stated, unknown = (of(block, self.library, self.sizes) for of in (tolerance_columns, record_columns))
+        sigmas = np.array([stated.get(n, z) for n in names]) if names else c.sigmas
+        own = np.array([unknown.get(n, z) for n in c.own_names]) if c.own_names else c.sigmas[:0]
+        return c.with_slopes(sigmas, block.white(sigmas), block.white(own))
+
+    def _log_evidence(self, form_error: Form, acting: Acting | None) -> float:
+        """Return the log evidence of what acts; of the likeliest effect where absent."""
+        system = replace(self.system, form_errors=(form_error,))
+        acting = _likeliest_alone(weigh(system)) if acting is None else acting
+        if not acting:
+            return system.of([]).reduced(form_error).log_evidence
+        few = system.of([i for i, _ in acting]).reduced(form_error)
+        w = np.concatenate([weights_of(system, [one])[system.columns_of(one[0])] for one in acting])
+        return few.log_evidence + float(w @ few.g - 0.5 * w @ few.G @ w)
 
 
 def _weighed(system: System, form_error: Form) -> Evidence:
@@ -216,219 +332,10 @@ def _part_of_the_way(before: Acting, after: Acting, share: float) -> Acting:
     return [(i, replace(e, size=sizes[i] + share * (e.size - sizes[i]))) for i, e in after]
 
 
-def drawn(
-    system: System,
-    columns: Sequence[Columns],
-    blocks: Sequence[Block],
-    fitted: Array,
-    acting: Acting,
-    library: Mapping[str, Effect],
-    sizes: Mapping[str, float],
-    form_error: Form,
-) -> list[Block]:
-    """Return blocks on which columns are drawn where tolerances, offsets and effects are likeliest together.
-
-    Parameters
-    ----------
-    system : System
-    columns : sequence of Columns
-        By block.
-    blocks : sequence of Block
-    fitted : ndarray, shape (tolerance,)
-        Of all tolerances, in sigmas.
-    acting : sequence of (int, Estimate)
-    library : dict of Effect
-    sizes : dict of float
-        One sigma by name.
-    form_error : Form
-        At which the records' own unknowns are fitted.
-    """
-
-    def there(pair: tuple[Columns, Block]) -> Block:
-        about = Point.about(*pair, system, fitted, acting, library, sizes, form_error)
-        return replace(pair[1], as_moved=about.moved(pair[1]))
-
-    pairs = list(zip(columns, blocks, strict=True))
-    return side_by_side(blocks[0].trial.simulation, there, pairs)
-
-
-def settled(
-    system: System,
-    columns: Sequence[Columns],
-    blocks: Sequence[Block],
-    library: Mapping[str, Effect],
-    sizes: Mapping[str, float],
-    form_error: Form,
-    acting: Acting | None = None,
-) -> tuple[System, list[Columns], list[Block]]:
-    """Return a system whose lines are drawn anew until the data are no likelier by another round.
-
-    And the blocks on which they are drawn; as in `relinearised`. Two explanations are compared where both
-    have settled, for each round may gain as much as an effect does. What all make together is asked for first
-    with slopes that stay, which is quick; where that changes nothing, slopes of the same place would not
-    either (the chord method: J. M. Ortega, W. C. Rheinboldt, Iterative Solution of Nonlinear Equations in
-    Several Variables, 1970, section 7.1).
-    """
-
-    def log_evidence() -> float:
-        return _log_evidence(replace(system, form_errors=(form_error,)), acting)
-
-    free = acting is None
-    if free:  # those that lead now may not have led when lines were drawn
-        lead = _leading(_weighed(system, form_error))
-        system, columns = redrawn(system, columns, blocks, library, lead)
-    before = log_evidence()
-    for _ in range(MOST_ROUNDS):
-        start = before
-        for _ in range(MOST_ROUNDS):
-            last = system.about
-            system, columns = relinearised(system, columns, blocks, library, sizes, form_error, acting)
-            here = system.about
-            assert here is not None
-            if last and _same(last.acting, here.acting) and here.misfit > last.misfit - SETTLED:
-                break
-        before = log_evidence()
-        if abs(before - start) < SETTLED:
-            break
-        system, columns, blocks = drawn_anew(system, columns, blocks, library, sizes, leading=free)
-        before = log_evidence()
-    return system, list(columns), list(blocks)
-
-
-def settled_beside_none(
-    system: System,
-    columns: Sequence[Columns],
-    blocks: Sequence[Block],
-    library: Mapping[str, Effect],
-    sizes: Mapping[str, float],
-    form_error: Form,
-) -> tuple[System, list[Columns], list[Block], float]:
-    """Return what `settled` returns, and the nats by which no effect is likelier than these lines say.
-
-    They are right where tolerances are likeliest *beside* the likeliest effect. Where that effect and a
-    tolerance do the same, as a late channel does, they are elsewhere without it: the case of no effect would
-    be judged with the errors of lines drawn far from it. So it is judged with lines of its own. Where the
-    data are likelier there than beside the effect, of which no effect is a special case, that one has settled
-    elsewhere than where it is likeliest, and begins again from there.
-    """
-    at = settled(system, columns, blocks, library, sizes, form_error)
-    if not _likeliest_alone(_weighed(at[0], form_error)):
-        return *at, 0.0
-    alone, parts = _without_effects(system, at[1])
-    alone, _, _ = settled(alone, parts, at[2], library, sizes, form_error, [])
-    assert alone.about is not None
-    assert at[0].about is not None
-    if alone.about.misfit < at[0].about.misfit - SETTLED:
-        begun = straight(*at, library, sizes, form_error, alone.about.tolerances, [])
-        at = settled(*begun, at[2], library, sizes, form_error)
-    here, _ = _without_effects(system, at[1])
-    return *at, max(weigh(alone).log_none - weigh(here).log_none, 0.0)
-
-
-def _without_effects(system: System, columns: Sequence[Columns]) -> tuple[System, list[Columns]]:
-    """Return a system with no candidates, and its columns."""
-    parts = [replace(c, effects=c.effects[:0]) for c in columns]
-    return System([], system.tolerances, [c.matrices for c in parts], system.form_errors), parts
-
-
-def _log_evidence(system: System, acting: Acting | None) -> float:
-    """Return the log evidence of what acts, at one error of form; of the likeliest effect where absent."""
-    acting = _likeliest_alone(weigh(system)) if acting is None else acting
-    if not acting:
-        return system.of([]).reduced(system.form_errors[0]).log_evidence
-    few = system.of([i for i, _ in acting]).reduced(system.form_errors[0])
-    w = np.concatenate([weights_of(system, [one])[system.columns_of(one[0])] for one in acting])
-    return few.log_evidence + float(w @ few.g - 0.5 * w @ few.G @ w)
-
-
-def straightened(
-    columns: Columns,
-    block: Block,
-    system: System,
-    fitted: Array,
-    acting: Acting,
-    library: Mapping[str, Effect],
-    sizes: Mapping[str, float],
-    form_error: Form,
-    *,
-    anew: bool = False,
-) -> Columns:
-    """Return the columns of a block, its residual less what all make together beyond their columns.
-
-    Parameters
-    ----------
-    columns : Columns
-    block : Block
-    system : System
-        Of whose candidates the columns are.
-    fitted : ndarray, shape (tolerance,)
-        Of all tolerances, in sigmas.
-    acting : sequence of (int, Estimate)
-    library : dict of Effect
-    sizes : dict of float
-        One sigma by name.
-    form_error : Form
-        At which the record's own unknowns are fitted.
-    anew : bool
-        Whether tolerances and the record's own unknowns also have the slopes of the block as it is drawn.
-    """
-    c, at = columns, (block, system, fitted, acting, library, sizes, form_error)
-    about = Point.about(c, *at)
-    try:
-        whole = about.made(block)
-    except ImpossibleSettings:  # a fit may ask for a body that cannot be: its mass properties stay straight
-        about = Point.about(c, *at, bodies=False)
-        whole = about.made(block)
-    if anew:
-        c = _sloped(c, block, system.tolerances, library, sizes)
-    straight = np.zeros_like(c.residual)
-    for names, made in ((system.tolerances, c.tolerances), (c.own_names, c.own)):
-        straight += np.array([about.sigmas.get(n, 0.0) for n in names]) @ made
-    straight += weights_of(system, about.acting) @ c.effects
-    return c.with_residual(block.white(block.residual - whole) + straight)
-
-
-def _sloped(
-    columns: Columns,
-    block: Block,
-    names: Sequence[str],
-    library: Mapping[str, Effect],
-    sizes: Mapping[str, float],
-) -> Columns:
-    """Return columns of which tolerances and the record's own unknowns have the slopes of a block."""
-    z = np.zeros_like(block.residual)
-    stated, unknown = (of(block, library, sizes) for of in (tolerance_columns, record_columns))
-    sigmas = np.array([stated.get(n, z) for n in names]) if names else columns.sigmas
-    own = (
-        np.array([unknown.get(n, z) for n in columns.own_names]) if columns.own_names else columns.sigmas[:0]
-    )
-    return columns.with_slopes(sigmas, block.white(sigmas), block.white(own))
-
-
-def likeliest_departures(
-    system: System,
-    blocks: Sequence[Block],
-    sizes: Mapping[str, float],
-    form_error: Form,
-    weights: Array | None = None,
-) -> tuple[dict[str, float], Array]:
-    """Return the likeliest departures of the simulation's own parameters, and of all tolerances in sigmas.
-
-    Of the first none beyond `FARTHEST`: where a large effect is not allowed for, tolerances are asked for
-    what no simulation can do.
-    """
-    own = blocks[0].trial.simulation.tolerances
-    system = replace(system, form_errors=(form_error,))
-    beside = weights_of(system, _likeliest_alone(weigh(system))) if weights is None else weights
-    fitted = system.likeliest_tolerances(system.tolerance_rows(form_error), beside)
-    each = zip(system.tolerances, np.clip(fitted, -FARTHEST, FARTHEST).tolist(), strict=True)
-    return {name: x * sizes.get(name, own[name].sigma) for name, x in each if name in own}, fitted
-
-
 def _leading(evidence: Evidence) -> list[int]:
     """Return the places of the effects that lead where these are likelier than no effect."""
     candidates = evidence.system.candidates
-    lead = {candidates[i].effect for i in likeliest(evidence)}
+    lead = {candidates[i].effect for i in evidence.likeliest}
     return [i for i in np.flatnonzero(evidence.candidate > 0).tolist() if candidates[i].effect in lead]
 
 

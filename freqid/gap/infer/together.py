@@ -77,7 +77,7 @@ class Point:
     ) -> Point:
         """Return where all is likeliest, the record's own unknowns beside what is fitted.
 
-        As in `straightened`; mass properties are among it where `bodies` are.
+        As in `Linearised`; mass properties are among it where `bodies` are.
         """
         c, weights = columns, weights_of(system, acting)
         known = dict(zip(system.tolerances, fitted.tolist(), strict=True))

@@ -11,7 +11,8 @@ from linear_flight import LIBRARY, Linear, Truth, fly, motion
 from freqid.gap.close.closing import closing_of
 from freqid.gap.close.closure import close
 from freqid.gap.diagnose import Question, diagnose
-from freqid.gap.infer.explain import Computed, explain
+from freqid.gap.infer.explain import explain
+from freqid.gap.infer.linearise import Linearised
 from freqid.gap.model.tolerance import stated
 from freqid.gap.stack.block import stack_of
 
@@ -89,21 +90,14 @@ def test_a_second_effect_stays_only_where_it_predicts_what_was_not_used(worn):
     """The held-out flight lacks the drag that both flights used have beside the loss."""
     both = replace(WORN, drag=1.0)
     used = diagnosed(both, question=replace(QUESTION, close=False))
-    explanation, _ = explain(Computed(used.evidence.system, []), ("worn",))
+    at = Linearised(used.evidence.system, used.columns, used.blocks, LIBRARY, QUESTION.tolerances)
+    explanation, _ = explain(at, ("worn",))
     assert set(explanation.effects) == {"worn", "drag"}
     scored = {}
     for name, truth in (("with it", both), ("without it", WORN)):
         others = stack_of(Linear(), [flight(truth, 3)], ["third"], BAND, seed=9)
-        closing = closing_of(
-            used.system,
-            used.blocks,
-            used.columns,
-            others,
-            explanation,
-            LIBRARY,
-            QUESTION.tolerances,
-            used.evidence.form_error(explanation.places[0]),
-        )
+        form_error = used.evidence.form_error(explanation.places[0])
+        closing = closing_of(replace(at, system=used.system), others, explanation, form_error)
         scored[name] = set(close(closing, explanation, 0, LIBRARY, QUESTION.tolerances)[0].closure.effects)
     assert scored["with it"] == {"worn", "drag"}
     assert scored["without it"] == {"worn"}

@@ -12,8 +12,7 @@ from msgspec.structs import replace as changed
 
 from freqid.core.record import Maneuver
 from freqid.gap.diagnose import Question, diagnose
-from freqid.gap.infer.columns import redrawn
-from freqid.gap.infer.linearise import relinearised, settled, straight
+from freqid.gap.infer.linearise import Linearised
 from freqid.gap.infer.together import Point
 from freqid.gap.simulation import Tolerance
 from freqid.gap.stack.block import stack_of
@@ -89,28 +88,30 @@ def test_tolerances_and_offsets_come_out_together(found):
         assert left @ left < 1.3 * left.size
 
 
+def without_effects(found):
+    at = Linearised(found.system, found.columns, found.blocks, LIBRARY, TOLERANCES).without_effects()
+    about = found.system.of([]).about
+    system = replace(at.system, form_errors=(found.evidence.form_error(),), about=about)
+    return replace(at, system=system)
+
+
 def test_lines_that_have_settled_stay(found):
-    form = found.evidence.form_error()
-    alone = replace(found.system.of([]), form_errors=(form,), _reduced={})
-    parts = [replace(c, effects=c.effects[:0]) for c in found.columns]
-    before = alone.reduced(form).log_evidence
-    again, _, _ = settled(alone, parts, found.blocks, LIBRARY, TOLERANCES, form, [])
-    assert again.reduced(form).log_evidence == pytest.approx(before, abs=1.0)
+    alone, form = without_effects(found), found.evidence.form_error()
+    before = alone.system.reduced(form).log_evidence
+    again = alone.settled(form, [])
+    assert again.system.reduced(form).log_evidence == pytest.approx(before, abs=1.0)
 
 
 @pytest.mark.parametrize("sigmas", [-4.0, 5.0])
 def test_a_round_ends_where_the_data_are_likelier(found, sigmas):
     form = found.evidence.form_error()
-    alone = replace(found.system.of([]), form_errors=(form,), _reduced={})
-    parts = [replace(c, effects=c.effects[:0]) for c in found.columns]
-    rest = (found.blocks, LIBRARY, TOLERANCES, form)
-    at = straight(alone, parts, *rest, np.array([sigmas]), [])
-    before = at[0].about.misfit
-    at = relinearised(*at, *rest, [])
-    assert at[0].about.misfit < before - 100
-    assert at[0].about.tolerances == pytest.approx([MORE / TOLERANCES["elevators"]], abs=0.3)
-    again = relinearised(*at, *rest, [])
-    assert again[0].about.misfit <= at[0].about.misfit
+    at = without_effects(found).at(np.array([sigmas]), [], form)
+    before = at.system.about.misfit
+    at = at.likelier(form, [])
+    assert at.system.about.misfit < before - 100
+    assert at.system.about.tolerances == pytest.approx([MORE / TOLERANCES["elevators"]], abs=0.3)
+    again = at.likelier(form, [])
+    assert again.system.about.misfit <= at.system.about.misfit
 
 
 def test_an_effect_and_the_tolerance_of_its_parameter_are_drawn_on_the_same_motion(slopes):
@@ -120,8 +121,8 @@ def test_an_effect_and_the_tolerance_of_its_parameter_are_drawn_on_the_same_moti
     system = found.system
     (place,) = [i for i, c in enumerate(system.candidates) if c.tolerance == "sensor_scale.surface"]
     at, row = system.columns_of(place), system.tolerances.index("sensor_scale.surface")
-    _, columns = redrawn(system, found.columns, found.blocks, library, [place])
-    for new, old in zip(columns, found.columns, strict=True):
+    drawn = Linearised(system, found.columns, found.blocks, library, TOLERANCES).redrawn([place])
+    for new, old in zip(drawn.columns, found.columns, strict=True):
         assert alike(new.effects[at][0], old.tolerances[row]) > 1 - 1e-9
         assert alike(old.effects[at][0], old.tolerances[row]) < 1 - 1e-7  # on motion with the offsets
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -101,17 +102,25 @@ class Products:
         gram = self.gram[np.ix_(source, source)]
         return replace(self, gram=gram, form=self.form[:, source], own=self.own[:, source])
 
-    def with_columns(self, at: NDArray[np.intp], columns: Array, own: Array, form: RowColumns) -> Products:
-        """Return them with those of some columns made anew, in place: of `rearranged` ones."""
-        new = columns[at]
-        inner = new @ columns.T
+    def with_columns(
+        self, at: NDArray[np.intp], columns: Sequence[Array], own: Array, form: RowColumns
+    ) -> Products:
+        """Return them with those of some columns made anew, in place: of `rearranged` ones.
+
+        Columns are in parts, in order, and so are the places: where only the residual is new, all others are
+        not copied.
+        """
+        inside = np.split(at, np.searchsorted(at, np.cumsum([len(c) for c in columns])))
+        first = np.cumsum([0, *(len(c) for c in columns)])
+        new = np.concatenate([c[k - i] for c, k, i in zip(columns, inside[:-1], first[:-1], strict=True)])
+        inner = _across(new, columns)
         self.gram[at], self.gram[:, at] = inner, inner.T
         self.form[:, at], self.own[:, at] = form.across(new), own @ new.T
         return self
 
-    def beside(self, own: Array, columns: Array, form: RowColumns) -> Products:
-        """Return them beside other unknowns of the record."""
-        return replace(self, own_gram=own @ own.T, own=own @ columns.T, own_form=form.across(own).T)
+    def beside(self, own: Array, columns: Sequence[Array], form: RowColumns) -> Products:
+        """Return them beside other unknowns of the record; columns as in `with_columns`."""
+        return replace(self, own_gram=own @ own.T, own=_across(own, columns), own_form=form.across(own).T)
 
     def matrices(
         self,
@@ -143,6 +152,11 @@ class Products:
         if shared_row is None:
             shared_row = np.full(self.shared, -1)
         return BlockMatrices(inner, across, power, form_row, shared_row, self.number)
+
+
+def _across(rows: Array, columns: Sequence[Array]) -> Array:
+    """Return the inner products of rows with columns in parts."""
+    return np.concatenate([rows @ c.T for c in columns], axis=1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -208,9 +208,13 @@ class Columns:
     own_names: tuple[str, ...]
 
     @property
-    def _stacked(self) -> Array:
+    def _parts(self) -> tuple[Array, ...]:
         """All columns of which products are needed, in the order of the matrices."""
-        return np.concatenate([self.effects, self.tolerances, self.residual[None], self.shared])
+        return self.effects, self.tolerances, self.residual[None], self.shared
+
+    @property
+    def _count(self) -> int:
+        return sum(map(len, self._parts))
 
     @cached_property
     def products(self) -> Products:
@@ -258,12 +262,12 @@ class Columns:
         count = len(self.effects)
         effects = np.concatenate([self.effects[p] if isinstance(p, slice) else p for p in parts])
         kept = [np.arange(count)[p] if isinstance(p, slice) else np.full(len(p), -1) for p in parts]
-        rest = np.arange(count, len(self._stacked))
+        rest = np.arange(count, self._count)
         return self._after(replace(self, effects=effects), np.concatenate([*kept, rest]).astype(np.intp))
 
     def with_residual(self, residual: Array) -> Columns:
         """Return these columns beside another residual, shape (number,)."""
-        kept = np.arange(len(self._stacked))
+        kept = np.arange(self._count)
         kept[len(self.effects) + len(self.tolerances)] = -1
         return self._after(replace(self, residual=residual), kept)
 
@@ -276,17 +280,16 @@ class Columns:
             As they are before whitening.
         tolerances, own : ndarray, shape (column, number)
         """
-        kept = np.arange(len(self._stacked))
+        kept = np.arange(self._count)
         kept[len(self.effects) : len(self.effects) + len(self.tolerances)] = -1
         return self._after(replace(self, sigmas=sigmas, tolerances=tolerances, own=own), kept)
 
     def _after(self, new: Columns, kept: NDArray[np.intp]) -> Columns:
         """Return other columns, with these' inner products of those that are kept; -1 for each new one."""
-        stacked = new._stacked
-        fresh = np.flatnonzero(kept < 0)
-        products = self.products.rearranged(kept).with_columns(fresh, stacked, new.own, new.form)
+        parts, fresh = new._parts, np.flatnonzero(kept < 0)
+        products = self.products.rearranged(kept).with_columns(fresh, parts, new.own, new.form)
         new.__dict__["products"] = (
-            products if new.own is self.own else products.beside(new.own, stacked, new.form)
+            products if new.own is self.own else products.beside(new.own, parts, new.form)
         )
         return new
 

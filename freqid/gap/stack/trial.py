@@ -168,19 +168,24 @@ class Trial:
     ) -> dict[str, Array]:
         """Return what the simulation makes of commands, each actuator with what is in force inside it.
 
-        Actuators do not feel each other, so one effector's own size is asked for as that of all.
+        Where an effect has a size of its own at an effector, all of these are asked for at once. Actuators do
+        not feel each other, so elsewhere one effector's size is asked for as that of all.
         """
-        made: dict[tuple[float, ...], dict[str, Array]] = {}
+        made: dict[tuple[float | None, ...], dict[str, Array]] = {}
         found = {}
+        in_force = [self.simulation.effects[i.effect] for i in self.inside]
         for name in self.positions:
-            at = tuple(i.sizes[name] for i in self.inside)
+            at = tuple(
+                None if name in f else i.sizes[name] for i, f in zip(self.inside, in_force, strict=True)
+            )
             if at not in made:
-                own = {n: dict(s) for n, s in effects.items()}
-                for inside, size in zip(self.inside, at, strict=True):
-                    settings = own.setdefault(inside.effect, {})
-                    in_force = self.simulation.effects[inside.effect].get(inside.size, 0.0)
-                    settings[inside.size] = settings.get(inside.size, in_force) + size
-                made[at] = self.simulation.positions(sent, own or None, departures)
+                asked = {n: dict(s) for n, s in effects.items()}
+                for inside, force, size in zip(self.inside, in_force, at, strict=True):
+                    settings = asked.setdefault(inside.effect, {})
+                    own = {n: x for n, x in inside.sizes.items() if n in force}
+                    for n, x in (own if size is None else {inside.size: size}).items():
+                        settings[n] = settings.get(n, force.get(n, 0.0)) + x
+                made[at] = self.simulation.positions(sent, asked or None, departures)
             found[name] = made[at][name]
         return found
 

@@ -8,7 +8,6 @@ import pytest
 from linear_flight import Linear, fly
 
 from freqid.gap.infer.build import build
-from freqid.gap.infer.evidence import weigh
 from freqid.gap.infer.which import rank
 from freqid.gap.model.changes import change
 from freqid.gap.model.tolerance import stated
@@ -28,7 +27,7 @@ def ranking(seed, **settings):
     zero = dict.fromkeys(effect.parameters, 0.0)
     off = [b.transform(change(effect, b.trial, zero | settings)) for b in blocks]
     blocks = [replace(b, residuals=b.residuals + z) for b, z in zip(blocks, off, strict=True)]
-    evidence = weigh(build(blocks, EFFECTS, TOLERANCES)[0])
+    evidence = build(blocks, EFFECTS, TOLERANCES)[0].evidence
     return rank(evidence, True, 0.9, 1.0, 0.0)
 
 
@@ -53,7 +52,7 @@ def test_all_parameters_are_off_together_only():
     """Each by itself is another effect already, and would share its odds with it."""
     flight = fly(noise=1.0, duration=20.0)
     blocks = stack_of(Linear(), [flight], ["one"], (0.05, 2.0))
-    system = build(blocks, EFFECTS, TOLERANCES)[0]
+    system = build(blocks, EFFECTS, TOLERANCES)[0].system
     (found,) = [c for c in system.candidates if c.effect == "mass_properties"]
     assert found.kind == "vector"
     assert {"fraction", "x", "yy"} <= set(found.place.parameters)

@@ -24,7 +24,7 @@ def system():
     flights = [fly(Truth(loss=LOSS), noise=0.3, seed=s, duration=40.0, phases=s) for s in (1, 2)]
     blocks = stack_of(Linear(), flights, ["one", "two"], BAND)
     coarse = replace(LIBRARY["worn"], parameters=effect("worn", "share", SCALE).parameters)
-    return build(blocks, {"worn": coarse, "drag": LIBRARY["drag"]}, {})[0]
+    return build(blocks, {"worn": coarse, "drag": LIBRARY["drag"]}, {})[0].system
 
 
 def worn(system):
@@ -51,7 +51,7 @@ def test_an_effect_that_is_small_for_its_kind_is_found_where_data_are_sharp(syst
 def test_an_effect_that_is_hardly_seen_keeps_its_sizes():
     loud = [fly(noise=300.0, seed=s, duration=40.0, phases=s) for s in (1, 2)]
     blocks = stack_of(Linear(), loud, ["one", "two"], BAND)
-    found = build(blocks, LIBRARY, {})[0]
+    found = build(blocks, LIBRARY, {})[0].system
     c, _ = worn(found)
     assert np.abs(c.prior).min() == pytest.approx(LIBRARY["worn"].parameters["share"].scale / 16)
 

@@ -171,7 +171,9 @@ def test_it_is_so_for_effects_that_leave_no_doubt_of_their_size(size):
 def tied(dense, sigma, residual=None):
     """Return the same stack, its second tolerance that of the late effects."""
     blocks = dense.system.blocks if residual is None else with_residual(dense, residual)
-    candidates = [replace(c, spread=sigma) if c.effect == "late" else c for c in dense.candidates]
+    candidates = [
+        replace(c, spreads={c.tolerance: sigma}) if c.effect == "late" else c for c in dense.candidates
+    ]
     return System(candidates, ("t0", "late.late", "t2", "t3"), blocks, FORMS)
 
 
@@ -196,6 +198,24 @@ def test_an_effect_is_weighed_by_its_sum_with_the_tolerance_of_its_parameter(den
     left = evidence.system.reduced(f).given(given)
     moved = weigh(tied(dense, sigma, -given @ dense.columns)).places[1, i]
     assert evidence.weighing.of_place(i, left) == pytest.approx(moved, rel=1e-8)
+
+
+def test_of_a_vector_too_the_sum_with_tolerances_of_its_parameters_is_estimated(dense):
+    """As if that tolerance were not there; its sigma widens that parameter's interval alone."""
+    candidates = [*dense.candidates[:3], replace(dense.candidates[3], spreads={"off.off1": 0.4})]
+    system = System(candidates, ("t0", "off.off1", "t2", "t3"), dense.system.blocks, FORMS)
+    (found,) = joint_estimates(system, (3,))
+    rest = [
+        Products.of(x, np.delete(t, 1, axis=0), r, u, form, servos).matrices()
+        for x, t, r, u, form, servos in zip(
+            dense.x, dense.t, dense.r, dense.u, dense.form, dense.servos, strict=True
+        )
+    ]
+    without = estimate(weigh(System(candidates, ("t0", "t2", "t3"), rest, FORMS)), 3, 0.9)
+    assert found.size == pytest.approx(without.size, rel=1e-6)
+    room = np.array([0.0, 1.6449 * 0.4, 0.0])
+    assert found.hi - found.size == pytest.approx(np.hypot(without.hi - without.size, room), rel=1e-4)
+    assert found.size - found.lo == pytest.approx(np.hypot(without.size - without.lo, room), rel=1e-4)
 
 
 def test_what_is_free_leaves_of_a_tolerance_what_a_wide_prior_leaves(dense):

@@ -158,7 +158,7 @@ class Estimate:
         Interval at the level asked for, same shape.
     at_bound : bool
         Whether the interval ends where the prior does, so that the data do not bound it.
-    room : float
+    room : float or ndarray
         What a tolerance of the same parameter adds to the interval on either side, in quadrature.
     """
 
@@ -167,7 +167,7 @@ class Estimate:
     lo: Array
     hi: Array
     at_bound: bool
-    room: float = 0.0
+    room: float | Array = 0.0
 
     @property
     def width(self) -> Array:

@@ -174,8 +174,13 @@ class _Search:
         return at
 
     def asked(self, at: Linearised, places: list[int]) -> Linearised:
-        """Return what is computed once the likeliest others are near their sizes beside effects."""
-        at = self._with_forms_beside(at, places)
+        """Return what is computed once the likeliest others are near their sizes beside effects.
+
+        These settle anew first, at the errors of form that are possible beside them: one more effect is
+        compared with them once it has.
+        """
+        there = self._with_forms_beside(at, places)
+        at = at if there is at else self.settled(there, places)
         found = _finalists(at.evidence, places)
         if self.compute is None or not found:
             return at

@@ -80,7 +80,9 @@ def about_explanation(
     acting = settings_of(explanation.estimates, library, simulation)
     acts = list(zip(explanation.places, explanation.estimates, strict=True))
     flown = acted_on(blocks, acting, library)
-    if len(acts) == 1 and not others and flown[0] is blocks[0]:
+    about = at.system.about
+    drawn_so = about is not None and about.form_error == form_error
+    if drawn_so and len(acts) == 1 and not others and flown[0] is blocks[0]:
         c = at.system.candidates[acts[0][0]]
         if refined(c, float(acts[0][1].size[0]), library, blocks) is c:
             return at  # lines are drawn about it already

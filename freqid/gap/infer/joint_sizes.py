@@ -41,15 +41,10 @@ def joint_estimates(system: System, places: Sequence[int]) -> tuple[Estimate, ..
         return ()
     names, sums = system.tolerances, as_sums(system, places)
     found = _together(sums, range(len(places)))
-    if not any(e.candidate.tolerance in names for e in found):
+    if not any(n in names for e in found for n in e.candidate.tolerances):
         return found
     few, form_error = system.of(places), _form_beside(sums, found)
-    return tuple(
-        _widened(few, form_error, k, e, names.index(e.candidate.tolerance))
-        if e.candidate.tolerance in names
-        else e
-        for k, e in enumerate(found)
-    )
+    return tuple(_widened(few, form_error, k, e) for k, e in enumerate(found))
 
 
 def as_sums(system: System, places: Sequence[int], rivals: Sequence[int] = ()) -> Evidence:
@@ -74,8 +69,8 @@ def as_sums(system: System, places: Sequence[int], rivals: Sequence[int] = ()) -
     return weigh(few.held(held, added))
 
 
-def _widened(system: System, form_error: Form, index: int, e: Estimate, tolerance: int) -> Estimate:
-    """Return an estimate whose interval has room for a tolerance of the same parameter.
+def _widened(system: System, form_error: Form, index: int, e: Estimate) -> Estimate:
+    """Return an estimate whose interval has room for the tolerances of the same parameters.
 
     Parameters
     ----------
@@ -84,9 +79,16 @@ def _widened(system: System, form_error: Form, index: int, e: Estimate, toleranc
     index : int
         Of the candidate.
     e : Estimate
-    tolerance : int
     """
-    c, gram, n = e.candidate, system.gram(form_error), system.columns
+    c, n, names = e.candidate, system.columns, system.tolerances
+    if not any(name in names for name in c.tolerances):
+        return e
+    if c.kind == "vector":
+        each = [c.spreads.get(name, 0.0) for name in c.tolerances]
+        room = np.array(each) * float(ndtri((1 + INTERVAL) / 2))
+        lo, hi = e.size - np.hypot(e.size - e.lo, room), e.size + np.hypot(e.hi - e.size, room)
+        return replace(e, lo=lo, hi=hi, room=room)
+    gram, tolerance = system.gram(form_error), names.index(c.tolerance)
     slope = np.zeros(n)
     slope[system.columns_of(index)] = slopes(c, e.size)[0]
     power = float(slope @ gram[:n, :n] @ slope)

@@ -220,7 +220,7 @@ class System:
 
     def own_tolerances(self, candidates: Iterable[int]) -> list[int]:
         """Return the places of tolerances that are of some candidates' parameters."""
-        names = {self.candidates[i].tolerance for i in candidates}
+        names = {n for i in candidates for n in self.candidates[i].tolerances}
         return [k for k, name in enumerate(self.tolerances) if name in names]
 
     @property
@@ -229,11 +229,14 @@ class System:
         return np.zeros(len(self.tolerances)) if self.about is None else self.about.tolerances
 
     def asked_together(self, candidate: int) -> Array:
-        """Return what was asked of a scalar's parameter for its tolerance, shape (column,).
+        """Return what was asked of a candidate's parameters for their tolerances, shape (column,).
 
-        As weights of its columns: those of all that was asked of it, less those of its own size.
+        As weights of its columns: of a scalar those of all that was asked of it, less those of its own size.
         """
         c = self.candidates[candidate]
+        if c.kind == "vector":
+            departures = dict(zip(self.tolerances, self.asked.tolist(), strict=True))
+            return np.array([departures.get(n, 0.0) * c.spreads.get(n, 0.0) for n in c.tolerances]) / c.sizes
         departure = self.asked[self.tolerances.index(c.tolerance)]
         acting = {} if self.about is None else {i: float(e.size[0]) for i, e in self.about.acting}
         size = acting.get(candidate, 0.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import inf
 from typing import Literal, NamedTuple
@@ -101,8 +101,8 @@ class Candidate:
         Effects that act on what it makes: sizes near `about` change by as much as they do with these.
     about : float
         Its size in an explanation.
-    spread : float
-        One sigma of the tolerance of the same parameter, in the same unit.
+    spreads : dict of float
+        One sigma of those of its `tolerances` that are stated, in the units of its sizes.
     """
 
     effect: str
@@ -118,7 +118,7 @@ class Candidate:
     beside: tuple[tuple[str, dict[str, float]], ...] = ()
     after: tuple[tuple[str, dict[str, float]], ...] = ()
     about: float = 0.0
-    spread: float = 0.0
+    spreads: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -126,12 +126,22 @@ class Candidate:
         return f"{self.effect}@{self.place.label}" if self.place.label else self.effect
 
     @property
+    def tolerances(self) -> tuple[str, ...]:
+        """Names of the tolerances of the same parameters, where each has a size of its own."""
+        own = self.place.parameters
+        if self.kind == "scalar" and len(own) != 1:
+            return ()
+        return own if self.effect == OTHER else tuple(f"{self.effect}.{n}" for n in own)
+
+    @property
     def tolerance(self) -> str:
-        """Name of the tolerance of the same parameter, where one size of one parameter is asked for."""
-        if self.kind != "scalar" or len(self.place.parameters) != 1:
-            return ""
-        own = self.place.parameters[0]
-        return own if self.effect == OTHER else f"{self.effect}.{own}"
+        """That of a scalar."""
+        return self.tolerances[0] if self.kind == "scalar" and self.tolerances else ""
+
+    @property
+    def spread(self) -> float:
+        """One sigma of `tolerance`."""
+        return self.spreads.get(self.tolerance, 0.0)
 
     @cached_property
     def at_prior(self) -> Array:

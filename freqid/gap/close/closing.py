@@ -88,7 +88,7 @@ def closing_of(
         Beside the explanation. What tolerances make beyond first order, at their departures there, is as
         much on what is held out as on what was used.
     """
-    system, used, library = at.system, at.blocks, at.library
+    system, used, library = at.system, at.blocks, at.effects
     few = [system.candidates[i] for i in explanation.places]
     chosen = system.places(explanation.places)
     parts = [replace(c, effects=c.effects[chosen]) for c in at.columns]

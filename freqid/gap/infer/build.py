@@ -76,7 +76,7 @@ def at_their_size(at: Linearised) -> Linearised:
         new = list(at.system.candidates)
         for i in at.evidence.likeliest:
             size = float(joint_estimates(at.system, [i])[0].size[0])
-            new[i] = refined(new[i], size, at.library, at.blocks)
+            new[i] = refined(new[i], size, at.effects, at.blocks)
         if all(a is b for a, b in zip(new, at.system.candidates, strict=True)):
             break
         at = at.rebuilt(new).likelier(at.evidence.form_error())
@@ -190,7 +190,7 @@ def columns_of(
     like : Linearised
         With the tolerances and the errors of form that it has too.
     """
-    library, sizes, c = like.library, like.sizes, like.columns[0]
+    library, sizes, c = like.effects, like.sizes, like.columns[0]
     stated, alike = tolerance_columns(block, library, sizes), shared_columns(block)
     tolerances = [stated.get(n) for n in like.system.tolerances]
     shared = [alike.get(n) for n in c.shared_names]

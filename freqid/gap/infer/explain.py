@@ -176,8 +176,8 @@ class _Search:
     def asked(self, at: Linearised, places: list[int]) -> Linearised:
         """Return what is computed once the likeliest others are near their sizes beside effects.
 
-        These settle anew first, at the errors of form that are possible beside them: one more effect is
-        compared with them once it has.
+        The effects that are there settle anew first, at the errors of form that are possible beside them, as
+        each one more does before it is compared with them.
         """
         there = self._with_forms_beside(at, places)
         at = at if there is at else self.settled(there, places)

@@ -76,7 +76,7 @@ def about_explanation(
         Whether lines have the slopes that they have there. Without it, and without others, effects keep
         their columns too.
     """
-    library, blocks, simulation = at.library, at.blocks, at.blocks[0].trial.simulation
+    library, blocks, simulation = at.effects, at.blocks, at.blocks[0].trial.simulation
     acting = settings_of(explanation.estimates, library, simulation)
     acts = list(zip(explanation.places, explanation.estimates, strict=True))
     flown = acted_on(blocks, acting, library)

@@ -12,9 +12,10 @@ Dennis, R. B. Schnabel, Numerical Methods for Unconstrained Optimization, 1983, 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -33,6 +34,8 @@ from freqid.gap.settings import FARTHEST, MOST_ROUNDS, SETTLED
 from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
+
+Made = TypeVar("Made")
 
 _TRIES = 3  # of a step, shorter each time where the data are less likely at its end
 _SHORTER = (0.1, 0.5)  # least and largest share of such a step that is tried next (the book's bounds)
@@ -53,8 +56,8 @@ class Linearised:
         By block.
     blocks : list of Block
         As the columns are drawn.
-    library : dict of Effect
-        Of the vehicle.
+    effects : dict of Effect
+        By id, with the parameters that they have on the vehicle.
     sizes : dict of float
         Tolerances, one sigma by name.
     """
@@ -62,7 +65,7 @@ class Linearised:
     system: System
     columns: list[Columns]
     blocks: list[Block]
-    library: Mapping[str, Effect]
+    effects: Mapping[str, Effect]
     sizes: Mapping[str, float]
 
     @cached_property
@@ -86,7 +89,7 @@ class Linearised:
         """Return the model in which some candidates have the columns of blocks as these are drawn."""
         new = list(self.system.candidates)
         for i in places:
-            new[i] = replace(new[i], columns=recomputed(new[i], self.library, self.blocks))
+            new[i] = replace(new[i], columns=recomputed(new[i], self.effects, self.blocks))
         return self.rebuilt(new) if places else self
 
     def without_effects(self) -> Linearised:
@@ -254,7 +257,8 @@ class Linearised:
         each = zip(system.tolerances, np.clip(fitted, -FARTHEST, FARTHEST).tolist(), strict=True)
         return {name: x * sizes.get(name, own[name].sigma) for name, x in each if name in own}, fitted
 
-    def _by_block(self, work):
+    def _by_block(self, work: Callable[[tuple[Columns, Block]], Made]) -> list[Made]:
+        """Return what some work makes of each block and its columns."""
         pairs = list(zip(self.columns, self.blocks, strict=True))
         return side_by_side(self.blocks[0].trial.simulation, work, pairs)
 
@@ -269,7 +273,7 @@ class Linearised:
         bodies: bool = True,
     ) -> Point:
         return Point.about(
-            columns, block, self.system, fitted, acting, self.library, self.sizes, form_error, bodies=bodies
+            columns, block, self.system, fitted, acting, self.effects, self.sizes, form_error, bodies=bodies
         )
 
     def _straightened(
@@ -294,7 +298,7 @@ class Linearised:
     def _sloped(self, columns: Columns, block: Block) -> Columns:
         """Return columns of which tolerances and the record's own unknowns have the slopes of a block."""
         c, names, z = columns, self.system.tolerances, np.zeros_like(block.residual)
-        stated, unknown = (of(block, self.library, self.sizes) for of in (tolerance_columns, record_columns))
+        stated, unknown = (of(block, self.effects, self.sizes) for of in (tolerance_columns, record_columns))
         sigmas = np.array([stated.get(n, z) for n in names]) if names else c.sigmas
         own = np.array([unknown.get(n, z) for n in c.own_names]) if c.own_names else c.sigmas[:0]
         return c.with_slopes(sigmas, block.white(sigmas), block.white(own))

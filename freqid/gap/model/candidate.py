@@ -135,7 +135,7 @@ class Candidate:
 
     @property
     def tolerance(self) -> str:
-        """That of a scalar."""
+        """The tolerance of a scalar's parameter; empty where it has none of its own."""
         return self.tolerances[0] if self.kind == "scalar" and self.tolerances else ""
 
     @property

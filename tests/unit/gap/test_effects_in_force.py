@@ -60,6 +60,21 @@ def test_a_further_delay_is_as_late_whatever_delay_is_simulated(in_force, size):
         assert lateness(after - trial.positions["de"], trial.positions["de"]) == pytest.approx(size, abs=2e-4)
 
 
+def test_sizes_of_each_effector_are_asked_for_at_once(monkeypatch):
+    trial, effect = flown(0.0), library()["actuator_delay"]
+    each = {"de": 0.01, "da": 0.02, "n1": 0.03}
+    alone = {n: beside([(effect, {n: size})], trial).positions[n] for n, size in each.items()}
+    calls, positions = [], ScenarioSimulation.positions
+    monkeypatch.setattr(
+        ScenarioSimulation, "positions", lambda self, *asked: calls.append(asked) or positions(self, *asked)
+    )
+    together = beside([(effect, each)], trial).positions
+    assert len(calls) == 1
+    for name in each:
+        np.testing.assert_allclose(together[name], alone[name], rtol=1e-12)
+        assert np.abs(together[name] - trial.positions[name]).max() > 1e-3
+
+
 def test_the_simulation_flies_with_what_was_found_on_top_of_what_it_has(monkeypatch):
     monkeypatch.setattr(closest_flight, "joint_estimates", lambda *_: [SimpleNamespace(size=np.array([0.3]))])
     found = SimpleNamespace(kind="scalar", effect="gyroscopic", place=Place("", ("strength",)))

@@ -101,8 +101,11 @@ class Candidate:
         Effects that act on what it makes: sizes near `about` change by as much as they do with these.
     about : float
         Its size in an explanation.
+    departs : dict of float
+        Departures of a simulation's own parameters that a size of one is, by name.
     spreads : dict of float
-        One sigma of those of its `tolerances` that are stated, in the units of its sizes.
+        One sigma of those of its `tolerances` that are stated, in the units of its sizes; negative where
+        these are of the other sign.
     """
 
     effect: str
@@ -118,6 +121,7 @@ class Candidate:
     beside: tuple[tuple[str, dict[str, float]], ...] = ()
     after: tuple[tuple[str, dict[str, float]], ...] = ()
     about: float = 0.0
+    departs: Mapping[str, float] = field(default_factory=dict)
     spreads: Mapping[str, float] = field(default_factory=dict)
 
     @property
@@ -128,6 +132,8 @@ class Candidate:
     @property
     def tolerances(self) -> tuple[str, ...]:
         """Names of the tolerances of the same parameters, where each has a size of its own."""
+        if len(self.departs) == 1:
+            return tuple(self.departs)
         own = self.place.parameters
         if self.kind == "scalar" and len(own) != 1:
             return ()
@@ -153,8 +159,9 @@ class Candidate:
         """The same at sizes between which the sum of effect and tolerance is equally likely, ascending."""
         if not self.spread:
             return self.at_prior
-        grid = np.unique(self.prior[:, None] + self.spread * np.linspace(-_TAIL, _TAIL, _POINTS))
-        below = ndtr((grid[:, None] - self.prior) / self.spread).mean(axis=1)
+        spread = abs(self.spread)
+        grid = np.unique(self.prior[:, None] + spread * np.linspace(-_TAIL, _TAIL, _POINTS))
+        below = ndtr((grid[:, None] - self.prior) / spread).mean(axis=1)
         return self.weights(np.interp((np.arange(self.prior.size) + 0.5) / self.prior.size, below, grid))
 
     def weights(self, size: float | Array) -> Array:

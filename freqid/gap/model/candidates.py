@@ -12,11 +12,12 @@ from freqid.core.arrays import Complex
 from freqid.core.errors import DataError, ImpossibleSettings
 from freqid.core.vehicle import Vehicle
 from freqid.gap.model.candidate import OTHER, Candidate, Curve, Place
-from freqid.gap.model.changes import among, change
-from freqid.gap.model.following import late
+from freqid.gap.model.changes import among, change, departures_of
+from freqid.gap.model.following import time_constant
 from freqid.gap.model.form import actuator_terms, load_terms
 from freqid.gap.model.sizes import SMALLEST, about_zero, absurd, few_of, from_onset, proportional, seen
 from freqid.gap.model.testable import in_force_of, untestable
+from freqid.gap.model.tolerance import one_sigmas
 from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect, Parameter
@@ -120,7 +121,7 @@ def _looked_at(parameter: Parameter, effectors: Sequence[str], blocks: Sequence[
     """Return the values of a parameter beside its default at which an effect's size is looked for."""
     if not parameter.follows:
         return parameter.looked_at
-    times = [late(b.trial, n) for b in blocks for n in effectors if n in b.trial.positions]
+    times = [time_constant(b.drawn, n) for b in blocks for n in effectors if n in b.drawn.positions]
     return (float(np.median(times)),) if times else parameter.looked_at
 
 
@@ -196,6 +197,7 @@ def _scalar(effect: Effect, place: Place, of: Parameter, blocks: Sequence[Block]
     each = [np.array([c[b] for _, c in columns]) for b in range(len(blocks))]
     few, mix = few_of(each, blocks)
     curve = Curve(sizes, mix) if len(few) < sizes.size else None
+    values = {**in_force_of(effect, blocks[0].trial.simulation), **place.settings(force, 1.0)}
     return Candidate(
         effect.id,
         place,
@@ -206,6 +208,7 @@ def _scalar(effect: Effect, place: Place, of: Parameter, blocks: Sequence[Block]
         of.unit,
         (low, high),
         curve,
+        departs=departures_of(effect, values, blocks[0].trial.simulation),
     )
 
 
@@ -222,9 +225,9 @@ def beyond_tolerance(
     sizes : dict of float
         One sigma by name, where it is not that of the simulation.
     """
-    made = []
+    made, own = [], one_sigmas(blocks, {}, sizes)
     for name, tolerance in blocks[0].trial.simulation.tolerances.items():
-        sigma = sizes.get(name, tolerance.sigma)
+        sigma = own[name]
         columns = [s[name][None] for s in stated if name in s]
         if not sigma or len(columns) < len(blocks) or not seen([z[0] for z in columns], blocks):
             continue

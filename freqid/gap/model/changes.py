@@ -18,6 +18,7 @@ from freqid.dynamics.moment_reference_point import moment_about
 from freqid.gap.model.candidate import near
 from freqid.gap.model.replay import Replay
 from freqid.gap.model.testable import in_force_of, route_of
+from freqid.gap.simulation import Simulation
 from freqid.gap.stack.histories import Histories
 from freqid.gap.stack.trial import Act, Inside, Trial
 from freqid.simulate.effects.along import centre
@@ -79,11 +80,16 @@ def change(
     hook = effect.act if route == "act" else effect.feel
     if hook is None:
         return trial.rows()
-    shares, own = effect.departs(values) if effect.departs else {}, trial.simulation.tolerances
-    if shares and all(n in own and own[n].unit == "1" for n in shares):
+    if shares := departures_of(effect, values, trial.simulation):
         return trial.departed(shares)
     felt = trial.moved(_felt(hook, values, record, kinds), first_order=first_order)
     return trial.rows(felt + _added(effect, values, trial))
+
+
+def departures_of(effect: Effect, values: Mapping[str, float], simulation: Simulation) -> dict[str, float]:
+    """Return the shares of a simulation's own parameters that an effect is; none unless it declares all."""
+    shares, own = effect.departs(dict(values)) if effect.departs else {}, simulation.tolerances
+    return shares if all(n in own and own[n].unit == "1" for n in shares) else {}
 
 
 def _added(effect: Effect, values: Mapping[str, float], trial: Trial) -> Array:

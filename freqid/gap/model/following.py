@@ -8,6 +8,7 @@ from freqid.core.arrays import Array
 from freqid.gap.stack.trial import Trial
 
 _IDEAL = 0.02  # s: an actuator that is taken as ideal still takes its time
+_SHARE = 0.05  # of a time constant of its own, by which a simulation is asked to be slower
 
 
 def late(trial: Trial, name: str) -> float:
@@ -19,6 +20,22 @@ def late(trial: Trial, name: str) -> float:
     rate = slope_of(position, record.dt)
     found = float(np.dot(record[sent] - position, rate) / max(np.dot(rate, rate), 1e-300))
     return max(found, _IDEAL)
+
+
+def time_constant(trial: Trial, name: str) -> float:
+    """Return the time constant of a simulated actuator, s.
+
+    Where the simulation declares one as a parameter of its own, it is asked for a share s more of it. A
+    first-order lag, ``T x' = command - x``, then moves by d, of which ``T (d' + s (x + d)') = -d``, however
+    late its command is beside. What declares none has all of its delay taken for a lag.
+    """
+    own = trial.simulation.tolerances.get(f"{name}.time_constant")
+    if own is None or own.unit != "1":
+        return late(trial, name)
+    position, dt = trial.positions[name], trial.maneuver.record.dt
+    moved = trial.positions_with(departures={f"{name}.time_constant": _SHARE})[name] - position
+    aim = slope_of(moved + _SHARE * (position + moved), dt)
+    return max(float(-np.dot(moved, aim) / max(np.dot(aim, aim), 1e-300)), 0.0) or late(trial, name)
 
 
 def slower(trial: Trial, name: str, size: float) -> Array:

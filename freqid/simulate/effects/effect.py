@@ -119,8 +119,9 @@ class Effect:
         surface that has lost effectiveness, backlash behind the servo, a weak propeller.
     departs : callable, optional
         ``departs(settings) -> dict of float``: the same effect as relative departures of a simulation's own
-        parameters, by name, as ``{"n1.thrust": -0.2}``. It takes the place of `feel` where a simulation
-        declares all of these: what it says of a rotor's thrust is nearer to a weak rotor than another speed.
+        parameters, by name, as ``{"n1.thrust": -0.2}``. Where a simulation declares a single one, effect and
+        tolerance have one size. It takes the place of `feel` where all are declared: what a simulation says
+        of a rotor's thrust is nearer to a weak rotor than another speed.
     distort : callable, optional
         ``distort(settings, record) -> record`` of a sensor or environment effect: the log that the effect
         makes of a log without it.

@@ -37,6 +37,13 @@ def _act(settings: Mapping[str, float], signals: Signals, dt: float, kinds: dict
     }
 
 
+def _departs(settings: Mapping[str, float]) -> dict[str, float]:
+    """Return the shares by which motors' time constants are longer; a lag before a motor is no such share."""
+    own = settings["time_constant"]
+    each = {n: settings["extra"] + x for n, x in settings.items() if n not in EFFECT.parameters}
+    return {f"{n}.time_constant": extra / own for n, extra in each.items() if extra and own}
+
+
 def _for_vehicle(vehicle: Vehicle) -> dict[str, Parameter]:
     """Return a time constant for each motor."""
     return one_each(vehicle, EFFECT.parameters["extra"], _KINDS)
@@ -76,5 +83,6 @@ EFFECT = Effect(
     alternatives=True,
     in_loop=True,
     act=_act,
+    departs=_departs,
     for_vehicle=_for_vehicle,
 )

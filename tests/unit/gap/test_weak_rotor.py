@@ -10,7 +10,7 @@ from linear_flight import fly, vehicle
 from freqid.core.record import Channel, Maneuver
 from freqid.core.vehicle import Effector, Rotor
 from freqid.gap.connect import connect
-from freqid.gap.model.changes import change
+from freqid.gap.model.changes import change, departures_of
 from freqid.gap.stack.trial import Trial
 from freqid.simulate.effects import shipped
 
@@ -91,3 +91,15 @@ def test_torque_that_stays_is_what_the_simulation_says_about_the_shaft(trial):
     torque = 0.5 * record["effector/r1"] * slope
     np.testing.assert_allclose(kept[1] - with_it[1], LOSS * torque, rtol=1e-4)
     np.testing.assert_allclose(kept[[0, 2]], with_it[[0, 2]], rtol=1e-9)
+
+
+def test_only_a_loss_of_one_declared_thrust_has_one_size_with_its_tolerance(trial):
+    there = trial(MODEL + DECLARED)
+    effect = shipped()["weak_rotor"].of(there.maneuver.vehicle)
+    values = {**dict.fromkeys(effect.parameters, 0.0), "r1": LOSS, "torque_kept": 1.0}
+    assert departures_of(effect, values, there.simulation) == {"r1.thrust": -LOSS}
+    assert set(departures_of(effect, {**values, "torque_kept": 0.0}, there.simulation)) == {
+        "r1.thrust",
+        "r1.torque",
+    }
+    assert departures_of(effect, values, trial(MODEL).simulation) == {}

@@ -42,6 +42,8 @@ class Tolerance:
         Effector whose own position is all that the parameter moves; empty where it may move anything.
     loads_only : bool
         Whether it moves no actuator: these need not be asked again.
+    of_make : bool
+        Whether nobody stated it of this effector: half of the variance is then of all effectors of a kind.
 
     Raises
     ------
@@ -53,6 +55,7 @@ class Tolerance:
     unit: str = "1"
     actuator: str = ""
     loads_only: bool = False
+    of_make: bool = False
 
     def __post_init__(self) -> None:
         number = isinstance(self.sigma, int | float | np.number) and not isinstance(self.sigma, bool)

@@ -79,7 +79,9 @@ def own_tolerances(scenario: Scenario) -> dict[str, Tolerance]:
             if effector.kind in ("surface", "tilt", "rotor"):
                 for what in _MOTOR if effector.kind == "rotor" else _SERVO:
                     sigma = MEASURED if what == "gain" else SHARE
-                    defaults[f"{effector.name}.{what}"] = Tolerance(sigma, actuator=effector.name)
+                    defaults[f"{effector.name}.{what}"] = Tolerance(
+                        sigma, actuator=effector.name, of_make=True
+                    )
         kinds = {e.kind for e in scenario.effector}
         for name in _DELAYS:
             if name.partition(".")[0].replace("motor", "rotor") in kinds:
@@ -90,7 +92,9 @@ def own_tolerances(scenario: Scenario) -> dict[str, Tolerance]:
     for name, default in defaults.items():
         sigma, most = scenario.tolerance.get(name, default.sigma), _MOST[default.unit]
         try:
-            out[name] = replace(default, sigma=sigma)
+            out[name] = replace(
+                default, sigma=sigma, of_make=default.of_make and name not in scenario.tolerance
+            )
         except DataError as error:
             raise error.at(f"[tolerance] {name}") from None
         if sigma > most:

@@ -112,7 +112,10 @@ def _straight(
     stated = side_by_side(simulation, lambda b: tolerance_columns(b, library, sizes), blocks)
     found = [*found, *beyond_tolerance(blocks, stated, sizes)] if found else found
     sigmas = one_sigmas(blocks, library, sizes)
-    found = [replace(c, spreads={n: sigmas[n] for n in c.tolerances if n in sigmas}) for c in found]
+    found = [
+        replace(c, spreads={n: sigmas[n] / c.departs.get(n, 1.0) for n in c.tolerances if n in sigmas})
+        for c in found
+    ]
     names = tuple(dict.fromkeys(n for one in stated for n in one))
     alike = side_by_side(simulation, shared_columns, blocks)
     labels = tuple(dict.fromkeys(n for one in alike for n in one))

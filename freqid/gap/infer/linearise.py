@@ -29,7 +29,7 @@ from freqid.gap.infer.system import About, System
 from freqid.gap.infer.together import Acting, Point
 from freqid.gap.model.candidate import Candidate
 from freqid.gap.model.candidates import recomputed
-from freqid.gap.model.tolerance import record_columns, tolerance_columns
+from freqid.gap.model.tolerance import own_departures, record_columns, tolerance_columns
 from freqid.gap.settings import FARTHEST, MOST_ROUNDS, SETTLED
 from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
@@ -250,12 +250,15 @@ class Linearised:
         what no simulation can do. `weights` are those of candidates' columns, shape (column,); of the
         likeliest effect where absent.
         """
-        own, sizes = self.blocks[0].trial.simulation.tolerances, self.sizes
+        own = own_departures(self.blocks[0].trial, self.sizes)
         system = replace(self.system, form_errors=(form_error,))
         beside = weights_of(system, _likeliest_alone(weigh(system))) if weights is None else weights
         fitted = system.likeliest_tolerances(system.tolerance_rows(form_error), beside)
-        each = zip(system.tolerances, np.clip(fitted, -FARTHEST, FARTHEST).tolist(), strict=True)
-        return {name: x * sizes.get(name, own[name].sigma) for name, x in each if name in own}, fitted
+        found: dict[str, float] = {}
+        for key, x in zip(system.tolerances, np.clip(fitted, -FARTHEST, FARTHEST).tolist(), strict=True):
+            for name, sigma in own.get(key, {}).items():
+                found[name] = found.get(name, 0.0) + x * sigma
+        return found, fitted
 
     def _by_block(self, work: Callable[[tuple[Columns, Block]], Made]) -> list[Made]:
         """Return what some work makes of each block and its columns."""

@@ -16,7 +16,7 @@ from freqid.gap.infer.system import System
 from freqid.gap.model.candidate import OTHER
 from freqid.gap.model.changes import as_moved, beside, change_together
 from freqid.gap.model.testable import in_force_of, route_of
-from freqid.gap.model.tolerance import of_effects, offsets_of
+from freqid.gap.model.tolerance import of_effects, offsets_of, own_departures
 from freqid.gap.simulation import Simulation
 from freqid.gap.stack.block import Block
 from freqid.gap.stack.trial import Trial
@@ -92,11 +92,11 @@ class Point:
             of = added.setdefault(effect, {})
             of[parameter] = of.get(parameter, 0.0) + size
 
-        for key, x in known.items():
-            for name in _parameters(key, simulation, vehicle.effector_kinds):
-                sigma = sizes.get(name, simulation.tolerances[name].sigma)
-                at.departures[name] = at.departures.get(name, 0.0) + sigma * x
-                at.sigmas[key] = x
+        for key, sigmas in own_departures(trial, sizes).items():
+            if key in known:
+                at.sigmas[key] = known[key]
+                for name, sigma in sigmas.items():
+                    at.departures[name] = at.departures.get(name, 0.0) + sigma * known[key]
         for key, effect, name, size in of_effects(trial, library, sizes):
             if known.get(key) and (bodies or effect.load is None):
                 add(effect.id, name, size * known[key])
@@ -189,14 +189,3 @@ def _in_force(
         effect = library[name].of(vehicle)
         force = in_force_of(effect, simulation)
         yield effect, {n: force[n] + x for n, x in departs.items()}
-
-
-def _parameters(key: str, simulation: Simulation, kinds: Mapping[str, str]) -> Iterator[str]:
-    """Yield the simulation's own parameters that a tolerance moves: itself, or those of all of one make."""
-    if key in simulation.tolerances:
-        yield key
-    elif key.startswith("every "):
-        kind, _, what = key.removeprefix("every ").rpartition(".")
-        each = [f"{n}.{what}" for n, k in kinds.items() if k == kind]
-        if all(n in simulation.tolerances for n in each):
-            yield from each

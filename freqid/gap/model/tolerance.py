@@ -27,7 +27,8 @@ from freqid.simulate.effects import along
 from freqid.simulate.effects.effect import Effect
 
 DERIVATIVES, DYNAMICS = "derivatives", "dynamics"
-_SERVO = ("natural_frequency", "damping", "gain")
+_DYNAMICS = ("natural_frequency", "damping")
+_SERVO = (*_DYNAMICS, "gain")
 _ROTOR = ("thrust", "torque")
 
 UNDECLARED: dict[str, float] = {
@@ -78,6 +79,8 @@ EACH_FLIGHT: dict[str, float] = {
 
 _POSITIONS = ("surface", "tilt", "rotor")
 """Parameters of `sensor_bias` that are of effectors of a kind."""
+
+_HALF = 0.5**0.5  # of one sigma, where half of its variance is of all of a kind
 
 _PULSE_S = 0.2  # s: the pulse of a command's own size that stands for an unknown rate at the start
 
@@ -157,17 +160,52 @@ def tolerance_columns(
     The same name in two blocks is the same error.
     """
     found = {name: block.transform(h) for name, h in _shared(block.drawn, library, sizes) if _acts(h)}
-    return found | _of_one_make(found, block.trial.maneuver.vehicle.effector_kinds)
+    for name, each in _of_one_make(block.trial, sizes).items():
+        acting = [n for n in each if n in found]
+        found |= {n: _HALF * found[n] for n in acting}
+        if acting:
+            found[name] = np.sum([found[n] for n in acting], axis=0)
+    return found
 
 
-def _of_one_make(columns: Mapping[str, Complex], kinds: Mapping[str, str]) -> dict[str, Complex]:
-    """Return what one sigma makes where all effectors of a kind, of one make, are off together."""
-    like: dict[str, list[Complex]] = {}
-    for name, z in columns.items():
+def _of_one_make(trial: Trial, sizes: Mapping[str, float]) -> dict[str, list[str]]:
+    """Return the tolerances that nobody stated of a single effector, by a name of all effectors of its kind.
+
+    Half of the variance is of all, half of each by itself: a wrong data sheet is that of all motors, a worn
+    motor is that of one. What is stated of single ones is taken as it is stated.
+    """
+    own, kinds = trial.simulation.tolerances, trial.maneuver.vehicle.effector_kinds
+    names = [n for n, t in own.items() if t.of_make and sizes.get(n, t.sigma) == t.sigma]
+    if not own and sizes.get(DYNAMICS):
+        names = [f"{n}.{w}" for n in trial.positions for w in _DYNAMICS if f"{n}.{w}" not in sizes]
+    alike: dict[str, list[str]] = {}
+    for name in names:
         effector, _, what = name.rpartition(".")
-        if effector in kinds:
-            like.setdefault(f"every {kinds[effector]}.{what}", []).append(z)
-    return {name: np.sum(each, axis=0) for name, each in like.items() if len(each) > 1}
+        alike.setdefault(f"every {kinds[effector]}.{what}", []).append(name)
+    return {name: each for name, each in alike.items() if len(each) > 1}
+
+
+def own_departures(trial: Trial, sizes: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """Return by how much one sigma of each tolerance moves the simulation's own parameters.
+
+    Parameters
+    ----------
+    trial : Trial
+    sizes : dict of float
+        One sigma by name, where it is not that of the simulation.
+
+    Returns
+    -------
+    dict of dict of float
+        Departures by parameter, by the name that `tolerance_columns` gives.
+    """
+    found = {n: {n: sizes.get(n, t.sigma)} for n, t in trial.simulation.tolerances.items()}
+    for name, each in _of_one_make(trial, sizes).items():
+        if all(n in found for n in each):
+            for n in each:
+                found[n][n] *= _HALF
+            found[name] = {n: found[n][n] for n in each}
+    return found
 
 
 def record_columns(
@@ -233,7 +271,9 @@ def _shared(
         yield from _derivatives(trial, sizes.get(DERIVATIVES, 0.0))
         for name in trial.positions:
             yield from _dynamics(
-                trial, name, {w: sizes.get(DYNAMICS, 0.0) for w in ("natural_frequency", "damping")}
+                trial,
+                name,
+                {w: sizes.get(DYNAMICS, 0.0) for w in _DYNAMICS},
             )
     for name in trial.positions:
         asked = {
@@ -270,7 +310,7 @@ def of_effects(
             clock = by_clock(trial.sent.dt) if effect.id in TIMING else 0.0
             size = sizes.get(key, sizes.get(effect.id, clock if parameter.unit == "s" else 0.0))
             if nested and key not in sizes and (name in nested or name in effectors):
-                size *= np.sqrt(0.5)  # stated once: half of its variance is of all, half of each by itself
+                size *= _HALF  # stated once: half of its variance is of all, half of each by itself
             if key in EACH_FLIGHT or not size or parameter.scale == 0 or untestable(effect, trial):
                 continue
             yield key, effect, name, size
@@ -288,8 +328,8 @@ def one_sigmas(
     sizes : dict of float
         One sigma by name, where it is stated.
     """
-    own = blocks[0].trial.simulation.tolerances
-    found = {n: sizes.get(n, t.sigma) for n, t in own.items()}
+    own = own_departures(blocks[0].trial, sizes)
+    found = {n: own[n][n] for n in blocks[0].trial.simulation.tolerances}
     return found | {key: size for b in blocks for key, _, _, size in of_effects(b.trial, library, sizes)}
 
 
@@ -386,7 +426,7 @@ def _effectors_off(trial: Trial, kind: str, size: float) -> Iterator[tuple[str, 
     """
     kinds = trial.maneuver.vehicle.effector_kinds
     alike = [e for e in trial.maneuver.record.group("effector") if kinds.get(e) == kind]
-    each = size * np.sqrt(0.5) if len(alike) > 1 else size
+    each = size * _HALF if len(alike) > 1 else size
     if len(alike) > 1:
         yield f"offset.every {kind}", [f"effector/{e}" for e in alike], each
     for e in alike:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from linear_flight import LIBRARY, SLOPES, Linear, fly, vehicle
@@ -12,6 +14,7 @@ from freqid.gap.model.tolerance import (
     DEFAULT,
     EACH_FLIGHT,
     UNDECLARED,
+    own_departures,
     record_columns,
     stated,
     tolerance_columns,
@@ -122,6 +125,27 @@ def test_an_actuator_follows_a_share_of_its_time_later(block):
     late = -(z[at, strong] / position[strong]).imag / (2 * np.pi * block.lines.hz[strong])
     assert np.median(late) == pytest.approx(0.01, rel=0.15)
     assert not np.delete(z, at, axis=0).any()
+
+
+def test_what_nobody_stated_of_one_actuator_is_half_that_of_all(block):
+    found = columns(block, dynamics=0.1)
+    alone = columns(block, **{"d1.natural_frequency": 0.1, "d2.natural_frequency": 0.1})
+    assert set(alone) == {"d1.natural_frequency", "d2.natural_frequency"}
+    for name in alone:
+        np.testing.assert_allclose(found[name], np.sqrt(0.5) * alone[name])
+    np.testing.assert_allclose(
+        found["every surface.natural_frequency"], np.sqrt(0.5) * sum(alone.values()), atol=1e-12
+    )
+
+
+def test_own_parameters_of_one_make_depart_together_and_alone(block):
+    own = {f"{n}.lag": Tolerance(0.2, actuator=n, of_make=True) for n in ("d1", "d2")}
+    trial = replace(block.trial, simulation=Linear(tolerances=own))
+    half = 0.2 * np.sqrt(0.5)
+    one_make = {"d1.lag": pytest.approx(half), "d2.lag": pytest.approx(half)}
+    found = own_departures(trial, {})
+    assert found == {n: {n: x} for n, x in one_make.items()} | {"every surface.lag": one_make}
+    assert own_departures(trial, {"d1.lag": 0.1}) == {"d1.lag": {"d1.lag": 0.1}, "d2.lag": {"d2.lag": 0.2}}
 
 
 def test_a_gain_moves_one_effector_by_its_share(block):

@@ -398,12 +398,19 @@ def write_record(path: Path, record: FlightRecord, scenario_sha256: str = "", *,
     ------
     DataError
         Where the folder cannot be written.
+    UsageError
+        Where the record's vehicle is none: no file of it could be read again.
     """
     store.write(path, kind, lambda file: put_record(file, record), scenario_sha256)
 
 
 def put_record(file: h5py.Group, record: FlightRecord) -> None:
     """Write a record into an open file, or a group of one."""
+    if not isinstance(record.vehicle, Vehicle | None):
+        raise UsageError(
+            f"the record's vehicle is a {type(record.vehicle).__name__}, expected a Vehicle",
+            remedy="give it scenario.aircraft(), with the effectors and mass properties",
+        )
     time = store.put(file, "time", record.time, "s")
     time.make_scale("time")
     for channel in record.channels.values():

@@ -5,6 +5,7 @@ import pytest
 
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Channel, FlightRecord, Maneuver, check_time, read_record, write_record
+from freqid.core.scenario import read_scenario
 from freqid.core.vehicle import Inertia, MassProperties, Vehicle
 
 
@@ -99,3 +100,13 @@ def test_channels_that_are_replaced_are_checked_and_the_record_is_another_one():
         before.with_channels(replace(channel, values=np.where(before.time == before.time[1], np.nan, 0.0)))
     with pytest.raises(DataError, match="has shape"):
         before.with_channels(replace(channel, values=channel.values[:-1]))
+
+
+def test_a_vehicle_that_no_file_could_give_back_is_not_written(tmp_path):
+    la8, _ = read_scenario("la8")
+    flight = replace(record(state__u=np.ones(501)), vehicle=la8.vehicle)
+    with pytest.raises(UsageError, match=r"is a Airframe, expected a Vehicle"):
+        write_record(tmp_path / "flight.h5", flight)
+    assert not list(tmp_path.iterdir())
+    write_record(tmp_path / "flight.h5", replace(flight, vehicle=la8.aircraft()))
+    assert read_record(tmp_path / "flight.h5").vehicle == la8.aircraft()

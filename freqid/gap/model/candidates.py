@@ -17,7 +17,7 @@ from freqid.gap.model.following import time_constant
 from freqid.gap.model.form import actuator_terms, load_terms
 from freqid.gap.model.sizes import SMALLEST, about_zero, absurd, few_of, from_onset, proportional, seen
 from freqid.gap.model.testable import in_force_of, untestable
-from freqid.gap.model.tolerance import one_sigmas
+from freqid.gap.model.tolerance import own_departures
 from freqid.gap.simulation import side_by_side
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect, Parameter
@@ -225,9 +225,9 @@ def beyond_tolerance(
     sizes : dict of float
         One sigma by name, where it is not that of the simulation.
     """
-    made, own = [], one_sigmas(blocks, {}, sizes)
+    made, own = [], own_departures(blocks[0].trial, sizes)
     for name, tolerance in blocks[0].trial.simulation.tolerances.items():
-        sigma = own[name]
+        sigma = own[name][name]
         columns = [s[name][None] for s in stated if name in s]
         if not sigma or len(columns) < len(blocks) or not seen([z[0] for z in columns], blocks):
             continue

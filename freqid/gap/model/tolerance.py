@@ -270,11 +270,7 @@ def _shared(
     if not own:
         yield from _derivatives(trial, sizes.get(DERIVATIVES, 0.0))
         for name in trial.positions:
-            yield from _dynamics(
-                trial,
-                name,
-                {w: sizes.get(DYNAMICS, 0.0) for w in _DYNAMICS},
-            )
+            yield from _dynamics(trial, name, dict.fromkeys(_DYNAMICS, sizes.get(DYNAMICS, 0.0)))
     for name in trial.positions:
         asked = {
             w: sizes[f"{name}.{w}"] for w in _SERVO if f"{name}.{w}" in sizes and f"{name}.{w}" not in own

@@ -5,13 +5,6 @@ from __future__ import annotations
 LEVEL = 0.02
 """Share of flights without a gap in which one may be called."""
 
-EXPECTED = 0.7
-"""Probability of a gap before the data: who asks for a diagnosis doubts the simulation.
-
-Chosen on 331 judged cases without an effect up to f2d28031 (`benchmarks/gap_judging/rebuilt.csv`): 4 have a
-probability of no gap below the level with it, 2 at even odds.
-"""
-
 INTERVAL = 0.90
 """Level of the intervals of sizes and shares, and of the set of effects."""
 

@@ -30,7 +30,8 @@ class Existence:
     ----------
     exists : bool
     p : float
-        How often noise and tolerances alone give as much, or the probability of no gap, whichever is larger.
+        How often noise and tolerances alone give as much, or the probability of no gap at even odds,
+        whichever is larger.
     level : float
         At which it was asked.
     naive_p : float

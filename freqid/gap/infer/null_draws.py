@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dpstrf
-from scipy.special import logit, logsumexp
+from scipy.special import logsumexp
 
 from freqid.core.arrays import Array
 from freqid.gap.infer.block_matrices import BlockMatrices, Form, forward
 from freqid.gap.infer.evidence import Evidence
 from freqid.gap.infer.system import System
-from freqid.gap.settings import EXPECTED
 
 
 class Drawn(NamedTuple):
@@ -62,8 +61,8 @@ def drawn_from_posterior(
 def threshold_of(null: Array, level: float) -> float:
     """Return the statistic from which a gap is called.
 
-    Draws exceed it in a share `level` of cases, and no gap is no likelier than that share: draws know noise,
-    form and motion as a record never does, so they alone would call too often.
+    Draws exceed it in a share `level` of cases, and the odds of no gap are no better than that share: draws
+    know noise, form and motion as a record never does, so they alone would call too often.
 
     Parameters
     ----------
@@ -71,7 +70,7 @@ def threshold_of(null: Array, level: float) -> float:
         Of `null_statistics`.
     level : float
     """
-    return max(float(np.quantile(null, 1 - level)), float(-logit(level) - logit(EXPECTED)))
+    return max(float(np.quantile(null, 1 - level)), float(np.log((1 - level) / level)))
 
 
 def drawn(

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import logit, logsumexp
+from scipy.special import logsumexp
 
 from freqid.gap.infer.evidence import NONE, Evidence, separation
 from freqid.gap.model.candidate import OTHER
-from freqid.gap.settings import EXPECTED
 
 APART = (2 * 1.645) ** 2
 """Separation `lambda (1 - c^2)` from which the right one of two effects is the likelier in 95 of 100 cases.
@@ -82,8 +81,8 @@ def _alike(evidence: Evidence, leading: str) -> list[str]:
 
 
 def probability_of_none(evidence: Evidence) -> float:
-    """Return how likely no gap is; one is `EXPECTED` before the data."""
-    return float(1 / (1 + np.exp(np.clip(evidence.statistic + logit(EXPECTED), -50, 50))))
+    """Return how likely no gap is, at even odds before the data."""
+    return float(1 / (1 + np.exp(np.clip(evidence.statistic, -50, 50))))
 
 
 def groups_of(evidence: Evidence, among: Sequence[str]) -> tuple[tuple[str, ...], ...]:

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from freqid.gap.infer.null_draws import threshold_of
-from freqid.gap.settings import EXPECTED
 
 LEVEL = 0.02
 
@@ -14,8 +13,7 @@ LEVEL = 0.02
 def test_odds_bound_the_threshold_where_draws_hardly_vary():
     quiet = np.linspace(-2.0, 0.5, 1000)
     found = threshold_of(quiet, LEVEL)
-    odds = np.exp(found) * EXPECTED / (1 - EXPECTED)
-    assert 1 / (1 + odds) == pytest.approx(LEVEL)
+    assert 1 / (1 + np.exp(found)) == pytest.approx(LEVEL)
 
 
 def test_draws_bound_it_where_the_model_itself_gives_more():

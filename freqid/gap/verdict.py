@@ -28,6 +28,7 @@ from freqid.simulate.effects.effect import Effect
 _FEW = 3  # names that are listed
 _POOR_SENSORS = 0.05
 _STRAINED = 2.0  # sigmas from which tolerances are said to be strained
+_CLOSE = 0.1  # p below which a gap that is not called is said to be a close call
 _LESS = 0.1  # of a gap, by which an effect closes less alone than with tolerances before that is said
 
 
@@ -48,7 +49,7 @@ def verdict(
             "explains."
         )
     if not gap.exists:
-        return f"No gap beyond noise and tolerances (p = {gap.p:.2g}){_larger_than(gap)}."
+        return f"No gap beyond noise and tolerances (p = {gap.p:.2g}){_larger_than(gap)}.{_close(gap, which)}"
     words = ["A gap beyond noise and tolerances"]
     if cells.detectability.any():
         row, share = next(iter(cells.share("row").items()))
@@ -121,6 +122,20 @@ def _larger_than(gap: Existence) -> str:
         return ""
     sizes = [f"{n} {_number(gap.largest_undetected[n], gap.unit.get(n, ''))}" for n in named]
     return f": no gap larger than {', '.join(sizes)}"
+
+
+def _close(gap: Existence, which: Which) -> str:
+    """Return what a gap would be that is nearly called."""
+    causes = {n: p for n, p in which.probabilities.items() if n != NONE}
+    if gap.p >= _CLOSE or not any(causes.values()):
+        return ""
+    name = max(causes, key=causes.__getitem__)
+    chance = causes[name] / sum(causes.values())
+    what = "a change that no effect of the library describes" if name == OTHER else _said(name, which)
+    return (
+        f" It is a close call: a gap is called up to p = {gap.level:g}. If there is one, its likeliest cause "
+        f"is {what} (probability {chance:.2f}); more flights would decide it."
+    )
 
 
 def _limited_by_form(gap: Existence) -> str:

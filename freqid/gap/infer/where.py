@@ -11,10 +11,10 @@ from scipy.linalg import cho_factor, cho_solve
 from freqid.core.arrays import Array, Complex
 from freqid.core.results.gap import GapMap
 from freqid.gap.infer.columns import Columns
+from freqid.gap.model.sizes import STRAIGHT
 from freqid.gap.stack.block import Block
 
 _BANDS = 4
-_EXACT = 0.02  # share of a change to which columns are right; changes are straight to 0.03 (`model.sizes`)
 
 
 def gap_map(
@@ -27,9 +27,10 @@ def gap_map(
     do the same as the effect counts little, however much of the effect is there. Each of several effects
     counts alike.
 
-    Columns are right to about `_EXACT`. Where a tolerance nearly copies the effect, the difference of the two
-    is no larger than that, and does not tell the line. So the sum of a row's terms is shared out among its
-    cells by their terms plus ``_EXACT^2 |s|^2 / n``, with n the power of the noise.
+    Columns are right to a share `STRAIGHT` of a change s. Where a tolerance nearly copies the effect, the
+    difference of the two is no larger than that, and does not tell the line: a term, s times that difference
+    over the power n of the noise, is right to ``STRAIGHT |s|^2 / n``. So the sum of a row's terms is shared
+    out among its cells by their terms plus that.
 
     Parameters
     ----------
@@ -73,7 +74,7 @@ def _terms(block: Block, z: Complex, weighed: Complex) -> Array:
 def _shared_out(blocks: Sequence[Block], one: Sequence[Complex], weighed: Sequence[Complex]) -> list[Array]:
     """Return each cell's part of the detectability by block, shape (row, line); see `gap_map`."""
     parts = [_terms(b, z, w) for b, z, w in zip(blocks, one, weighed, strict=True)]
-    copied = [_EXACT**2 * _terms(b, z, z / b.noise_power) for b, z in zip(blocks, one, strict=True)]
+    copied = [STRAIGHT * _terms(b, z, z / b.noise_power) for b, z in zip(blocks, one, strict=True)]
     for name in dict.fromkeys(r.name for b in blocks for r in b.rows):
         at = [[r.name == name for r in b.rows] for b in blocks]
         own = sum(float(p[i].sum()) for p, i in zip(parts, at, strict=True))

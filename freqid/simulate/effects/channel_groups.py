@@ -21,11 +21,16 @@ BIAS = {
 }
 _AIR = ("V", "alpha", "beta")
 KINDS = ("surface", "tilt", "rotor")
+AIRSPEED = "airspeed"  # what one pitot tube measures: all velocities relative to the air
+_OF_AIRSPEED = ("state/u", "state/v", "state/w", "air/V")
 _TURNING = ("state/phi", "state/psi", "air/alpha")  # may jump by a full turn
 
 
 def channels(name: str, record: FlightRecord) -> tuple[str, ...]:
-    """Return the channels of a record that a parameter stands for: one, or all effectors of a kind."""
+    """Return the channels of a record that a parameter stands for: one, or all of one airspeed or kind."""
+    if name == AIRSPEED:
+        found = tuple(c for c in _OF_AIRSPEED if c in record)
+        return found if len(found) > 1 else ()
     if name not in KINDS:
         if f"effector/{name}" in record:
             return (f"effector/{name}",)

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
-from freqid.simulate.effects.channel_groups import BIAS, KINDS, each
+from freqid.simulate.effects.channel_groups import AIRSPEED, BIAS, KINDS, each
 from freqid.simulate.effects.effect import Effect, Parameter
 
 
@@ -48,7 +48,7 @@ EFFECT = Effect(
     stage="sensor",
     meaning="A sensor reads too much or too little in proportion to what there is.",
     # no sensor scales a heading or a bank angle
-    parameters={name: _scale(name) for name in BIAS if name not in ("phi", "psi")},
+    parameters={name: _scale(name) for name in (*BIAS, AIRSPEED) if name not in ("phi", "psi")},
     alternatives=True,
     distort=_distort,
     for_vehicle=_for_vehicle,

@@ -131,6 +131,17 @@ def test_without_a_gap_the_sizes_that_would_have_been_seen_are_said():
     assert not replace(none, form_errors={"X": 0.04}).unconfirmed
 
 
+def test_a_close_call_says_what_it_would_be():
+    near = Existence(False, 0.04, 0.02, 0.5, largest_undetected={"mass": 0.1}, unit={"mass": "1"})
+    which = replace(WORN, probabilities={"none": 0.5, "mass": 0.4, "other": 0.1}, named=(), parameters={})
+    text = said(which, gap=near)
+    assert "no gap larger than mass 0.1. It is a close call: a gap is called up to p = 0.02. " in text
+    assert "its likeliest cause is mass (probability 0.80)" in text
+    unknown = replace(which, probabilities={"none": 0.5, "other": 0.5})
+    assert "a change that no effect of the library describes (probability 1.00)" in said(unknown, gap=near)
+    assert "close call" not in said(which, gap=replace(near, p=0.1))
+
+
 def test_a_narrow_interval_is_said_with_as_many_digits_as_it_has():
     size = {"surface_effectiveness": {"de": Interval(0.15171, 0.14733, 0.15488, "1")}}
     assert "surface_effectiveness of de 0.1517 (0.1473 to 0.1549)" in said(replace(WORN, parameters=size))

@@ -195,6 +195,16 @@ def test_bias_and_scale_reach_the_channels_of_their_names():
     assert set(BIAS) == set(effects.find("sensor_bias").parameters)
 
 
+def test_a_pitot_tube_scales_all_velocities_at_once_and_no_angle():
+    record = log(u=20.0, v=np.sin(TIME), w=1.0, vn=19.0, air__V=20.1, air__alpha=0.05)
+    found = distort("sensor_scale", record, airspeed=0.04)
+    for name in record.channels:
+        scale = 1.04 if name in ("state/u", "state/v", "state/w", "air/V") else 1.0
+        np.testing.assert_allclose(found[name], scale * record[name], rtol=1e-12)
+    alone = log(air__V=20.1, q=0.1)  # it is `V` there
+    np.testing.assert_array_equal(distort("sensor_scale", alone, airspeed=0.04)["air/V"], alone["air/V"])
+
+
 def test_an_effector_with_the_name_of_its_kind_stands_for_all_of_the_kind():
     pair = tuple(Effector(name=n, kind="tilt", limits=(0.0, 1.5)) for n in ("tilt", "aft"))
     body = MassProperties(mass_kg=1.0, inertia=Inertia(xx=1.0, yy=1.0, zz=1.0))

@@ -86,8 +86,6 @@ def flight(time, injected, parameters, late=0.0):
 def write_flights(folder, effect=EFFECT, seed=0):
     """Write three flights of one airplane as records: two to diagnose, one to hold out."""
     import freqid as fq
-    from freqid.core.channels import si_unit
-    from freqid.core.record import Channel
     from freqid.core.vehicle import Effector, Inertia, MassProperties
 
     rng, time = np.random.default_rng(seed), 0.02 * np.arange(3001)
@@ -108,13 +106,12 @@ def write_flights(folder, effect=EFFECT, seed=0):
         load = wrench(time, by_name, by_name, {}, truth)
         flown |= {"state/ax": load["X"] / MASS, "state/az": load["Z"] / MASS, "air/rho": RHO + 0 * time}
         flown |= {f"state/{n}": 0 * time for n in ("v", "p", "r", "phi", "psi", "ay")}
-        channels = {}
-        for name, x in (flown | {f"excitation/{n}": x for n, x in injected.items()}).items():
+        logged = {f"excitation/{n}": x for n, x in injected.items()}
+        for name, x in flown.items():
             group, _, short = name.partition("/")
             noise = NOISE[short] * rng.standard_normal(x.size) if group in ("state", "effector") else 0.0
-            unit = si_unit(name) or {"elevator": "rad", "throttle": "1"}[short]
-            channels[name] = Channel(name, unit, x + noise, 50.0, "simulated")
-        record = fq.FlightRecord(time, channels, vehicle, reference="cruise")
+            logged[name] = x + noise
+        record = fq.FlightRecord.of(time, logged, vehicle, reference="cruise")
         fq.save(record, Path(folder) / f"flight{number}.h5")
 
 

@@ -14,7 +14,6 @@ import numpy as np
 from scipy.signal import cont2discrete, lfilter, lsim
 
 from freqid import FlightRecord
-from freqid.core.record import Channel
 
 DELAY_S, LAG_S = 0.07, 0.10
 RATE_HZ, PERIOD_S = 50.0, 20.0
@@ -50,13 +49,9 @@ def fly(seed: int, *, delay: float = DELAY_S, lag: float = LAG_S) -> FlightRecor
     q = lsim(SHORT_PERIOD, moved, time)[1]
     kept = slice(None, None, fine)
     clock = time[kept]
-    channels = {
-        "state/q": ("rad/s", q[kept] + NOISE * rng.standard_normal(clock.size)),
-        "effector/stick": ("rad", stick(clock)),
-        "command/stick": ("rad", stick(clock)),
-        "excitation/stick": ("rad", stick(clock)),
-    }
-    return FlightRecord(clock, {n: Channel(n, u, x, RATE_HZ, "made") for n, (u, x) in channels.items()})
+    moved = {f"{group}/stick": stick(clock) for group in ("effector", "command", "excitation")}
+    values = {"state/q": q[kept] + NOISE * rng.standard_normal(clock.size), **moved}
+    return FlightRecord.of(clock, values, units=dict.fromkeys(moved, "rad"))
 
 
 if __name__ == "__main__":

@@ -105,6 +105,73 @@ class FlightRecord(Viewable):
     configuration: Configuration = Configuration()
     provenance: dict[str, Any] = field(default_factory=dict)
 
+    @classmethod
+    def of(
+        cls,
+        time: NDArray[np.float64],
+        values: Mapping[str, NDArray[np.float64] | float],
+        vehicle: Vehicle | None = None,
+        *,
+        units: Mapping[str, str] | None = None,
+        positions_m: Mapping[str, tuple[float, float, float]] | None = None,
+        reference: str = "",
+    ) -> FlightRecord:
+        """Make a record of arrays that are in memory already.
+
+        Parameters
+        ----------
+        time : array_like, shape (sample,)
+            Seconds, uniformly spaced.
+        values : mapping of str to array_like, shape (sample,)
+            By ``group/name``: ``state/q``, ``air/rho``, ``effector/de1`` (measured), ``command/de1``,
+            ``excitation/de1`` (the injected signal alone). A number stands for a constant.
+        vehicle : Vehicle, optional
+            Of a scenario: ``fq.read_scenario("mine.toml").aircraft()``.
+        units : mapping of str to str, optional
+            By channel, of those whose values are not in SI: ``{"state/phi": "deg"}``.
+        positions_m : mapping of str to tuple of 3 floats, optional
+            Positions of sensors in vehicle axes, m, by channel; the centre of gravity where absent.
+        reference : str
+            Id of the reference condition flown.
+
+        Raises
+        ------
+        DataError
+            As for a record; for a unit that measures something else.
+        UsageError
+            For a vehicle that is none; for an effector whose unit cannot be known; for a unit or a position
+            of a channel that is not there.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> t = np.arange(0, 60, 0.02)
+        >>> FlightRecord.of(t, {"state/phi": 2.0, "state/q": np.sin(t)}, units={"state/phi": "deg"})
+        <FlightRecord: 2 channels, 59.98 s at 50 Hz>
+        """
+        _check_vehicle(vehicle)
+        for name in [*(units or {}), *(positions_m or {})]:
+            if name not in values:
+                raise UsageError(f"there are no values of '{name}'", remedy=nearest(name, values))
+        clock = np.asarray(time, dtype=float)
+        check_time(clock)
+        kinds = vehicle.effector_kinds if vehicle else {}
+        rate = float((clock.size - 1) / (clock[-1] - clock[0]))
+        channels = {}
+        for name, value in values.items():
+            given = (units or {}).get(name)
+            si = si_unit(name, kinds) or (effector_unit(given) if given else None)
+            if si is None:
+                raise UsageError(
+                    f"the unit of '{name}' is not known", remedy=f'give units={{"{name}": "rad"}}, or a vehicle'
+                )
+            convert = to_si(given or si, si, name)
+            array = np.asarray(value, dtype=float)
+            array = np.full(clock.shape, array) if array.ndim == 0 else array
+            array = convert.factor * array + convert.offset
+            channels[name] = Channel(name, si, array, rate, "array", (positions_m or {}).get(name))
+        return cls(clock, channels, vehicle, reference=reference)
+
     def __repr__(self) -> str:
         at = f" at {self.reference!r}" if self.reference else ""
         return (
@@ -335,6 +402,14 @@ def parse_span(text: str) -> tuple[float, float]:
     return start, stop
 
 
+def _check_vehicle(vehicle: object) -> None:
+    if not isinstance(vehicle, Vehicle | None):
+        raise UsageError(
+            f"the record's vehicle is a {type(vehicle).__name__}, expected a Vehicle",
+            remedy="give it scenario.aircraft(), with the effectors and mass properties",
+        )
+
+
 def check_time(time: NDArray[np.float64]) -> None:
     """Check that a time base is finite, increasing and uniform.
 
@@ -406,11 +481,7 @@ def write_record(path: Path, record: FlightRecord, scenario_sha256: str = "", *,
 
 def put_record(file: h5py.Group, record: FlightRecord) -> None:
     """Write a record into an open file, or a group of one."""
-    if not isinstance(record.vehicle, Vehicle | None):
-        raise UsageError(
-            f"the record's vehicle is a {type(record.vehicle).__name__}, expected a Vehicle",
-            remedy="give it scenario.aircraft(), with the effectors and mass properties",
-        )
+    _check_vehicle(record.vehicle)
     time = store.put(file, "time", record.time, "s")
     time.make_scale("time")
     for channel in record.channels.values():

@@ -110,3 +110,39 @@ def test_a_vehicle_that_no_file_could_give_back_is_not_written(tmp_path):
     assert not list(tmp_path.iterdir())
     write_record(tmp_path / "flight.h5", replace(flight, vehicle=la8.aircraft()))
     assert read_record(tmp_path / "flight.h5").vehicle == la8.aircraft()
+
+
+def test_arrays_become_a_record_in_si_units():
+    t = np.arange(0, 10, 0.02)
+    vehicle = read_scenario("la8")[0].aircraft()
+    surface = next(n for n, kind in vehicle.effector_kinds.items() if kind == "surface")
+    made = FlightRecord.of(
+        t.tolist(),
+        {"state/q": 5 * np.sin(t), "air/rho": 1.2, f"effector/{surface}": np.cos(t), "state/ax": t},
+        vehicle,
+        units={"state/q": "deg/s"},
+        positions_m={"state/ax": (0.1, 0.0, -0.2)},
+        reference="cruise",
+    )
+    np.testing.assert_allclose(made["state/q"], np.radians(5 * np.sin(t)))
+    np.testing.assert_array_equal(made["air/rho"], np.full(t.size, 1.2))
+    assert made.channel(f"effector/{surface}").unit == "rad"
+    assert made.channel("state/ax").position_m == (0.1, 0.0, -0.2)
+    assert made.channel("state/q").native_rate_hz == pytest.approx(50.0)
+    assert made.reference == "cruise"
+
+
+@pytest.mark.parametrize(
+    ("values", "given", "says"),
+    [
+        ({"effector/de": 0.0}, {}, "the unit of 'effector/de' is not known"),
+        ({"state/q": 0.0}, {"units": {"state/p": "deg"}}, "there are no values of 'state/p'"),
+        ({"state/q": 0.0}, {"positions_m": {"state/r": (0, 0, 0)}}, "there are no values of 'state/r'"),
+        ({"state/q": 0.0}, {"units": {"state/q": "m"}}, "state/q"),
+        ({"state/q": np.zeros(3)}, {}, "has shape"),
+        ({"state/q": 0.0}, {"vehicle": {"name": "a table"}}, "expected a Vehicle"),
+    ],
+)
+def test_arrays_that_make_no_record_are_refused(values, given, says):
+    with pytest.raises((DataError, UsageError), match=says):
+        FlightRecord.of(np.arange(0, 10, 0.02), values, **given)

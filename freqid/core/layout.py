@@ -278,6 +278,17 @@ def get_fields(file: h5py.Group, of: type, layout: Layout, scopes: tuple[Any, ..
     return {name: value for name, value in found.items() if name in fields}
 
 
+def _builtins(value: Any) -> Any:
+    """Return what JSON knows of a value in its place; numbers of numpy are as good as Python's."""
+    return msgspec.to_builtins(value, enc_hook=_of_numpy)
+
+
+def _of_numpy(value: Any) -> Any:
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"a {type(value).__name__} cannot be written")
+
+
 def _put(file: h5py.Group, slot: Any, value: Any, scopes: tuple[Any, ...], hint: Any) -> None:
     """Write one field."""
     match slot:
@@ -295,9 +306,7 @@ def _put(file: h5py.Group, slot: Any, value: Any, scopes: tuple[Any, ...], hint:
             places, spread = _fill_in(slot.at, scopes)
             for place, row in zip(places, value if spread else [value], strict=True):
                 owner, name = _owner(file, place)
-                owner.attrs[name] = (
-                    json.dumps(value, sort_keys=True, default=msgspec.to_builtins) if slot.json else row
-                )
+                owner.attrs[name] = json.dumps(value, sort_keys=True, default=_builtins) if slot.json else row
         case Attributes():
             owner, _ = _owner(file, f"{slot.at}@")
             entries = value if isinstance(value, Mapping) else value.to_json()
@@ -305,9 +314,9 @@ def _put(file: h5py.Group, slot: Any, value: Any, scopes: tuple[Any, ...], hint:
                 owner.attrs[name] = row
         case Table():
             table = value.to_json() if hasattr(value, "to_json") else value
-            file.create_dataset(
-                slot.at, data=json.dumps(table, allow_nan=False, default=msgspec.to_builtins)
-            ).attrs["units"] = "JSON"
+            file.create_dataset(slot.at, data=json.dumps(table, allow_nan=False, default=_builtins)).attrs[
+                "units"
+            ] = "JSON"
         case Nested():
             put_fields(file, value, slot.layout, scopes)
         case NestedSeries():

@@ -163,7 +163,8 @@ class FlightRecord(Viewable):
             si = si_unit(name, kinds) or (effector_unit(given) if given else None)
             if si is None:
                 raise UsageError(
-                    f"the unit of '{name}' is not known", remedy=f'give units={{"{name}": "rad"}}, or a vehicle'
+                    f"the unit of '{name}' is not known",
+                    remedy=f'give units={{"{name}": "rad"}}, or the vehicle',
                 )
             convert = to_si(given or si, si, name)
             array = np.asarray(value, dtype=float)

@@ -6,7 +6,7 @@ import pytest
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Channel, FlightRecord, Maneuver, check_time, read_record, write_record
 from freqid.core.scenario import read_scenario
-from freqid.core.vehicle import Inertia, MassProperties, Vehicle
+from freqid.core.vehicle import Inertia, MassProperties, Rotor, Vehicle
 
 
 def record(time=None, **values):
@@ -110,6 +110,17 @@ def test_a_vehicle_that_no_file_could_give_back_is_not_written(tmp_path):
     assert not list(tmp_path.iterdir())
     write_record(tmp_path / "flight.h5", replace(flight, vehicle=la8.aircraft()))
     assert read_record(tmp_path / "flight.h5").vehicle == la8.aircraft()
+
+
+def test_a_vehicle_of_numpys_numbers_is_written_as_any_other(tmp_path):
+    hub = np.array([0.1, 0.2, -0.3])
+    body = MassProperties(mass_kg=np.float64(9), inertia=Inertia(xx=np.float32(1), yy=1.0, zz=1.0))
+    rotor = Rotor(name="n1", spin=1, inertia=0.0, position_m=tuple(hub))
+    vehicle = Vehicle(name="made", mass_properties=body, rotors=(rotor,))
+    write_record(tmp_path / "flight.h5", replace(record(state__u=np.ones(501)), vehicle=vehicle))
+    read = read_record(tmp_path / "flight.h5").vehicle
+    assert read.mass_properties.mass_kg == 9.0
+    assert read.rotors[0].position_m == (0.1, 0.2, -0.3)
 
 
 def test_arrays_become_a_record_in_si_units():

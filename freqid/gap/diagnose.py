@@ -198,7 +198,12 @@ def diagnose(
             evidence, ranking = joint.evidence, rank(joint.evidence, exists, INTERVAL, TEMPERATURE, p_none)
     by_effect = [_made(e, used) for e in _clear(explanation)]
     explained = [sum((one[i] for one in by_effect), np.zeros_like(b.residual)) for i, b in enumerate(used)]
-    cells = gap_map(used, joint.columns, by_effect or [[b.residual for b in used]])
+    form_error = (
+        form_beside(joint.system, explanation.places, explanation.estimates)
+        if explanation
+        else evidence.form_error()
+    )
+    cells = gap_map(used, joint.columns, by_effect or [[b.residual for b in used]], form_error)
     closing: Closing | None = None
     closed: list[Closed] = []
     if q.close and explanation:
@@ -206,7 +211,6 @@ def diagnose(
         others = stack_of(
             simulation, held_out, names[count:], q.band_hz, seed=q.seed + 500, departures=departures, **found
         )
-        form_error = form_beside(joint.system, explanation.places, explanation.estimates)
         closing = closing_of(joint, others, explanation, form_error)
         singles = [
             closing_of(about, others, single, form_error)

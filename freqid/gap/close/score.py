@@ -40,7 +40,7 @@ class Scored:
         """Return the energy of what is left by real number, own unknowns and error of form integrated out."""
         c = self.columns
         y = c.residual - effect @ c.effects - tolerances @ c.tolerances
-        own = np.concatenate([c.own, c.form_at(self.fit.form_error)])
+        own = np.concatenate([c.own, *c.form_at(self.fit.form_error)])
         if not len(own):
             return y * y
         return y * (y - own.T @ cho_solve(cho_factor(np.eye(len(own)) + own @ own.T), own @ y))

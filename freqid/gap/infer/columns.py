@@ -231,12 +231,12 @@ class Columns:
             ),
         )
 
-    def form_at(self, form_error: Form) -> Array:
-        """Return the whitened columns of the form at an error of it, those that blocks share among them."""
+    def form_at(self, form_error: Form) -> tuple[Array, Array]:
+        """Return the whitened columns of the form at an error of it: the block's own, and those all share."""
         sizes = np.array(form_error.loads)[self.form_row]
         used, alike = sizes > 0, self.matrices.shared_sizes(form_error)
         own = sizes[used, None] * self.form.some(used).white()
-        return np.concatenate([own, alike[alike > 0, None] * self.shared[alike > 0]])
+        return own, alike[alike > 0, None] * self.shared[alike > 0]
 
     def with_form(self, parts: Parts, terms: Sequence[str]) -> Columns:
         """Return these columns with another form, that of some parts."""

@@ -10,27 +10,25 @@ from scipy.linalg import cho_factor, cho_solve
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.results.gap import GapMap
+from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.columns import Columns
-from freqid.gap.model.sizes import STRAIGHT
 from freqid.gap.stack.block import Block
 
 _BANDS = 4
 
 
 def gap_map(
-    blocks: Sequence[Block], columns: Sequence[Columns], explained: Sequence[Sequence[Complex]]
+    blocks: Sequence[Block],
+    columns: Sequence[Columns],
+    explained: Sequence[Sequence[Complex]],
+    form_error: Form,
 ) -> GapMap:
     """Return where the detectability of what an explanation makes of the stack lies.
 
-    With s what an effect makes and S the covariance of noise, of the records' own unknowns and of tolerances,
-    its detectability is ``s' S^-1 s``; the terms of a cell are that cell's part. A cell in which tolerances
-    do the same as the effect counts little, however much of the effect is there. Each of several effects
-    counts alike.
-
-    Columns are right to a share `STRAIGHT` of a change s. Where a tolerance nearly copies the effect, the
-    difference of the two is no larger than that, and does not tell the line: a term, s times that difference
-    over the power n of the noise, is right to ``STRAIGHT |s|^2 / n``. So the sum of a row's terms is shared
-    out among its cells by their terms plus that.
+    With s what an effect makes and S the covariance of noise, of the records' own unknowns, of tolerances and
+    of errors of form, its detectability is ``s' S^-1 s``; the terms of a cell are that cell's part. A cell in
+    which tolerances do the same as the effect counts little, however much of the effect is there. Each of
+    several effects counts alike.
 
     Parameters
     ----------
@@ -39,7 +37,9 @@ def gap_map(
         By block, with tolerances and own unknowns.
     explained : sequence of sequence of ndarray of complex, shape (row, line)
         By effect and block; the residual itself where nothing explains it.
+    form_error : Form
     """
+    unknown = [_unknown(c, form_error) for c in columns]
     rows = tuple(dict.fromkeys(r.name for b in blocks for r in b.rows))
     regimes = tuple(dict.fromkeys(b.regime for b in blocks))
     inputs = (*dict.fromkeys(n for b in blocks for n in b.lines.inputs), "")
@@ -47,8 +47,8 @@ def gap_map(
     found = np.zeros((len(rows), len(bands), len(regimes), len(inputs)))
     phase = np.zeros((len(rows), 3))
     for one in explained:
-        weighed = _beyond(blocks, columns, one)
-        terms = _shared_out(blocks, one, weighed)
+        weighed = _beyond(blocks, unknown, one)
+        terms = [_terms(b, z, w) for b, z, w in zip(blocks, one, weighed, strict=True)]
         whole = max(sum(float(t.sum()) for t in terms), 1e-300) * len(explained)
         for block, z, w, parts in zip(blocks, one, weighed, terms, strict=True):
             at = [rows.index(r.name) for r in block.rows]
@@ -71,38 +71,33 @@ def _terms(block: Block, z: Complex, weighed: Complex) -> Array:
     return np.where(block.lines.hz == 0, 1.0, 2.0) * (z.conj() * weighed).real
 
 
-def _shared_out(blocks: Sequence[Block], one: Sequence[Complex], weighed: Sequence[Complex]) -> list[Array]:
-    """Return each cell's part of the detectability by block, shape (row, line); see `gap_map`."""
-    parts = [_terms(b, z, w) for b, z, w in zip(blocks, one, weighed, strict=True)]
-    copied = [STRAIGHT * _terms(b, z, z / b.noise_power) for b, z in zip(blocks, one, strict=True)]
-    for name in dict.fromkeys(r.name for b in blocks for r in b.rows):
-        at = [[r.name == name for r in b.rows] for b in blocks]
-        own = sum(float(p[i].sum()) for p, i in zip(parts, at, strict=True))
-        beside = sum(float(c[i].sum()) for c, i in zip(copied, at, strict=True))
-        if own > 0:
-            for p, c, i in zip(parts, copied, at, strict=True):
-                p[i] = (p[i] + c[i]) * own / (own + beside)
-    return parts
+def _unknown(c: Columns, form_error: Form) -> tuple[Array, Array]:
+    """Return a block's whitened columns of what is unknown in it alone, and of what is in all blocks."""
+    form, shared = c.form_at(form_error)
+    return np.concatenate([c.own, form]), np.concatenate([c.tolerances, shared])
 
 
-def _beyond(blocks: Sequence[Block], columns: Sequence[Columns], change: Sequence[Complex]) -> list[Complex]:
+def _beyond(
+    blocks: Sequence[Block], unknown: Sequence[tuple[Array, Array]], change: Sequence[Complex]
+) -> list[Complex]:
     """Return ``S^-1 s`` by block, shape (row, line) each."""
-
-    def beside_own(c: Columns, y: Array) -> Array:
-        if not len(c.own):
-            return y
-        return y - cho_solve(cho_factor(np.eye(len(c.own)) + c.own @ c.own.T), c.own @ y.T).T @ c.own
-
     white = [b.white(z) for b, z in zip(blocks, change, strict=True)]
-    tolerances = [beside_own(c, c.tolerances) for c in columns]
-    inside = np.sum([t @ c.tolerances.T for t, c in zip(tolerances, columns, strict=True)], axis=0)
-    seen = np.sum([t @ y for t, y in zip(tolerances, white, strict=True)], axis=0)
+    left = [_beside(own, shared) for own, shared in unknown]
+    inside = np.sum([t @ shared.T for t, (_, shared) in zip(left, unknown, strict=True)], axis=0)
+    seen = np.sum([t @ y for t, y in zip(left, white, strict=True)], axis=0)
     departures = cho_solve(cho_factor(np.eye(len(seen)) + inside), seen) if len(seen) else seen
     found = []
-    for block, c, y, t in zip(blocks, columns, white, tolerances, strict=True):
-        left = (beside_own(c, y) - departures @ t).reshape(len(block.rows), -1)
-        found.append(np.einsum("lji,jl->il", block.whitening.conj(), block.lines.complex(left)))
+    for block, (own, _), y, t in zip(blocks, unknown, white, left, strict=True):
+        beyond = (_beside(own, y) - departures @ t).reshape(len(block.rows), -1)
+        found.append(np.einsum("lji,jl->il", block.whitening.conj(), block.lines.complex(beyond)))
     return found
+
+
+def _beside(own: Array, y: Array) -> Array:
+    """Return numbers, the last axis, times the inverse covariance of noise and own unknowns."""
+    if not len(own):
+        return y
+    return y - cho_solve(cho_factor(np.eye(len(own)) + own @ own.T), own @ y.T).T @ own
 
 
 def bands_of(blocks: Sequence[Block]) -> tuple[tuple[float, float], ...]:

@@ -110,7 +110,8 @@ class RowColumns:
         """Return them whitened, shape (column, row x number that is seen)."""
         spectra = self.lines.complex(self.values)
         moved = np.moveaxis(self.whitening, 0, 2)[:, self.row].transpose(1, 0, 2) * spectra[:, None]
-        return self.lines.real(moved)[..., self.seen].reshape(len(self), -1)
+        number = moved.shape[1] * int(self.seen.sum())
+        return self.lines.real(moved)[..., self.seen].reshape(len(self), number)
 
     def _back(self, white: Array) -> Array:
         """Return ``W^H`` times whitened columns, shape (column, row, number)."""

@@ -14,7 +14,7 @@ from freqid.gap.stack.block import Block
 SMALLEST = 1 / 16
 """Size that is looked at, of an effect's scale."""
 
-STRAIGHT = 0.03  # departure from proportionality, of the change at the largest size, that counts as none
+_STRAIGHT = 0.03  # departure from proportionality, of the change at the largest size, that counts as none
 _BENT = 0.3  # ... of the change half way between two sizes, from which more sizes are taken between them
 _DEPTH = 3  # times that a distance between sizes is halved at most
 _SIZES = 7  # at which an effect that is not proportional is computed, either sign
@@ -46,7 +46,7 @@ def about_zero(at: At, up: float, down: float, scale: float) -> list[Made]:
         return found
     for end, last in found[1:]:
         apart = _energy(b - a * (end / near) for a, b in zip(found[0][1], last, strict=True))
-        if apart > STRAIGHT**2 * _energy(last):
+        if apart > _STRAIGHT**2 * _energy(last):
             inner = np.sign(end) * np.geomspace(SMALLEST * 4 * scale, abs(end), _SIZES)[:-1]
             more = [(float(s), c) for s in inner if abs(s - near) > 0.1 * scale and (c := at(float(s)))]
             found += more
@@ -81,7 +81,7 @@ def proportional(made: Sequence[Made], blocks: Sequence[Block]) -> int | None:
             (z - size * u) / np.sqrt(b.noise_power) for z, u, b in zip(columns, unit, blocks, strict=True)
         ]
         whole = [z / np.sqrt(b.noise_power) for z, b in zip(columns, blocks, strict=True)]
-        if _energy(apart) > STRAIGHT**2 * _energy(whole):
+        if _energy(apart) > _STRAIGHT**2 * _energy(whole):
             return None
     return first
 

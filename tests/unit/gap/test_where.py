@@ -1,4 +1,4 @@
-"""Where a gap is: what is detectable of it in each cell, beside noise, own unknowns and tolerances."""
+"""Where a gap is: what is detectable of it in each cell beside all that is unknown."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from scipy.linalg import block_diag
 
 from freqid.core.results.gap import GapMap
 from freqid.gap.diagnose import Question, diagnose
+from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.where import gap_map
 from freqid.gap.model.tolerance import record_columns, stated
 
@@ -37,6 +38,29 @@ def noise(block):
     return found.reshape(rows * (2 * count - 1), -1)
 
 
+def sized(worn, share):
+    """Return errors of form of one share in all terms, half of it in all conditions alike."""
+    return Form((share,) * len(worn.columns[0].form_names), 0.5)
+
+
+def form(block, columns, size):
+    """Return errors of form as they are before whitening: of the block alone, and those all blocks share."""
+    count = len(block.rows) * (2 * block.lines.hz.size - 1)
+    whitening = np.zeros((count, count))
+    for k, unit in enumerate(np.eye(count)):
+        whitening[:, k] = block.white(block.lines.complex(unit.reshape(len(block.rows), -1)))
+    return [np.linalg.solve(whitening, f.T) for f in columns.form_at(size)]
+
+
+def times(columns, sizes):
+    """Return the columns with tolerances of other sizes."""
+    return replace(
+        columns,
+        tolerances=sizes[:, None] * columns.tolerances,
+        sigmas=sizes[:, None, None] * columns.sigmas,
+    )
+
+
 @pytest.fixture(scope="module")
 def worn():
     flights = [
@@ -46,24 +70,28 @@ def worn():
 
 
 def test_parts_are_those_of_the_detectability_by_a_dense_covariance(worn):
+    size = sized(worn, 0.02)
     s = np.concatenate([real(b, z) for b, z in zip(worn.blocks, worn.explained, strict=True)])
-    N = block_diag(*(noise(b) for b in worn.blocks))
-    S = N.copy()
     own = [record_columns(b, LIBRARY, QUESTION.tolerances).values() for b in worn.blocks]
-    S += block_diag(
+    S = block_diag(
         *(sum(np.outer(v, v) for v in (real(b, z) for z in o)) for b, o in zip(worn.blocks, own, strict=True))
     )
-    for k in range(len(worn.system.tolerances)):
-        t = np.concatenate([real(b, c.sigmas[k]) for b, c in zip(worn.blocks, worn.columns, strict=True)])
-        S += np.outer(t, t)
-    each, alone = (
-        part.reshape(2, len(worn.blocks[0].rows), -1).sum(axis=2)
-        for part in (s * np.linalg.solve(S, s), s**2 / np.diag(N))
+    T = np.array(
+        [
+            np.concatenate([real(b, c.sigmas[k]) for b, c in zip(worn.blocks, worn.columns, strict=True)])
+            for k in range(len(worn.system.tolerances))
+        ]
     )
-    row, beside = each.sum(axis=0), each + 0.03 * alone  # a row's sum, and how it is shared out
-    expected = np.where(row > 0, row * beside / np.maximum(beside.sum(axis=0), 1e-300), each)
-    found = gap_map(worn.blocks, worn.columns, [worn.explained]).detectability.sum(axis=(1, 3)).T
-    np.testing.assert_allclose(found, expected / expected.sum(), rtol=1e-6, atol=1e-6)
+    S += T.T @ T
+    F, shared = zip(*(form(b, c, size) for b, c in zip(worn.blocks, worn.columns, strict=True)), strict=True)
+    assert F[0].size
+    S += block_diag(*(f @ f.T for f in F))
+    S += np.concatenate(shared) @ np.concatenate(shared).T
+    S += block_diag(*(noise(b) for b in worn.blocks))
+    each = (s * np.linalg.solve(S, s)).reshape(2, len(worn.blocks[0].rows), -1)
+    expected = each.sum(axis=2)
+    found = gap_map(worn.blocks, worn.columns, [worn.explained], size).detectability
+    np.testing.assert_allclose(found.sum(axis=(1, 3)).T, expected / expected.sum(), rtol=1e-6, atol=1e-6)
 
 
 def test_a_weak_elevator_is_in_pitch_on_its_own_lines(worn):
@@ -75,13 +103,23 @@ def test_where_a_tolerance_may_do_the_same_little_is_seen_however_much_is_there(
     """The surface's derivatives of pitch may be anything: what remains is in the other loads."""
     free = np.ones(len(worn.system.tolerances))
     free[worn.system.tolerances.index("derivatives.M.d1")] = 1e3
-    columns = [replace(c, tolerances=free[:, None] * c.tolerances) for c in worn.columns]
+    columns = [times(c, free) for c in worn.columns]
     pitch = worn.map.rows.index("M")
     before, after = (
-        gap_map(worn.blocks, c, [worn.explained]).shares(1, 2, 3) for c in (worn.columns, columns)
+        gap_map(worn.blocks, c, [worn.explained], sized(worn, 0.0)).shares(1, 2, 3)
+        for c in (worn.columns, columns)
     )
     assert before[pitch] > 0.5 * before.sum()
     assert after[pitch] < 0.05 * after.sum()
+
+
+def test_where_an_error_of_form_may_do_the_same_little_is_seen(worn):
+    """Pitch may be off in form by any share: what remains is in the other loads."""
+    names = worn.columns[0].form_names
+    pitch, share = worn.map.rows.index("M"), [float(n.startswith("M")) for n in names]
+    assert 0 < sum(share) < len(share)
+    after = gap_map(worn.blocks, worn.columns, [worn.explained], Form(tuple(share), 0.0)).shares(1, 2, 3)
+    assert after[pitch] < 0.2 * after.sum()
 
 
 def test_each_of_two_effects_counts_alike_however_large_it_is(worn):
@@ -94,7 +132,9 @@ def test_each_of_two_effects_counts_alike_however_large_it_is(worn):
             z[i] = size * np.sqrt(block.noise_power[i])
         return made
 
-    shares = gap_map(worn.blocks, worn.columns, [alone("M", 1.0), alone("Z", 100.0)]).share("row")
+    shares = gap_map(worn.blocks, worn.columns, [alone("M", 1.0), alone("Z", 100.0)], sized(worn, 0.0)).share(
+        "row"
+    )
     assert shares["M"] == pytest.approx(0.5, abs=0.05)
     assert shares["Z"] == pytest.approx(0.5, abs=0.05)
 
@@ -141,17 +181,3 @@ def test_a_band_is_the_narrowest_that_holds_most():
     cells.detectability[0, :, 0, 0] = (0.3, 0.25, 0.45)
     assert cells.band_of("M") == (0.1, 2.0)
     assert cells.places()[0].band_hz == (0.1, 2.0)
-
-
-def test_a_tolerance_that_nearly_copies_an_effect_does_not_move_it_to_other_lines(worn):
-    """It differs in a thousandth: all of that on lines of another signal, where little of the effect is."""
-    effect = [1000 * z for z in worn.explained]  # so large that a thousandth stands out of the noise
-    copies = []
-    for c, b, z in zip(worn.columns, worn.blocks, effect, strict=True):
-        at = b.lines.owner == b.lines.inputs.index("d2")
-        near = z * np.where(at, 0.999, 1.0)
-        copies.append(replace(c, tolerances=b.white(near)[None], own=c.own[:0]))
-    cells = gap_map(worn.blocks, copies, [effect])
-    alone = gap_map(worn.blocks, [replace(c, tolerances=c.tolerances[:0]) for c in copies], [effect])
-    for name, share in alone.share("input").items():
-        assert cells.share("input")[name] == pytest.approx(share, abs=0.1)

@@ -49,9 +49,9 @@ def fly(seed: int, *, delay: float = DELAY_S, lag: float = LAG_S) -> FlightRecor
     q = lsim(SHORT_PERIOD, moved, time)[1]
     kept = slice(None, None, fine)
     clock = time[kept]
-    moved = {f"{group}/stick": stick(clock) for group in ("effector", "command", "excitation")}
-    values = {"state/q": q[kept] + NOISE * rng.standard_normal(clock.size), **moved}
-    return FlightRecord.of(clock, values, units=dict.fromkeys(moved, "rad"))
+    sent = {f"{group}/stick": stick(clock) for group in ("effector", "command", "excitation")}
+    values = {"state/q": q[kept] + NOISE * rng.standard_normal(clock.size), **sent}
+    return FlightRecord.of(clock, values, units=dict.fromkeys(sent, "rad"))
 
 
 if __name__ == "__main__":

@@ -132,7 +132,7 @@ def _reach(d: GapDiagnosis) -> str:
         return ""
     each = ", ".join(f"{name} {_with_unit(size, d.gap.unit.get(name, '1'))}" for name, size in sizes.items())
     words = "Smallest size found" if d.gap.exists else "No gap larger than this would have been missed"
-    return f"{words}, in 95 of 100 cases, of all of an effect or at its least visible place:\n  {each}"
+    return f"{words}, in 95 of 100 cases (the whole effect, or where it is least visible):\n  {each}"
 
 
 def _closure(c: Closure) -> str:

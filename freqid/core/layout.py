@@ -314,9 +314,8 @@ def _put(file: h5py.Group, slot: Any, value: Any, scopes: tuple[Any, ...], hint:
                 owner.attrs[name] = row
         case Table():
             table = value.to_json() if hasattr(value, "to_json") else value
-            file.create_dataset(slot.at, data=json.dumps(table, allow_nan=False, default=_builtins)).attrs[
-                "units"
-            ] = "JSON"
+            text = json.dumps(table, allow_nan=False, default=_builtins)
+            file.create_dataset(slot.at, data=text).attrs["units"] = "JSON"
         case Nested():
             put_fields(file, value, slot.layout, scopes)
         case NestedSeries():

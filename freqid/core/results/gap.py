@@ -20,10 +20,11 @@ _ONE_THIRD = 0.6  # of it in one third of a manoeuvre is a phase; less is all of
 
 @dataclass(frozen=True, eq=False)
 class GapMap:
-    """Where a gap is detectable beyond noise and tolerances, by cell.
+    """Where a gap is detectable beyond noise, tolerances and error of form, by cell.
 
     The detectability of an effect is ``s' S^-1 s``, with s what it makes and S the covariance of noise, of
-    the records' own unknowns and of tolerances. Where several explain the gap each counts alike.
+    the records' own unknowns, of tolerances and of errors of form. Where several explain the gap each counts
+    alike.
 
     Attributes
     ----------

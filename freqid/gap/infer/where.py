@@ -1,4 +1,4 @@
-"""Where a gap is seen beyond noise and tolerances: by response, band, regime, injected signal and time."""
+"""Where a gap is seen beyond all that is unknown: by response, band, regime, injected signal and time."""
 
 from __future__ import annotations
 

@@ -211,8 +211,8 @@ def _maps(result: GapResult) -> list[Picture]:
             gap_figures.heat_panels(titles, names, bands, shown, float(shown.max()), "Frequency (Hz)"),
             "map-regime",
             f"Gap map: share of what is detectable by response and band, in {', '.join(titles)}",
-            "Where the gap is: per cent of what is detectable of it beyond noise and tolerances, by response "
-            "and band in each flight regime. Rows that act on loads "
+            "Where the gap is: per cent of what is detectable of it beyond noise, tolerances and error of "
+            "form, by response and band in each flight regime. Rows that act on loads "
             "are named by their letter, actuator/ is between command and position, "
             "kinematic/ is what the sensors say of each other."
             + (f" {percent(left)} is in other regimes." if left >= _LEAST else ""),

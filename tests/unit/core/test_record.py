@@ -149,7 +149,7 @@ def test_arrays_become_a_record_in_si_units():
         ({"effector/de": 0.0}, {}, "the unit of 'effector/de' is not known"),
         ({"state/q": 0.0}, {"units": {"state/p": "deg"}}, "there are no values of 'state/p'"),
         ({"state/q": 0.0}, {"positions_m": {"state/r": (0, 0, 0)}}, "there are no values of 'state/r'"),
-        ({"state/q": 0.0}, {"units": {"state/q": "m"}}, "state/q"),
+        ({"state/q": 0.0}, {"units": {"state/q": "m"}}, "unit 'm', expected a unit that converts to 'rad/s'"),
         ({"state/q": np.zeros(3)}, {}, "has shape"),
         ({"state/q": 0.0}, {"vehicle": {"name": "a table"}}, "expected a Vehicle"),
     ],

@@ -52,15 +52,6 @@ def form(block, columns, size):
     return [np.linalg.solve(whitening, f.T) for f in columns.form_at(size)]
 
 
-def times(columns, sizes):
-    """Return the columns with tolerances of other sizes."""
-    return replace(
-        columns,
-        tolerances=sizes[:, None] * columns.tolerances,
-        sigmas=sizes[:, None, None] * columns.sigmas,
-    )
-
-
 @pytest.fixture(scope="module")
 def worn():
     flights = [
@@ -103,7 +94,7 @@ def test_where_a_tolerance_may_do_the_same_little_is_seen_however_much_is_there(
     """The surface's derivatives of pitch may be anything: what remains is in the other loads."""
     free = np.ones(len(worn.system.tolerances))
     free[worn.system.tolerances.index("derivatives.M.d1")] = 1e3
-    columns = [times(c, free) for c in worn.columns]
+    columns = [replace(c, tolerances=free[:, None] * c.tolerances) for c in worn.columns]
     pitch = worn.map.rows.index("M")
     before, after = (
         gap_map(worn.blocks, c, [worn.explained], sized(worn, 0.0)).shares(1, 2, 3)
@@ -132,9 +123,8 @@ def test_each_of_two_effects_counts_alike_however_large_it_is(worn):
             z[i] = size * np.sqrt(block.noise_power[i])
         return made
 
-    shares = gap_map(worn.blocks, worn.columns, [alone("M", 1.0), alone("Z", 100.0)], sized(worn, 0.0)).share(
-        "row"
-    )
+    effects = [alone("M", 1.0), alone("Z", 100.0)]
+    shares = gap_map(worn.blocks, worn.columns, effects, sized(worn, 0.0)).share("row")
     assert shares["M"] == pytest.approx(0.5, abs=0.05)
     assert shares["Z"] == pytest.approx(0.5, abs=0.05)
 

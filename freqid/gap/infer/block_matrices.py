@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from freqid.gap.model.row_columns import RowColumns
 
 SEEN = 0.1  # standard deviations of the noise: directions of a form below it are left out
 _EMPTY = 1e-10  # of the largest eigenvalue of the form's columns: directions below it are none
+_FACTORS = 32  # that are kept: all blocks of a usual stack at all errors of form that are weighed
 
 
 class Form(NamedTuple):
@@ -39,6 +41,66 @@ class Form(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
+class FormGram:
+    """Inner products of a form's columns with each other: one object for all that is asked beside them.
+
+    Attributes
+    ----------
+    gram : ndarray, shape (direction, direction)
+    """
+
+    gram: Array
+
+    @cached_property
+    def power(self) -> Array:
+        """Energy of each column."""
+        return np.diag(self.gram)
+
+    def lower(self, sizes: Array) -> Array:
+        """Return L with ``L L' = 1 + S P S`` of the columns whose size is not zero, P their Gram."""
+        at = np.flatnonzero(sizes)
+        size = sizes[at]
+        return lower_of(size[:, None] * self.gram[np.ix_(at, at)] * size)
+
+
+@lru_cache(maxsize=_FACTORS)
+def _kept_lower(form: FormGram, sizes: bytes) -> Array:
+    """Return `FormGram.lower`, made once however many columns are asked for beside the form."""
+    return form.lower(np.frombuffer(sizes))
+
+
+@dataclass(frozen=True, eq=False)
+class Unknowns:
+    """Inner products of what is integrated out in a block: they stay where only other columns change.
+
+    Attributes
+    ----------
+    own : ndarray, shape (own, own)
+        Of the record's own unknowns.
+    own_form : ndarray, shape (own, direction)
+        Of these with the columns of the form.
+    form : ndarray, shape (direction, direction)
+        Of these columns.
+    """
+
+    own: Array
+    own_form: Array
+    form: Array
+
+    @cached_property
+    def factor(self) -> tuple[Array, bool]:
+        """Cholesky factor of ``1 + own``."""
+        return cho_factor(np.eye(len(self.own)) + self.own)
+
+    @cached_property
+    def form_beside_own(self) -> FormGram:
+        """The form's products once the own unknowns are integrated out."""
+        if not len(self.own):
+            return FormGram(self.form)
+        return FormGram(self.form - self.own_form.T @ cho_solve(self.factor, self.own_form))
+
+
+@dataclass(frozen=True, eq=False)
 class Products:
     """Inner products of one block in the metric of its noise, before its own unknowns are integrated out.
 
@@ -47,21 +109,16 @@ class Products:
     gram : ndarray, shape (n, n)
         Of ``[X, T, r, A]``, as in `BlockMatrices`.
     form : ndarray, shape (direction, n)
-    form_gram : ndarray, shape (direction, direction)
-    own_gram : ndarray, shape (own, own)
-        Of the own unknowns.
     own : ndarray, shape (own, n)
-    own_form : ndarray, shape (own, direction)
+    unknowns : Unknowns
     shared, number : int
         As in `BlockMatrices`.
     """
 
     gram: Array
     form: Array
-    form_gram: Array
-    own_gram: Array
     own: Array
-    own_form: Array
+    unknowns: Unknowns
     shared: int
     number: int
 
@@ -84,18 +141,17 @@ class Products:
         return cls(
             z @ z.T,
             across[:, : len(z)],
-            power,
-            own @ own.T,
             own @ z.T,
-            across[:, len(z) :].T,
+            Unknowns(own @ own.T, across[:, len(z) :].T, power),
             len(shared),
             residual.size,
         )
 
     def with_form(self, kept: NDArray[np.bool_]) -> Products:
         """Return them with some of the form's columns alone."""
-        power = self.form_gram[np.ix_(kept, kept)]
-        return replace(self, form=self.form[kept], form_gram=power, own_form=self.own_form[:, kept])
+        u = self.unknowns
+        fewer = Unknowns(u.own, u.own_form[:, kept], u.form[np.ix_(kept, kept)])
+        return replace(self, form=self.form[kept], unknowns=fewer)
 
     def rearranged(self, source: NDArray[np.intp]) -> Products:
         """Return them of some of the columns, by place; those at -1 are to be made."""
@@ -120,7 +176,8 @@ class Products:
 
     def beside(self, own: Array, columns: Sequence[Array], form: RowColumns) -> Products:
         """Return them beside other unknowns of the record; columns as in `with_columns`."""
-        return replace(self, own_gram=own @ own.T, own=_across(own, columns), own_form=form.across(own).T)
+        unknowns = Unknowns(own @ own.T, form.across(own).T, self.unknowns.form)
+        return replace(self, own=_across(own, columns), unknowns=unknowns)
 
     def matrices(
         self,
@@ -136,22 +193,29 @@ class Products:
         form_row, shared_row : ndarray of int, optional
             As in `BlockMatrices`; where they are absent one size holds for all columns.
         """
-        inner, across, power = self.gram, self.form, self.form_gram
+        if noise != 1.0:
+            return self._over(noise**2).matrices(form_row=form_row, shared_row=shared_row)
+        inner, across, form = self.gram, self.form, self.unknowns.form_beside_own
         if len(self.own):
-            factor = cho_factor(noise**2 * np.eye(len(self.own)) + self.own_gram)
-            solved = cho_solve(factor, self.own)
+            solved = cho_solve(self.unknowns.factor, self.own)
             inner = inner - self.own.T @ solved
-            across = across - self.own_form.T @ solved
-            power = power - self.own_form.T @ cho_solve(factor, self.own_form)
-        inner, across, power = (part / noise**2 for part in (inner, across, power))
+            across = across - self.unknowns.own_form.T @ solved
         if form_row is None:
+            power = form.gram
             values, vectors = np.linalg.eigh(power) if len(power) else (np.zeros(0), np.zeros((0, 0)))
             keep = values > _EMPTY * max(values.max(initial=0.0), 1e-300)
-            across, power = vectors[:, keep].T @ across, np.diag(values[keep])
-            form_row = np.full(len(power), -1)
+            across, form = vectors[:, keep].T @ across, FormGram(np.diag(values[keep]))
+            form_row = np.full(len(form.gram), -1)
         if shared_row is None:
             shared_row = np.full(self.shared, -1)
-        return BlockMatrices(inner, across, power, form_row, shared_row, self.number)
+        return BlockMatrices(inner, across, form, form_row, shared_row, self.number)
+
+    def _over(self, variance: float) -> Products:
+        """Return the products in the metric of noise of so many times the variance."""
+        u = self.unknowns
+        gram, form, own = (part / variance for part in (self.gram, self.form, self.own))
+        unknowns = Unknowns(*(part / variance for part in (u.own, u.own_form, u.form)))
+        return replace(self, gram=gram, form=form, own=own, unknowns=unknowns)
 
 
 def _across(rows: Array, columns: Sequence[Array]) -> Array:
@@ -171,7 +235,7 @@ class BlockMatrices:
     gram : ndarray, shape (n, n)
     form : ndarray, shape (direction, n)
         Inner products with the columns of the form.
-    form_gram : ndarray, shape (direction, direction)
+    of_form : FormGram
         Of these columns with each other; diagonal where one size holds for all.
     form_row : ndarray of int, shape (direction,)
         Place in `Form.loads` of each column's term; -1 where one size holds for all.
@@ -183,7 +247,7 @@ class BlockMatrices:
 
     gram: Array
     form: Array
-    form_gram: Array
+    of_form: FormGram
     form_row: NDArray[np.intp]
     shared_row: NDArray[np.intp]
     number: int
@@ -194,7 +258,7 @@ class BlockMatrices:
     @property
     def form_power(self) -> Array:
         """Energy of each of the form's columns."""
-        return np.diag(self.form_gram)
+        return self.of_form.power
 
     def sizes(self, error: float | tuple[float, ...]) -> Array:
         """Return the size of each of the form's columns at an error of form, shape (direction,)."""
@@ -243,8 +307,16 @@ class BlockMatrices:
         lower, size, at = self.factor(error)
         return forward(lower, size[:, None] * self.form[at]), half_determinant(lower)
 
-    def factor(self, error: float | tuple[float, ...]) -> tuple[Array, Array, NDArray[np.intp]]:
+    def factor(
+        self, error: float | tuple[float, ...], *, once: bool = False
+    ) -> tuple[Array, Array, NDArray[np.intp]]:
         """Return what integrating out an error of form needs, S the sizes of its columns and P their Gram.
+
+        Parameters
+        ----------
+        error : float or tuple of float
+        once : bool
+            Nothing else will be asked at this error of form: it is not kept.
 
         Returns
         -------
@@ -257,9 +329,9 @@ class BlockMatrices:
         """
         size = self.sizes(error)
         seen = size**2 * self.form_power > SEEN**2 if isinstance(error, tuple) else size > 0
-        at = np.flatnonzero(seen)
-        size = size[at]
-        return lower_of(size[:, None] * self.form_gram[np.ix_(at, at)] * size), size, at
+        sizes, at = np.where(seen, size, 0.0), np.flatnonzero(seen)
+        lower = self.of_form.lower(sizes) if once else _kept_lower(self.of_form, sizes.tobytes())
+        return lower, size[at], at
 
 
 def lower_of(gram: Array) -> Array:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_solve
 
 from freqid.core.arrays import Array, Complex
 from freqid.gap.infer.block_matrices import SEEN, BlockMatrices, Form, Products, backward, forward
@@ -304,9 +304,9 @@ class Columns:
         """
         if not len(self.own):
             return np.zeros(0)
-        factor = cho_factor(np.eye(len(self.own)) + self.own @ self.own.T)
-        projected, both = self.own @ left, self.form.across(self.own)
-        across = self.form.across(left[None])[:, 0] - both @ cho_solve(factor, projected)
+        unknowns, projected = self.products.unknowns, self.own @ left
+        alone = cho_solve(unknowns.factor, projected)
+        across = self.form.across(left[None])[:, 0] - unknowns.own_form.T @ alone
         lower, size, at = self.matrices.factor(form_error.loads)
         form = size * backward(lower, forward(lower, (size * across[at])[:, None]))[:, 0]
-        return cho_solve(factor, projected - both[at].T @ form)
+        return cho_solve(unknowns.factor, projected - unknowns.own_form[:, at] @ form)

@@ -166,7 +166,7 @@ def _sampled(
     """
     gram = _without_residual(block, _without_residual(block, block.gram).T)
     form, count = _without_residual(block, block.form), shared.shape[1]
-    whole = np.block([[gram, form.T], [form, block.form_gram]])
+    whole = np.block([[gram, form.T], [form, block.of_form.gram]])
     scale = np.sqrt(np.maximum(np.diag(whole), np.finfo(float).tiny ** 0.5))
     factor, order, rank, _ = dpstrf(whole / scale[:, None] / scale)  # pivoted: columns may repeat each other
     found = np.empty((len(whole), count))

@@ -411,7 +411,7 @@ class System:
         gram, parts, determinant = np.zeros((len(kept),) * 2), [], 0.0
         for b in self.blocks:
             form = b.form[:, kept] * scale
-            lower, own_size, at = b.factor(form_error.loads)
+            lower, own_size, at = b.factor(form_error.loads, once=True)
             taken = forward(lower, own_size[:, None] * form[at])
             gram += b.gram[np.ix_(kept, kept)] * scale[:, None] * scale - taken.T @ taken
             determinant += half_determinant(lower)
@@ -426,7 +426,7 @@ class System:
             lifted = backward(lower, taken)  # products in the metric of noise and form, times the sizes
             power = 1 - (inverse_of(lower) ** 2).sum(axis=0) - ((inverse @ lifted[:, :-1].T) ** 2).sum(axis=0)
             # those that are not seen at their size leave the metric as it is
-            projected = size * (form @ y - b.form_gram[:, at] @ (size[at] * (lifted @ y)))
+            projected = size * (form @ y - b.of_form.gram[:, at] @ (size[at] * (lifted @ y)))
             each = projected**2 - size**2 * b.form_power
             each[at] = (lifted @ y) ** 2 - power
             np.add.at(slope, b.form_row, each)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from freqid.gap.infer import block_matrices
 from freqid.gap.infer.block_matrices import Form, Products
 from freqid.gap.infer.evidence import Weighing, weigh
 from freqid.gap.infer.forms import common_form, forms_beside, likely_forms
@@ -216,3 +217,49 @@ def test_terms_may_be_wrong_alike_in_all_blocks():
     wider = [density(0.3), density(np.hypot(0.3, 0.03))]  # free changes beside them
     assert found.places[:, 0] == pytest.approx(wider - both, rel=1e-6)
     assert found.candidate[0] < 0  # an error of form, not a gap
+
+
+def _parts(rng, count=50):
+    """Return random columns of candidates, tolerances, own unknowns, a form and shared errors; a residual."""
+    x, t, o, d, a = (rng.standard_normal((k, count)) for k in (4, 3, 2, 9, 2))
+    return x, t, 2.0 * rng.standard_normal(count), o, d, a
+
+
+def test_louder_noise_is_smaller_columns():
+    x, t, r, o, d, a = _parts(np.random.default_rng(8))
+    row, alike, form = np.repeat(np.arange(3), 3), np.array([0, 2]), Form((0.3, 0.05, 1.1), 0.0)
+    louder = Products.of(x, t, r, o, d, a).matrices(1.7, row, alike)
+    smaller = Products.of(*(part / 1.7 for part in (x, t, r, o, d, a))).matrices(1.0, row, alike)
+    for one in ("gram", "form"):
+        np.testing.assert_allclose(getattr(louder, one), getattr(smaller, one), atol=1e-12)
+    np.testing.assert_allclose(louder.at_loads(form.loads), smaller.at_loads(form.loads), atol=1e-12)
+
+
+def test_a_form_is_factored_once_whatever_is_asked_beside_it(monkeypatch):
+    made, lower = [], block_matrices.lower_of
+    monkeypatch.setattr(block_matrices, "lower_of", lambda gram: made.append(gram) or lower(gram))
+    x, t, r, o, d, a = _parts(np.random.default_rng(9))
+    products, row = Products.of(x, t, r, o, d, a), np.repeat(np.arange(3), 3)
+    block, form = products.matrices(form_row=row), Form((0.3, 0.05, 1.1), 0.0)
+    place, one = Place("", ("a",)), np.ones(1)
+    candidates = [Candidate(str(i), place, "vector", one, one, []) for i in range(4)]
+    system = System(candidates, ("a", "b", "c"), [block], (form,))
+    whole, few = system.gram(form), system.of([2, 0]).gram(form)
+    np.testing.assert_allclose(few, whole[np.ix_([2, 0, 4, 5, 6, 7], [2, 0, 4, 5, 6, 7])], atol=1e-12)
+    changed = replace(products, gram=2 * products.gram).matrices(
+        form_row=row
+    )  # other columns beside the same
+    changed.taken(form.loads)
+    assert len(made) == 1
+    products.beside(2 * o, (x, t, r[None], a), _Plain(d)).matrices(form_row=row).taken(form.loads)
+    assert len(made) == 2  # other own unknowns: another metric
+
+
+class _Plain:
+    """A form of plain rows, with what `Products.beside` asks of one."""
+
+    def __init__(self, rows):
+        self.rows = rows
+
+    def across(self, columns):
+        return self.rows @ columns.T

@@ -38,7 +38,7 @@ demo: $(READY)  ## study a tilt-wing, then diagnose flights with an effect that 
 	@$(BIN)/freqid open-seal $(DEMO)/sealed/seal.h5 $(DEMO)/sealed/gap.h5
 	@$(BIN)/freqid report $(DEMO) $(DEMO)/sealed/gap.h5 $(DEMO)/sealed/gap-trial.h5 --scenario la8 -o $(DEMO)/index.html
 
-test: $(READY) lint  ## everything that must hold, in seven to nine minutes on two cores
+test: $(READY) lint  ## everything that must hold: eight minutes to half an hour on two cores, by the machine
 	$(BIN)/pytest -n 2 --dist worksteal
 
 browser-test: demo  ## the demo's pages in chromium (Debian's, installed if it is missing)

@@ -42,7 +42,7 @@ class Form(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FormGram:
-    """Inner products of a form's columns with each other: one object for all that is asked beside them.
+    """Inner products of a form's columns with each other; the same object as long as these stay.
 
     Attributes
     ----------
@@ -50,11 +50,6 @@ class FormGram:
     """
 
     gram: Array
-
-    @cached_property
-    def power(self) -> Array:
-        """Energy of each column."""
-        return np.diag(self.gram)
 
     def lower(self, sizes: Array) -> Array:
         """Return L with ``L L' = 1 + S P S`` of the columns whose size is not zero, P their Gram."""
@@ -65,7 +60,7 @@ class FormGram:
 
 @lru_cache(maxsize=_FACTORS)
 def _kept_lower(form: FormGram, sizes: bytes) -> Array:
-    """Return `FormGram.lower`, made once however many columns are asked for beside the form."""
+    """Return `FormGram.lower`, made once for all columns that are asked for beside the form."""
     return form.lower(np.frombuffer(sizes))
 
 
@@ -258,7 +253,7 @@ class BlockMatrices:
     @property
     def form_power(self) -> Array:
         """Energy of each of the form's columns."""
-        return self.of_form.power
+        return np.diag(self.of_form.gram)
 
     def sizes(self, error: float | tuple[float, ...]) -> Array:
         """Return the size of each of the form's columns at an error of form, shape (direction,)."""

@@ -246,10 +246,8 @@ def test_a_form_is_factored_once_whatever_is_asked_beside_it(monkeypatch):
     system = System(candidates, ("a", "b", "c"), [block], (form,))
     whole, few = system.gram(form), system.of([2, 0]).gram(form)
     np.testing.assert_allclose(few, whole[np.ix_([2, 0, 4, 5, 6, 7], [2, 0, 4, 5, 6, 7])], atol=1e-12)
-    changed = replace(products, gram=2 * products.gram).matrices(
-        form_row=row
-    )  # other columns beside the same
-    changed.taken(form.loads)
+    changed = replace(products, gram=2 * products.gram)  # other columns beside the same form
+    changed.matrices(form_row=row).taken(form.loads)
     assert len(made) == 1
     products.beside(2 * o, (x, t, r[None], a), _Plain(d)).matrices(form_row=row).taken(form.loads)
     assert len(made) == 2  # other own unknowns: another metric

@@ -15,6 +15,7 @@ from freqid.gap.simulation import Simulation
 from freqid.gap.stack.lines import Lines
 
 _ORDER = 3  # of the polynomial in frequency by which positions may differ from what the simulation makes
+_ROUNDS = 3  # by when that polynomial and the share that is followed have settled
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,13 +116,18 @@ def _asked(record: FlightRecord, clean: FlightRecord) -> dict[str, Array]:
 def _followed(hz: Array, x: Complex, more: Complex, left: Complex) -> float:
     """Return the share of one more movement that is in what is left of a position, on lines.
 
-    Beside errors of the simulated position x that change slowly with frequency, such as a delay.
+    Beside errors of the simulated position x that change slowly with frequency, such as a delay. What more
+    there is has the same errors: beside a delay of a quarter of a period it would seem not to be followed.
     """
     powers = (1j * hz / hz[-1]) ** np.arange(_ORDER + 1)[:, None]
-    columns = np.concatenate([x * powers, more[None]])
-    real, y = np.concatenate([columns.real, columns.imag], axis=1), np.concatenate([left.real, left.imag])
-    size = np.linalg.norm(real, axis=1)
-    if not size[-1]:
-        return 0.0
-    found = np.linalg.lstsq((real / np.maximum(size, 1e-300)[:, None]).T, y, rcond=1e-10)[0]
-    return float(np.clip(found[-1] / size[-1], 0.0, 1.0))
+    y, share, as_moved = np.concatenate([left.real, left.imag]), 0.0, np.ones_like(x)
+    for _ in range(_ROUNDS):
+        columns = np.concatenate([x * powers, (as_moved * more)[None]])
+        real = np.concatenate([columns.real, columns.imag], axis=1)
+        size = np.linalg.norm(real, axis=1)
+        if not size[-1]:
+            return 0.0
+        size = np.maximum(size, 1e-300)
+        found = np.linalg.lstsq((real / size[:, None]).T, y, rcond=1e-10)[0] / size
+        share, as_moved = found[-1], 1 + found[:-1] @ powers
+    return float(np.clip(share, 0.0, 1.0))

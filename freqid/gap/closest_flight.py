@@ -14,11 +14,17 @@ from freqid.gap.simulation import Settings, Simulation, side_by_side
 from freqid.gap.stack.block import Block, flown_again
 from freqid.simulate.effects.effect import Effect
 
+_OFF = 0.01  # share of the rates' motion: below it, columns are off by less than tolerances are known
 _NEAR = 0.2  # share of an effect's size: below it, tolerances' columns beside it change by less than a tenth
 
 
 def flown(
-    simulation: Simulation, blocks: Sequence[Block], departures: dict[str, float], **found: Settings
+    simulation: Simulation,
+    blocks: Sequence[Block],
+    departures: dict[str, float],
+    *,
+    seen: bool = False,
+    **found: Settings,
 ) -> tuple[list[Block], dict[str, float]]:
     """Return blocks on the motion that a simulation flies with departures, and the departures.
 
@@ -28,10 +34,13 @@ def flown(
     blocks : sequence of Block
     departures : dict of float
         Of its own parameters.
+    seen : bool
+        Whether the body moves as the records tell, as in `flown_again`.
     **found : dict of dict of float
         Effects of its own, as in `flown_again`.
     """
-    return side_by_side(simulation, partial(flown_again, departures=departures, **found), blocks), departures
+    fly = partial(flown_again, departures=departures, seen=seen, **found)
+    return side_by_side(simulation, fly, blocks), departures
 
 
 def closest(
@@ -42,6 +51,11 @@ def closest(
     Departures that are fitted where a large effect is not allowed for are worse than none.
     """
     return min(flights, key=lambda one: sum(b.motion.missed for b in one[0]))
+
+
+def misses_less(one: Sequence[Block], other: Sequence[Block]) -> bool:
+    """Return whether blocks miss so much less of the records than others that columns change by it."""
+    return any(b.motion.missed < a.motion.missed - _OFF for a, b in zip(other, one, strict=True))
 
 
 def effect_of_its_own(

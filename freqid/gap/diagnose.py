@@ -14,7 +14,7 @@ from freqid.core.results.diagnosis import Closure, Existence, GapDiagnosis, Inte
 from freqid.core.results.gap import GapMap
 from freqid.gap.close.closing import Closing, closing_of
 from freqid.gap.close.closure import Closed, close
-from freqid.gap.closest_flight import apart, as_near, closest, effect_of_its_own, flown
+from freqid.gap.closest_flight import apart, as_near, closest, effect_of_its_own, flown, misses_less
 from freqid.gap.infer.build import at_their_size, build, flown_departures
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate
@@ -174,15 +174,19 @@ def diagnose(
         at = at_their_size(at)
         evidence = at.evidence
     found: dict[str, Settings] = {}
-    for _ in range(_FLIGHTS if exists and departs else 0):
-        beside = at.likeliest_departures(evidence.form_error())[0]
+    seen, injected = False, any(b.lines.driven.any() for b in used)
+    for _ in range(_FLIGHTS if exists and injected else 0):
+        beside = at.likeliest_departures(evidence.form_error())[0] if departs else {}
         likely = effect_of_its_own(evidence, simulation, library)
         near = as_near(*(dict(x.get("effects", {})) for x in (likely, found)))
-        if near and apart(beside, departures, simulation, q.tolerances) <= _AWAY:
-            break
+        near = near and apart(beside, departures, simulation, q.tolerances) <= _AWAY
         tell("flying the simulation as it is likeliest with what was found")
-        found = likely
-        used, departures = closest(*(flown(simulation, at.blocks, d, **found) for d in (beside, {})))
+        each = [beside, {}] if beside else [{}]
+        again, departed = closest(*(flown(simulation, at.blocks, d, seen=True, **likely) for d in each))
+        if near and not misses_less(again, at.blocks):
+            break
+        seen = True
+        found, used, departures = likely, again, departed
         at, not_tested = build(used, library, q.tolerances, _behind(evidence, library), at.system)
         at = at_their_size(at)
         at = at.settled(at.evidence.form_error())
@@ -209,7 +213,14 @@ def diagnose(
     if q.close and explanation:
         tell("closing the gap")
         others = stack_of(
-            simulation, held_out, names[count:], q.band_hz, seed=q.seed + 500, departures=departures, **found
+            simulation,
+            held_out,
+            names[count:],
+            q.band_hz,
+            seed=q.seed + 500,
+            departures=departures,
+            seen=seen,
+            **found,
         )
         closing = closing_of(joint, others, explanation, form_error)
         singles = [

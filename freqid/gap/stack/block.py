@@ -15,6 +15,7 @@ from freqid.core.record import FlightRecord, Maneuver
 from freqid.gap.departed import Departed
 from freqid.gap.simulation import Departures, Settings, Simulation, side_by_side
 from freqid.gap.stack.histories import Histories, Row
+from freqid.gap.stack.kinematic_motion import noise_of_mean
 from freqid.gap.stack.lines import Lines, lines_of, thinning
 from freqid.gap.stack.missed_motion import as_far_as_seen
 from freqid.gap.stack.motion import OWN_FLIGHT, Motion, noise_free
@@ -157,6 +158,7 @@ def stack_of(
     departures: Departures | None = None,
     effects: Settings | None = None,
     acting: Settings | None = None,
+    seen: bool = False,
 ) -> list[Block]:
     """Return the stack of some records: one block for each condition, repeats together.
 
@@ -173,6 +175,8 @@ def stack_of(
         Of the simulation's own parameters, with which it flies the motion without noise.
     effects, acting : dict of dict of float, optional
         Of the simulation itself: those with which it flies too, and those beside which changes are asked.
+    seen : bool
+        As in `flown_again`.
 
     Raises
     ------
@@ -187,13 +191,20 @@ def stack_of(
     def block(k: int) -> Block:
         flown, called = [maneuvers[i] for i in groups[k]], [names[i] for i in groups[k]]
         block = _block(simulation, flown, called, band_hz, seed + 1000 * k, departures)
-        return flown_again(block, departures or {}, effects, acting) if effects else block
+        if not (effects or seen):
+            return block
+        return flown_again(block, departures or {}, effects, acting, seen=seen)
 
     return side_by_side(simulation, block, range(len(groups)))
 
 
 def flown_again(
-    block: Block, departures: Departures, effects: Settings | None = None, acting: Settings | None = None
+    block: Block,
+    departures: Departures,
+    effects: Settings | None = None,
+    acting: Settings | None = None,
+    *,
+    seen: bool = False,
 ) -> Block:
     """Return a block on the motion that a simulation with departures of its own parameters flies.
 
@@ -208,15 +219,18 @@ def flown_again(
         Of the simulation itself, with which it flies too, where it can.
     acting : dict of dict of float, optional
         Those of them beside which changes are asked for.
+    seen : bool
+        Whether the body moves as the records tell of each line (`moved_as_recorded`).
     """
     simulation = block.trial.simulation
     if isinstance(simulation, Departed):
         simulation = simulation.nominal
     mean = _mean_of(block.maneuvers)
     lines, commands = block.lines, block.motion.commands
-    motion = noise_free(simulation, mean, lines, departures, effects, commands)
+    noise = noise_of_mean([m.record for m in block.maneuvers], lines, block.sigma) if seen else None
+    motion = noise_free(simulation, mean, lines, departures, effects, commands, noise)
     if effects and motion.source != OWN_FLIGHT:
-        motion = noise_free(simulation, mean, lines, departures, None, commands)
+        motion = noise_free(simulation, mean, lines, departures, None, commands, noise)
     trial = motion.trial_of(_departed(simulation, departures, acting))
     logged = _as_logged(simulation, mean, motion, lines, block.sigma, len(block.maneuvers))
     trial, plain = (_thin(t, lines) for t in (trial, motion.trial_of(simulation)))

@@ -80,7 +80,7 @@ def with_missed(
     names = [n for n in own if n in record]
     if not names or not lines.driven.any():
         return dict(own)
-    modelled, rest = _parted(record, own, names)
+    modelled, rest = parted(record, own, names)
     x, y = lines.spectrum(modelled), lines.spectrum(rest)
     injected = lines.spectrum(record.matrix(f"excitation/{n}" for n in lines.inputs))
     driven = [(j, np.flatnonzero(lines.owner == j)) for j in range(len(lines.inputs))]
@@ -91,7 +91,7 @@ def with_missed(
         missed[i], noise = _missed(lines.hz, x[i], y[i], driven, couples=not fitted)
         power = np.abs(y[i, slow]) ** 2
         missed[i, slow] = y[i, slow] * np.maximum(1 - noise / np.maximum(power, 1e-300), 0.0)
-    found = modelled + _history(missed, lines, record.time.size)
+    found = modelled + history(missed, lines, record.time.size)
     return dict(own) | dict(zip(names, found, strict=True))
 
 
@@ -121,7 +121,7 @@ def as_far_as_seen(
     if not names:
         return dict(own)
     noise = lines.dt * np.array([sigma.get(n, 0.0) for n in names])[:, None] ** 2
-    modelled, rest = _parted(record, own, names)
+    modelled, rest = parted(record, own, names)
     y = lines.spectrum(rest)
     for some in (np.flatnonzero(lines.driven), np.flatnonzero(~lines.driven)[1:]):
         if some.size:
@@ -129,18 +129,18 @@ def as_far_as_seen(
             power = uniform_filter1d(np.abs(y[:, some]) ** 2, near, axis=1, mode="nearest")
             y[:, some] *= np.maximum(1 - _CLEAR * noise / np.maximum(power, 1e-300), 0.0)
     y[:, 0] = 0.0  # both stand about the record's level
-    found = modelled + _history(y, lines, record.time.size)
+    found = modelled + history(y, lines, record.time.size)
     return dict(own) | dict(zip(names, found, strict=True))
 
 
-def _parted(record: FlightRecord, own: Mapping[str, Array], names: Sequence[str]) -> tuple[Array, Array]:
+def parted(record: FlightRecord, own: Mapping[str, Array], names: Sequence[str]) -> tuple[Array, Array]:
     """Return what a model has of some channels, shape (channel, sample), and what the record has beyond."""
     modelled = np.array([own[n] for n in names])
     measured = np.array([np.unwrap(record[n]) if n in _ANGLES else record[n] for n in names])
     return modelled, measured - modelled
 
 
-def _history(spectrum: Complex, lines: Lines, samples: int) -> Array:
+def history(spectrum: Complex, lines: Lines, samples: int) -> Array:
     """Return a sum of lines, shape (..., line), over time, shape (..., sample)."""
     wave = np.exp(2j * np.pi * lines.hz[:, None] * (lines.dt * np.arange(samples)))
     return np.asarray(2 / np.sqrt(lines.duration) * np.real(spectrum @ wave), dtype=np.float64)

@@ -26,6 +26,7 @@ from freqid.gap.simulation import Departures, Settings, Simulation
 from freqid.gap.stack.commands import Commands, commands_of
 from freqid.gap.stack.felt import with_attitude_and_felt
 from freqid.gap.stack.fitted_loop import fitted_loop
+from freqid.gap.stack.kinematic_motion import moved_as_recorded
 from freqid.gap.stack.lines import Lines
 from freqid.gap.stack.missed_motion import share_missed, with_missed
 from freqid.gap.stack.rows import place_of
@@ -91,6 +92,7 @@ def noise_free(
     departures: Departures | None = None,
     effects: Settings | None = None,
     commands: Commands | None = None,
+    noise: Mapping[str, Array] | None = None,
 ) -> Motion:
     """Return the flight of a manoeuvre without its noise.
 
@@ -110,6 +112,9 @@ def noise_free(
         That it has itself and flies with too.
     commands : Commands, optional
         Where they are known.
+    noise : dict of ndarray, shape (line,), optional
+        Of the record's channels, where the body is to move as the record tells of each line
+        (`moved_as_recorded`).
     """
     record = maneuver.record
     found: list[tuple[float, str, dict[str, Array]]] = []
@@ -117,10 +122,14 @@ def noise_free(
     if record.group("excitation"):
         own = own_flight(simulation, record, departures, effects)
         if own:
+            if noise:
+                own = moved_as_recorded(record, own, lines, noise)
             own, flown = with_missed(record, own, lines), True
             found.append((share_missed(record, own), OWN_FLIGHT, own))
         loop = fitted_loop(maneuver, lines, found[0][0] if flown else np.inf)
         if loop:
+            if noise:
+                loop = moved_as_recorded(record, loop, lines, noise)
             loop = with_missed(record, loop, lines, fitted=True)
             found.append((share_missed(record, loop), "fitted loop", loop))
     if not found:

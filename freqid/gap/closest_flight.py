@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 
 import numpy as np
 
@@ -22,9 +21,9 @@ def flown(
     simulation: Simulation,
     blocks: Sequence[Block],
     departures: dict[str, float],
+    found: Mapping[str, Settings],
     *,
     seen: bool = False,
-    **found: Settings,
 ) -> tuple[list[Block], dict[str, float]]:
     """Return blocks on the motion that a simulation flies with departures, and the departures.
 
@@ -34,12 +33,16 @@ def flown(
     blocks : sequence of Block
     departures : dict of float
         Of its own parameters.
+    found : dict of dict of dict of float
+        Effects of its own, as `effects` and `acting` of `flown_again`.
     seen : bool
-        Whether the body moves as the records tell, as in `flown_again`.
-    **found : dict of dict of float
-        Effects of its own, as in `flown_again`.
+        Whether the body moves as repeats tell, as there.
     """
-    fly = partial(flown_again, departures=departures, seen=seen, **found)
+    effects, acting = found.get("effects"), found.get("acting")
+
+    def fly(block: Block) -> Block:
+        return flown_again(block, departures, effects, acting, seen=seen)
+
     return side_by_side(simulation, fly, blocks), departures
 
 
@@ -53,9 +56,10 @@ def closest(
     return min(flights, key=lambda one: sum(b.motion.missed for b in one[0]))
 
 
-def misses_less(one: Sequence[Block], other: Sequence[Block]) -> bool:
-    """Return whether blocks miss so much less of the records than others that columns change by it."""
-    return any(b.motion.missed < a.motion.missed - _OFF for a, b in zip(other, one, strict=True))
+def nearer(told: Sequence[Block], blocks: Sequence[Block]) -> list[Block]:
+    """Return blocks, each moved as told where that misses so much less of the record that columns change."""
+    each = zip(told, blocks, strict=True)
+    return [t if t.motion.missed < b.motion.missed - _OFF else b for t, b in each]
 
 
 def effect_of_its_own(

@@ -14,7 +14,7 @@ from freqid.core.results.diagnosis import Closure, Existence, GapDiagnosis, Inte
 from freqid.core.results.gap import GapMap
 from freqid.gap.close.closing import Closing, closing_of
 from freqid.gap.close.closure import Closed, close
-from freqid.gap.closest_flight import apart, as_near, closest, effect_of_its_own, flown, misses_less
+from freqid.gap.closest_flight import apart, as_near, closest, effect_of_its_own, flown, nearer
 from freqid.gap.infer.build import at_their_size, build, flown_departures
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate
@@ -152,7 +152,7 @@ def diagnose(
     if departs:
         tell("flying the simulation as it is likeliest")
         departures = flown_departures(used, library, q.tolerances)
-        used, departures = closest(flown(simulation, used, departures), (used, {}))
+        used, departures = closest(flown(simulation, used, departures, {}), (used, {}))
     tell("computing effects and tolerances")
     at, not_tested = build(used, library, q.tolerances)
     for name in q.named:
@@ -174,18 +174,20 @@ def diagnose(
         at = at_their_size(at)
         evidence = at.evidence
     found: dict[str, Settings] = {}
-    seen, injected = False, any(b.lines.driven.any() for b in used)
+    blocks, injected = at.blocks, any(b.lines.driven.any() for b in used)
     for _ in range(_FLIGHTS if exists and injected else 0):
         beside = at.likeliest_departures(evidence.form_error())[0] if departs else {}
         likely = effect_of_its_own(evidence, simulation, library)
         near = as_near(*(dict(x.get("effects", {})) for x in (likely, found)))
         near = near and apart(beside, departures, simulation, q.tolerances) <= _AWAY
         tell("flying the simulation as it is likeliest with what was found")
-        each = [beside, {}] if beside else [{}]
-        again, departed = closest(*(flown(simulation, at.blocks, d, seen=True, **likely) for d in each))
-        if near and not misses_less(again, at.blocks):
+        again, departed = at.blocks, departures
+        if not near:
+            again, departed = closest(*(flown(simulation, blocks, d, likely) for d in (beside, {})))
+        told, _ = flown(simulation, blocks, departed, likely, seen=True)
+        again = nearer(told, again)
+        if near and again == at.blocks:
             break
-        seen = True
         found, used, departures = likely, again, departed
         at, not_tested = build(used, library, q.tolerances, _behind(evidence, library), at.system)
         at = at_their_size(at)
@@ -213,14 +215,7 @@ def diagnose(
     if q.close and explanation:
         tell("closing the gap")
         others = stack_of(
-            simulation,
-            held_out,
-            names[count:],
-            q.band_hz,
-            seed=q.seed + 500,
-            departures=departures,
-            seen=seen,
-            **found,
+            simulation, held_out, names[count:], q.band_hz, seed=q.seed + 500, departures=departures, **found
         )
         closing = closing_of(joint, others, explanation, form_error)
         singles = [

@@ -15,9 +15,9 @@ from freqid.core.record import FlightRecord, Maneuver
 from freqid.gap.departed import Departed
 from freqid.gap.simulation import Departures, Settings, Simulation, side_by_side
 from freqid.gap.stack.histories import Histories, Row
-from freqid.gap.stack.kinematic_motion import noise_of_mean
+from freqid.gap.stack.kinematic_motion import noise_of
 from freqid.gap.stack.lines import Lines, lines_of, thinning
-from freqid.gap.stack.missed_motion import as_far_as_seen
+from freqid.gap.stack.missed_motion import as_far_as_seen, share_missed
 from freqid.gap.stack.motion import OWN_FLIGHT, Motion, noise_free
 from freqid.gap.stack.noise import (
     Draws,
@@ -143,6 +143,17 @@ class Block:
         real = self.lines.real(found)
         return real.reshape(*real.shape[:-2], real.shape[-2] * real.shape[-1])
 
+    def without_first(self) -> Block:
+        """Return the block of all its repeats but the first."""
+        count = len(self.maneuvers)
+        return replace(
+            self,
+            names=self.names[1:],
+            maneuvers=self.maneuvers[1:],
+            residuals=self.residuals[1:],
+            covariance=self.covariance * (count / (count - 1)),
+        )
+
     def transform(self, histories: Histories) -> Complex:
         """Return histories of the motion without noise on the lines, shape (row, line)."""
         return self.grid.transform(histories)
@@ -158,7 +169,6 @@ def stack_of(
     departures: Departures | None = None,
     effects: Settings | None = None,
     acting: Settings | None = None,
-    seen: bool = False,
 ) -> list[Block]:
     """Return the stack of some records: one block for each condition, repeats together.
 
@@ -175,8 +185,6 @@ def stack_of(
         Of the simulation's own parameters, with which it flies the motion without noise.
     effects, acting : dict of dict of float, optional
         Of the simulation itself: those with which it flies too, and those beside which changes are asked.
-    seen : bool
-        As in `flown_again`.
 
     Raises
     ------
@@ -191,9 +199,7 @@ def stack_of(
     def block(k: int) -> Block:
         flown, called = [maneuvers[i] for i in groups[k]], [names[i] for i in groups[k]]
         block = _block(simulation, flown, called, band_hz, seed + 1000 * k, departures)
-        if not (effects or seen):
-            return block
-        return flown_again(block, departures or {}, effects, acting, seen=seen)
+        return flown_again(block, departures or {}, effects, acting) if effects else block
 
     return side_by_side(simulation, block, range(len(groups)))
 
@@ -220,17 +226,24 @@ def flown_again(
     acting : dict of dict of float, optional
         Those of them beside which changes are asked for.
     seen : bool
-        Whether the body moves as the records tell of each line (`moved_as_recorded`).
+        Whether the body moves as the first of several repeats tells of each line (`moved_as_recorded`). Only
+        the others are compared then: no noise may be in both.
     """
+    several = seen and len(block.maneuvers) > 1
     simulation = block.trial.simulation
     if isinstance(simulation, Departed):
         simulation = simulation.nominal
-    mean = _mean_of(block.maneuvers)
     lines, commands = block.lines, block.motion.commands
-    noise = noise_of_mean([m.record for m in block.maneuvers], lines, block.sigma) if seen else None
-    motion = noise_free(simulation, mean, lines, departures, effects, commands, noise)
+    noise = noise_of([m.record for m in block.maneuvers], lines, block.sigma) if several else None
+    telling = block.maneuvers[0] if several else _mean_of(block.maneuvers)
+    motion = noise_free(simulation, telling, lines, departures, effects, commands, noise)
     if effects and motion.source != OWN_FLIGHT:
-        motion = noise_free(simulation, mean, lines, departures, None, commands, noise)
+        motion = noise_free(simulation, telling, lines, departures, None, commands, noise)
+    block = block.without_first() if several else block
+    mean = _mean_of(block.maneuvers)
+    if several:
+        moved = {n: c.values for n, c in motion.maneuver.record.channels.items()}
+        motion = replace(motion, missed=share_missed(mean.record, moved))
     trial = motion.trial_of(_departed(simulation, departures, acting))
     logged = _as_logged(simulation, mean, motion, lines, block.sigma, len(block.maneuvers))
     trial, plain = (_thin(t, lines) for t in (trial, motion.trial_of(simulation)))

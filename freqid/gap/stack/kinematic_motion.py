@@ -26,15 +26,12 @@ _ROUNDS = 2  # kinematics are straight about the last motion, and their products
 _SENSOR = 0.01  # of a channel: what its sensor may say otherwise than the motion
 _NOISE_LINES = 31  # over which the noise of repeats is averaged
 _NEIGHBOURS = 15  # lines whose power is averaged
-_CLEAR = 2.0  # times its variance: what the power of neighbouring lines has to be to tell of motion
 _LEAST = 1e-30  # variance of a channel that neither moves nor has noise
 _STEP = 1e-3  # rad, over which gravity is differentiated
 
 
-def noise_of_mean(
-    records: Sequence[FlightRecord], lines: Lines, sigma: Mapping[str, float]
-) -> dict[str, Array]:
-    """Return the noise power of the mean of repeats, shape (line,), by channel of the motion.
+def noise_of(records: Sequence[FlightRecord], lines: Lines, sigma: Mapping[str, float]) -> dict[str, Array]:
+    """Return the noise power of one of several repeats, shape (line,), by channel of the motion.
 
     As white as its sensors' noise, or as repeats differ where that is more: in gusts it is.
 
@@ -48,16 +45,16 @@ def noise_of_mean(
     names = [
         n for n in (*VELOCITY, *RATES, *ATTITUDE, *FORCES) if n in sigma and all(n in r for r in records)
     ]
-    count = len(records)
     white = lines.dt * np.array([sigma[n] for n in names])[:, None] ** 2
     power = np.repeat(white, lines.hz.size, axis=1)
-    if count > 1:
+    if len(records) > 1:
         values = np.array([[np.unwrap(r[n]) if n in ATTITUDE else r[n] for n in names] for r in records])
-        apart = (np.abs(lines.spectrum(values - values.mean(axis=0))) ** 2).sum(axis=0) / (count - 1)
+        apart = np.abs(lines.spectrum(values - values.mean(axis=0))) ** 2
+        apart = apart.sum(axis=0) / (len(records) - 1)
         near = min(_NOISE_LINES, lines.hz.size - 1)
         apart[:, 1:] = uniform_filter1d(apart[:, 1:], near, axis=1, mode="nearest")  # zero: records' offsets
         power = np.maximum(power, apart)
-    return dict(zip(names, power / count, strict=True))
+    return dict(zip(names, power, strict=True))
 
 
 def moved_as_recorded(
@@ -66,8 +63,9 @@ def moved_as_recorded(
     """Return channels that move, on driven lines, as the six motions of a record do.
 
     First what changes slowly with frequency (`with_missed`), as far as one motion makes it in all channels;
-    then, of what is left, each of the six as far as the power of neighbouring lines stands clear of its
-    variance (empirical Bayes: C. N. Morris, JASA 78, 1983).
+    then, of what is left, each of the six as far as the power of neighbouring lines is more than its
+    variance (empirical Bayes: C. N. Morris, JASA 78, 1983). Each line's own noise is in it, so it is motion
+    for other records than this one.
 
     Parameters
     ----------
@@ -110,8 +108,8 @@ def _body_beyond(
     moved = np.linalg.solve(known, weighed @ slowly.T[..., None])
     beyond = weighed @ (left.T[..., None] - made @ moved)
     each, error = np.linalg.solve(known, beyond)[..., 0], np.einsum("lii->li", np.linalg.inv(known)).real
-    clear = np.maximum(_near(np.abs(each.T) ** 2).T - _CLEAR * error, 0.0)
-    root = np.sqrt(clear)[..., None]  # (line, motion, 1)
+    prior = np.maximum(_near(np.abs(each.T) ** 2).T - error, 0.0)
+    root = np.sqrt(prior)[..., None]  # (line, motion, 1)
     inside = np.eye(6) + root * known * root.swapaxes(1, 2)
     moved = moved + root * np.linalg.solve(inside, root * beyond)
     found = np.zeros((6, lines.hz.size), dtype=np.complex128)

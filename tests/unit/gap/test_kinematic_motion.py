@@ -7,14 +7,15 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from linear_flight import vehicle
+from linear_flight import SLOPES, Linear, Truth, fly, motion, vehicle
 
 from freqid.core.record import Channel, FlightRecord
-from freqid.gap.stack.kinematic_motion import moved_as_recorded, noise_of_mean
+from freqid.gap.stack.block import flown_again, stack_of
+from freqid.gap.stack.kinematic_motion import moved_as_recorded, noise_of
 from freqid.gap.stack.lines import lines_of
 from freqid.gap.stack.missed_motion import with_missed
 
-G, DT, PERIOD, LEVER = 9.80665, 0.02, 40.0, (0.3, -0.1, 0.05)
+G, DT, PERIOD, SECONDS, LEVER = 9.80665, 0.02, 40.0, 40.0, (0.3, -0.1, 0.05)
 RATES, VELOCITY, FELT = (tuple(f"state/{n}" for n in names) for names in ("pqr", "uvw", ("ax", "ay", "az")))
 SIGMA = dict.fromkeys(RATES, 0.002) | dict.fromkeys(VELOCITY, 0.03) | dict.fromkeys(FELT, 0.03)
 SIGMA |= {"state/phi": 0.002, "state/theta": 0.002}
@@ -95,7 +96,7 @@ def test_a_mode_at_another_frequency_is_followed_in_all_channels(seed):
     clean, own = flown((0.5, 0.8)), flown((0.6, 0.95))
     record = recorded(clean, seed)
     lines = lines_of(record, 2.0)
-    found = moved_as_recorded(record, own, lines, noise_of_mean([record], lines, SIGMA))
+    found = moved_as_recorded(record, own, lines, noise_of([record], lines, SIGMA))
     slowly = with_missed(record, own, lines)
     for name in (*RATES, "state/theta", "state/ay", "state/w"):
         left = missed(found, clean, name)
@@ -108,7 +109,7 @@ def test_a_model_that_flies_as_the_record_stays_as_it_is(seed):
     clean = flown((0.5, 0.8))
     record = recorded(clean, seed)
     lines = lines_of(record, 2.0)
-    found = moved_as_recorded(record, clean, lines, noise_of_mean([record], lines, SIGMA))
+    found = moved_as_recorded(record, clean, lines, noise_of([record], lines, SIGMA))
     assert max(missed(found, clean, n) / SIGMA[n] for n in clean) < 0.1
 
 
@@ -122,7 +123,36 @@ def test_noise_of_repeats_is_theirs_where_it_is_more_than_the_sensors():
         for r, x in zip(records, gusts, strict=True)
     ]
     lines = lines_of(records[0], 2.0)
-    found = noise_of_mean(gusty, lines, SIGMA)
-    white = {n: DT * s**2 / 3 for n, s in SIGMA.items()}
+    found = noise_of(gusty, lines, SIGMA)
+    white = {n: DT * s**2 for n, s in SIGMA.items()}
     assert np.median(found["state/q"]) == pytest.approx(white["state/q"], rel=0.4)
     assert np.median(found["state/w"]) == pytest.approx(26 * white["state/w"], rel=0.4)
+
+
+class Flying(Linear):
+    """A simulation that flies the aircraft as it was described."""
+
+    def fly(self, record, effects=None, departures=None):
+        own = motion(Truth(), SECONDS, SECONDS, 0)
+        return {n: x for n, x in own.items() if n.startswith(("state/", "effector/"))}
+
+
+def test_one_repeat_tells_the_motion_and_the_other_is_compared():
+    """Columns whose noise is the residual's own made a body 5 % lighter than it was."""
+    stiffer = SLOPES.copy()
+    stiffer[2, 1] *= 2
+    truth = Truth(slopes=tuple(map(tuple, stiffer)))
+    flights = [fly(truth, noise=1.0, seed=k, duration=SECONDS, phases=0) for k in (1, 2)]
+    (block,) = stack_of(Flying(), flights, ["one", "two"], (0.05, 2.0))
+    again = flown_again(block, {}, seen=True)
+    assert (again.names, len(again.residuals)) == (("two",), 1)
+    assert np.array_equal(again.residual, block.residuals[1])
+    assert np.allclose(again.covariance, 2 * block.covariance)
+    clean, described = (motion(t, SECONDS, SECONDS, 0)["state/q"] for t in (truth, Truth()))
+    every = [described, again.motion.maneuver.record["state/q"], *(f.record["state/q"] for f in flights)]
+    spectra = block.lines.spectrum(np.array(every) - clean)[:, block.lines.driven]
+    own, error, first, second = np.concatenate([spectra.real, spectra.imag], axis=1)
+    assert np.std(error) < 0.02 * np.std(own)
+    chance = 2.6 / np.sqrt(error.size)  # in 1 of 100 cases
+    assert np.corrcoef(error, first)[0, 1] > chance
+    assert abs(np.corrcoef(error, second)[0, 1]) < chance

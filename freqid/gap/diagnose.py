@@ -174,18 +174,21 @@ def diagnose(
         at = at_their_size(at)
         evidence = at.evidence
     found: dict[str, Settings] = {}
-    blocks, injected = at.blocks, any(b.lines.driven.any() for b in used)
-    for _ in range(_FLIGHTS if exists and injected else 0):
+    blocks, repeated = at.blocks, any(len(b.maneuvers) > 1 for b in used)
+    for _ in range(_FLIGHTS if exists and (departs or repeated) else 0):
         beside = at.likeliest_departures(evidence.form_error())[0] if departs else {}
         likely = effect_of_its_own(evidence, simulation, library)
         near = as_near(*(dict(x.get("effects", {})) for x in (likely, found)))
         near = near and apart(beside, departures, simulation, q.tolerances) <= _AWAY
+        if near and not repeated:
+            break
         tell("flying the simulation as it is likeliest with what was found")
         again, departed = at.blocks, departures
         if not near:
             again, departed = closest(*(flown(simulation, blocks, d, likely) for d in (beside, {})))
-        told, _ = flown(simulation, blocks, departed, likely, seen=True)
-        again = nearer(told, again)
+        if repeated:
+            told, _ = flown(simulation, blocks, departed, likely, seen=True)
+            again = nearer(told, again)
         if near and again == at.blocks:
             break
         found, used, departures = likely, again, departed

@@ -83,7 +83,8 @@ def test_wrench_equals_the_slow_one_along_the_corridor(la8, wrench):
 def test_wrench_equals_the_slow_one_with_effects_scaled_and_a_late_wake(la8, wrench):
     strength = {"slipstream": 0.3, "wing_wake": 1.4, "rotor_inplane_force": 0.0}
     scaled = la8._replace(
-        effects=la8.effects | {name: {"strength": jnp.float64(value)} for name, value in strength.items()}
+        effects=la8.effects
+        | {n: {**la8.effects[n], "strength": jnp.float64(value)} for n, value in strength.items()}
     )
     point, late = draw(3), (np.array([1.0, 0.4]), np.array([0.3, 2.0]))
     slow = SlowAirframe(SCENARIO, strength).wrench(**point, arriving=late)

@@ -175,7 +175,8 @@ def test_derivatives_to_effect_strengths_equal_differences(value, la8, jacobian)
     x = smooth_point(7)
     to_effects = jacobian(x)[1]
     for name in ("slipstream", "wing_wake", "rotor_inplane_force"):
-        moved = [value(x, la8.effects | {name: {"strength": jnp.float64(1 + h)}}) for h in (-1e-4, 1e-4)]
+        sizes = [{**la8.effects[name], "strength": jnp.float64(1 + h)} for h in (-1e-4, 1e-4)]
+        moved = [value(x, la8.effects | {name: size}) for size in sizes]
         central = (moved[1] - moved[0]) / 2e-4
         exact = np.asarray(to_effects[name]["strength"])
         np.testing.assert_allclose(exact, central, rtol=0, atol=1e-6 * WEIGHT)

@@ -67,7 +67,8 @@ def assert_alike(one, other, atol=1e-9):
 
 @pytest.mark.parametrize("name", ["u00", "u36", "u85"])
 def test_without_inputs_a_flight_stays_at_its_trim(loop, name):
-    effects = loop.parameters.airframe.effects | {"battery_sag": {"strength": np.float64(0.0)}}
+    effects = loop.parameters.airframe.effects
+    effects = effects | {"battery_sag": {**effects["battery_sag"], "strength": np.float64(0.0)}}
     steady = loop.parameters._replace(airframe=loop.parameters.airframe._replace(effects=effects))
     reference = SCENARIO.reference_of(name)
     at = trim(SCENARIO, steady, reference)  # rotors as commanded, whatever the voltage

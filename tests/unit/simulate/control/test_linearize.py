@@ -32,8 +32,9 @@ def parameters():
 @pytest.fixture(scope="module", params=EFFECTS)
 def at(request, parameters):
     """A trim, its linearisation, and the parameters with the effects it was made with."""
-    changed = {name: {"strength": np.float64(size)} for name, size in EFFECTS[request.param].items()}
-    effects = parameters.airframe.effects | changed
+    effects = parameters.airframe.effects
+    changed = {n: {**effects[n], "strength": np.float64(size)} for n, size in EFFECTS[request.param].items()}
+    effects = effects | changed
     mine = parameters._replace(airframe=parameters.airframe._replace(effects=effects))
     trimmed = trim(SCENARIO, mine, SCENARIO.reference_of(request.param))
     return trimmed, linearize(SCENARIO, mine, trimmed), mine

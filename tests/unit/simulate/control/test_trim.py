@@ -63,10 +63,10 @@ def test_the_trim_is_as_symmetric_as_the_vehicle(trims):
 
 def test_in_hover_the_thrust_is_the_weight_where_nothing_else_blows(parameters):
     """With the slipstream and the hubs' in-plane force off, the rotors alone carry the weight."""
-    off = {name: {"strength": np.float64(0.0)} for name in ("slipstream", "wing_wake", "rotor_inplane_force")}
-    bare = parameters._replace(
-        airframe=parameters.airframe._replace(effects=parameters.airframe.effects | off)
-    )
+    effects = parameters.airframe.effects
+    names = ("slipstream", "wing_wake", "rotor_inplane_force")
+    off = {name: {**effects[name], "strength": np.float64(0.0)} for name in names}
+    bare = parameters._replace(airframe=parameters.airframe._replace(effects=effects | off))
     at = trim(SCENARIO, bare, SCENARIO.reference[0])
     upright = at.positions.tilt[np.repeat([0, 1], 4)] + at.angles[1]
     lift = np.sum(at.aero.thrust * np.sin(upright))

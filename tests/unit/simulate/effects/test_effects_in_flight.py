@@ -215,8 +215,9 @@ def loads():
     )
 
     def of(parameters, flight, **strengths):
-        changed = {i: {"strength": s} for i, s in strengths.items()}
-        scaled = parameters.airframe._replace(effects=parameters.airframe.effects | changed)
+        effects = parameters.airframe.effects
+        changed = {i: {**effects[i], "strength": s} for i, s in strengths.items()}
+        scaled = parameters.airframe._replace(effects=effects | changed)
         scaled = jax.tree.map(partial(jnp.asarray, dtype=float), scaled)  # one type, compiled once
         details = flight.samples.details
         return np.asarray(at_once(scaled, details.flow, details.positions)).T

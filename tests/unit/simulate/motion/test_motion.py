@@ -25,6 +25,7 @@ from freqid.simulate.motion.rigid_body import BodyState
 SCENARIO = read_scenario(Path(__file__).parents[4] / "scenarios" / "la8.toml")[0]
 DT, STEPS = 0.005, 160
 AIR = calm(1.2, ground=40.0)
+QUICK = {"xla_backend_optimization_level": 0}  # half the time to compile, for a few calls
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +55,7 @@ def start(begin):
 def fly():
     """Flights of 0.8 s: what moves, and details, at every step; compiled once for all tests."""
 
-    @jax.jit
+    @partial(jax.jit, compiler_options=QUICK)
     def flown(parameters, state, commands, dt):
         step = lambda s, c: motion.step(parameters, s, c, AIR, dt)  # noqa: E731
         look = lambda s, c: (s.moving, motion.observe(parameters, s, c, AIR, dt))  # noqa: E731
@@ -233,7 +234,7 @@ def test_derivatives_stay_finite_at_rest_in_still_air_and_beyond_stall(parameter
     rotors = jnp.array([0.0, 0.0, 450.0, 300.0, 520.0])
     tilts = jnp.array([0.0, 0.3, 1.57, 1.2, 1.57])
 
-    @jax.jit
+    @partial(jax.jit, compiler_options=QUICK)
     @jax.vmap
     def slope(velocity, rotor, tilt):
         def of(p, velocity, rotor, tilt):

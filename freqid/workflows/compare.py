@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from freqid import __version__
 from freqid.compare.two_simulations import compare_two
+from freqid.core.blas import on_one_thread
 from freqid.core.errors import UsageError
 from freqid.core.record import Maneuver
 from freqid.core.results.rivals import Rivals
@@ -46,6 +47,7 @@ def pair_of(
     return pair[0], pair[1]
 
 
+@on_one_thread
 def compare_simulations(
     first: Connected,
     second: Connected,

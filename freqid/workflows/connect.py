@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from freqid.core.blas import on_one_thread
 from freqid.core.errors import GateFailed
 from freqid.core.scenario import Scenario
 from freqid.gap import connect as adapters
@@ -118,6 +119,7 @@ def resolve_simulation(
     return given, scenario  # type: ignore[return-value]
 
 
+@on_one_thread
 def check_simulation(
     simulation: Connected | None,
     flights: Flight | Iterable[Flight],

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from freqid.core.blas import on_one_thread
 from freqid.core.errors import FreqidError, UsageError
 from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledInputs, write_design
 from freqid.core.results.point import PointModel
@@ -124,6 +125,7 @@ class DesignedInputs:
         return self.design
 
 
+@on_one_thread
 def design_inputs(
     scenario: Scenario | File,
     *,

@@ -12,6 +12,7 @@ from scipy.linalg import block_diag
 
 from freqid import __version__
 from freqid.compare import diagnosis_consequence
+from freqid.core.blas import on_one_thread
 from freqid.core.errors import DataError, GateFailed, UsageError, nearest
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.diagnosis import GapDiagnosis, ToleranceUsed
@@ -100,6 +101,7 @@ class DiagnosedGap(GapResult):
     bookkeeping: tuple[Finding, ...] = ()
 
 
+@on_one_thread
 def diagnose_gap(
     simulation: Connected | None,
     flights: Flight | Iterable[Flight],
@@ -259,6 +261,7 @@ def diagnose_gap(
     )
 
 
+@on_one_thread
 def next_test(gap: GapResult, *, design: File | None = None, tell: Tell = silent) -> dict[str, Any]:
     """Return the flight and the ground tests that best separate what a diagnosis leaves.
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from freqid.core.blas import on_one_thread
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord, write_record
 from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledInputs, read_inputs
@@ -115,6 +116,7 @@ class SimulatedManeuver:
             )
 
 
+@on_one_thread
 def simulate(
     scenario: Scenario | File,
     design: Design | None = None,

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from freqid.core.blas import on_one_thread
 from freqid.core.errors import UsageError
 from freqid.core.record import FlightRecord
 from freqid.core.scenario import Scenario
@@ -20,6 +21,7 @@ from freqid.workflows.fly import Design, Effects, SimulatedManeuver, design_samp
 from freqid.workflows.inputs import File, name_of, scenario_of
 
 
+@on_one_thread
 def simulate_campaign(
     scenario: Scenario | File,
     design: Design | None = None,

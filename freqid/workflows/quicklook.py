@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 
 from freqid.core.arrays import Array
+from freqid.core.blas import on_one_thread
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.design import ClassicDesign, MultisineDesign, SampledInputs, read_design, read_inputs
@@ -48,6 +49,7 @@ class Planned:
     name: str
 
 
+@on_one_thread
 def quicklook(
     log: Flight,
     design: Design,

@@ -13,6 +13,7 @@ from freqid.blend.semi_local.held_out import HeldOutScores, score_held_out
 from freqid.blend.semi_local.one_shot import one_shot_model
 from freqid.blend.semi_local.parametric import global_model
 from freqid.blend.semi_local.problem import LocalProblem, estimated_maneuvers
+from freqid.core.blas import on_one_thread
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.results.advance_ratio import AdvanceRatioModel, LocalDerivatives
 from freqid.core.results.point import PointModel
@@ -33,6 +34,7 @@ Kind = Literal["global", "semi-local", "one-shot"]
 KINDS: tuple[Kind, ...] = ("global", "semi-local", "one-shot")
 
 
+@on_one_thread
 def blend_by_advance_ratio(
     points: Iterable[PointModel | File],
     *,

@@ -11,6 +11,7 @@ from typing import Literal
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.line_up import line_up
 from freqid.blend.predict import replay
+from freqid.core.blas import on_one_thread
 from freqid.core.errors import DataError, UsageError
 from freqid.core.results.point import Fit, PointModel
 from freqid.core.scenario import Scenario
@@ -29,6 +30,7 @@ from freqid.workflows.inputs import (
 )
 
 
+@on_one_thread
 def blend(
     points: PointModel | File | Iterable[PointModel | File],
     *,

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from freqid import __version__
 from freqid.blend.global_model import GlobalModel
+from freqid.core.blas import on_one_thread
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Maneuver
 from freqid.core.results.frequency_response import FrequencyResponse
@@ -28,6 +29,7 @@ from freqid.workflows.inputs import (
 )
 
 
+@on_one_thread
 def frequency_response(
     flights: Flight | Iterable[Flight],
     outputs: str | Sequence[str],

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from freqid import __version__
+from freqid.core.blas import on_one_thread
 from freqid.core.errors import DataError, GateFailed, UsageError, nearest
 from freqid.core.record import FlightRecord, Maneuver
 from freqid.core.results.point import PointModel, gate_sentences
@@ -44,6 +45,7 @@ TimeSpan = tuple[float, float]
 Names = Sequence[str] | Mapping[str, Sequence[str]]
 
 
+@on_one_thread
 def identify_point(
     flights: Flight | Iterable[Flight],
     scenario: Scenario | File,

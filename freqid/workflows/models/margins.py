@@ -12,6 +12,7 @@ from freqid.blend.global_model import GlobalModel
 from freqid.blend.state_space import vehicle_of
 from freqid.compare import read_law
 from freqid.compare.loop_margins import MotionAt, loop_margins, places_of
+from freqid.core.blas import on_one_thread
 from freqid.core.errors import UsageError
 from freqid.core.results.loop_margins import LoopMargins
 from freqid.core.results.point import PointModel
@@ -27,6 +28,7 @@ MEMORY_REMARK = (
 )
 
 
+@on_one_thread
 def margins(
     model: GlobalModel | PointModel | File,
     loop: Any,

@@ -9,6 +9,7 @@ from typing import Literal
 import msgspec
 
 from freqid import __version__
+from freqid.core.blas import on_one_thread
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.record import Maneuver
 from freqid.core.results.output_error import OutputErrorModel
@@ -41,6 +42,7 @@ from freqid.workflows.inputs import (
 from freqid.workflows.models.identify import Names, TimeSpan, flown_maneuvers
 
 
+@on_one_thread
 def identify_output_error(
     flights: Flight | Iterable[Flight],
     scenario: Scenario | File | None = None,

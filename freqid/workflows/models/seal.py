@@ -18,6 +18,7 @@ from freqid.blend.sealed.bands import free_run
 from freqid.blend.sealed.condition import ModelAtCondition, of_global, of_point
 from freqid.blend.sealed.score import Flown, checks, scored_channels
 from freqid.core import store
+from freqid.core.blas import on_one_thread
 from freqid.core.channels import split
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.record import FlightRecord
@@ -56,6 +57,7 @@ NOISY = (
 FEWEST = 0.5  # of the inputs that must be in a record for it to be one of the design
 
 
+@on_one_thread
 def predict_flight(
     model: PointModel | GlobalModel | File,
     design: Design,

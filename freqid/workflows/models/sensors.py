@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from freqid.core.arrays import Array
+from freqid.core.blas import on_one_thread
 from freqid.core.channels import FLOW, VELOCITY
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord, Maneuver
@@ -33,6 +34,7 @@ LIKELY = 0.5  # probability from which it is
 AIR_NAMES = tuple(f"{n.partition('/')[2]} " for n in (*FLOW, *VELOCITY))
 
 
+@on_one_thread
 def check_sensors(
     flight: Flight, scenario: Scenario | File | None = None, settings: KinematicSettings | None = None
 ) -> KinematicCheck:
@@ -81,6 +83,7 @@ def check_sensors(
     return kinematics.check_kinematics(flown, settings or KinematicSettings())
 
 
+@on_one_thread
 def correct_sensors(flight: Flight, check: KinematicCheck) -> FlightRecord | Maneuver:
     """Return a flight without the sensor errors that a check found.
 
@@ -109,6 +112,7 @@ def correct_sensors(flight: Flight, check: KinematicCheck) -> FlightRecord | Man
     return kinematics.corrected(flight_of(flight), check)
 
 
+@on_one_thread
 def align_sensors(flight: Flight, scenario: Scenario | File) -> tuple[Maneuver, Alignment]:
     """Find how late each group of sensors is, biases of attitude and a steady wind, and take them out.
 

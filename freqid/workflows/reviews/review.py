@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from freqid.blend.corridor_study import StudiedPoint, StudyResults, doubts_of_points, left_to_noise
+from freqid.core.blas import on_one_thread
 from freqid.core.errors import DataError, UsageError
 from freqid.core.results.gap import GapResult
 from freqid.core.results.judged.doubt import DOUBT_KINDS
@@ -72,6 +73,7 @@ SECTION_OF = {
 """Section of the report that a file belongs to, by its format."""
 
 
+@on_one_thread
 def review(
     files: File | Sequence[File] | Sequence[ReviewedFile],
     *,

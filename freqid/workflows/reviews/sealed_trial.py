@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from freqid.core.blas import on_one_thread
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import write_record
 from freqid.core.results.diagnosis import Which
@@ -65,6 +66,7 @@ class SealedFlights:
     checksum: str
 
 
+@on_one_thread
 def fly_sealed(
     scenario: Scenario | File,
     folder: File,

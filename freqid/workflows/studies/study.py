@@ -11,6 +11,7 @@ from typing import Any
 from freqid.blend.corridor_study import StudyResults, spanning_conditions
 from freqid.blend.semi_local.advance_ratio_study import CampaignStudy
 from freqid.blend.study_file import STUDY, write_study
+from freqid.core.blas import on_one_thread
 from freqid.core.errors import UsageError
 from freqid.core.record import Maneuver, read_record
 from freqid.core.results.design import MultisineDesign, read_design
@@ -53,6 +54,7 @@ class _Flights:
     validating: dict[str, Path]
 
 
+@on_one_thread
 def study(
     scenario: Scenario | File,
     folder: File,

@@ -474,7 +474,7 @@ def _sentence(told: str) -> str:
 
 
 def _line(row: Row, passed: float) -> str:
-    told = row["named"] or row["pair"] or ("gap" if row["exists"] in (1, "1") else "-")
+    told = row["pair"] or row["named"] or ("gap" if row["exists"] in (1, "1") else "-")
     return (
         f"{passed:7.0f} s  {row['set']} {row['case']}: {row['kind']} {row['stratum']} {row['truth'] or '-'}"
         f" -> exit {row['exit_code']}, p {row['p']}, {told}, {row['seconds']} s {row['error']}"

@@ -20,13 +20,16 @@ from freqid.core.sections.identification import Identification
 from freqid.dynamics.frames import cross
 from freqid.gap.stack.felt import with_attitude_and_felt
 from freqid.gap.stack.lines import Lines
-from freqid.gap.stack.missed_motion import share_missed
+from freqid.gap.stack.missed_motion import noise_of_rates, share_missed
 from freqid.identify.instruments.driven import MOTION, driven_loop
 from freqid.identify.instruments.loop_model import LoopModel
 from freqid.simulate.effects.along import centre
 from freqid.simulate.effects.signals import logged_late
 
-_SENSORS: tuple[tuple[str, ...], ...] = (RATES, VELOCITY, FORCES)  # that are late together
+Late = Mapping[tuple[str, ...], float]
+"""How late sensors are, s, by those that are late together."""
+
+_SENSORS: tuple[tuple[str, ...], ...] = (RATES, VELOCITY, FORCES)
 _STEPS = (0.04, 0.02, 0.01)  # s, in which their delays are looked for
 _LATEST = 0.5  # s
 _SLOWEST = 1.0  # turn within the record: what is slower is a straight line
@@ -49,11 +52,18 @@ def fitted_loop(maneuver: Maneuver, lines: Lines, rival: float = np.inf) -> dict
         worth the search for delays.
     """
     record = maneuver.record
+    noise = noise_of_rates(record)
+
+    def missed_with(late: Late) -> tuple[float, dict[str, Array]]:
+        """Return the share of the rates that a loop misses where some sensors are late, and its motion."""
+        moved = _flown(maneuver, lines, late)
+        rates = {n: logged_late(moved[n], record.dt, late[RATES]) for n in RATES if n in moved}
+        return share_missed(record, rates, noise) if moved else np.inf, moved
+
     late = dict.fromkeys(_SENSORS, 0.0)
-    found = _flown(maneuver, lines, late)
+    missed, found = missed_with(late)
     if not found:
         return {}
-    missed = share_missed(record, found)
     for step in _STEPS if missed < rival else ():
         better = True
         while better:
@@ -63,17 +73,22 @@ def fitted_loop(maneuver: Maneuver, lines: Lines, rival: float = np.inf) -> dict
                     other = {**late, group: late[group] + one}
                     if abs(other[group]) > _LATEST:
                         continue
-                    flown = _flown(maneuver, lines, other)
-                    now = share_missed(record, flown) if flown else np.inf
+                    now, moved = missed_with(other)
                     if now < missed:
-                        missed, late, found, better = now, other, flown, True
+                        missed, late, found, better = now, other, moved, True
                         break
-    return found
+    found = with_attitude_and_felt(_earlier(record, late), found, linear=True)
+    return {
+        n: logged_late(x, record.dt, next((late[g] for g in late if n in g), 0.0)) for n, x in found.items()
+    }
 
 
-def _flown(maneuver: Maneuver, lines: Lines, late: Mapping[tuple[str, ...], float]) -> dict[str, Array]:
-    """Return a loop's channels where some sensors are late, s; empty where no loop can be fitted."""
-    record = _moved(maneuver.record, {group: -x for group, x in late.items()})
+def _flown(maneuver: Maneuver, lines: Lines, late: Late) -> dict[str, Array]:
+    """Return a loop's motion and effectors where some sensors are late, s; empty where none can be fitted.
+
+    As the aircraft moved, not as these sensors say.
+    """
+    record = _earlier(maneuver.record, late)
     moving = tuple(n for n in record.group("effector") if np.ptp(record[f"effector/{n}"]) > 0)
     hz = lines.hz[lines.driven] if lines.driven.any() else lines.hz[1:]
     settings = Identification(regressors=(*MOTION, *moving))
@@ -90,17 +105,14 @@ def _flown(maneuver: Maneuver, lines: Lines, late: Mapping[tuple[str, ...], floa
         place = record.channel(name).position_m if name in record else None
         if place is not None:
             moved[name] = moved[name] + cross(rates, np.array(place)[:, None] - middle)[axis]
-    moved = with_attitude_and_felt(record, moved, linear=True)
-    return {
-        n: logged_late(x, record.dt, next((late[g] for g in late if n in g), 0.0)) for n, x in moved.items()
-    }
+    return moved
 
 
-def _moved(record: FlightRecord, later: Mapping[tuple[str, ...], float]) -> FlightRecord:
-    """Return a record with some channels later, s."""
+def _earlier(record: FlightRecord, late: Late) -> FlightRecord:
+    """Return a record without some delays of its sensors."""
     channels = [
-        replace(record.channel(n), values=logged_late(record[n], record.dt, x))
-        for group, x in later.items()
+        replace(record.channel(n), values=logged_late(record[n], record.dt, -x))
+        for group, x in late.items()
         for n in group
         if x and n in record
     ]

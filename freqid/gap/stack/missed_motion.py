@@ -28,7 +28,9 @@ _CLEAR = 2.0  # times the noise: what power of neighbouring lines has to be to t
 _SPREADS = (0.0, *np.geomspace(0.1, 1e3, 9).tolist())  # of either, in the noise's size
 
 
-def share_missed(record: FlightRecord, channels: Mapping[str, Array]) -> float:
+def share_missed(
+    record: FlightRecord, channels: Mapping[str, Array], noise: Mapping[str, float] | None = None
+) -> float:
     """Return the share of the rates' changes, noise apart, that is not in what stands for them.
 
     Parameters
@@ -36,11 +38,14 @@ def share_missed(record: FlightRecord, channels: Mapping[str, Array]) -> float:
     record : FlightRecord
     channels : dict of ndarray, shape (sample,)
         What stands for its channels.
+    noise : dict of float, optional
+        The rates' noise, of `noise_of_rates`, where it is at hand.
     """
-    named = [n for n in RATES if n in record and np.ptp(record[n]) and n in channels]
+    named = [n for n in _moving_rates(record) if n in channels]
     if not named:
         return 0.0 if channels else np.inf
-    noise = sensor_noise(record, named)
+    if noise is None:
+        noise = sensor_noise(record, named)
     time = record.time - record.time.mean()
     moved = left = 0.0
     for name in named:
@@ -49,6 +54,16 @@ def share_missed(record: FlightRecord, channels: Mapping[str, Array]) -> float:
         moved += max(whole - noise[name] ** 2, 0.0)
         left += max(rest - noise[name] ** 2, 0.0)
     return float(np.sqrt(left / max(moved, 1e-300)))
+
+
+def noise_of_rates(record: FlightRecord) -> dict[str, float]:
+    """Return the standard deviation of the rates' white noise, by channel."""
+    named = _moving_rates(record)
+    return sensor_noise(record, named) if named else {}
+
+
+def _moving_rates(record: FlightRecord) -> list[str]:
+    return [n for n in RATES if n in record and np.ptp(record[n])]
 
 
 def with_missed(

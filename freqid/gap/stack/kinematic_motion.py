@@ -22,6 +22,7 @@ from freqid.gap.stack.missed_motion import history, parted, with_missed
 from freqid.gap.stack.rows import angle_rates, gravity_of, sensor_lever
 
 _BODY = (*VELOCITY, *RATES)
+_TILTS = ("state/phi", "state/theta")  # a heading ends elsewhere than it began: on all lines it has that too
 _ROUNDS = 2  # kinematics are straight about the last motion, and their products move other lines
 _SENSOR = 0.01  # of a channel: what its sensor may say otherwise than the motion
 _NOISE_LINES = 31  # over which the noise of repeats is averaged
@@ -42,9 +43,9 @@ def noise_of(records: Sequence[FlightRecord], lines: Lines, sigma: Mapping[str, 
     sigma : dict of float
         Standard deviation of white noise by channel.
     """
-    names = [
-        n for n in (*VELOCITY, *RATES, *ATTITUDE, *FORCES) if n in sigma and all(n in r for r in records)
-    ]
+    effectors = [f"effector/{n}" for n in records[0].group("effector")]
+    every = (*VELOCITY, *RATES, *ATTITUDE, *FORCES, *effectors)
+    names = [n for n in every if n in sigma and all(n in r for r in records)]
     white = lines.dt * np.array([sigma[n] for n in names])[:, None] ** 2
     power = np.repeat(white, lines.hz.size, axis=1)
     if len(records) > 1:
@@ -87,7 +88,23 @@ def moved_as_recorded(
         body = np.array([found[n] for n in _BODY]) + _body_beyond(record, found, lines, noise)
         moved = with_attitude_and_felt(record, dict(zip(_BODY, body, strict=True)))
         found |= {n: x for n, x in moved.items() if n in own}
-    return found
+    return found | _effectors(record, found, lines, noise)
+
+
+def _effectors(
+    record: FlightRecord, own: Mapping[str, Array], lines: Lines, noise: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Return effectors with what a record has beyond a model's on driven lines, as far as it is not noise."""
+    names = [n for n in own if n.startswith("effector/") and n in noise]
+    if not names:
+        return {}
+    at = np.flatnonzero(lines.driven)
+    modelled, rest = parted(record, own, names)
+    left = lines.spectrum(rest)[:, at]
+    power = np.maximum(_near(np.abs(left) ** 2), _LEAST)
+    found = np.zeros((len(names), lines.hz.size), dtype=np.complex128)
+    found[:, at] = left * np.maximum(1 - np.array([noise[n][at] for n in names]) / power, 0.0)
+    return dict(zip(names, modelled + history(found, lines, record.time.size), strict=True))
 
 
 def _body_beyond(
@@ -136,7 +153,7 @@ def _by_motion(record: FlightRecord, hz: Array) -> dict[str, Complex]:
         phi, theta = (record[n].mean(keepdims=True) for n in ("state/phi", "state/theta"))
         slopes = angle_rates(each, phi, theta)
         angles = np.array([slopes[n.partition("/")[2]] for n in ATTITUDE]) / s
-        add(ATTITUDE, nothing, angles)
+        add(_TILTS, nothing[:2], angles[:, :2])
         if all(n in record for n in FORCES):
             ends = [
                 gravity_of(phi + a, theta + b) - gravity_of(phi - a, theta - b)

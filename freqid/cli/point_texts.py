@@ -83,7 +83,7 @@ def point_table(model: PointModel) -> str:
         if response.distortion is not None and response.distortion > DISTORTED:
             lines.append(
                 f"  on the harmonics {response.distortion:.3g} times the noise is left: not linear, or late; "
-                "the errors above hold noise alone"
+                "the errors above hold noise alone (--nonlinear products adds what products explain)"
             )
         lines += _chosen(model.provenance.get("structure", {}).get(name, {}))
         lines += [f"  the data cannot separate {' and '.join(group)}" for group in response.inseparable]

@@ -24,6 +24,7 @@ from freqid.flightlog.spikes import find_spikes
 # Effectors whose kind nobody stated, and pilots' controls, take the SI unit of their dimension.
 _EFFECTOR_SI = (*dict.fromkeys(EFFECTOR_UNITS.values()), "m")
 _RATES_HZ = (1e-3, 1e6)  # outside, the clock's unit is wrong: microseconds read as seconds, say
+_SLOWEST_LOG_HZ = 1.0  # of the log's own clock; slower is one in milliseconds, read as seconds
 
 
 @dataclass(frozen=True)
@@ -185,7 +186,8 @@ def _signals(
         if id(raw) not in clocks:
             try:
                 rows = _rows(raw, cut)
-                _check_clock(raw[rows], uniform=uniform)
+                least = _SLOWEST_LOG_HZ if column.time is None else _RATES_HZ[0]
+                _check_clock(raw[rows], least, uniform=uniform)
             except (DataError, UsageError) as error:
                 whose = "" if column.time is None else f"clock of channel '{column.name}': "
                 raise type(error)(whose + error.message, remedy=error.remedy) from None
@@ -325,16 +327,16 @@ def _rows(clock: NDArray[np.float64], cut: tuple[float, float] | None) -> slice:
     return slice(int(inside[0]), int(inside[-1]) + 1)
 
 
-def _check_clock(clock: NDArray[np.float64], uniform: bool) -> None:
+def _check_clock(clock: NDArray[np.float64], least_hz: float, *, uniform: bool) -> None:
     """Check that time increases at a credible rate, and uniformly unless it is to be resampled."""
     increasing = clock.size > 1 and bool(np.isfinite(clock).all() and (np.diff(clock) > 0).all())
     if uniform or not increasing:
         check_time(clock)
     step = float(np.median(np.diff(clock)))
-    if not 1 / _RATES_HZ[1] <= step <= 1 / _RATES_HZ[0]:
+    if not 1 / _RATES_HZ[1] <= step <= 1 / least_hz:
         raise DataError(
             f"time advances by {step:.3g} s a sample, expected between {1 / _RATES_HZ[1]:g} and "
-            f"{1 / _RATES_HZ[0]:g} s",
+            f"{1 / least_hz:g} s",
             remedy="correct the unit of time",
         )
 

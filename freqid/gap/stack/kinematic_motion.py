@@ -2,7 +2,8 @@
 
 Where an effect is so large that the aircraft flies otherwise, polynomials in frequency leave several per cent
 of the rates. On each line the three velocities and the three rates are six numbers, and velocities, gyros,
-accelerometers and attitude measure them a dozen times: so they are told from one line alone.
+accelerometers and attitude measure them eleven times: so they are told from one line alone. Effectors are
+told by their own sensors.
 """
 
 from __future__ import annotations

@@ -110,6 +110,10 @@ def test_numbers_are_read_to_the_last_bit(tmp_path):
         (table([*ROWS[:4], *ROWS]), "time runs backward at sample 4"),
         (table([*ROWS[:3], *ROWS[5:]]), "time is not uniform.*--resample"),
         (table([(1e6 * t, u, d) for t, u, d in ROWS]), "time advances by 2e.04 s a sample.*correct the unit"),
+        (
+            table([(1e3 * t, u, d) for t, u, d in ROWS]),
+            "time advances by 20 s a sample, expected between 1e-06 and 1 s.*correct",
+        ),
         (table(header=("t", "v", "de")), "column 'u' is missing; known names are: de, t, v"),
         (table(header=("t", "U", "de")), "column 'u' is missing; did you mean 'U'"),
         (table(header=("t", "u", "u")), "2 columns are named 'u'.*by number"),

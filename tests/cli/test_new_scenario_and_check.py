@@ -161,6 +161,17 @@ def test_check_names_the_file_whose_wing_has_no_place(freqid, tmp_path):
     assert err.startswith(f"freqid: {path}: wing 'nacelle_fr' has a mass of 2 kg but no centre of gravity")
 
 
+def test_check_says_that_wings_outweigh_their_vehicle(freqid, tmp_path):
+    path = tmp_path / "s.toml"
+    text = TILTROTOR.read_text()
+    heavy = re.sub(r"(?s)(\[\[wing\]\].*?\nmass_kg = )[\d.]+", r"\g<1>40.0", text)
+    assert heavy != text
+    path.write_text(heavy)
+    code, out, _ = freqid("check", path, "--no-draw")
+    assert code == 0
+    assert re.search(r"identify-point +missing: vehicle .* without its wings has a mass of -", out)
+
+
 def test_names_as_people_write_them():
     by_kind = {
         "surface": [

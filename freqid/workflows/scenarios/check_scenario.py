@@ -12,7 +12,7 @@ from freqid.core.channels import AIR, STATE, WRENCH
 from freqid.core.errors import FreqidError
 from freqid.core.scenario import Scenario, find_scenario
 from freqid.core.sections.identification import factors_of
-from freqid.dynamics.mass import centre_of_gravity
+from freqid.dynamics.mass import centre_of_gravity, without_wings
 from freqid.workflows.inputs import File, scenario_of
 from freqid.workflows.scenarios.new_scenario import Placeholder, placeholders
 
@@ -185,6 +185,12 @@ def _identify(scenario: Scenario) -> tuple[str, ...]:
         out.append(f"[[effector]] of regressor {', '.join(unknown)}")
     if settings.residuals == "noise-lines" and scenario.excitation and scenario.excitation.periods < 2:
         out.append("excitation.periods of two or more, for residuals 'noise-lines'")
+    vehicle = scenario.aircraft()
+    heavy = [w for w in vehicle.wings if w.mass_kg or w.inertia.matrix.any()]
+    try:
+        without_wings(vehicle, heavy, vehicle.mass_properties.cg_m)
+    except FreqidError as error:  # applied moments need the mass of what does not tilt
+        out.append(error.message)
     return tuple(out)
 
 

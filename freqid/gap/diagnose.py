@@ -153,9 +153,6 @@ def diagnose(
         tell("flying the simulation as it is likeliest")
         departures = flown_departures(used, library, q.tolerances)
         used, departures = closest(flown(simulation, used, departures, {}), (used, {}))
-    whole = used
-    if any(len(b.maneuvers) > 1 for b in used):
-        used = nearer(flown(simulation, used, departures, {}, seen=True)[0], used)
     tell("computing effects and tolerances")
     at, not_tested = build(used, library, q.tolerances)
     for name in q.named:
@@ -177,8 +174,7 @@ def diagnose(
         at = at_their_size(at)
         evidence = at.evidence
     found: dict[str, Settings] = {}
-    repeated = any(len(b.maneuvers) > 1 for b in whole)
-    blocks = [w if len(w.maneuvers) > 1 else b for w, b in zip(whole, at.blocks, strict=True)]
+    blocks, repeated = at.blocks, any(len(b.maneuvers) > 1 for b in used)
     for _ in range(_FLIGHTS if exists and (departs or repeated) else 0):
         beside = at.likeliest_departures(evidence.form_error())[0] if departs else {}
         likely = effect_of_its_own(evidence, simulation, library)

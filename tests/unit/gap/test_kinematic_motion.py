@@ -10,13 +10,10 @@ import pytest
 from linear_flight import SLOPES, Linear, Truth, fly, motion, vehicle
 
 from freqid.core.record import Channel, FlightRecord
-from freqid.gap.diagnose import Question, diagnose
-from freqid.gap.model.tolerance import stated
 from freqid.gap.stack.block import flown_again, stack_of
 from freqid.gap.stack.kinematic_motion import moved_as_recorded, noise_of
 from freqid.gap.stack.lines import lines_of
 from freqid.gap.stack.missed_motion import with_missed
-from freqid.simulate.effects import shipped
 
 G, DT, PERIOD, SECONDS, LEVER = 9.80665, 0.02, 40.0, 40.0, (0.3, -0.1, 0.05)
 RATES, VELOCITY, FELT = (tuple(f"state/{n}" for n in names) for names in ("pqr", "uvw", ("ax", "ay", "az")))
@@ -194,16 +191,3 @@ def test_one_repeat_tells_the_motion_and_the_other_is_compared():
     chance = 2.6 / np.sqrt(error.size)  # in 1 of 100 cases
     assert np.corrcoef(error, first)[0, 1] > chance
     assert abs(np.corrcoef(error, second)[0, 1]) < chance
-
-
-def test_a_repeat_tells_the_motion_before_a_gap_is_looked_for():
-    """A stiffness that is twice the described one, within its tolerance: the simulation flies otherwise."""
-    stiffer = SLOPES.copy()
-    stiffer[2, 1] *= 2
-    library = {"surface_effectiveness": shipped()["surface_effectiveness"]}
-    question = Question(library, stated({"derivatives": 1.0}, library), (0.05, 2.0), draws=200, close=False)
-    for truth, compared in ((Truth(slopes=tuple(map(tuple, stiffer))), ("two",)), (Truth(), ("one", "two"))):
-        flights = [fly(truth, noise=1.0, seed=k, duration=SECONDS, phases=0) for k in (1, 2)]
-        found = diagnose(Flying(), flights, question, names=["one", "two"])
-        assert not found.diagnosis.gap.exists
-        assert [b.names for b in found.blocks] == [compared]

@@ -114,7 +114,7 @@ def test_a_model_that_flies_as_the_record_stays_as_it_is(seed):
 
 
 def test_a_heading_that_ends_elsewhere_does_not_turn_the_rates():
-    """Its end stands on every line; taken for a rate it made the yaw rate 7 % wrong."""
+    """Its end stands on every line: taken for a rate it made the yaw rate of a tilt-rotor 7 % wrong."""
     clean, own = flown((0.5, 0.8)), flown((0.6, 0.95))
     record = recorded(clean, 0)
     lines = lines_of(record, 2.0)

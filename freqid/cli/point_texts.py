@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from freqid.core.results.point import Fit, PointModel, ResponseModel, per
-from freqid.identify.model.selection import DISTORTED, F_TO_STAY
+from freqid.core.results.point import DISTORTED, Fit, PointModel, ResponseModel, per
+from freqid.identify.model.selection import F_TO_STAY
 
 
 def point_result(model: PointModel) -> dict[str, Any]:
@@ -74,19 +74,8 @@ def point_table(model: PointModel) -> str:
         for parameter, unit in zip((*response.regressors, "bias"), units, strict=True):
             estimate, error = response[parameter]
             lines.append(f"  {parameter:<10} {estimate:>13.6g} +- {2 * error:<11.3g} {unit}")
-        beside = response.errors_in_variables
-        if beside is not None and response.differing:
-            listing = ", ".join(
-                f"{n} {beside.estimate[response.regressors.index(n)]:.6g}" for n in response.differing
-            )
-            lines.append(f"  least squares differs beyond noise: {listing}")
-        if response.distortion is not None and response.distortion > DISTORTED:
-            lines.append(
-                f"  on the harmonics {response.distortion:.3g} times the noise is left: not linear, or late; "
-                "the errors above hold noise alone (--nonlinear products adds what products explain)"
-            )
         lines += _chosen(model.provenance.get("structure", {}).get(name, {}))
-        lines += [f"  the data cannot separate {' and '.join(group)}" for group in response.inseparable]
+        lines += [f"  {text}" for text in response.warnings]
     lines.append("(+- is two standard errors)")
     return "\n".join(lines)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from math import inf, isfinite
+from math import inf, isfinite, pi, radians
 from pathlib import Path
 from typing import Any, Literal
 
@@ -256,6 +256,7 @@ class Scenario(Strict, frozen=True):
                     )
                 if not isfinite(value):
                     raise ValueError(f"reference '{at.id}' has {name} = {value:g}, expected a finite number")
+        self._check_angles()
         self._check_excitations()
         self._check_surfaces()
         self.aircraft()  # what does not fit together is refused when the file is read
@@ -282,6 +283,16 @@ class Scenario(Strict, frozen=True):
             wings=self.wing,
             groups=self.group,
         )
+
+    def _check_angles(self) -> None:
+        """Refuse surfaces and tilts that go beyond a full turn: they are stated in degrees."""
+        for one in self.effector:
+            if one.unit == "rad" and any(isfinite(x) and abs(x) > 2 * pi for x in one.limits):
+                low, high = (radians(x) for x in one.limits)
+                raise ValueError(
+                    f"limits of '{one.name}' are {list(one.limits)} rad, more than a full turn; angles are in "
+                    f"rad: were they meant in degrees, state [{low:.4g}, {high:.4g}]"
+                )
 
     def _check_excitations(self) -> None:
         """Refuse an excitation for a reference that is not there, or one that does not fit."""

@@ -125,7 +125,7 @@ def quicklook(
         design=planned.name,
         verdict="repeat" if reasons else "usable",
         reasons=tuple(reasons),
-        remarks=tuple(_remarks(record, looks, report, described, parameters)),
+        remarks=tuple(_remarks(record, looks, report, described, at or record.reference, parameters)),
         start_s=start.time_s if start and found_at_all else float("nan"),
         likeness=start.likeness if start else 0.0,
         band_hz=planned.band_hz,
@@ -411,9 +411,16 @@ def _remarks(
     looks: tuple[InputLook, ...],
     report: PlausibilityReport,
     scenario: Scenario | None,
+    at: str,
     parameters: tuple[ParameterLook, ...],
 ) -> Iterator[str]:
-    """Yield what is worth knowing."""
+    """Yield what is worth knowing; a flight at another condition than stated first."""
+    stated = next((r for r in scenario.reference if r.id == at), None) if scenario else None
+    if scenario and stated:
+        flown = [Maneuver(record, scenario.aircraft())]
+        mean = point.flown_reference(flown, stated.scheduled)
+        units = point.scheduled_units(flown, stated)
+        yield from (text[:-1] for text in point.departures(stated, mean, units))
     for look in looks:
         if look.present and abs(look.gain - 1) > SCALED and look.source.startswith("excitation/"):
             yield f"'{look.name}' was injected at {look.gain:.2f} times the design"

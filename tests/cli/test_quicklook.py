@@ -154,3 +154,10 @@ def test_accuracy_must_be_positive(flown):
     folder, record = flown
     with pytest.raises(fq.FreqidError, match="accuracy is 0"):
         fq.quicklook(record, folder / "design.h5", accuracy=0.0)
+
+
+def test_a_flight_at_another_speed_than_its_reference_is_named(freqid, flown):
+    folder, record = flown
+    code, out, _ = look(freqid, folder, with_values(record, state__u=record["state/u"] + 3.0))
+    assert code == 0
+    assert "reference 'u20' states forward speed u = 20 m/s, but the mean flown is 22.99" in " ".join(out.split())

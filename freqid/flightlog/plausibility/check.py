@@ -46,6 +46,7 @@ def check_plausibility(record: FlightRecord, reference: Reference | None = None)
     explained = {name for f in findings if f.check == "unit" for name in f.channels}
     more = [
         *ranges.physical(record),
+        *ranges.unknown(record),
         *ranges.stated(record),
         *ranges.spikes(record, stray),
         *ranges.at_reference(record, reference),

@@ -20,8 +20,8 @@ class Finding:
     severity : {"error", "warning"}
         An error is a contradiction that would spoil what is identified; a warning is worth a look.
     check : str
-        Which check found it: ``range``, ``limit``, ``rate limit``, ``spike``, ``stuck``, ``latched``,
-        ``unit``, ``sign``, ``swap``, ``axes`` or ``contradiction``.
+        Which check found it: ``range``, ``effector``, ``limit``, ``rate limit``, ``spike``, ``stuck``,
+        ``latched``, ``unit``, ``sign``, ``swap``, ``axes`` or ``contradiction``.
     channels : tuple of str
         ``group/name`` of each channel concerned.
     message : str
@@ -114,9 +114,7 @@ class PlausibilityReport:
         """
         if not self.errors:
             return
-        first, *others = (str(f)[:-1] for f in self.errors)
-        more = "".join(f".\nfreqid: {where}: {text}" for text in others)
-        raise DataError(f"{first}{more}", where=where)
+        raise DataError(". Also: ".join(str(f)[:-1] for f in self.errors), where=where)
 
 
 def sentences(findings: Sequence[Finding]) -> list[str]:

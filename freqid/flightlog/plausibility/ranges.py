@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from freqid.core.errors import nearest
 from freqid.core.record import Channel, FlightRecord
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Effector
@@ -136,6 +137,24 @@ def stated(record: FlightRecord) -> Iterator[Finding]:
                 yield found
             elif group == "effector" and effector.rate_limit is not None:
                 yield from _too_fast(record, record.channel(name), effector, effector.rate_limit)
+
+
+def unknown(record: FlightRecord) -> Iterator[Finding]:
+    """Yield positions and commands of effectors that the scenario does not describe."""
+    if record.vehicle is None or not record.vehicle.effectors:
+        return
+    described = [e.name for e in record.vehicle.effectors]
+    for name in record.channels:
+        group, _, of = name.partition("/")
+        if group in ("effector", "command") and of not in described:
+            yield Finding(
+                "warning",
+                "effector",
+                (name,),
+                f"'{name}' is of no effector of the scenario ({nearest(of, described)})",
+                f'name [[channel]] name = "{name}" in the map as the scenario does, or describe it there as '
+                "[[effector]]",
+            )
 
 
 def _beyond(record: FlightRecord, channel: Channel, effector: Effector) -> Finding | None:

@@ -17,7 +17,7 @@ from scipy.ndimage import uniform_filter1d
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.record import Maneuver
-from freqid.core.results.point import ResponseModel
+from freqid.core.results.point import DISTORTED, ResponseModel
 from freqid.core.sections.identification import factors_of
 from freqid.identify.loads.explanatory import explanatory_variables
 from freqid.identify.model.fit import fit_lines
@@ -82,8 +82,6 @@ def _kind(name: str, unit: str) -> str:
 
 F_TO_STAY = 10.0
 """F that a term must keep to stay: one of 24 that do nothing has it by chance in 4 % of responses."""
-DISTORTED = 1.5
-"""Distortion from which a response is taken to be bent: of a linear one it is 1.1 +- 0.17 on 106 lines."""
 RESOLVED = 1e-6
 """Share of a response's power below which what a model leaves is arithmetic, not flight."""
 SUPPORTED = 10.0

@@ -7,6 +7,7 @@ from markupsafe import Markup
 
 from freqid.core.results.judged.doubt import HIGH_INFLATION
 from freqid.core.results.point import (
+    DISTORTED,
     NEAR_CEILING,
     PointModel,
     ResponseModel,
@@ -14,7 +15,6 @@ from freqid.core.results.point import (
     unjudged_gates,
 )
 from freqid.core.scenario import Gates
-from freqid.identify.model.selection import DISTORTED
 from freqid.identify.regress.two_stage import LEAST_STRENGTH
 from freqid.report.kit.findings import Finding, code, finding, listed
 from freqid.report.kit.notation import number, share, symbol

@@ -24,13 +24,19 @@ from freqid.core.results.judged.review import Ground, Reversal
 from freqid.core.results.judged.sealed_trial import TrialOutcome
 from freqid.core.results.loop_margins import LoopMargins, least_of
 from freqid.core.results.output_error import OutputErrorModel
-from freqid.core.results.point import MissedGate, PointModel, ResponseModel, missed_gates, unjudged_gates
+from freqid.core.results.point import (
+    DISTORTED,
+    MissedGate,
+    PointModel,
+    ResponseModel,
+    missed_gates,
+    unjudged_gates,
+)
 from freqid.core.results.prediction import Score
 from freqid.core.results.quicklook import Quicklook
 from freqid.core.results.rivals import Rivals
 from freqid.core.scenario import Gates
 from freqid.gap.fidelity import ACCEPTABLE
-from freqid.identify.model.selection import DISTORTED
 from freqid.workflows.reviews.gap_grounds import MARGINS, WANTED_G, base_name, grounds_of_gap, listed
 from freqid.workflows.reviews.read_together import ReviewedFile
 

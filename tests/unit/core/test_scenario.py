@@ -56,6 +56,11 @@ def test_a_scenario_is_read_into_an_aircraft_and_its_work(scenario):
         ("mass_kg = 10.0", "mass_kg = -1.0", r"mass_kg is -1, expected a positive mass"),
         ("zz = 4.0", "zz = 6.0", r"none exceeds the sum of the other two"),
         ("[-0.3, 0.3]", "[0.3, -0.3]", r"at effector\[0\]: limits of 'de'"),
+        (
+            "[-0.3, 0.3]",
+            "[-17, 17]",
+            r"limits of 'de' are .* full turn.*in degrees, state \[-0.2967, 0.2967\]",
+        ),
         ('"surface"', '"flap"', r"at effector\[0\].kind: invalid enum value 'flap'"),
         ("step = 0.02", "step = 0.0", r"at identification.frequencies_hz: .*step > 0"),
         ('regressors = ["u", "w", "q", "de"]', "", r"missing required field `regressors`"),

@@ -69,6 +69,14 @@ def flight(seed=0, seconds=60.0):
     )
 
 
+def test_a_position_of_no_effector_of_the_scenario_is_named():
+    record = flight()
+    stranger = replace(record.channel("effector/da"), name="effector/dA", source="log.csv")
+    (found,) = check_plausibility(record.with_channels(stranger)).findings
+    assert (found.severity, found.check, found.channels) == ("warning", "effector", ("effector/dA",))
+    assert "did you mean 'da'?" in str(found)
+
+
 def changed(record, **values):
     by_name = {n.replace("__", "/"): x for n, x in values.items()}
     return record.with_channels(*(replace(record.channel(n), values=x) for n, x in by_name.items()))

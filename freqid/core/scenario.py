@@ -290,8 +290,8 @@ class Scenario(Strict, frozen=True):
             if one.unit == "rad" and any(isfinite(x) and abs(x) > 2 * pi for x in one.limits):
                 low, high = (radians(x) for x in one.limits)
                 raise ValueError(
-                    f"limits of '{one.name}' are {list(one.limits)} rad, more than a full turn; angles are in "
-                    f"rad: were they meant in degrees, state [{low:.4g}, {high:.4g}]"
+                    f"limits of '{one.name}' are {list(one.limits)} rad, more than a full turn; angles are "
+                    f"in rad: were they meant in degrees, state [{low:.4g}, {high:.4g}]"
                 )
 
     def _check_excitations(self) -> None:

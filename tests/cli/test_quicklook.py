@@ -160,4 +160,6 @@ def test_a_flight_at_another_speed_than_its_reference_is_named(freqid, flown):
     folder, record = flown
     code, out, _ = look(freqid, folder, with_values(record, state__u=record["state/u"] + 3.0))
     assert code == 0
-    assert "reference 'u20' states forward speed u = 20 m/s, but the mean flown is 22.99" in " ".join(out.split())
+    assert "reference 'u20' states forward speed u = 20 m/s, but the mean flown is 22.99" in " ".join(
+        out.split()
+    )

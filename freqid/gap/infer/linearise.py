@@ -229,17 +229,18 @@ class Linearised:
         They are right where tolerances are likeliest *beside* the likeliest effect. Where that effect and a
         tolerance do the same, as a late channel does, they are elsewhere without it: the case of no effect
         would be judged with the errors of lines drawn far from it. So it is judged with lines of its own.
-        Where the data are likelier there than beside the effect, of which no effect is a special case, that
-        one has settled elsewhere than where it is likeliest, and begins again from there.
+        Where no effect is likelier than that one even so, the search begins again from there: it may have
+        settled about an effect that does much the same, as all other channels early in place of one late.
         """
         at = self.settled(form_error)
         if not _likeliest_alone(_weighed(at.system, form_error)):
             return at, 0.0
         alone = at.without_effects().settled(form_error, [])
         assert alone.system.about is not None
-        assert at.system.about is not None
-        if alone.system.about.misfit < at.system.about.misfit - SETTLED:
-            at = at.at(alone.system.about.tolerances, [], form_error).settled(form_error)
+        beside, none = _with_likeliest(at.system, form_error), _weighed(alone.system, form_error).log_none
+        if none > beside:
+            again = at.at(alone.system.about.tolerances, [], form_error).settled(form_error)
+            at = again if _with_likeliest(again.system, form_error) > beside else at
         return at, max(alone.evidence.log_none - at.without_effects().evidence.log_none, 0.0)
 
     def likeliest_departures(
@@ -321,6 +322,12 @@ class Linearised:
 def _weighed(system: System, form_error: Form) -> Evidence:
     """Return what the data say of every candidate at one error of form."""
     return weigh(replace(system, form_errors=(form_error,)))
+
+
+def _with_likeliest(system: System, form_error: Form) -> float:
+    """Return the log evidence of the likeliest effect at one error of form."""
+    evidence = _weighed(system, form_error)
+    return float(evidence.log_none + evidence.candidate.max())
 
 
 def _misfit(system: System, form_error: Form, tolerances: Array, acting: Acting) -> float:

@@ -12,6 +12,8 @@ from msgspec.structs import replace as changed
 
 from freqid.core.record import Maneuver
 from freqid.gap.diagnose import Question, diagnose
+from freqid.gap.infer.build import build
+from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.infer.linearise import Linearised
 from freqid.gap.infer.together import Point
 from freqid.gap.simulation import Tolerance
@@ -161,6 +163,35 @@ def test_what_is_felt_late_and_logged_late_is_as_it_seems():
     assert min(*each, np.abs(added).max()) > 1000
     # a shift between samples is a little less than that of the record
     assert np.abs(block.white(Point(effects=effects).made(block))).max() < 50
+
+
+def test_a_search_that_settled_about_another_effect_begins_again_without_one(monkeypatch):
+    """Gyros that are 11 sigmas late, and a search that took all other channels for early."""
+    flights = []
+    for seed in (1, 2):
+        flight = fly(noise=1.0, seed=seed, phases=seed, duration=40.0)
+        gyro = flight.record.channel("state/q")
+        late = replace(gyro, values=logged_late(gyro.values, flight.record.dt, 0.033))
+        flights.append(replace(flight, record=flight.record.with_channels(late)))
+    library = {"time_skew": shipped()["time_skew"].of(flights[0].vehicle)}
+    blocks = stack_of(Linear(), flights, ["one", "other"], (0.1, 2.0))
+    at, _ = build(blocks, library, {"time_skew": 0.003})
+    places = {c.place.label: i for i, c in enumerate(at.system.candidates)}
+    early = joint_estimates(at.system, [places["effectors"]])[0]
+    early = replace(early, size=np.array([-0.03]))
+    settled = Linearised.settled
+
+    def search(self, form_error, acting=None):
+        if acting is None and self is at:
+            tolerances = np.array([-10.0 * (n != "time_skew.rates") for n in at.system.tolerances])
+            return at.at(tolerances, [(places["effectors"], early)], form_error)
+        return settled(self, form_error, acting)
+
+    monkeypatch.setattr(Linearised, "settled", search)
+    found, without = at.settled_beside_none(at.evidence.form_error())
+    evidence = replace(found.evidence, without=without)
+    assert np.argmax(evidence.candidate) == places["rates"]
+    assert evidence.statistic > 30
 
 
 @pytest.mark.parametrize("reads", [0.72, 1.1])

@@ -122,8 +122,14 @@ def _parameters(d: GapDiagnosis) -> str:
         for effect, values in d.which.parameters.items()
         for name, x in values.items()
     ]
+    if not rows:
+        return ""
     head = ("effect", "parameter", "estimate (90 %)")
-    return "Parameters, as changes of the simulation:\n" + text_table(head, rows) if rows else ""
+    lines = ["Parameters, as changes of the simulation:", text_table(head, rows)]
+    for effect, shares in d.which.moves.items():
+        each = ", ".join(f"{row} {100 * x:.2g} %" for row, x in shares.items())
+        lines += [f"  {effect} does, of all that moves: {each}"] if each else []
+    return "\n".join(lines)
 
 
 def _reach(d: GapDiagnosis) -> str:

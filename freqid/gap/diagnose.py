@@ -35,6 +35,8 @@ from freqid.simulate.effects.effect import Effect
 
 _STRAINED = 3  # tolerances whose strain is said
 _AWAY = 1.0  # sigmas between departures with and without the effect, from which those with it are flown
+_SHOWN = 0.001  # of what a row moves, from which an effect is said to move it
+_ROWS = 3  # of which that is said, those that it moves most
 _FLIGHTS = 2  # times at most that it flies with what was found
 
 
@@ -314,6 +316,25 @@ def _made(estimate: Estimate, blocks: Sequence[Block]) -> list[Complex]:
     return [np.tensordot(estimate.weights, estimate.candidate.columns[i], 1) for i in range(len(blocks))]
 
 
+def _moved(explanation: Explanation | None, blocks: Sequence[Block]) -> dict[str, dict[str, float]]:
+    """Return how large effects are where they are most, over what is measured of a row; by effect and row.
+
+    Root mean squares over all lines but the mean, whose level no effect is a share of.
+    """
+    found = {}
+    whole = [b.transform(b.trial.measured) for b in blocks]
+    for e in explanation.estimates if explanation else ():
+        shares: dict[str, float] = {}
+        for i, row in enumerate(blocks[0].rows):
+            if row.kind in ("response", "actuator"):
+                parts = [[z[i, 1:] for z in x] for x in (_made(e, blocks), whole)]
+                made, moved = (float(np.linalg.norm(np.concatenate(x))) for x in parts)
+                shares[row.name] = made / moved if moved else 0.0
+        largest = sorted((n for n in shares if shares[n] >= _SHOWN), key=lambda n: -shares[n])
+        found[e.candidate.effect] = {n: shares[n] for n in largest[:_ROWS]}
+    return found
+
+
 def _existence(
     exists: bool,
     p: float,
@@ -396,6 +417,7 @@ def _which(
         withdrawn=withdrawn,
         places={e: evidence.system.candidates[i].place.label for e, i in at.items()},
         groups={g.name: g.effectors for g in blocks[0].trial.maneuver.vehicle.groups},
+        moves=_moved(explanation, blocks) if exists else {},
     )
 
 

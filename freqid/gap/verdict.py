@@ -27,7 +27,7 @@ from freqid.simulate.effects.effect import Effect
 
 _FEW = 3  # names that are listed
 _POOR_SENSORS = 0.05
-_STRAINED = 2.0  # sigmas from which tolerances are said to be strained
+_STRAINED = 3.0  # sigmas from which a tolerance is strained: of a hundred, one is off by more than 2.5
 _CLOSE = 0.1  # p below which a gap that is not called is said to be a close call
 _LESS = 0.1  # of a gap, by which an effect closes less alone than with tolerances before that is said
 
@@ -105,7 +105,13 @@ def _closed(closure: Closure, which: Which, faults: Sequence[str]) -> str:
     if not np.isfinite(alone):
         return text
     strained, without = _strained(closure), "them" if what == "both" else what
-    need = f", but only with {strained}" if strained else ""
+    if strained:
+        need = f", but only with {strained}"
+    elif closure.strained and closure.log_score > 0:
+        nats = f"{closure.log_score:.0f} nats"
+        need = f" within what is stated, but the flights are likelier with {what} by {nats}"
+    else:
+        need = ""
     return f"{text}. Without {without}, tolerances alone would close {100 * alone:.0f} % of it{need}"
 
 
@@ -185,11 +191,15 @@ def _name(which: Which, faults: Sequence[str], library: Mapping[str, Effect]) ->
         if not rest:
             return "nothing beside that"
         if len(which.named) > 1:
-            return f"one of {', '.join(which.named)}, which these data cannot separate"
+            return (
+                f"one of {', '.join(_said(n, which) for n in which.named)}, which these data cannot separate"
+            )
         chance = which.probabilities.get(rest[0], 0.0)
         effect = library.get(rest[0])
         meaning = f" ({effect.signed_meaning(which.changes(effect.id))})" if effect else ""
-        return f"{_said(rest[0], which)}{meaning}, probability {chance:.2f}"
+        row, share = next(iter(which.moves.get(rest[0], {}).items()), ("", 0.0))
+        most = f", {100 * share:.2g} % of what moves {row}" if row else ""
+        return f"{_said(rest[0], which)}{meaning}{most}, probability {chance:.2f}"
     name, chance = next((n, p) for n, p in which.probabilities.items() if n != NONE)
     if name == OTHER:
         if own := which.parameters.get(OTHER):

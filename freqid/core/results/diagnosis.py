@@ -139,6 +139,9 @@ class Which:
         By effect id: the likeliest place, such as an effector.
     groups : dict of tuple of str
         Effectors by the name of their group.
+    moves : dict of dict of float
+        By effect id: what it makes of each load or position, over what that moves, where it is most; root
+        mean squares over the lines.
     """
 
     probabilities: dict[str, float]
@@ -153,6 +156,7 @@ class Which:
     withdrawn: dict[str, str] = field(default_factory=dict)
     places: dict[str, str] = field(default_factory=dict)
     groups: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    moves: dict[str, dict[str, float]] = field(default_factory=dict)
 
     def changes(self, effect: str) -> dict[str, tuple[float, float]]:
         """Return the ends of the interval of each parameter of an effect; empty where none was estimated."""

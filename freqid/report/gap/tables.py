@@ -45,6 +45,7 @@ def which_rows(d: GapDiagnosis) -> list[dict[str, Any]]:
                 "parameters": [
                     {"name": n, "text": interval(x)} for n, x in d.which.parameters.get(name, {}).items()
                 ],
+                "moves": [f"{row} {percent(x)}" for row, x in d.which.moves.get(name, {}).items()],
             }
         )
     return rows

@@ -82,7 +82,7 @@ def _replay(settings: Mapping[str, float], replay: Any) -> NDArray[Any]:
 EFFECT = Effect(
     id="stall",
     stage="airframe",
-    meaning="Beyond an angle of attack the wings lose lift.",
+    meaning="Beyond an angle of attack the wings lose lift, or their lift curve bends.",
     parameters={
         "strength": Parameter(0.0, "1", "share of the slope of lift that is lost far beyond", 0.2, 0.0, 3.0),
         "onset": Parameter(

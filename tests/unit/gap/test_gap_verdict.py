@@ -50,6 +50,11 @@ def test_a_name_stands_with_place_size_meaning_and_probability():
     assert text.endswith("probability 0.97.")
 
 
+def test_how_much_of_a_load_an_effect_is_stands_with_it():
+    text = said(replace(WORN, moves={"surface_effectiveness": {"M": 0.213, "Z": 0.01}}))
+    assert text.endswith("), 21 % of what moves M, probability 0.97.")
+
+
 def test_a_place_keeps_its_name_where_something_else_is_given_of_it():
     sizes = {"n4": Interval(0.06, 0.05, 0.07, "s"), "time_constant": Interval(0.055, 0.055, 0.055, "s")}
     late = replace(
@@ -72,6 +77,8 @@ def test_what_goes_stands_beside_what_tolerances_would_have_to_do():
     assert "closed on c.h5, which was held out. Without it" in held
     near = replace(CLOSURE, strained={"derivatives.M.de": 1.2})
     assert said(closures=(near,)).endswith("would close 90 % of it.")
+    told = said(closures=(replace(near, log_score=17.2),))
+    assert told.endswith("90 % of it within what is stated, but the flights are likelier with it by 17 nats.")
 
 
 def test_an_effect_that_closes_less_alone_is_said_to():
@@ -117,6 +124,8 @@ def test_where_nothing_is_likely_enough_what_remains_is_listed():
     assert "no single name; mass, stall remain possible" in said(open_)
     alike = replace(WORN, named=("mass", "sensor_scale"))
     assert "one of mass, sensor_scale, which these data cannot separate" in said(alike)
+    sized = replace(alike, parameters={"mass": {"fraction": Interval(0.075, 0.05, 0.1, "1")}})
+    assert "one of mass 0.075 (0.05 to 0.1), sensor_scale, which" in said(sized)
     other = replace(WORN, probabilities={"other": 0.9, "none": 0.1}, named=())
     assert "no effect of the library explains it (90 % for another)" in said(other)
 

@@ -24,7 +24,7 @@ _STILL = 0.01  # m2/s2
 # Middles of six strips of equal width, over the span, from the middle of the wing: in a roll one half of it
 # meets the air at a larger angle. A vehicle without a span has all of them there.
 _STRIPS = np.outer(np.array([-5, -3, -1, 1, 3, 5]) / 12, (0.0, 1.0, 0.0))
-_ONSETS = (0.05, 0.1, 0.15, 0.2, 0.4)  # sines; a wing is set at an angle that its body does not show
+_ONSETS = (0.1, 0.15, 0.2, 0.4)  # sines; below, the lift curve of any wing bends by some per cent
 
 
 def _loss(settings: Mapping[str, Any], u: Any, w: Any, rho: Any, area: Any) -> Any:

@@ -231,16 +231,20 @@ class Linearised:
         would be judged with the errors of lines drawn far from it. So it is judged with lines of its own.
         Where no effect is likelier than that one even so, the search begins again from there: it may have
         settled about an effect that does much the same, as all other channels early in place of one late.
+        An effect that lines were drawn about before, and that another one replaced, is settled too: on
+        the other's lines it is judged as no effect would be.
         """
-        at = self.settled(form_error)
+        at, about = self.settled(form_error), self.system.about
         if not _likeliest_alone(_weighed(at.system, form_error)):
             return at, 0.0
+        assert at.system.about is not None
+        if about and about.acting and not _same(about.acting, at.system.about.acting):
+            at = _likelier_of(at, self.settled(form_error, about.acting), form_error)
         alone = at.without_effects().settled(form_error, [])
         assert alone.system.about is not None
-        beside, none = _with_likeliest(at.system, form_error), _weighed(alone.system, form_error).log_none
-        if none > beside:
+        if _weighed(alone.system, form_error).log_none > _with_likeliest(at.system, form_error):
             again = at.at(alone.system.about.tolerances, [], form_error).settled(form_error)
-            at = again if _with_likeliest(again.system, form_error) > beside else at
+            at = _likelier_of(at, again, form_error)
         return at, max(alone.evidence.log_none - at.without_effects().evidence.log_none, 0.0)
 
     def likeliest_departures(
@@ -325,9 +329,14 @@ def _weighed(system: System, form_error: Form) -> Evidence:
 
 
 def _with_likeliest(system: System, form_error: Form) -> float:
-    """Return the log evidence of the likeliest effect at one error of form."""
+    """Return the log evidence of the likeliest effect, wherever it acts, at one error of form."""
     evidence = _weighed(system, form_error)
-    return float(evidence.log_none + evidence.candidate.max())
+    return float(evidence.log_none + max(evidence.effect.values()))
+
+
+def _likelier_of(one: Linearised, other: Linearised, form_error: Form) -> Linearised:
+    """Return the lines on which their likeliest effect is likelier."""
+    return max((one, other), key=lambda at: _with_likeliest(at.system, form_error))
 
 
 def _misfit(system: System, form_error: Form, tolerances: Array, acting: Acting) -> float:

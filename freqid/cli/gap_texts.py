@@ -117,6 +117,8 @@ def _which(d: GapDiagnosis) -> str:
 
 
 def _parameters(d: GapDiagnosis) -> str:
+    from freqid.gap.verdict import percent
+
     rows = [
         (effect, name, _interval(x))
         for effect, values in d.which.parameters.items()
@@ -127,7 +129,7 @@ def _parameters(d: GapDiagnosis) -> str:
     head = ("effect", "parameter", "estimate (90 %)")
     lines = ["Parameters, as changes of the simulation:", text_table(head, rows)]
     for effect, shares in d.which.moves.items():
-        each = ", ".join(f"{row} {100 * x:.2g} %" for row, x in shares.items())
+        each = ", ".join(f"{row} {percent(x)}" for row, x in shares.items())
         lines += [f"  {effect} does, of all that moves: {each}"] if each else []
     return "\n".join(lines)
 

@@ -152,8 +152,12 @@ def _limited_by_form(gap: Existence) -> str:
 
 def _by_row(gap: Existence, least: float) -> str:
     """Return the errors of form from a least one on, in words."""
-    each = ((row, 100 * f) for row, f in gap.form_errors.items() if f and f >= least)
-    return ", ".join(f"{f:.0f} % in {row}" if f >= 10 else f"{f:.2g} % in {row}" for row, f in each)
+    return ", ".join(f"{percent(f)} in {row}" for row, f in gap.form_errors.items() if f and f >= least)
+
+
+def percent(share: float) -> str:
+    """Return a share in words, with two digits or more."""
+    return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
 
 
 def _number(value: float, unit: str) -> str:
@@ -198,7 +202,7 @@ def _name(which: Which, faults: Sequence[str], library: Mapping[str, Effect]) ->
         effect = library.get(rest[0])
         meaning = f" ({effect.signed_meaning(which.changes(effect.id))})" if effect else ""
         row, share = next(iter(which.moves.get(rest[0], {}).items()), ("", 0.0))
-        most = f", {100 * share:.2g} % of what moves {row}" if row else ""
+        most = f", {percent(share)} of what moves {row}" if row else ""
         return f"{_said(rest[0], which)}{meaning}{most}, probability {chance:.2f}"
     name, chance = next((n, p) for n, p in which.probabilities.items() if n != NONE)
     if name == OTHER:

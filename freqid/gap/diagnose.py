@@ -198,6 +198,9 @@ def diagnose(
         at = at_their_size(at)
         at = at.settled(at.evidence.form_error())
         evidence = at.evidence
+    if exists:
+        at = at.among_likeliest(at.evidence.form_error())
+        evidence = at.evidence
     ranking = rank(evidence, exists, INTERVAL, TEMPERATURE, p_none if exists else max(p_none, 0.5))
     leading = _leading(q.named, ranking)
     explanation: Explanation | None = None

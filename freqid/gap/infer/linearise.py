@@ -247,6 +247,19 @@ class Linearised:
             at = _likelier_of(at, again, form_error)
         return at, max(alone.evidence.log_none - at.without_effects().evidence.log_none, 0.0)
 
+    def among_likeliest(self, form_error: Form) -> Linearised:
+        """Return lines about whichever of the leading effects is likeliest, each where it has settled itself.
+
+        Lag and delay of an actuator do much the same, and lines about one favour it.
+        """
+        assert self.system.about is not None
+        acting, best = [i for i, _ in self.system.about.acting], self
+        for i in self.evidence.likeliest:
+            if i not in acting:
+                one = self.settled(form_error, [(i, joint_estimates(self.system, [i])[0])])
+                best = _likelier_of(best, one, form_error)
+        return best
+
     def likeliest_departures(
         self, form_error: Form, weights: Array | None = None
     ) -> tuple[dict[str, float], Array]:

@@ -139,7 +139,8 @@ class Linearised:
             except DataError:  # no simulation can be so
                 return np.inf, None
             assert found.system.about is not None
-            return found.system.about.misfit, found
+            misfit = found.system.about.misfit
+            return (misfit, found) if np.isfinite(misfit) else (np.inf, None)
 
         about = self.system.about
         known, acted, least, found = np.zeros(len(self.system.tolerances)), None, np.inf, None
@@ -186,11 +187,16 @@ class Linearised:
         """Return lines that also have the slopes that they have where they were made straight.
 
         With `leading`, so have the effects that lead: one bias as an effect and as a tolerance, each on other
-        motion, would leave a change between the two that nothing makes.
+        motion, would leave a change between the two that nothing makes. Where a fit asks for what no
+        simulation can do, lines keep the slopes that they have.
         """
         assert self.system.about is not None
         fitted, acting, form_error, _ = self.system.about
-        there = replace(self, blocks=self.drawn(fitted, acting, form_error))
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                there = replace(self, blocks=self.drawn(fitted, acting, form_error))
+        except DataError:
+            return self
         if leading:
             there = there.redrawn(_leading(_weighed(self.system, form_error)))
         return there.at(fitted, acting, form_error, anew=True)

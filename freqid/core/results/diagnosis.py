@@ -375,7 +375,7 @@ class GapDiagnosis(Viewable):
             "records": self.records,
             "gap": asdict(self.gap),
             "where": [asdict(place) for place in self.where],
-            "which": asdict(self.which),
+            "which": {n: x for n, x in asdict(self.which).items() if n != "moves" or x},  # none: no gap
             "how_far": {**first, "per_effect": alone} if first else {},
             "next_flight": self.next_flight,
             "remarks": self.remarks,

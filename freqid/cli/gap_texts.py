@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import islice
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from freqid.cli.columns import text_table
 from freqid.cli.self_test_text import self_test_text
+from freqid.report.kit.notation import percent
 
 if TYPE_CHECKING:
     from freqid.core.results.diagnosis import Change, Closure, GapDiagnosis, Interval, Share
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
 
 _LISTED = 0.005  # probability from which an effect has a line
 _TESTS = 5
+_ROWS = 3  # of which it is said how much an effect is
 _FEW_SETTINGS = 12  # more are free changes of terms, which have no names
 _SOURCES = {
     "stated": "stated",
@@ -117,8 +120,6 @@ def _which(d: GapDiagnosis) -> str:
 
 
 def _parameters(d: GapDiagnosis) -> str:
-    from freqid.gap.verdict import percent
-
     rows = [
         (effect, name, _interval(x))
         for effect, values in d.which.parameters.items()
@@ -129,8 +130,8 @@ def _parameters(d: GapDiagnosis) -> str:
     head = ("effect", "parameter", "estimate (90 %)")
     lines = ["Parameters, as changes of the simulation:", text_table(head, rows)]
     for effect, shares in d.which.moves.items():
-        each = ", ".join(f"{row} {percent(x)}" for row, x in shares.items())
-        lines += [f"  {effect} does, of all that moves: {each}"] if each else []
+        each = ", ".join(f"{row} {percent(x)}" for row, x in islice(shares.items(), _ROWS))
+        lines += [f"  {effect} is, of the changes in each: {each}"] if each else []
     return "\n".join(lines)
 
 

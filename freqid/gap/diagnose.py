@@ -36,7 +36,6 @@ from freqid.simulate.effects.effect import Effect
 _STRAINED = 3  # tolerances whose strain is said
 _AWAY = 1.0  # sigmas between departures with and without the effect, from which those with it are flown
 _SHOWN = 0.001  # of what a row moves, from which an effect is said to move it
-_ROWS = 3  # of which that is said, those that it moves most
 _FLIGHTS = 2  # times at most that it flies with what was found
 
 
@@ -320,9 +319,9 @@ def _made(estimate: Estimate, blocks: Sequence[Block]) -> list[Complex]:
 
 
 def _moved(explanation: Explanation | None, blocks: Sequence[Block]) -> dict[str, dict[str, float]]:
-    """Return how large effects are where they are most, over what is measured of a row; by effect and row.
+    """Return how large each effect is in loads and positions, over what these move; largest first.
 
-    Root mean squares over all lines but the mean, whose level no effect is a share of.
+    Root mean squares over all lines but zero frequency: a mean is no movement.
     """
     found = {}
     whole = [b.transform(b.trial.measured) for b in blocks]
@@ -333,8 +332,8 @@ def _moved(explanation: Explanation | None, blocks: Sequence[Block]) -> dict[str
                 parts = [[z[i, 1:] for z in x] for x in (_made(e, blocks), whole)]
                 made, moved = (float(np.linalg.norm(np.concatenate(x))) for x in parts)
                 shares[row.name] = made / moved if moved else 0.0
-        largest = sorted((n for n in shares if shares[n] >= _SHOWN), key=lambda n: -shares[n])
-        found[e.candidate.effect] = {n: shares[n] for n in largest[:_ROWS]}
+        seen = sorted((n for n in shares if shares[n] >= _SHOWN), key=lambda n: -shares[n])
+        found[e.candidate.effect] = {n: shares[n] for n in seen}
     return found
 
 

@@ -50,7 +50,7 @@ def verdict(
         )
     if not gap.exists:
         return f"No gap beyond noise and tolerances (p = {gap.p:.2g}){_larger_than(gap)}.{_close(gap, which)}"
-    words = ["A gap beyond noise and tolerances"]
+    words, row = ["A gap beyond noise and tolerances"], ""
     if cells.detectability.any():
         row, share = next(iter(cells.share("row").items()))
         words.append(f", {100 * share:.0f} % of it in {row}")
@@ -61,7 +61,7 @@ def verdict(
     faults = list(dict.fromkeys(f.fault for f in sensors))
     if faults:
         words.append(f"Your sensors: {' and '.join(_said(n, which) for n in faults)}. ")
-    words.append(f"Your simulation: {_name(which, faults, library)}")
+    words.append(f"Your simulation: {_name(which, faults, library, row)}")
     if closures and np.isfinite(closures[0].wrench.G) and (which.named or which.pair):
         words.append(_closed(closures[0], which, faults))
     if closures and which.withdrawn and (off := _strained(closures[0])):
@@ -152,10 +152,10 @@ def _limited_by_form(gap: Existence) -> str:
 
 def _by_row(gap: Existence, least: float) -> str:
     """Return the errors of form from a least one on, in words."""
-    return ", ".join(f"{percent(f)} in {row}" for row, f in gap.form_errors.items() if f and f >= least)
+    return ", ".join(f"{_percent(f)} in {row}" for row, f in gap.form_errors.items() if f and f >= least)
 
 
-def percent(share: float) -> str:
+def _percent(share: float) -> str:
     """Return a share in words, with two digits or more."""
     return f"{100 * share:.0f} %" if share >= 0.1 else f"{100 * share:.2g} %"
 
@@ -183,7 +183,8 @@ def _said(effect: str, which: Which) -> str:
     return f"{label} {_interval(found[0])}" if len(found) == 1 else label
 
 
-def _name(which: Which, faults: Sequence[str], library: Mapping[str, Effect]) -> str:
+def _name(which: Which, faults: Sequence[str], library: Mapping[str, Effect], row: str) -> str:
+    """Return what the simulation lacks, and how much of the row that holds most of the gap that is."""
     if which.withdrawn:
         name, why = next(iter(which.withdrawn.items()))
         return f"no name; {name} fits best but {why}"
@@ -201,9 +202,9 @@ def _name(which: Which, faults: Sequence[str], library: Mapping[str, Effect]) ->
         chance = which.probabilities.get(rest[0], 0.0)
         effect = library.get(rest[0])
         meaning = f" ({effect.signed_meaning(which.changes(effect.id))})" if effect else ""
-        row, share = next(iter(which.moves.get(rest[0], {}).items()), ("", 0.0))
-        most = f", {percent(share)} of what moves {row}" if row else ""
-        return f"{_said(rest[0], which)}{meaning}{most}, probability {chance:.2f}"
+        share = which.moves.get(rest[0], {}).get(row, 0.0)
+        large = f", {_percent(share)} of the changes in {row}" if share else ""
+        return f"{_said(rest[0], which)}{meaning}{large}, probability {chance:.2f}"
     name, chance = next((n, p) for n, p in which.probabilities.items() if n != NONE)
     if name == OTHER:
         if own := which.parameters.get(OTHER):

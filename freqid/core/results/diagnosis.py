@@ -140,8 +140,8 @@ class Which:
     groups : dict of tuple of str
         Effectors by the name of their group.
     moves : dict of dict of float
-        By effect id: what it makes of each load or position, over what that moves, where it is most; root
-        mean squares over the lines.
+        By effect id: what it makes of each load or position, over what that moves, the largest first; root
+        mean squares over the lines but zero frequency.
     """
 
     probabilities: dict[str, float]

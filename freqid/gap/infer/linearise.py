@@ -187,16 +187,11 @@ class Linearised:
         """Return lines that also have the slopes that they have where they were made straight.
 
         With `leading`, so have the effects that lead: one bias as an effect and as a tolerance, each on other
-        motion, would leave a change between the two that nothing makes. Where a fit asks for what no
-        simulation can do, lines keep the slopes that they have.
+        motion, would leave a change between the two that nothing makes.
         """
         assert self.system.about is not None
         fitted, acting, form_error, _ = self.system.about
-        try:
-            with np.errstate(over="ignore", invalid="ignore"):
-                there = replace(self, blocks=self.drawn(fitted, acting, form_error))
-        except DataError:
-            return self
+        there = replace(self, blocks=self.drawn(fitted, acting, form_error))
         if leading:
             there = there.redrawn(_leading(_weighed(self.system, form_error)))
         return there.at(fitted, acting, form_error, anew=True)

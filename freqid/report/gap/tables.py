@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from itertools import islice
 from typing import Any
 
 from freqid.core.results.diagnosis import Change, Closure, GapDiagnosis, Interval, Share
 from freqid.report.kit.notation import NONE, exact, number, percent, pretty_unit, sentence, short
 
 _SHOWN = 0.005  # probability from which an effect has a row
+_ROWS = 3  # of which it is said how much an effect is
 _FEW_SETTINGS = 12  # more are free changes of terms, which have no names
 
 
@@ -45,7 +47,9 @@ def which_rows(d: GapDiagnosis) -> list[dict[str, Any]]:
                 "parameters": [
                     {"name": n, "text": interval(x)} for n, x in d.which.parameters.get(name, {}).items()
                 ],
-                "moves": [f"{row} {percent(x)}" for row, x in d.which.moves.get(name, {}).items()],
+                "moves": [
+                    f"{row} {percent(x)}" for row, x in islice(d.which.moves.get(name, {}).items(), _ROWS)
+                ],
             }
         )
     return rows

@@ -39,8 +39,8 @@ CLOSURE = Closure(
 )
 
 
-def said(which=WORN, closures=(), sensors=(), gap=GAP):
-    return verdict(gap, (), NOWHERE, which, closures, sensors, library())
+def said(which=WORN, closures=(), sensors=(), gap=GAP, cells=NOWHERE):
+    return verdict(gap, (), cells, which, closures, sensors, library())
 
 
 def test_a_name_stands_with_place_size_meaning_and_probability():
@@ -50,9 +50,14 @@ def test_a_name_stands_with_place_size_meaning_and_probability():
     assert text.endswith("probability 0.97.")
 
 
-def test_how_much_of_a_load_an_effect_is_stands_with_it():
-    text = said(replace(WORN, moves={"surface_effectiveness": {"M": 0.213, "Z": 0.01}}))
-    assert text.endswith("), 21 % of what moves M, probability 0.97.")
+@pytest.mark.parametrize(
+    ("row", "share"), [("M", ", 21 % of the changes in M"), ("Z", ", 1 % of the changes in Z"), ("X", "")]
+)
+def test_how_much_of_the_row_with_the_gap_an_effect_is_stands_with_it(row, share):
+    shares, phase = np.array([[[[1.0, 0.0]]]]), np.full((1, 3), 1 / 3)
+    cells = GapMap((row,), ("u20",), ("de", ""), ((0.1, 2.0),), shares, phase)
+    text = said(replace(WORN, moves={"surface_effectiveness": {"M": 0.213, "Z": 0.01}}), cells=cells)
+    assert text.endswith(f"){share}, probability 0.97.")
 
 
 def test_a_place_keeps_its_name_where_something_else_is_given_of_it():

@@ -223,16 +223,19 @@ def test_where_a_fit_asks_for_a_body_that_cannot_be_all_else_is_still_asked_for_
     assert dict(zip(found.system.tolerances, fitted, strict=True))["inertia.yy"] == pytest.approx(-2, abs=0.3)
 
 
-def test_a_step_to_where_a_simulation_is_not_finite_is_not_taken(found, monkeypatch):
+def test_an_effect_with_which_a_simulation_is_not_finite_is_not_taken(found, monkeypatch):
     """Loads of 1e187 N make a misfit that is not a number, and no comparison with that is true."""
-    at, form = without_effects(found), found.evidence.form_error()
+    form = found.evidence.form_error()
+    at = Linearised(found.system, found.columns, found.blocks, LIBRARY, TOLERANCES)
+    at = at.at(np.array([2.0]), [], form)
     asked = Linearised.at
 
     def overflown(self, fitted, acting, form_error, **options):
         there = asked(self, fitted, acting, form_error, **options)
-        about = there.system.about._replace(misfit=np.nan)
+        about = there.system.about._replace(misfit=np.nan if acting else there.system.about.misfit)
         return replace(there, system=replace(there.system, about=about))
 
-    away = at.at(np.array([4.0]), [], form)
     monkeypatch.setattr(Linearised, "at", overflown)
-    assert away.likelier(form, []) is away
+    taken = at.likelier(form, [(0, joint_estimates(at.system, [0])[0])])
+    assert not taken.system.about.acting
+    assert np.isfinite(taken.system.about.misfit)

@@ -304,6 +304,7 @@ def _contest(blocks: Sequence[SharedBlock], cell: Cell, form: SharedForm) -> Con
         )
         unknown, shape = (x[np.any(x, axis=1)] for x in (unknown, shape if form.size else shape[:0]))
         none = columns[:0]
+        columns = np.concatenate([columns, rest[None]])
         matrices.append(Products.of(columns, none, rest, unknown, shape, none).matrices())
     draws = len(blocks[0].louder)
     w = difference_of(matrices, len(names[0]) + len(names[1]), draws, form.size, wrong)

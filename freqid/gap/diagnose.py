@@ -288,7 +288,7 @@ def _explanation(at: Linearised, leading: Sequence[str], *, asked: bool) -> tupl
         form_error = form_beside(at.system, explanation.places, explanation.estimates)
         return about_explanation(at, explanation, others, form_error, anew=anew)
 
-    start = at.redrawn(range(len(at.system.candidates)))
+    start = at.all_redrawn()
     return explain(start, leading, at.columns[0].form_names, asked=asked, compute=compute)
 
 

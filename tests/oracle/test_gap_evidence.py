@@ -11,6 +11,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from freqid.gap.close.fit import departures_beyond, fit
+from freqid.gap.infer.at_form import Kept
 from freqid.gap.infer.block_matrices import Form, Products
 from freqid.gap.infer.evidence import estimate, separation, weigh
 from freqid.gap.infer.explain import Explanation, explain
@@ -393,7 +394,7 @@ def test_sizes_of_several_effects_at_once_are_as_the_whole_posterior_has_them():
     """A scalar and a vector beside each other: mean and spread of each with the other one unknown too."""
     dense = Dense(effect=np.r_[2.0, np.zeros(6), 1.5, -1.0, 1.0])
     few = [*dense.candidates[:3], replace(dense.candidates[3], prior=np.array([3.0]))]
-    evidence = weigh(replace(dense.system, candidates=few, form_errors=(FORMS[1],), _reduced={}))
+    evidence = weigh(replace(dense.system, candidates=few, form_errors=(FORMS[1],), _kept=Kept()))
     found = joint_estimates(evidence.system, (0, 3))
     columns = np.concatenate([dense.at(0) / dense.candidates[0].sizes[0], dense.at(3)])
     inverse = np.linalg.inv(dense.covariance(FORMS[1]))

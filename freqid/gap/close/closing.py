@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.results.diagnosis import ScoredOn
+from freqid.gap.infer.at_form import Kept
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.build import columns_of
 from freqid.gap.infer.columns import Columns
@@ -119,7 +120,7 @@ def closing_of(
         parts = [_only(parts[0], number % 2 == k) for k in (0, 1)]
         source, folds = [0, 0], [Fold((0,), (1,)), Fold((1,), (0,))]
         names = (f"every other line of {blocks[0].names[0]}",)
-    fewer = replace(system, candidates=few, blocks=[c.matrices for c in parts], _reduced={})
+    fewer = replace(system, candidates=few, blocks=[c.matrices for c in parts], _kept=Kept())
     return Closing(fewer, blocks, parts, source, folds, names)
 
 

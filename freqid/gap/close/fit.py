@@ -55,7 +55,7 @@ def fit(evidence: Evidence, explanation: Explanation, form_error: Form) -> Fit:
     gram = system.gram(form_error)
     n = system.columns
     weights = explanation.weights(system)
-    beside, alone = system.likeliest_tolerances(gram[n:], weights), system.likeliest_tolerances(gram[n:])
+    beside, alone = (system.likeliest_tolerances(form_error, w) for w in (weights, None))
     # with tolerances held at nominal, the size moves along its direction to where the residual is least
     energy = float(weights @ gram[:n, :n] @ weights)
     scale = float(weights @ gram[:n, -1]) / energy if energy > 0 else 1.0
@@ -91,7 +91,7 @@ def departures_beyond(system: System) -> dict[int, float]:
     while len(held) < len(system.tolerances):
         free = [k for k in range(len(system.tolerances)) if k not in held]
         left = system.held(held)
-        departure = left.likeliest_tolerances(left.tolerance_rows(likeliest))
+        departure = left.likeliest_tolerances(likeliest)
         farthest = int(np.argmax(np.abs(departure)))
         if abs(departure[farthest]) <= FARTHEST:
             break

@@ -95,6 +95,24 @@ class Unknowns:
         return FormGram(self.form - self.own_form.T @ cho_solve(self.factor, self.own_form))
 
 
+class Data(NamedTuple):
+    """Inner products of a block's residual.
+
+    Attributes
+    ----------
+    columns : ndarray, shape (n,)
+        With ``[X, T, A]``, as in `BlockMatrices`.
+    form : ndarray, shape (direction,)
+        With the columns of the form.
+    energy : float
+        With itself.
+    """
+
+    columns: Array
+    form: Array
+    energy: float
+
+
 @dataclass(frozen=True, eq=False)
 class Products:
     """Inner products of one block in the metric of its noise, before its own unknowns are integrated out.
@@ -102,10 +120,13 @@ class Products:
     Attributes
     ----------
     gram : ndarray, shape (n, n)
-        Of ``[X, T, r, A]``, as in `BlockMatrices`.
+        Of ``[X, T, A]``, as in `BlockMatrices`.
     form : ndarray, shape (direction, n)
     own : ndarray, shape (own, n)
     unknowns : Unknowns
+    data : Data
+    own_data : ndarray, shape (own,)
+        Of the residual with the own unknowns.
     shared, number : int
         As in `BlockMatrices`.
     """
@@ -114,6 +135,8 @@ class Products:
     form: Array
     own: Array
     unknowns: Unknowns
+    data: Data
+    own_data: Array
     shared: int
     number: int
 
@@ -128,16 +151,19 @@ class Products:
         shared: Array,
     ) -> Products:
         """Return the products of whitened rows, each of shape (column, number)."""
-        z = np.concatenate([columns, tolerances, residual[None], shared])
+        z = np.concatenate([columns, tolerances, shared])
         if isinstance(form, RowColumns):
-            across, power = form.across(np.concatenate([z, own])), form.gram()
+            across, power = form.across(np.concatenate([z, residual[None], own])), form.gram()
         else:
-            across, power = form @ np.concatenate([z, own]).T, form @ form.T
+            across, power = form @ np.concatenate([z, residual[None], own]).T, form @ form.T
+        n = len(z)
         return cls(
             z @ z.T,
-            across[:, : len(z)],
+            across[:, :n],
             own @ z.T,
-            Unknowns(own @ own.T, across[:, len(z) :].T, power),
+            Unknowns(own @ own.T, across[:, n + 1 :].T, power),
+            Data(z @ residual, across[:, n], float(residual @ residual)),
+            own @ residual,
             len(shared),
             residual.size,
         )
@@ -146,33 +172,54 @@ class Products:
         """Return them with some of the form's columns alone."""
         u = self.unknowns
         fewer = Unknowns(u.own, u.own_form[:, kept], u.form[np.ix_(kept, kept)])
-        return replace(self, form=self.form[kept], unknowns=fewer)
-
-    def rearranged(self, source: NDArray[np.intp]) -> Products:
-        """Return them of some of the columns, by place; those at -1 are to be made."""
-        gram = self.gram[np.ix_(source, source)]
-        return replace(self, gram=gram, form=self.form[:, source], own=self.own[:, source])
+        data = self.data._replace(form=self.data.form[kept])
+        return replace(self, form=self.form[kept], unknowns=fewer, data=data)
 
     def with_columns(
-        self, at: NDArray[np.intp], columns: Sequence[Array], own: Array, form: RowColumns
+        self,
+        kept: NDArray[np.intp],
+        columns: Sequence[Array],
+        residual: Array,
+        own: Array,
+        form: RowColumns,
     ) -> Products:
-        """Return them with those of some columns made anew, in place: of `rearranged` ones.
+        """Return them of other columns, not all of them new.
 
-        Columns are in parts, in order, and so are the places: where only the residual is new, all others are
-        not copied.
+        Parameters
+        ----------
+        kept : ndarray of int, shape (n,)
+            The place that each had; -1 where it is new.
+        columns : sequence of ndarray, shape (column, number)
+            X, T and A.
+        residual : ndarray, shape (number,)
+        own : ndarray, shape (own, number)
+            The same as before.
+        form : RowColumns
         """
-        inside = np.split(at, np.searchsorted(at, np.cumsum([len(c) for c in columns])))
-        first = np.cumsum([0, *(len(c) for c in columns)])
+        at, first = np.flatnonzero(kept < 0), np.cumsum([0, *(len(c) for c in columns)])
+        inside = np.split(at, np.searchsorted(at, first[1:]))
         new = np.concatenate([c[k - i] for c, k, i in zip(columns, inside[:-1], first[:-1], strict=True)])
-        inner = _across(new, columns)
-        self.gram[at], self.gram[:, at] = inner, inner.T
-        self.form[:, at], self.own[:, at] = form.across(new), own @ new.T
-        return self
+        gram, across, known = self.gram[np.ix_(kept, kept)], self.form[:, kept], self.own[:, kept]
+        gram[at] = _across(new, columns)
+        gram[:, at] = gram[at].T
+        across[:, at], known[:, at] = form.across(new), own @ new.T
+        with_data = self.data.columns[kept]
+        with_data[at] = new @ residual
+        data = self.data._replace(columns=with_data)
+        return replace(self, gram=gram, form=across, own=known, data=data)
 
-    def beside(self, own: Array, columns: Sequence[Array], form: RowColumns) -> Products:
+    def with_residual(
+        self, residual: Array, columns: Sequence[Array], own: Array, form: RowColumns
+    ) -> Products:
+        """Return them of another residual; all else as in `with_columns`."""
+        products = np.concatenate([c @ residual for c in columns])
+        data = Data(products, form.across(residual[None])[:, 0], float(residual @ residual))
+        return replace(self, data=data, own_data=own @ residual)
+
+    def beside(self, own: Array, columns: Sequence[Array], residual: Array, form: RowColumns) -> Products:
         """Return them beside other unknowns of the record; columns as in `with_columns`."""
         unknowns = Unknowns(own @ own.T, form.across(own).T, self.unknowns.form)
-        return replace(self, own=_across(own, columns), unknowns=unknowns)
+        return replace(self, own=_across(own, columns), unknowns=unknowns, own_data=own @ residual)
 
     def matrices(
         self,
@@ -190,7 +237,7 @@ class Products:
         """
         if noise != 1.0:
             return self._over(noise**2).matrices(form_row=form_row, shared_row=shared_row)
-        inner, across, form = self.gram, self.form, self.unknowns.form_beside_own
+        inner, across, form, data = self.gram, self.form, self.unknowns.form_beside_own, self.data_beside_own
         if len(self.own):
             solved = cho_solve(self.unknowns.factor, self.own)
             inner = inner - self.own.T @ solved
@@ -200,17 +247,35 @@ class Products:
             values, vectors = np.linalg.eigh(power) if len(power) else (np.zeros(0), np.zeros((0, 0)))
             keep = values > _EMPTY * max(values.max(initial=0.0), 1e-300)
             across, form = vectors[:, keep].T @ across, FormGram(np.diag(values[keep]))
+            data = data._replace(form=vectors[:, keep].T @ data.form)
             form_row = np.full(len(form.gram), -1)
         if shared_row is None:
             shared_row = np.full(self.shared, -1)
-        return BlockMatrices(inner, across, form, form_row, shared_row, self.number)
+        return BlockMatrices(inner, across, form, form_row, shared_row, data, self.number)
+
+    @property
+    def data_beside_own(self) -> Data:
+        """The residual's products once the own unknowns are integrated out."""
+        if not len(self.own):
+            return self.data
+        columns, form, energy = self.data
+        solved = cho_solve(self.unknowns.factor, self.own_data)
+        return Data(
+            columns - solved @ self.own,
+            form - solved @ self.unknowns.own_form,
+            energy - float(solved @ self.own_data),
+        )
 
     def _over(self, variance: float) -> Products:
         """Return the products in the metric of noise of so many times the variance."""
         u = self.unknowns
-        gram, form, own = (part / variance for part in (self.gram, self.form, self.own))
+        gram, form, own, own_data = (
+            part / variance for part in (self.gram, self.form, self.own, self.own_data)
+        )
         unknowns = Unknowns(*(part / variance for part in (u.own, u.own_form, u.form)))
-        return replace(self, gram=gram, form=form, own=own, unknowns=unknowns)
+        columns, in_form, energy = self.data
+        data = Data(columns / variance, in_form / variance, energy / variance)
+        return replace(self, gram=gram, form=form, own=own, unknowns=unknowns, data=data, own_data=own_data)
 
 
 def _across(rows: Array, columns: Sequence[Array]) -> Array:
@@ -222,8 +287,9 @@ def _across(rows: Array, columns: Sequence[Array]) -> Array:
 class BlockMatrices:
     """Inner products of one block in the metric of its noise and its own unknowns.
 
-    ``[X, T, r, A]`` are the candidates' columns, the tolerances', the residual and errors of form that all
-    blocks share: what a simulation leaves out in one condition it leaves out in the next.
+    ``[X, T, A]`` are the candidates' columns, the tolerances' and errors of form that all blocks share: what
+    a simulation leaves out in one condition it leaves out in the next. The residual's products stand apart:
+    where it alone is new, all else is the same object.
 
     Attributes
     ----------
@@ -236,6 +302,8 @@ class BlockMatrices:
         Place in `Form.loads` of each column's term; -1 where one size holds for all.
     shared_row : ndarray of int, shape (shared,)
         Term of each column of the shared errors of form, the last ones; -1 where it is of none.
+    data : Data
+        Of the residual.
     number : int
         Real numbers in the stack.
     """
@@ -245,10 +313,22 @@ class BlockMatrices:
     of_form: FormGram
     form_row: NDArray[np.intp]
     shared_row: NDArray[np.intp]
+    data: Data
     number: int
     _taken: dict[float | tuple[float, ...], tuple[Array, float]] = field(
         init=False, default_factory=dict, repr=False
     )
+
+    def with_data(self, data: Data) -> BlockMatrices:
+        """Return the matrices of another residual."""
+        new = replace(self, data=data)
+        new._taken.update(self._taken)
+        return new
+
+    def some(self, columns: NDArray[np.intp]) -> BlockMatrices:
+        """Return the matrices of some columns of ``[X, T, A]``, in this order."""
+        data = self.data._replace(columns=self.data.columns[columns])
+        return replace(self, gram=self.gram[np.ix_(columns, columns)], form=self.form[:, columns], data=data)
 
     @property
     def form_power(self) -> Array:
@@ -270,13 +350,21 @@ class BlockMatrices:
 
     @property
     def count(self) -> int:
-        """Columns of candidates, tolerances and the residual."""
+        """Columns of candidates and tolerances."""
         return len(self.gram) - len(self.shared_row)
 
     def at_loads(self, error: float | tuple[float, ...]) -> Array:
         """Return all inner products less what an error of form takes, shape (n, n)."""
         across, _ = self.taken(error)
         return self.gram - across.T @ across
+
+    def data_at_loads(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
+        """Return the residual's products with ``[X, T, A]`` and itself, less what an error of form takes."""
+        lower, size, at = self.factor(error)
+        own = size * backward(lower, forward(lower, (size * self.data.form[at])[:, None]))[:, 0]
+        spread = np.zeros(len(self.form))
+        spread[at] = own
+        return self.data.columns - spread @ self.form, self.data.energy - float(spread @ self.data.form)
 
     def taken(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
         """Return what an error of form takes off all products, as a root; the last one is kept.

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from freqid.core.arrays import Array
+from freqid.gap.infer.at_form import Kept
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.columns import Columns, Parts
 from freqid.gap.infer.evidence import Estimate
@@ -53,16 +54,17 @@ def build(
     """
     found, not_tested = candidates(library, blocks, known)
     at, parts, common = _straight(blocks, found, library, sizes, last, quiet=known is None)
-    system = replace(at.system, form_errors=(common,), _reduced={})
+    system = replace(at.system, form_errors=(common,), _kept=Kept())
     at = at_their_size(replace(at, system=down_to_seen(system)))
     parts = side_by_side(blocks[0].trial.simulation, Parts.second_order, parts)
     terms = _terms(parts)
     start = of_all(terms, at.columns[0].form_names, common)
     largest = dict(zip(terms, reach(start).tolist(), strict=True))
     columns = [c.with_form(p.fewer(largest), terms) for c, p in zip(at.columns, parts, strict=True)]
-    forms = likely_forms(replace(at.system, blocks=[c.matrices for c in columns]), terms, start)
+    wider = replace(at.system, blocks=[c.matrices for c in columns], _kept=Kept())
+    forms = likely_forms(wider, terms, start)
     columns = [c.kept(forms) for c in columns]
-    system = replace(at.system, blocks=[c.matrices for c in columns], form_errors=forms, _reduced={})
+    system = replace(at.system, blocks=[c.matrices for c in columns], form_errors=forms, _kept=Kept())
     return replace(at, system=system, columns=columns), not_tested
 
 
@@ -172,7 +174,8 @@ def _told_apart(system: System, columns: Sequence[Columns]) -> tuple[System, lis
     parts = [system.columns_of(i) for i in kept]
     new = [c.with_effects(parts) for c in columns]
     candidates = [system.candidates[i] for i in kept]
-    return replace(system, candidates=candidates, blocks=[c.matrices for c in new]), new
+    blocks = [c.matrices for c in new]
+    return replace(system, candidates=candidates, blocks=blocks, _kept=Kept()), new
 
 
 def _terms(parts: Sequence[Parts]) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_solve
 
 from freqid.core.arrays import Array, Complex
+from freqid.gap.infer.at_form import Kept
 from freqid.gap.infer.block_matrices import SEEN, BlockMatrices, Form, Products, backward, forward
 from freqid.gap.infer.evidence import weigh
 from freqid.gap.infer.system import System
@@ -130,7 +131,7 @@ class Parts:
         system, products = self._alone(rows, found)
         best, chosen = -np.inf, 1.0
         for scale in NOISE_SCALES:  # as long as the evidence rises
-            evidence = weigh(replace(system, blocks=[products.matrices(scale)], _reduced={}), once=True)
+            evidence = weigh(replace(system, blocks=[products.matrices(scale)], _kept=Kept()), once=True)
             total = evidence.log_none + np.logaddexp(0.0, evidence.statistic)
             total -= products.number * np.log(scale)
             if total < best:
@@ -210,7 +211,7 @@ class Columns:
     @property
     def _parts(self) -> tuple[Array, ...]:
         """All columns of which products are needed, in the order of the matrices."""
-        return self.effects, self.tolerances, self.residual[None], self.shared
+        return self.effects, self.tolerances, self.shared
 
     @property
     def _count(self) -> int:
@@ -267,9 +268,11 @@ class Columns:
 
     def with_residual(self, residual: Array) -> Columns:
         """Return these columns beside another residual, shape (number,)."""
-        kept = np.arange(self._count)
-        kept[len(self.effects) + len(self.tolerances)] = -1
-        return self._after(replace(self, residual=residual), kept)
+        new = replace(self, residual=residual)
+        products = self.products.with_residual(residual, self._parts, self.own, self.form)
+        new.__dict__["products"] = products
+        new.__dict__["matrices"] = self.matrices.with_data(products.data_beside_own)
+        return new
 
     def with_slopes(self, sigmas: Complex, tolerances: Array, own: Array) -> Columns:
         """Return these columns with other ones of tolerances and of the record's own unknowns.
@@ -286,11 +289,11 @@ class Columns:
 
     def _after(self, new: Columns, kept: NDArray[np.intp]) -> Columns:
         """Return other columns, with these' inner products of those that are kept; -1 for each new one."""
-        parts, fresh = new._parts, np.flatnonzero(kept < 0)
-        products = self.products.rearranged(kept).with_columns(fresh, parts, new.own, new.form)
-        new.__dict__["products"] = (
-            products if new.own is self.own else products.beside(new.own, parts, new.form)
-        )
+        parts, residual = new._parts, new.residual
+        products = self.products.with_columns(kept, parts, residual, self.own, new.form)
+        if new.own is not self.own:
+            products = products.beside(new.own, parts, residual, new.form)
+        new.__dict__["products"] = products
         return new
 
     def likeliest_own(self, left: Array, form_error: Form) -> Array:

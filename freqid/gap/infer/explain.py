@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from freqid.core.arrays import Array
+from freqid.gap.infer.at_form import Reduced
 from freqid.gap.infer.evidence import (
     BEHIND,
     FINALISTS,
@@ -21,7 +22,7 @@ from freqid.gap.infer.evidence import (
 from freqid.gap.infer.forms import forms_beside
 from freqid.gap.infer.joint_sizes import as_sums, joint_estimates, slopes
 from freqid.gap.infer.linearise import Linearised
-from freqid.gap.infer.system import Reduced, System
+from freqid.gap.infer.system import System
 from freqid.gap.infer.weighing import log_mean
 from freqid.gap.model.candidate import OTHER
 from freqid.gap.settings import INTERVAL, MOST_ROUNDS, SEPARATE, SETTLED
@@ -288,11 +289,9 @@ def _promised(system: System, explanation: Explanation) -> float:
     about = system.about
     if about is None or {i for i, _ in about.acting} != set(explanation.places):
         return 0.0
-    few = system.of(explanation.places)
-    weights = np.concatenate([e.weights for e in explanation.estimates])
-    own = few.own_tolerances(range(len(few.candidates)))
-    fitted = few.likeliest_tolerances(few.tolerance_rows(about.form_error), weights, own)
-    return max(about.misfit - few.misfit(about.form_error, fitted, weights), 0.0)
+    weights, own = explanation.weights(system), system.own_tolerances(explanation.places)
+    fitted = system.likeliest_tolerances(about.form_error, weights, own)
+    return max(about.misfit - system.misfit(about.form_error, fitted, weights), 0.0)
 
 
 def _near(evidence: Evidence, there: Sequence[tuple[int, Estimate]]) -> list[Reduced]:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
+from freqid.gap.infer.at_form import Kept
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.evidence import directions, weigh
 from freqid.gap.infer.system import System
@@ -144,7 +145,7 @@ def _alike(system: System) -> tuple[float, ...]:
 
 def _with_any(system: System, forms: Sequence[Form]) -> float:
     """Return the log evidence of errors of form with no effect or any."""
-    evidence = weigh(replace(system, form_errors=tuple(forms), _reduced={}), once=True)
+    evidence = weigh(replace(system, form_errors=tuple(forms), _kept=Kept()), once=True)
     return evidence.log_none + float(np.logaddexp(0.0, evidence.statistic))
 
 

@@ -21,13 +21,14 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError, ImpossibleSettings
+from freqid.gap.infer.at_form import Kept
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import Evidence, weigh, weights_of
 from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.infer.system import About, System
 from freqid.gap.infer.together import Acting, Point
-from freqid.gap.model.candidate import Candidate
+from freqid.gap.model.candidate import OTHER, Candidate
 from freqid.gap.model.candidates import recomputed
 from freqid.gap.model.tolerance import own_departures, record_columns, tolerance_columns
 from freqid.gap.settings import FARTHEST, MOST_ROUNDS, SETTLED
@@ -82,15 +83,31 @@ class Linearised:
                 for i, c in enumerate(candidates)
             ]
             new.append(old.with_effects(parts))
-        made = replace(system, candidates=candidates, blocks=[c.matrices for c in new], _reduced={})
+        made = replace(system, candidates=candidates, blocks=[c.matrices for c in new], _kept=Kept())
         return replace(self, system=made, columns=new)
 
-    def redrawn(self, places: Sequence[int]) -> Linearised:
-        """Return the model in which some candidates have the columns of blocks as these are drawn."""
-        new = list(self.system.candidates)
+    def redrawn(self, places: Sequence[int], *, first_order: bool = False) -> Linearised:
+        """Return the model in which some candidates have the columns of blocks as these are drawn.
+
+        Of the simulation's own parameters these are the slopes of their tolerances. `first_order` as in
+        `change`: enough to weigh effects, of which those that lead are replayed in full.
+        """
+        new, names = list(self.system.candidates), self.system.tolerances
         for i in places:
-            new[i] = replace(new[i], columns=recomputed(new[i], self.effects, self.blocks))
+            c = new[i]
+            if c.effect == OTHER and c.kind == "scalar":
+                k = names.index(c.place.label)
+                made = [b.sigmas[k : k + 1] for b in self.columns]
+            else:
+                made = recomputed(c, self.effects, self.blocks, first_order=first_order)
+            new[i] = replace(c, columns=made)
         return self.rebuilt(new) if places else self
+
+    def all_redrawn(self) -> Linearised:
+        """Return the model in which all candidates have the columns of blocks as these are drawn."""
+        lead = _leading(self.evidence)
+        others = [i for i in range(len(self.system.candidates)) if i not in lead]
+        return self.redrawn(others, first_order=True).redrawn(lead)
 
     def without_effects(self) -> Linearised:
         """Return the model with no candidates."""
@@ -109,7 +126,9 @@ class Linearised:
             return self._straightened(*pair, fitted, acting, form_error, anew)
 
         new = self._by_block(there)
-        system = replace(self.system, blocks=[c.matrices for c in new], _reduced={})
+        blocks = [c.matrices for c in new]
+        system = self.system
+        system = replace(system, blocks=blocks, _kept=Kept()) if anew else system.with_data(blocks)
         acting = [(i, replace(e, candidate=system.candidates[i])) for i, e in acting]  # as it is drawn now
         about = About(fitted, acting, form_error, _misfit(system, form_error, fitted, acting))
         return replace(self, system=replace(system, about=about), columns=new)
@@ -128,8 +147,7 @@ class Linearised:
             """Return the likeliest tolerances beside effects; sizes have those of their parameters."""
             system = here.system
             own = system.own_tolerances(i for i, _ in acting)
-            rows = system.tolerance_rows(form_error)
-            return system.likeliest_tolerances(rows, weights_of(system, acting), own)
+            return system.likeliest_tolerances(form_error, weights_of(system, acting), own)
 
         def asked(fitted: Array, acting: Acting) -> tuple[float, Linearised | None]:
             """Return how unlikely the data are there, and lines that are right there."""
@@ -273,7 +291,7 @@ class Linearised:
         own = own_departures(self.blocks[0].trial, self.sizes)
         system = replace(self.system, form_errors=(form_error,))
         beside = weights_of(system, _likeliest_alone(weigh(system))) if weights is None else weights
-        fitted = system.likeliest_tolerances(system.tolerance_rows(form_error), beside)
+        fitted = system.likeliest_tolerances(form_error, beside)
         found: dict[str, float] = {}
         for key, x in zip(system.tolerances, np.clip(fitted, -FARTHEST, FARTHEST).tolist(), strict=True):
             for name, sigma in own.get(key, {}).items():
@@ -330,11 +348,8 @@ class Linearised:
         """Return the log evidence of what acts; of the likeliest effect where absent."""
         system = replace(self.system, form_errors=(form_error,))
         acting = _likeliest_alone(weigh(system)) if acting is None else acting
-        if not acting:
-            return system.of([]).reduced(form_error).log_evidence
-        few = system.of([i for i, _ in acting]).reduced(form_error)
-        w = np.concatenate([weights_of(system, [one])[system.columns_of(one[0])] for one in acting])
-        return few.log_evidence + float(w @ few.g - 0.5 * w @ few.G @ w)
+        reduced, w = system.reduced(form_error), weights_of(system, acting)
+        return reduced.log_evidence + float(w @ reduced.g - 0.5 * w @ reduced.G @ w)
 
 
 def _weighed(system: System, form_error: Form) -> Evidence:
@@ -355,8 +370,7 @@ def _likelier_of(one: Linearised, other: Linearised, form_error: Form) -> Linear
 
 def _misfit(system: System, form_error: Form, tolerances: Array, acting: Acting) -> float:
     """Return how unlikely data and tolerances are where some effects act."""
-    few = system.of([i for i, _ in acting])
-    return few.misfit(form_error, tolerances, weights_of(few, [(k, e) for k, (_, e) in enumerate(acting)]))
+    return system.misfit(form_error, tolerances, weights_of(system, acting))
 
 
 def _same(before: Acting, after: Acting) -> bool:

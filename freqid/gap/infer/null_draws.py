@@ -106,8 +106,8 @@ def drawn(
         inside = z[n : n + few]
         if f.shared:
             inside = np.concatenate([inside, system.blocks[0].shared_sizes(f)[:, None] * z[n + few :]])
-        rows = system.tolerance_rows(f)[:-1]
-        factor = cho_factor(np.eye(len(inside)) + rows[:, n:-1])
+        rows = system.metric(f).gram[n:]
+        factor = cho_factor(np.eye(len(inside)) + rows[:, n:])
         solved = cho_solve(factor, inside)
         log = log + 0.5 * (inside * solved).sum(axis=0) - float(np.log(np.diag(factor[0])).sum())
         log = log + f.log_prior
@@ -125,12 +125,7 @@ def _at_loads(
     across, determinant = block.taken(error)
     projected = forward(lower, size[:, None] * form[at])
     log = 0.5 * (projected**2).sum(axis=0) - determinant
-    return inner - _without_residual(block, across).T @ projected, log
-
-
-def _without_residual(block: BlockMatrices, columns: Array) -> Array:
-    """Return columns, the last axis, without that of the residual."""
-    return np.delete(columns, block.count - 1, axis=-1)
+    return inner - across.T @ projected, log
 
 
 def statistics_of(evidence: Evidence, data: Mapping[Form, Drawn]) -> Array:
@@ -164,8 +159,7 @@ def _sampled(
     `own` is each draw's error of form; `shared` are the tolerances and the errors of form that are the same
     in all blocks.
     """
-    gram = _without_residual(block, _without_residual(block, block.gram).T)
-    form, count = _without_residual(block, block.form), shared.shape[1]
+    gram, form, count = block.gram, block.form, shared.shape[1]
     whole = np.block([[gram, form.T], [form, block.of_form.gram]])
     scale = np.sqrt(np.maximum(np.diag(whole), np.finfo(float).tiny ** 0.5))
     factor, order, rank, _ = dpstrf(whole / scale[:, None] / scale)  # pivoted: columns may repeat each other

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from freqid.core.arrays import Array
+from freqid.gap.infer.at_form import AtForm, DataAt, Kept, OwnProducts, Posterior, Reduced
 from freqid.gap.infer.block_matrices import (
     BlockMatrices,
     Form,
@@ -29,109 +30,6 @@ from freqid.gap.model.candidate import Candidate
 
 if TYPE_CHECKING:
     from freqid.gap.infer.evidence import Estimate
-
-_FREE = 1e-9  # of a free column's energy: what is left of it
-
-
-class Posterior(NamedTuple):
-    """What the data say of the tolerances, in sigmas.
-
-    Attributes
-    ----------
-    mean : ndarray, shape (tolerance, ...)
-        Without an effect.
-    slopes : ndarray, shape (tolerance, column)
-        By which it is less for each column in the data.
-    variance : ndarray, shape (tolerance,)
-    """
-
-    mean: Array
-    slopes: Array
-    variance: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Reduced:
-    """Candidates in the metric of noise, unknowns, form and tolerances, at one error of form.
-
-    Attributes
-    ----------
-    G : ndarray, shape (column, column)
-    g : ndarray, shape (column,)
-        Of the residual.
-    log_evidence : float
-        Of no effect, less what all sizes of form have in common.
-    posterior : Posterior
-    tolerance_rows : ndarray, optional
-        Of `System.tolerance_rows`, where these were made on the way.
-    """
-
-    G: Array
-    g: Array
-    log_evidence: float
-    posterior: Posterior
-    tolerance_rows: Array | None = None
-
-    def own(self, layout: Sequence[NDArray[np.intp]]) -> list[Array]:
-        """Return each candidate's inner products alone; `layout` as in `OwnProducts`."""
-        return [self.G[c[:, :, None], c[:, None, :]] for c in layout]
-
-    def freed(self, directions: Array) -> Reduced:
-        """Return what is left once weights of columns are free, shape (freed, column).
-
-        The log evidence is that at their likeliest size.
-        """
-        across, projected = directions @ self.G, directions @ self.g
-        own = across @ directions.T
-        size = np.sqrt(np.maximum(np.diag(own), np.finfo(float).tiny))  # each counts alike, however small
-        across, projected = across / size[:, None], projected / size
-        own = own / size[:, None] / size + _FREE * np.eye(len(own))
-        solved = np.linalg.solve(own, np.concatenate([across, projected[:, None]], axis=1))
-        mean, slopes, variance = self.posterior
-        moved = slopes @ (directions / size[:, None]).T
-        return Reduced(
-            self.G - across.T @ solved[:, :-1],
-            self.g - across.T @ solved[:, -1],
-            self.log_evidence + 0.5 * float(projected @ solved[:, -1]),
-            Posterior(
-                mean - moved @ solved[:, -1],
-                slopes - moved @ solved[:, :-1],
-                variance + (moved * np.linalg.solve(own, moved.T).T).sum(axis=1),
-            ),
-        )
-
-    def given(self, weights: Array) -> Reduced:
-        """Return what is left once some weights of columns are known to be in the data."""
-        moved = self.G @ weights
-        log = self.log_evidence + float(weights @ self.g - 0.5 * weights @ moved)
-        known = self.posterior
-        known = known._replace(mean=known.mean - known.slopes @ weights)
-        return Reduced(self.G, self.g - moved, log, known)
-
-
-@dataclass(frozen=True, eq=False)
-class OwnProducts:
-    """The part of `Reduced` that Bayes factors of single candidates need: a hundredth of it.
-
-    Attributes
-    ----------
-    products : list of ndarray, shape (candidate, column, column)
-        Inner products of each candidate's columns, candidates of the same number of columns together.
-    g : ndarray, shape (column,)
-        Of the residual, of all candidates.
-    log_evidence : float
-    posterior : Posterior
-        As in `Reduced`.
-    """
-
-    products: list[Array]
-    g: Array
-    log_evidence: float
-    posterior: Posterior
-
-    def own(self, layout: Sequence[NDArray[np.intp]]) -> list[Array]:
-        """Return `products`; `layout`, columns of shape (candidate, column), is what they were made for."""
-        return self.products
 
 
 class About(NamedTuple):
@@ -173,7 +71,7 @@ class System:
     blocks: list[BlockMatrices]
     form_errors: tuple[Form, ...]
     about: About | None = None
-    _reduced: dict[Form, Reduced] = field(default_factory=dict, repr=False)
+    _kept: Kept = field(default_factory=Kept, repr=False)
 
     @cached_property
     def start(self) -> NDArray[np.intp]:
@@ -201,15 +99,43 @@ class System:
     def only(self, blocks: Sequence[int]) -> System:
         """Return the stack of some blocks."""
         kept = [b for i, b in enumerate(self.blocks) if i in blocks]
-        return replace(self, blocks=kept, _reduced={})
+        return replace(self, blocks=kept, _kept=Kept())
 
     def of(self, candidates: Sequence[int]) -> System:
         """Return the stack with some of the candidates."""
         own = self.places(candidates) if len(candidates) else np.zeros(0, dtype=np.intp)
         kept = np.concatenate([own, np.arange(self.columns, len(self.blocks[0].gram))])
-        blocks = [replace(b, gram=b.gram[np.ix_(kept, kept)], form=b.form[:, kept]) for b in self.blocks]
         few = [self.candidates[i] for i in candidates]
-        return replace(self, candidates=few, blocks=blocks, about=self._about_only(candidates), _reduced={})
+        return replace(
+            self,
+            candidates=few,
+            blocks=[b.some(kept) for b in self.blocks],
+            about=self._about_only(candidates),
+            _kept=self._made_of(kept, len(own), len(self.tolerances)),
+        )
+
+    def with_data(self, blocks: list[BlockMatrices]) -> System:
+        """Return the stack of the same columns with other data."""
+        return replace(self, blocks=blocks, _kept=Kept(self._kept.metric))
+
+    def _made_of(
+        self,
+        kept: NDArray[np.intp],
+        candidates: int,
+        tolerances: int,
+        at: NDArray[np.intp] | None = None,
+        weights: Array | None = None,
+    ) -> Kept:
+        """Return what was made so far of some columns, by place; others taken off the data at weights."""
+        metric, data = {}, {}
+        for f, one in self._kept.metric.items():
+            chosen = kept[kept < len(one.gram)]
+            metric[f] = one.some(chosen, candidates, tolerances)
+            seen = self._data(f)
+            if at is not None and weights is not None:
+                seen = seen.less(one.gram, at, weights)
+            data[f] = DataAt(seen.columns[chosen], seen.energy)
+        return Kept(metric, data)
 
     def _about_only(self, candidates: Sequence[int]) -> About | None:
         """Return where lines were made straight, effects by their places among some candidates."""
@@ -250,71 +176,75 @@ class System:
         """
         if not departures:
             return self
-        at = self.columns + np.array(list(departures), dtype=np.intp)
-        sigmas = np.array(list(departures.values()))
+        gone = self.columns + np.array(list(departures), dtype=np.intp)
+        at, sigmas = gone, np.array(list(departures.values()))
         if weights is not None:
             at, sigmas = np.concatenate([np.arange(self.columns), at]), np.concatenate([-weights, sigmas])
         names = tuple(n for k, n in enumerate(self.tolerances) if k not in departures)
+        kept = np.delete(np.arange(len(self.blocks[0].gram)), gone)
         blocks = []
         for b in self.blocks:
-            gram, form, last = b.gram.copy(), b.form.copy(), b.count - 1
-            form[:, last] -= form[:, at] @ sigmas
-            gram[last] -= sigmas @ gram[at]
-            gram[:, last] -= gram[:, at] @ sigmas
-            kept = np.delete(np.arange(len(gram)), self.columns + np.array(list(departures)))
-            blocks.append(replace(b, gram=gram[np.ix_(kept, kept)], form=form[:, kept]))
+            less = DataAt(b.data.columns, b.data.energy).less(b.gram, at, sigmas)
+            data = b.data._replace(
+                columns=less.columns, form=b.data.form - b.form[:, at] @ sigmas, energy=less.energy
+            )
+            blocks.append(b.with_data(data).some(kept))
+        made = self._made_of(kept, self.columns, len(names), at, sigmas)
         about = self.about
         if about is not None:
             about = about._replace(tolerances=np.delete(about.tolerances, list(departures)))
-        return replace(self, tolerances=names, blocks=blocks, about=about, _reduced={})
+        return replace(self, tolerances=names, blocks=blocks, about=about, _kept=made)
 
     def inside(self, form_error: Form) -> tuple[NDArray[np.intp], Array]:
-        """Return which products an error of form needs, of ``[X, T, A, r]``, and how large each column is.
+        """Return which of ``[X, T, A]`` an error of form needs, and how large each column is.
 
         Shared errors of form are one more kind of tolerances.
         """
         block = self.blocks[0]
-        last = block.count - 1
         if not form_error.shared:
             return np.arange(block.count), np.ones(block.count)
-        at = np.concatenate([np.arange(last), np.arange(block.count, len(block.gram)), [last]])
-        size = np.ones(len(at))
-        size[last:-1] = block.shared_sizes(form_error)
-        return at, size
+        size = np.ones(len(block.gram))
+        size[block.count :] = block.shared_sizes(form_error)
+        return np.arange(len(size)), size
+
+    def metric(self, form_error: Form) -> AtForm:
+        """Return the stack at one error of form, whatever the data are; made once."""
+        made = self._kept.metric
+        if form_error not in made:
+            gram, half = self._rows(form_error, 0)
+            made[form_error] = AtForm(gram, self.columns, len(self.tolerances), half)
+        return made[form_error]
 
     def gram(self, form_error: Form) -> Array:
         """Return the inner products of all blocks before tolerances are integrated out.
 
         Of ``[X, T, A, r]``, shared errors at their size; without A where they have none.
         """
-        return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks], 0)[0]
-
-    def tolerance_rows(self, form_error: Form) -> Array:
-        """Return inner products of ``[T, A, r]`` with ``[X, T, A, r]``: the last rows of `gram`."""
-        made = self._reduced.get(form_error)
-        if made is not None and made.tolerance_rows is not None:
-            return made.tolerance_rows
-        return self._rows(form_error, [b.taken(form_error.loads) for b in self.blocks], self.columns)[0]
+        inner, data = self.metric(form_error).gram, self._data(form_error)
+        return np.block([[inner, data.columns[:, None]], [data.columns[None], np.array([[data.energy]])]])
 
     def likeliest_tolerances(
-        self, rows: Array, weights: Array | None = None, without: Sequence[int] = ()
+        self, form_error: Form, weights: Array | None = None, without: Sequence[int] = ()
     ) -> Array:
         """Return the likeliest departures of the tolerances, in sigmas, shape (tolerance,).
 
         Parameters
         ----------
-        rows : ndarray
-            Inner products at an error of form, of `tolerance_rows`.
+        form_error : Form
         weights : ndarray, shape (column,), optional
             Of the candidates' columns, of what is in the data besides.
         without : sequence of int
             Tolerances, by place, that do not depart.
         """
-        n, rows = self.columns, rows[:-1]
-        left = rows[:, -1] if weights is None else rows[:, -1] - rows[:, :n] @ weights
+        n, metric, left = self.columns, self.metric(form_error), self._data(form_error).columns
+        rows = metric.gram[n:]
+        left = left[n:] if weights is None else left[n:] - rows[:, :n] @ weights
+        if not len(without):
+            inverse, _ = metric.inverse
+            return (inverse.T @ (inverse @ left))[: len(self.tolerances)]
         free = np.delete(np.arange(len(rows)), list(without))
         found = np.zeros(len(rows))
-        inside = np.eye(free.size) + rows[:, n:-1][np.ix_(free, free)]
+        inside = np.eye(free.size) + rows[:, n:][np.ix_(free, free)]
         found[free] = cho_solve(cho_factor(inside), left[free])
         return found[: len(self.tolerances)]
 
@@ -331,25 +261,19 @@ class System:
         weights : ndarray, shape (column,)
             Of the candidates' columns.
         """
-        gram, gone = self.gram(form_error), np.concatenate([weights, tolerances])
-        n = gone.size
-        left = gram[:, -1] - gram[:, :n] @ gone
-        alike = left[n:-1]
-        energy = left[-1] - gone @ left[:n]
-        energy -= alike @ np.linalg.solve(np.eye(alike.size) + gram[n:-1, n:-1], alike)
+        metric, gone = self.metric(form_error), np.concatenate([weights, tolerances])
+        left = self._data(form_error).less(metric.gram, slice(gone.size), gone)
+        alike, energy = left.columns[gone.size :], left.energy
+        if alike.size:
+            energy -= float(alike @ cho_solve(metric.alike, alike))
         return 0.5 * float(energy + tolerances @ tolerances)
 
     def reduced(self, form_error: Form) -> Reduced:
         """Return the small matrices at one error of form, made once."""
-        if form_error not in self._reduced:
-            taken = [b.taken(form_error.loads) for b in self.blocks]
-            gram, determinant = self._rows(form_error, taken, 0)
-            n = self.columns
-            rows = gram[n:].copy()  # a view would keep all of it
-            across, g, log_evidence, known = self._without_tolerances(rows, determinant)
-            G = gram[:n, :n] - across.T @ across
-            self._reduced[form_error] = Reduced(G, g, log_evidence, known, rows)
-        return self._reduced[form_error]
+        made = self._kept.reduced
+        if form_error not in made:
+            made[form_error] = self.metric(form_error).with_data(self._data(form_error))
+        return made[form_error]
 
     def own_products(self, form_error: Form, layout: Sequence[NDArray[np.intp]]) -> OwnProducts:
         """Return each candidate's own inner products at an error of form.
@@ -362,17 +286,22 @@ class System:
         layout : sequence of ndarray of int, shape (candidate, column)
             Columns of the candidates, those of the same number of columns together.
         """
-        if form_error in self._reduced:
+        if form_error in self._kept.reduced or form_error in self._kept.metric:
             reduced = self.reduced(form_error)
             return OwnProducts(reduced.own(layout), reduced.g, reduced.log_evidence, reduced.posterior)
-        taken = [b.taken(form_error.loads) for b in self.blocks]
-        rows, determinant = self._rows(form_error, taken, self.columns)
-        across, g, log_evidence, known = self._without_tolerances(rows, determinant)
-        own = []
+        n, tolerances = self.columns, len(self.tolerances)
+        rows, half = self._rows(form_error, self.columns)
+        data = self._data_of_blocks(form_error)
+        inverse, more = rooted(rows[:, n:])
+        across, projected = inverse @ rows[:, :n], inverse @ data.columns[n:]
+        stated, own = inverse[:, :tolerances], []
         for c in layout:
             products = self._before_form[c[:, :, None], c[:, None, :]]
-            own.append(products - sum(_squared(t, c) for t, _ in taken) - _squared(across, c))
-        return OwnProducts(own, g, log_evidence, known)
+            taken = sum(_squared(b.taken(form_error.loads)[0], c) for b in self.blocks)
+            own.append(products - taken - _squared(across, c))
+        known = Posterior(stated.T @ projected, stated.T @ across, (stated**2).sum(axis=0))
+        log_evidence = -0.5 * (data.energy - float(projected @ projected)) - half - more
+        return OwnProducts(own, data.columns[:n] - across.T @ projected, log_evidence, known)
 
     def beside(self, directions: Array) -> System:
         """Return the stack without candidates, some effects one more kind of tolerances.
@@ -408,14 +337,18 @@ class System:
         n = self.columns
         columns, sizes = self.inside(form_error)
         kept, scale = columns[n:], sizes[n:]
-        gram, parts, determinant = np.zeros((len(kept),) * 2), [], 0.0
+        gram, parts, determinant = np.zeros((len(kept) + 1,) * 2), [], 0.0
         for b in self.blocks:
-            form = b.form[:, kept] * scale
+            form = np.concatenate([b.form[:, kept] * scale, b.data.form[:, None]], axis=1)
             lower, own_size, at = b.factor(form_error.loads, once=True)
             taken = forward(lower, own_size[:, None] * form[at])
-            gram += b.gram[np.ix_(kept, kept)] * scale[:, None] * scale - taken.T @ taken
+            gram[:-1, :-1] += b.gram[np.ix_(kept, kept)] * scale[:, None] * scale
+            gram[:-1, -1] += b.data.columns[kept] * scale
+            gram[-1, -1] += b.data.energy
+            gram -= taken.T @ taken
             determinant += half_determinant(lower)
             parts.append((b, form, lower, at, taken))
+        gram[-1, :-1] = gram[:-1, -1]
         inverse, half = rooted(gram[:-1, :-1])
         own = inverse @ gram[:-1, -1]
         fitted = inverse.T @ own
@@ -432,7 +365,7 @@ class System:
             np.add.at(slope, b.form_row, each)
             np.add.at(information, b.form_row[at], 2 * power**2)
         if form_error.shared:  # columns beside the tolerances, of which W' C^-1 W = 1 - (1 + W' W)^-1
-            alike, row = slice(len(self.tolerances), len(kept) - 1), self.blocks[0].shared_row
+            alike, row = slice(len(self.tolerances), len(kept)), self.blocks[0].shared_row
             power = 1 - (inverse[:, alike] ** 2).sum(axis=0)
             np.add.at(slope, row, fitted[alike] ** 2 - power)
             np.add.at(information, row, 2 * power**2)
@@ -444,45 +377,30 @@ class System:
         """Inner products of all blocks before any error of form is integrated out."""
         return np.sum([b.gram for b in self.blocks], axis=0)
 
-    def _rows(
-        self, form_error: Form, taken: Sequence[tuple[Array, float]], first: int
-    ) -> tuple[Array, float]:
-        """Return inner products of ``[X, T, A, r]``, rows from a first one on, and half a log determinant."""
+    def _data(self, form_error: Form) -> DataAt:
+        """Return the data at one error of form, made once."""
+        made = self._kept.data
+        if form_error not in made:
+            made[form_error] = self._data_of_blocks(form_error)
+        return made[form_error]
+
+    def _data_of_blocks(self, form_error: Form) -> DataAt:
         at, size = self.inside(form_error)
-        whole = self._before_form[np.ix_(at[first:], at)]
-        for across, _ in taken:
+        each = [b.data_at_loads(form_error.loads) for b in self.blocks]
+        columns = np.sum([columns[at] for columns, _ in each], axis=0)
+        return DataAt(columns * size, float(sum(energy for _, energy in each)))
+
+    def _rows(self, form_error: Form, first: int) -> tuple[Array, float]:
+        """Return inner products of ``[X, T, A]``, rows from a first one on, and half a log determinant."""
+        at, size = self.inside(form_error)
+        whole, half = self._before_form[np.ix_(at[first:], at)], -form_error.log_prior
+        for b in self.blocks:
+            across, determinant = b.taken(form_error.loads)
             picked = across[:, at]
             whole -= picked[:, first:].T @ picked  # of all rows it is symmetric, and numpy makes half of it
+            half += determinant
         whole *= size[first:, None] * size
-        return whole, sum(half for _, half in taken) - form_error.log_prior
-
-    def _without_tolerances(self, rows: Array, determinant: float) -> tuple[Array, Array, float, Posterior]:
-        """Integrate out tolerances of one sigma each.
-
-        Parameters
-        ----------
-        rows : ndarray, shape (tolerance + 1, column + tolerance + 1)
-            Inner products of the tolerances and the residual, the last, with ``[X, T, r]``; shared errors of
-            form are among the tolerances.
-        determinant : float
-            Of what was integrated out before.
-
-        Returns
-        -------
-        across : ndarray, shape (tolerance, column)
-            Its square is what the candidates' inner products lose.
-        g : ndarray, shape (column,)
-        log_evidence : float
-        posterior : Posterior
-        """
-        n = self.columns
-        inside, last = rows[:-1, n:-1], rows[-1]
-        inverse, half = rooted(inside)
-        across, own = inverse @ rows[:-1, :n], inverse @ rows[:-1, -1]
-        energy = float(last[-1] - own @ own)
-        stated = inverse[:, : len(self.tolerances)]
-        known = Posterior(stated.T @ own, stated.T @ across, (stated**2).sum(axis=0))
-        return across, last[:n] - across.T @ own, -0.5 * energy - determinant - half, known
+        return whole, half
 
 
 def _moved(block: BlockMatrices, directions: Array, n: int) -> BlockMatrices:
@@ -494,7 +412,11 @@ def _moved(block: BlockMatrices, directions: Array, n: int) -> BlockMatrices:
     inner[:few, :few] = across[:, :n] @ directions.T
     inner[:few, few:] = across[:, n:]
     inner[few:, :few] = across[:, n:].T
-    return replace(block, gram=inner, form=np.concatenate([form[:, :n] @ directions.T, form[:, n:]], axis=1))
+    data = block.data._replace(
+        columns=np.concatenate([directions @ block.data.columns[:n], block.data.columns[n:]])
+    )
+    form = np.concatenate([form[:, :n] @ directions.T, form[:, n:]], axis=1)
+    return replace(block, gram=inner, form=form, data=data)
 
 
 def _squared(rows: Array, columns: NDArray[np.intp]) -> Array:

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
 from freqid.core.arrays import Array
+from freqid.gap.infer.at_form import OwnProducts, Reduced
 from freqid.gap.infer.block_matrices import Form
-from freqid.gap.infer.system import OwnProducts, Reduced, System
+from freqid.gap.infer.system import System
 
 Index = NDArray[np.intp]
 

@@ -238,18 +238,17 @@ def beyond_tolerance(
     return made
 
 
-def _departing(block: Block, own: Candidate) -> Complex:
-    """Return the column of one of the simulation's own parameters on one block."""
-    size = {own.place.label: float(own.sizes[0])}
-    return np.array([block.transform(change) for _, change in block.drawn.departing(size)])
-
-
-def recomputed(candidate: Candidate, library: Mapping[str, Effect], blocks: Sequence[Block]) -> list[Complex]:
-    """Return a candidate's columns on other blocks, shape (column, row, line) each."""
+def recomputed(
+    candidate: Candidate,
+    library: Mapping[str, Effect],
+    blocks: Sequence[Block],
+    *,
+    first_order: bool = False,
+) -> list[Complex]:
+    """Return a candidate's columns on other blocks, shape (column, row, line) each; as in `change`."""
     c = candidate
-    if c.effect == OTHER:
-        own = c.kind == "scalar"
-        return [_departing(b, c) if own else _free_changes(b, c.place.parameters) for b in blocks]
+    if c.effect == OTHER:  # its free changes: what its own parameters make are slopes of their tolerances
+        return [_free_changes(b, c.place.parameters) for b in blocks]
     vehicle = blocks[0].trial.maneuver.vehicle
     effect = library[c.effect].of(vehicle)
     before, after = ([(library[n].of(vehicle), x) for n, x in some] for some in (c.beside, c.after))
@@ -261,11 +260,13 @@ def recomputed(candidate: Candidate, library: Mapping[str, Effect], blocks: Sequ
         for k in range(c.sizes.size):
             if c.kind == "scalar":
                 at = partial(c.place.settings, force)
-                made.append(block.transform(trials.change(effect, at, float(c.sizes[k]))))
+                changed = trials.change(effect, at, float(c.sizes[k]), first_order=first_order)
+                made.append(block.transform(changed))
                 continue
             for share in _SHARES:
                 try:
-                    moved = change(effect, trials.before, c.settings(k, force, share))
+                    sizes = c.settings(k, force, share)
+                    moved = change(effect, trials.before, sizes, first_order=first_order)
                     made.append(block.transform(moved) / share)
                     break
                 except ImpossibleSettings:

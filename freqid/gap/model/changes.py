@@ -250,9 +250,14 @@ class Among(NamedTuple):
     about: float
 
     def change(
-        self, effect: Effect, settings: Callable[[float], Mapping[str, float]], size: float
+        self,
+        effect: Effect,
+        settings: Callable[[float], Mapping[str, float]],
+        size: float,
+        *,
+        first_order: bool = False,
     ) -> Histories:
-        """Return the change that an effect makes at a size, `settings` its parameters there.
+        """Return the change that an effect makes at a size, `settings` its parameters there; as `change`.
 
         At the size `about` it is the effect's own change: what acts after it has one of its own. Sizes near
         that differ from it by as much as they do with the later effects in force, as a delay does that is
@@ -260,7 +265,7 @@ class Among(NamedTuple):
         a part of it.
         """
         if self.all is self.before or not near(np.array(size), self.about):
-            return change(effect, self.before, settings(size))
+            return change(effect, self.before, settings(size), first_order=first_order)
         there, seen = (change(effect, trial, settings(self.about)) for trial in (self.before, self.all))
         return there + change(effect, self.all, settings(size)) - seen
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
 from freqid.gap.diagnose import Findings
+from freqid.gap.infer.at_form import Kept
 from freqid.gap.infer.block_matrices import BlockMatrices, Form
 from freqid.gap.infer.evidence import NONE, Estimate, Evidence, estimate
 from freqid.gap.infer.system import System
@@ -70,7 +71,7 @@ class RivalExplanations:
     def with_flight(self, flight: BlockMatrices) -> System:
         """Return the stack with one block more."""
         s = self.system
-        return replace(s, blocks=[*s.blocks, flight], _reduced={})
+        return replace(s, blocks=[*s.blocks, flight], _kept=Kept())
 
     @cached_property
     def tolerances(self) -> tuple[str, ...]:
@@ -220,21 +221,21 @@ def _part(system: System, columns: Mapping[int, Index]) -> System:
         c = system.candidates[i]
         chosen.append(replace(c, sizes=c.sizes[wanted], columns=[z[wanted] for z in c.columns]))
         at.append(int(system.start[i]) + wanted)
-    kept = np.concatenate([*at, np.arange(n, n + len(system.tolerances) + 1)])
-    return replace(system, candidates=chosen, blocks=[_kept(b, kept) for b in system.blocks], _reduced={})
+    kept = np.concatenate([*at, np.arange(n, n + len(system.tolerances))])
+    return replace(system, candidates=chosen, blocks=[_kept(b, kept) for b in system.blocks], _kept=Kept())
 
 
 def _with_tolerances(system: System, chosen: Index) -> System:
     """Return a stack with some of its tolerances alone."""
     n = system.columns
-    kept = np.concatenate([np.arange(n), n + chosen, [n + len(system.tolerances)]]).astype(int)
+    kept = np.concatenate([np.arange(n), n + chosen]).astype(int)
     names = tuple(system.tolerances[i] for i in chosen)
-    return replace(system, tolerances=names, blocks=[_kept(b, kept) for b in system.blocks], _reduced={})
+    return replace(system, tolerances=names, blocks=[_kept(b, kept) for b in system.blocks], _kept=Kept())
 
 
 def _kept(block: BlockMatrices, at: Index) -> BlockMatrices:
     at = np.concatenate([at, np.arange(block.count, len(block.gram))])  # and the shared errors of form
-    return replace(block, gram=block.gram[np.ix_(at, at)], form=block.form[:, at])
+    return block.some(at)
 
 
 def _weights(candidate: Candidate, size: Array) -> Array:

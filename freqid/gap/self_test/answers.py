@@ -17,10 +17,11 @@ from scipy.special import logsumexp
 
 from freqid.core.arrays import Array
 from freqid.core.results.gap_self_test import SEVERAL
+from freqid.gap.infer.at_form import Kept, Reduced
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.evidence import NONE, Evidence
 from freqid.gap.infer.null_draws import Drawn, drawn_from_posterior
-from freqid.gap.infer.system import Reduced, System
+from freqid.gap.infer.system import System
 from freqid.gap.infer.weighing import Weighing
 from freqid.gap.infer.which import Ranking, probability_of_none, rank
 from freqid.gap.model.candidate import OTHER
@@ -184,7 +185,9 @@ class Weighed:
             one = self.data[f]
             known = r.posterior._replace(mean=one.departures[:, k])
             reduced[f] = Reduced(r.G, one.g[: system.columns, k], float(self.none[i, k]), known)
-        return Evidence(Weighing(replace(system, _reduced=reduced)), self.none[:, k], self.places[:, :, k])
+        return Evidence(
+            Weighing(replace(system, _kept=Kept(reduced=reduced))), self.none[:, k], self.places[:, :, k]
+        )
 
     def without(self, effect: str) -> Weighed:
         """Return the same data weighed by a library that lacks an effect."""
@@ -204,7 +207,7 @@ def only_candidates(evidence: Evidence, left: Sequence[int]) -> Evidence:
         r = system.reduced(f)
         known = r.posterior._replace(slopes=r.posterior.slopes[:, at])
         reduced[f] = Reduced(r.G[np.ix_(at, at)], r.g[at], r.log_evidence, known)
-    here = replace(system.of(left), _reduced=reduced)
+    here = replace(system.of(left), _kept=Kept(reduced=reduced))
     return Evidence(Weighing(here), evidence.none, evidence.places[:, left])
 
 

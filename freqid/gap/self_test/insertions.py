@@ -13,6 +13,7 @@ import numpy as np
 
 from freqid.core.arrays import Array, Complex
 from freqid.core.errors import ImpossibleSettings
+from freqid.gap.infer.at_form import Kept
 from freqid.gap.infer.block_matrices import Form
 from freqid.gap.infer.columns import Columns
 from freqid.gap.infer.evidence import Evidence
@@ -226,4 +227,4 @@ def _extended(
     ]
     one = np.ones(len(made))
     last = Candidate("inserted", Place("", ()), "vector", one, one, each)
-    return replace(system, candidates=[*system.candidates, last], blocks=more, _reduced={})
+    return replace(system, candidates=[*system.candidates, last], blocks=more, _kept=Kept())

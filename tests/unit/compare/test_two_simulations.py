@@ -45,7 +45,7 @@ def _matrices(numbers, tolerances=3, own=2, form=4, draws=5, seed=0):
 
 def _difference(columns, own, form, tolerances=3, draws=5, size=0.5, wrong=None):
     wrong = np.zeros((tolerances, tolerances)) if wrong is None else wrong
-    made = Products.of(columns[:-1], columns[:0], columns[-1], own, form, columns[:0]).matrices()
+    made = Products.of(columns, columns[:0], columns[-1], own, form, columns[:0]).matrices()
     return difference_of([made], tolerances, draws, size, wrong)
 
 

@@ -120,7 +120,7 @@ def test_what_needs_what_is_not_there_is_not_tested(found):
 def test_a_vector_is_recomputed_where_one_sigma_of_it_is_no_body(blocks, monkeypatch):
     """As a moment of inertia that exceeds the sum of the other two: the opposite sign will do."""
 
-    def only_less(effect, trial, settings):
+    def only_less(effect, trial, settings, *, first_order):
         if settings.get("a", 0.0) > 0:
             raise ImpossibleSettings("no body")
         return trial.rows(sum(settings.values()) * trial.predicted)

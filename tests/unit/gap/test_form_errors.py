@@ -249,8 +249,39 @@ def test_a_form_is_factored_once_whatever_is_asked_beside_it(monkeypatch):
     changed = replace(products, gram=2 * products.gram)  # other columns beside the same form
     changed.matrices(form_row=row).taken(form.loads)
     assert len(made) == 1
-    products.beside(2 * o, (x, t, r[None], a), _Plain(d)).matrices(form_row=row).taken(form.loads)
+    products.beside(2 * o, (x, t, a), r, _Plain(d)).matrices(form_row=row).taken(form.loads)
     assert len(made) == 2  # other own unknowns: another metric
+
+
+def test_other_data_are_weighed_in_the_metric_that_there_is():
+    """Beside some candidates, and with a tolerance held, too: as a stack that is made anew of these data."""
+    rng = np.random.default_rng(10)
+    x, t, r, o, d, a = _parts(rng)
+    rows = {"form_row": np.repeat(np.arange(3), 3), "shared_row": np.array([0, 2])}
+    forms = (Form((0.3, 0.05, 1.1), 0.0), Form((0.3, 0.0, 0.2), 1.5, -2.0))
+    place, one = Place("", ("a",)), np.ones(1)
+    candidates = [Candidate(str(i), place, "vector", one, one, []) for i in range(4)]
+    products, names, other = Products.of(x, t, r, o, d, a), ("a", "b", "c"), rng.standard_normal(50)
+    block = products.matrices(**rows)
+    system = System(candidates, names, [block], forms)
+    known = [system.metric(f) for f in forms]
+    moved = products.with_residual(other, (x, t, a), o, _Plain(d))
+    again = system.with_data([block.with_data(moved.data_beside_own)])
+    fresh = System(candidates, names, [Products.of(x, t, other, o, d, a).matrices(**rows)], forms)
+    assert all(again.metric(f) is metric for f, metric in zip(forms, known, strict=True))
+    weights = np.array([0.0, 0.4, 0.0, -1.0])
+    for some in (lambda s: s, lambda s: s.of([2, 0]), lambda s: s.held({1: 0.7}, weights)):
+        for f in forms:
+            found, expected = (some(s).reduced(f) for s in (again, fresh))
+            for name in ("G", "g", "log_evidence"):
+                np.testing.assert_allclose(getattr(found, name), getattr(expected, name), rtol=1e-9)
+            for part, right in zip(found.posterior, expected.posterior, strict=True):
+                np.testing.assert_allclose(part, right, atol=1e-11)
+            asked = [
+                some(s).misfit(f, np.zeros(len(some(s).tolerances)), np.zeros(some(s).columns))
+                for s in (again, fresh)
+            ]
+            assert asked[0] == pytest.approx(asked[1], rel=1e-9)
 
 
 class _Plain:

@@ -78,7 +78,7 @@ def test_an_offset_that_is_felt_through_a_tolerance_is_no_gap(found):
 
 def test_tolerances_and_offsets_come_out_together(found):
     system, form = found.system, found.evidence.form_error()
-    fitted = system.likeliest_tolerances(system.tolerance_rows(form), np.zeros(system.columns))
+    fitted = system.likeliest_tolerances(form, np.zeros(system.columns))
     assert fitted == pytest.approx([MORE / TOLERANCES["elevators"]], abs=0.1)
     for c, offsets in zip(found.columns, OFFSETS, strict=True):
         left = c.residual - fitted @ c.tolerances
@@ -88,6 +88,18 @@ def test_tolerances_and_offsets_come_out_together(found):
             assert each * TOLERANCES["sensor_bias.surface"] * np.sqrt(0.5) == pytest.approx(x, abs=5e-4)
         left = left - np.array(list(own.values())) @ c.own
         assert left @ left < 1.3 * left.size
+
+
+def test_own_parameters_are_drawn_anew_as_their_tolerances_are(found):
+    """What one makes where the simulation is asked for it alone, on the motion as it is drawn."""
+    at, _ = build(found.blocks, {}, TOLERANCES)
+    (own,) = [i for i, c in enumerate(at.system.candidates) if c.place.label == "elevators"]
+    none = replace(at.system.candidates[own], columns=[])
+    forgotten = [none if i == own else c for i, c in enumerate(at.system.candidates)]
+    drawn = replace(at, system=replace(at.system, candidates=forgotten)).redrawn([own]).system.candidates[own]
+    for block, (column,) in zip(at.blocks, drawn.columns, strict=True):
+        ((_, made),) = block.drawn.departing({"elevators": float(drawn.sizes[0])})
+        np.testing.assert_allclose(column, block.transform(made), rtol=1e-9, atol=1e-12)
 
 
 def without_effects(found):
@@ -217,9 +229,7 @@ def test_where_a_fit_asks_for_a_body_that_cannot_be_all_else_is_still_asked_for_
     lighter = slopes / np.array([[1.0], [1.0], [0.7]])
     found = diagnosed(lighter, LIBRARY | {"inertia": shipped()["inertia"]}, TOLERANCES | {"inertia.yy": 0.15})
     assert not found.diagnosis.gap.exists
-    fitted = found.system.likeliest_tolerances(
-        found.system.tolerance_rows(found.evidence.form_error()), np.zeros(found.system.columns)
-    )
+    fitted = found.system.likeliest_tolerances(found.evidence.form_error(), np.zeros(found.system.columns))
     assert dict(zip(found.system.tolerances, fitted, strict=True))["inertia.yy"] == pytest.approx(-2, abs=0.3)
 
 

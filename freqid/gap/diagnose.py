@@ -9,6 +9,7 @@ import numpy as np
 
 from freqid.core.arrays import Complex
 from freqid.core.errors import UsageError, nearest
+from freqid.core.memory import give_back_large_arrays
 from freqid.core.record import Maneuver
 from freqid.core.results.diagnosis import Closure, Existence, GapDiagnosis, Interval, SensorFault, Which
 from freqid.core.results.gap import GapMap
@@ -141,6 +142,7 @@ def diagnose(
         For a named effect that is unknown or cannot be tested here.
     """
     q = question
+    give_back_large_arrays()
     if not maneuvers:
         raise UsageError("there is no manoeuvre to compare", remedy="name one record or more")
     names = list(names) or [f"manoeuvre {i + 1}" for i in range(len(maneuvers) + len(held_out))]

@@ -107,8 +107,8 @@ def _straight(
 ) -> tuple[Linearised, list[Parts], Form]:
     """Return a model with errors of form of first order and straight tolerances.
 
-    And the parts that its columns are made of, and the likeliest error of form that is common to all terms of
-    a kind. Where blocks are `quiet`, the noise of their loads may be louder than it seems.
+    And the parts of its form, and the likeliest error of form that is common to all terms of a kind. Where
+    blocks are `quiet`, the noise of their loads may be louder than it seems.
     """
     simulation = blocks[0].trial.simulation
     stated = side_by_side(simulation, lambda b: tolerance_columns(b, library, sizes), blocks)
@@ -122,15 +122,19 @@ def _straight(
     alike = side_by_side(simulation, shared_columns, blocks)
     labels = tuple(dict.fromkeys(n for one in alike for n in one))
 
-    def parts_of(i: int) -> Parts:
+    def whitened(i: int) -> tuple[Columns, Parts]:
+        """Return the columns of a block, which fill most of the memory, whitened alone; and its form."""
         tolerances, shared = [stated[i].get(n) for n in names], [alike[i].get(n) for n in labels]
         parts = Parts.of(blocks[i], i, found, tolerances, shared, library, sizes)
-        return parts.as_loud_as_flown(found) if quiet else parts
+        parts = parts.as_loud_as_flown(found) if quiet else parts
+        return _whitened(parts, labels), parts.form_alone()
 
-    parts = side_by_side(simulation, parts_of, range(len(blocks)))
+    made = side_by_side(simulation, whitened, range(len(blocks)))
+    alike.clear()  # they are large, and are not asked again
+    parts = [p for _, p in made]
     terms = _terms(parts)
     every = (Form((FORM_ERRORS[-1],) * len(terms), 0.0),)
-    columns = [_columns(p, terms, every, labels) for p in parts]
+    columns = [_with_form(c, p, terms, every) for c, p in made]
     system = System(found, names, [c.matrices for c in columns], every)
     system, columns = _told_apart(system, columns)
     common = common_form(system, terms)
@@ -201,18 +205,20 @@ def columns_of(
     tolerances = [stated.get(n) for n in like.system.tolerances]
     shared = [alike.get(n) for n in c.shared_names]
     parts = Parts.of(block, index, found, tolerances, shared, library, sizes).as_loud_as_flown(found)
-    made = _columns(parts.second_order(), c.form_names, like.system.form_errors, c.shared_names)
-    return made, parts.block
+    made = _whitened(parts, c.shared_names)
+    return _with_form(made, parts.second_order(), c.form_names, like.system.form_errors), parts.block
 
 
-def _columns(
-    parts: Parts, terms: Sequence[str], forms: Sequence[Form], labels: Sequence[tuple[str, str]]
-) -> Columns:
-    """Return the whitened columns of one block."""
+def _with_form(columns: Columns, parts: Parts, terms: Sequence[str], forms: Sequence[Form]) -> Columns:
+    """Return columns with those of the form that some errors of it need."""
     largest = np.max([f.loads for f in forms], axis=0)
-    parts = parts.fewer(dict(zip(terms, largest.tolist(), strict=True)))
-    form, row = parts.row_columns(terms)
+    return columns.with_form(parts.fewer(dict(zip(terms, largest.tolist(), strict=True))), terms)
+
+
+def _whitened(parts: Parts, labels: Sequence[tuple[str, str]]) -> Columns:
+    """Return the whitened columns of one block, those of the form not among them."""
     block = parts.block
+    form, row = replace(parts, form=()).row_columns(())
     return Columns(
         effects=block.white(parts.effects),
         tolerances=block.white(parts.tolerances),
@@ -221,7 +227,7 @@ def _columns(
         form=form,
         residual=block.white(block.residual),
         sigmas=parts.tolerances,
-        form_names=tuple(terms),
+        form_names=(),
         form_row=row,
         shared_names=tuple(labels),
         own_names=parts.own_names,

@@ -107,6 +107,11 @@ class Parts:
             form.append(FormColumns(term, i, block.lines.complex(seen[kept, None] * basis[kept]) * root))
         return replace(self, form=tuple(form))
 
+    def form_alone(self) -> Parts:
+        """Return the parts without all other columns."""
+        none = self.effects[:0].copy()
+        return replace(self, effects=none, tolerances=none, own=none, shared=none)
+
     def second_order(self) -> Parts:
         """Return the parts with errors of form to second order."""
         return replace(self, form=(*self.form, *product_columns(self.block)))

@@ -4,7 +4,7 @@ Run: python benchmarks/gap_timing.py [CONDITIONS ...]
 Prints a table; of conditions that are named, their diagnosis alone, and its verdict. Ten manoeuvres of 60 s
 of the LA-8 class vehicle with an actuator 30 ms late, compared, named and closed, all of it fresh; then one
 case of two of them. Beside every time stands this process's time on the processors: where others use the
-machine too, that grows less.
+machine too, that grows less. Memory is counted on Linux.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+import resource
 import sys
 import time
 from collections.abc import Callable
@@ -46,9 +47,11 @@ class Clock:
         self.step, self.since = step, now
 
     def end(self) -> None:
-        """Print how long the last step and all of it took."""
+        """Print how long the last step and all of it took, and the most memory that was held so far."""
         self("")
         self._say("all of it", self.began, self.since)
+        most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+        print(f"{self.label:<16}most memory so far {most:.1f} GiB")
 
     def _say(self, what: str, since: tuple[float, float], now: tuple[float, float]) -> None:
         wall, processor = (b - a for a, b in zip(since, now, strict=True))

@@ -2,8 +2,7 @@
 
 The C library of Linux takes large arrays from the system one by one at first. Once one of up to 32 MB was
 freed, it takes the next ones from its heap, and keeps that for later. A diagnosis makes and frees thousands
-of arrays of 5 to 30 MB on several threads, and small ones that stay lie between them: three quarters of the
-memory that it held so was free (docs/performance.md).
+of arrays of 5 to 30 MB on several threads, and small ones that stay lie between them (docs/performance.md).
 """
 
 from __future__ import annotations

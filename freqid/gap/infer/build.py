@@ -123,7 +123,7 @@ def _straight(
     labels = tuple(dict.fromkeys(n for one in alike for n in one))
 
     def whitened(i: int) -> tuple[Columns, Parts]:
-        """Return the columns of a block, which fill most of the memory, whitened alone; and its form."""
+        """Return the whitened columns of a block, and its form: the others fill most of the memory."""
         tolerances, shared = [stated[i].get(n) for n in names], [alike[i].get(n) for n in labels]
         parts = Parts.of(blocks[i], i, found, tolerances, shared, library, sizes)
         parts = parts.as_loud_as_flown(found) if quiet else parts

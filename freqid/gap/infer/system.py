@@ -111,14 +111,14 @@ class System:
             candidates=few,
             blocks=[b.some(kept) for b in self.blocks],
             about=self._about_only(candidates),
-            _kept=self._made_of(kept, len(own), len(self.tolerances)),
+            _kept=self._kept_of(kept, len(own), len(self.tolerances)),
         )
 
     def with_data(self, blocks: list[BlockMatrices]) -> System:
         """Return the stack of the same columns with other data."""
         return replace(self, blocks=blocks, _kept=Kept(self._kept.metric))
 
-    def _made_of(
+    def _kept_of(
         self,
         kept: NDArray[np.intp],
         candidates: int,
@@ -189,11 +189,11 @@ class System:
                 columns=less.columns, form=b.data.form - b.form[:, at] @ sigmas, energy=less.energy
             )
             blocks.append(b.with_data(data).some(kept))
-        made = self._made_of(kept, self.columns, len(names), at, sigmas)
+        known = self._kept_of(kept, self.columns, len(names), at, sigmas)
         about = self.about
         if about is not None:
             about = about._replace(tolerances=np.delete(about.tolerances, list(departures)))
-        return replace(self, tolerances=names, blocks=blocks, about=about, _kept=made)
+        return replace(self, tolerances=names, blocks=blocks, about=about, _kept=known)
 
     def inside(self, form_error: Form) -> tuple[NDArray[np.intp], Array]:
         """Return which of ``[X, T, A]`` an error of form needs, and how large each column is.

@@ -140,6 +140,50 @@ class DataAt(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
+class BesideTolerances:
+    """Tolerances and shared errors of form, of one sigma each, integrated out of all else.
+
+    Attributes
+    ----------
+    rows : ndarray, shape (n - column, n)
+        Inner products of ``[T, A]`` with ``[X, T, A]``, as in `AtForm`.
+    candidates, tolerances : int
+        Columns of X and of T.
+    half : float
+        As in `AtForm`.
+    """
+
+    rows: Array
+    candidates: int
+    tolerances: int
+    half: float
+
+    @cached_property
+    def root(self) -> tuple[Array, float]:
+        """``L^-1`` of ``L L' = 1 + P``, P the products of T and A, and half its log determinant."""
+        return rooted(self.rows[:, self.candidates :])
+
+    @cached_property
+    def across(self) -> Array:
+        """What candidates' inner products lose, as a root, shape (n - column, column)."""
+        return self.root[0] @ self.rows[:, : self.candidates]
+
+    @cached_property
+    def untold(self) -> Posterior:
+        """What is known of the tolerances but for what the data say of them."""
+        stated = self.root[0][:, : self.tolerances]
+        return Posterior(np.zeros(self.tolerances), stated.T @ self.across, (stated**2).sum(axis=0))
+
+    def told(self, data: DataAt) -> tuple[Array, float, Posterior]:
+        """Return g, the log evidence of no effect, and the posterior, as in `Reduced`."""
+        inverse, half = self.root
+        own = inverse @ data.columns[self.candidates :]
+        known = self.untold._replace(mean=inverse[:, : self.tolerances].T @ own)
+        log_evidence = -0.5 * (data.energy - float(own @ own)) - self.half - half
+        return data.columns[: self.candidates] - self.across.T @ own, log_evidence, known
+
+
+@dataclass(frozen=True, eq=False)
 class AtForm:
     """All blocks at one error of form, tolerances not yet integrated out: what does not depend on the data.
 
@@ -159,20 +203,15 @@ class AtForm:
     half: float
 
     @cached_property
-    def inverse(self) -> tuple[Array, float]:
-        """``L^-1`` of ``L L' = 1 + [T, A]' [T, A]``, and half its log determinant."""
-        n = self.candidates
-        return rooted(self.gram[n:, n:])
+    def beside(self) -> BesideTolerances:
+        """Tolerances and shared errors of form, integrated out."""
+        return BesideTolerances(self.gram[self.candidates :], self.candidates, self.tolerances, self.half)
 
     @cached_property
-    def reduced(self) -> tuple[Array, Posterior, Array]:
-        """Inner products of X beside tolerances, what is known of these without data, and their root."""
-        n = self.candidates
-        inverse, _ = self.inverse
-        across = inverse @ self.gram[n:, :n]
-        stated = inverse[:, : self.tolerances]
-        known = Posterior(np.zeros(self.tolerances), stated.T @ across, (stated**2).sum(axis=0))
-        return self.gram[:n, :n] - across.T @ across, known, across
+    def G(self) -> Array:
+        """Inner products of X beside tolerances, shape (column, column)."""
+        across = self.beside.across
+        return self.gram[: self.candidates, : self.candidates] - across.T @ across
 
     @cached_property
     def alike(self) -> tuple[Array, bool]:
@@ -186,12 +225,7 @@ class AtForm:
 
     def with_data(self, data: DataAt) -> Reduced:
         """Return candidates beside tolerances of one sigma each."""
-        n, (inverse, half), (G, known, across) = self.candidates, self.inverse, self.reduced
-        own = inverse @ data.columns[n:]
-        mean = inverse[:, : self.tolerances].T @ own
-        energy = data.energy - float(own @ own)
-        log_evidence = -0.5 * energy - self.half - half
-        return Reduced(G, data.columns[:n] - across.T @ own, log_evidence, known._replace(mean=mean))
+        return Reduced(self.G, *self.beside.told(data))
 
 
 @dataclass(frozen=True, eq=False)

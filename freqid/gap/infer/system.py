@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from freqid.core.arrays import Array
-from freqid.gap.infer.at_form import AtForm, DataAt, Kept, OwnProducts, Posterior, Reduced
+from freqid.gap.infer.at_form import AtForm, BesideTolerances, DataAt, Kept, OwnProducts, Reduced
 from freqid.gap.infer.block_matrices import (
     BlockMatrices,
     Form,
@@ -240,7 +240,7 @@ class System:
         rows = metric.gram[n:]
         left = left[n:] if weights is None else left[n:] - rows[:, :n] @ weights
         if not len(without):
-            inverse, _ = metric.inverse
+            inverse, _ = metric.beside.root
             return (inverse.T @ (inverse @ left))[: len(self.tolerances)]
         free = np.delete(np.arange(len(rows)), list(without))
         found = np.zeros(len(rows))
@@ -289,19 +289,14 @@ class System:
         if form_error in self._kept.reduced or form_error in self._kept.metric:
             reduced = self.reduced(form_error)
             return OwnProducts(reduced.own(layout), reduced.g, reduced.log_evidence, reduced.posterior)
-        n, tolerances = self.columns, len(self.tolerances)
         rows, half = self._rows(form_error, self.columns)
-        data = self._data_of_blocks(form_error)
-        inverse, more = rooted(rows[:, n:])
-        across, projected = inverse @ rows[:, :n], inverse @ data.columns[n:]
-        stated, own = inverse[:, :tolerances], []
+        beside = BesideTolerances(rows, self.columns, len(self.tolerances), half)
+        own = []
         for c in layout:
             products = self._before_form[c[:, :, None], c[:, None, :]]
             taken = sum(_squared(b.taken(form_error.loads)[0], c) for b in self.blocks)
-            own.append(products - taken - _squared(across, c))
-        known = Posterior(stated.T @ projected, stated.T @ across, (stated**2).sum(axis=0))
-        log_evidence = -0.5 * (data.energy - float(projected @ projected)) - half - more
-        return OwnProducts(own, data.columns[:n] - across.T @ projected, log_evidence, known)
+            own.append(products - taken - _squared(beside.across, c))
+        return OwnProducts(own, *beside.told(self._data_of_blocks(form_error)))
 
     def beside(self, directions: Array) -> System:
         """Return the stack without candidates, some effects one more kind of tolerances.

@@ -203,7 +203,8 @@ class _Problem:
         self._effort = np.eye(low.size)  # what is made small: all, but of the speeds only their spread
         speeds = np.arange(low.size) >= low.size - rotors
         self._effort -= np.outer(speeds, speeds) / max(rotors, 1)
-        self._starts = [np.where(speeds, share * self._high, 0.0) for share in _FIRST_SPEEDS]
+        free = [np.where(speeds, share * self._high, 0.0) for share in _FIRST_SPEEDS]
+        self._starts = [np.clip(start, self._low, self._high) for start in free]  # what is held stays
 
     def solve(self, condition: Array) -> Array | None:
         """Return the unknowns of the trim, not scaled, or None where there is none."""

@@ -182,3 +182,11 @@ def test_what_the_reference_sets_is_held(parameters):
     assert {n: positions[n] for n in flaps} == pytest.approx(flaps, abs=1e-12)
     assert abs(free.positions.surface[names.index("df1")] - 0.2) > 0.01
     assert np.abs(held.residual).max() < 1e-6
+
+
+def test_rotor_speeds_that_are_set_and_cannot_balance_are_refused_in_one_sentence(parameters):
+    hover = SCENARIO.reference_of("u00")
+    slow = {e.name: 300.0 for e in SCENARIO.effector if e.kind == "rotor"}
+    at = msgspec.structs.replace(hover, scheduled=hover.scheduled | slow)
+    with pytest.raises(UsageError, match="reference 'u00': level flight is not possible: the vertical force"):
+        trim(SCENARIO, parameters, at)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from dataclasses import dataclass
 from math import isfinite
 from typing import Protocol, TypeVar
@@ -255,5 +256,7 @@ def side_by_side(
     """Return the results of `work` on each item, in order; on all cores where threads are allowed."""
     if simulation.kind not in _THREAD_SAFE:
         return [work(item) for item in items]
+    items = list(items)
+    contexts = [copy_context() for _ in items]  # numpy's `errstate` is the caller's in its threads too
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        return list(pool.map(work, items))
+        return list(pool.map(lambda context, item: context.run(work, item), contexts, items))

@@ -137,7 +137,8 @@ def test_where_nothing_is_likely_enough_what_remains_is_listed():
 
 def test_without_a_gap_the_sizes_that_would_have_been_seen_are_said():
     none = Existence(False, 0.4, 0.02, 0.5, largest_undetected={"mass": 0.1}, unit={"mass": "1"})
-    assert said(gap=none) == "No gap beyond noise and tolerances (p = 0.4): no gap larger than mass 0.1."
+    larger = "no gap larger than mass 0.1 (found in 95 of 100 cases)"
+    assert said(gap=none) == f"No gap beyond noise and tolerances (p = 0.4): {larger}."
     poor = replace(none, form_errors={"X": 0.8, "M": 0.01})
     assert poor.unconfirmed
     assert said(gap=poor).startswith("No effect is called (p = 0.4), and the simulation is not confirmed: ")
@@ -149,7 +150,7 @@ def test_a_close_call_says_what_it_would_be():
     near = Existence(False, 0.04, 0.02, 0.5, largest_undetected={"mass": 0.1}, unit={"mass": "1"})
     which = replace(WORN, probabilities={"none": 0.5, "mass": 0.4, "other": 0.1}, named=(), parameters={})
     text = said(which, gap=near)
-    assert "no gap larger than mass 0.1. It is a close call: a gap is called up to p = 0.02. " in text
+    assert "(found in 95 of 100 cases). It is a close call: a gap is called up to p = 0.02. " in text
     assert "its likeliest cause is mass (probability 0.80)" in text
     unknown = replace(which, probabilities={"none": 0.5, "other": 0.5})
     assert "a change that no effect of the library describes (probability 1.00)" in said(unknown, gap=near)

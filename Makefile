@@ -7,7 +7,7 @@ export OPENBLAS_NUM_THREADS ?= 1
 # Tests and the demo start many processes, and each would compile all that it imports again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help install demo test browser-test lint docs bench lock clean
+.PHONY: help install demo test test-slow browser-test lint docs bench lock clean
 
 help:  ## say what can be made
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 16
@@ -38,8 +38,11 @@ demo: $(READY)  ## study a tilt-wing, then diagnose flights with an effect that 
 	@$(BIN)/freqid open-seal $(DEMO)/sealed/seal.h5 $(DEMO)/sealed/gap.h5
 	@$(BIN)/freqid report $(DEMO) $(DEMO)/sealed/gap.h5 $(DEMO)/sealed/gap-trial.h5 --scenario la8 -o $(DEMO)/index.html
 
-test: $(READY) lint  ## everything that must hold: eight minutes to half an hour on two cores, by the machine
+test: $(READY) lint  ## everything that must hold: 9 to 22 minutes on two cores, by the machine
 	$(BIN)/pytest -n 2 --dist worksteal
+
+test-slow: $(READY)  ## tests that are marked slow: recovery on larger cases, further seeds
+	$(BIN)/pytest -n 2 --dist worksteal -m slow
 
 browser-test: demo  ## the demo's pages in chromium (Debian's, installed if it is missing)
 	@$(BIN)/python -c "import playwright, axe_playwright_python" 2>/dev/null || \

@@ -27,6 +27,7 @@ def diagnose(freqid, script, tmp_path, monkeypatch):
     return call
 
 
+@pytest.mark.slow
 def test_a_late_elevator_is_named_with_its_size(diagnose):
     table = diagnose(LATE)
     assert table["gap"]["exists"]

@@ -65,6 +65,7 @@ def filtered_hfb_320(cases, shared_data):
     return cases.hfb320("filter-error", shared_data)
 
 
+@pytest.mark.slow
 def test_hfb_320_output_error_is_said_to_be_invalid_and_filter_error_takes_the_bias_away(
     cases, shared_data, filtered_hfb_320
 ):

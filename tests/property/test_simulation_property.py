@@ -95,6 +95,7 @@ def number(low, high):
     return st.one_of(st.just(0.0), st.floats(low, high, allow_subnormal=False))
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(
     st.builds(

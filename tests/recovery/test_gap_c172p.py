@@ -11,6 +11,7 @@ from freqid.simulate.effects import shipped
 pytest.importorskip("jsbsim", reason="JSBSim is not installed")
 
 
+@pytest.mark.slow
 def test_a_weak_and_late_elevator_is_found_and_refitted(script, tmp_path):
     benchmark = script("benchmarks/gap_c172p.py")
     folder = benchmark.aircraft(tmp_path, loss=benchmark.LOSS, delay_s=benchmark.DELAY_S)

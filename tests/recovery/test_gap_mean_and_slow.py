@@ -49,7 +49,9 @@ def test_the_struts_are_a_fifth_of_the_drag():
     assert (with_ - without) / (with_ + lift) == pytest.approx(0.2, abs=0.02)
 
 
-@pytest.mark.parametrize(("tolerances", "flies"), [(False, True), (True, False)])
+@pytest.mark.parametrize(
+    ("tolerances", "flies"), [(False, True), pytest.param(True, False, marks=pytest.mark.slow)]
+)
 def test_a_fifth_of_the_drag_that_is_missing_is_named_by_its_mean(tolerances, flies):
     """Whether the simulation states how well it knows its drag or not, and whether it flies or not."""
     off = scatter(4) if tolerances else {}
@@ -64,6 +66,7 @@ def test_a_fifth_of_the_drag_that_is_missing_is_named_by_its_mean(tolerances, fl
     assert found.how_far[0].log_score > 4
 
 
+@pytest.mark.slow
 def test_drag_as_it_is_simulated_is_left_alone():
     off = scatter(4)
     found = diagnosed(simulation(), [cruise(seed, off) for seed in (4, 5, 6)])
@@ -89,6 +92,7 @@ def test_a_stall_in_a_slow_deceleration_is_named_though_nothing_was_injected():
     assert any("no injected signals" in remark for remark in found.remarks)
 
 
+@pytest.mark.slow
 def test_a_slow_deceleration_as_it_is_simulated_is_left_alone():
     """Motion that is all slow takes the noise of slow lines with it: they are not as quiet as they look."""
     found = diagnosed(simulation(flies=False), slow_flights(1, attached=lambda alpha: 1.0))

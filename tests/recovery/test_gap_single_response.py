@@ -30,8 +30,13 @@ def answer(script):
     return of
 
 
-def test_a_late_and_slow_stick_is_a_gap_that_mostly_goes_on_a_flight_that_was_not_used(answer):
-    found = answer(0.07, 0.10)
+@pytest.fixture(scope="module")
+def found(answer):
+    """A stick that is 70 ms late and has a lag of 100 ms."""
+    return answer(0.07, 0.10)
+
+
+def test_a_late_and_slow_stick_is_a_gap_that_mostly_goes_on_a_flight_that_was_not_used(found):
     assert found.gap.exists
     assert {place.response for place in found.where} == {"q"}
     assert {place.input for place in found.where} == {"stick"}
@@ -41,8 +46,8 @@ def test_a_late_and_slow_stick_is_a_gap_that_mostly_goes_on_a_flight_that_was_no
     assert first.rmse["q"].after < 0.3 * first.rmse["q"].before
 
 
-def test_a_delay_and_a_lag_together_are_closed_and_recovered(answer):
-    both, *alone = answer(0.07, 0.10).how_far
+def test_a_delay_and_a_lag_together_are_closed_and_recovered(found):
+    both, *alone = found.how_far
     assert set(both.effects) == set(EFFECTS)
     assert both.wrench.G > 0.97
     # neither does it by itself; with a lag, delays and clocks at four sigmas each make up for the delay
@@ -55,7 +60,7 @@ def test_a_delay_and_a_lag_together_are_closed_and_recovered(answer):
     assert both.rmse["q"].after < 0.15 * both.rmse["q"].before
 
 
-@pytest.mark.parametrize("seeds", [(4, 5, 6), (7, 8, 9)])
+@pytest.mark.parametrize("seeds", [(4, 5, 6), pytest.param((7, 8, 9), marks=pytest.mark.slow)])
 def test_sizes_of_a_delay_before_a_lag_hold_what_tolerances_of_both_could_be(answer, seeds):
     """The delay is seen through the lag: else its own tolerance was taken for an eighth of it."""
     found = answer(0.07, 0.10, seeds=seeds).how_far[0].settings
@@ -65,6 +70,7 @@ def test_sizes_of_a_delay_before_a_lag_hold_what_tolerances_of_both_could_be(ans
         assert interval.estimate == pytest.approx(truth, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_pair_is_called_though_a_third_effect_explains_more_than_either(answer):
     """Of all effects, a gyro of another scale comes nearest to a delay with a lag."""
     which = answer(0.07, 0.10, shipped(), (), (1, 2, 3, 4)).which

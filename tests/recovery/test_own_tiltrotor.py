@@ -55,6 +55,7 @@ def normalised(model, own):
     }
 
 
+@pytest.mark.slow
 def test_its_derivatives_are_found_within_their_intervals(own, scenario, flight):
     """With a hundredth of the noise, so that intervals show what the two sets of formulas do not share."""
     model = fq.identify_point(flight, scenario, at=AT)

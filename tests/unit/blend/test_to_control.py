@@ -54,6 +54,7 @@ def test_heading_height_and_flow_angles_may_be_outputs(model):
     assert found.C[4, 1] == pytest.approx(1 / speed)
 
 
+@pytest.mark.slow
 def test_draws_scatter_as_the_covariance_says(model):
     """M by the elevator at a knot, over the moment of inertia."""
     many = model.to_control(u=9.0, rho=1.1, draws=400, seed=3)

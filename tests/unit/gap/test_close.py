@@ -86,6 +86,7 @@ def test_without_a_flight_held_out_the_verdict_says_what_took_turns(flights, sco
     assert "not used" not in found.verdict
 
 
+@pytest.mark.slow
 def test_a_second_effect_stays_only_where_it_predicts_what_was_not_used(worn):
     """The held-out flight lacks the drag that both flights used have beside the loss."""
     both = replace(WORN, drag=1.0)
@@ -110,6 +111,7 @@ def test_without_a_gap_nothing_is_named_or_closed():
     assert found.diagnosis.which.named == ()
 
 
+@pytest.mark.slow
 def test_nulls_of_a_simulation_within_its_tolerances_are_called_as_rarely_as_is_said():
     """Every derivative off by its own sigma: of 20 flights 3 would be beyond four standard errors."""
     from linear_flight import SLOPES

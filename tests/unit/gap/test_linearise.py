@@ -206,7 +206,7 @@ def test_a_search_that_settled_about_another_effect_begins_again_without_one(mon
     assert evidence.statistic > 30
 
 
-@pytest.mark.parametrize("reads", [0.72, 1.1])
+@pytest.mark.parametrize("reads", [0.72, pytest.param(1.1, marks=pytest.mark.slow)])
 def test_gyros_of_another_scale_are_given_with_it(reads):
     """An effect is taken back as its tolerance is: tolerances alone would seem likelier than the truth."""
     library = {n: e for n, e in LIBRARY.items() if n != "gyro"} | {"sensor_scale": shipped()["sensor_scale"]}

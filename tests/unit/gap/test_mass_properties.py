@@ -31,7 +31,7 @@ def ranking(seed, **settings):
     return rank(evidence, True, 0.9, 1.0, 0.0)
 
 
-@pytest.mark.parametrize("seed", [1, 5])
+@pytest.mark.parametrize("seed", [1, pytest.param(5, marks=pytest.mark.slow)])
 def test_a_load_that_moves_all_of_them_leads(seed):
     found = ranking(seed, fraction=0.08, x=0.03, yy=0.06)
     assert next(iter(found.probabilities)) == "mass_properties"

@@ -182,6 +182,7 @@ def test_truth_and_owner_are_symmetrical_and_agree(truth, simulation, settings):
     np.testing.assert_allclose(said, one, rtol=0.03, atol=50.0)
 
 
+@pytest.mark.slow
 def test_owner_with_true_tolerances_has_the_loads_of_nulls(truth, simulation, settings):
     """Flown without noise: what varies within some percent; means within half of what he leaves open."""
     for felt in beside_truth(truth, simulation, 4, SETTLE, LASTING, within=0.5):

@@ -196,6 +196,7 @@ def test_owner_and_truth_have_the_same_derivatives_at_trim(truth, simulation):
         assert off[4, 2] < 0.01 * own[4, 2]
 
 
+@pytest.mark.slow
 def test_owner_with_true_tolerances_has_the_loads_of_nulls(truth, simulation):
     """Flown without noise: what varies within some percent, means well within what the tunnel leaves open."""
     assert len(list(beside_truth(truth, simulation, 4, SETTLE, LASTING, within=0.5))) == 4 * len(truth.TRIM)

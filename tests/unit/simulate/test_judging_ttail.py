@@ -164,6 +164,7 @@ def test_swirl_of_the_tip_propellers_opposes_the_tips_vortices(truth, air, setti
     assert air.SWIRL[-1 - outer, 0] == pytest.approx(air.SWIRL[outer, right_tip])
 
 
+@pytest.mark.slow
 def test_owner_with_true_tolerances_has_the_loads_of_nulls(truth, simulation, settings):
     """Flown without noise: what varies within some percent; means within what his parameters leave open.
 

@@ -214,6 +214,7 @@ def test_half_of_the_weight_is_on_the_rotors(truth, air):
         assert carried[4, 0] < 0.9 * carried[0, 0]  # in the wakes of those ahead
 
 
+@pytest.mark.slow
 def test_owner_with_true_tolerances_has_the_loads_of_nulls(truth, simulation):
     """Flown without noise: what varies within some percent, means well within what the tunnel leaves open."""
     for felt in beside_truth(truth, simulation, 4, SETTLE, LASTING, within=0.5):

@@ -79,6 +79,7 @@ def test_search_without_a_rule_beats_the_comb():
     assert found < comb - 0.01
 
 
+@pytest.mark.slow
 def test_a_quick_search_compares_less_and_finds_a_set_of_about_the_same_worth(monkeypatch):
     lines, limits, low = np.arange(3, 60), limits_from_db(3.0), [False] * 4 + [True] * 3
     spent = []

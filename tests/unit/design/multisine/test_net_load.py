@@ -108,6 +108,7 @@ def test_every_axis_comes_down_from_where_it_was_and_from_chance(before_after):
     assert np.all(peaks(after, LOADS) < bar * by_chance(before, LOADS))
 
 
+@pytest.mark.slow
 def test_all_net_peaks_of_the_la8_come_down_by_a_fifth():
     scenario = read_scenario(LA8)[0]
     excitation = replace(scenario.excitation, allocation="interleaved", power_db=0.0, starts=8)

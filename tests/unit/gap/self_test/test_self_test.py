@@ -38,6 +38,7 @@ def test_every_effect_is_answered_in_every_stratum(tested, library):
     assert sum(r.count for r in tested.outside.values()) == tested.outside["named"].of
 
 
+@pytest.mark.slow
 def test_of_a_gap_that_was_called_the_columns_are_still_those_of_the_evidence(diagnosed, library):
     """Once it is named, an effect is computed near its size: that is another stack."""
     found = diagnosed(late=("p_dps", "q_dps", "r_dps"), samples=3)

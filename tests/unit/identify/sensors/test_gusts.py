@@ -51,6 +51,7 @@ def test_late_vanes_are_found_in_gusts_by_the_injected_signals(told):
     assert account["errors"]["alpha delay"]["applied"] == check.correction["alpha delay"][0]
 
 
+@pytest.mark.slow
 def test_late_vanes_are_found_in_gusts_three_times_the_injected_motion(bench):
     """Least squares on the way would lose the channel (a scale of -1), and with it the delay."""
     craft = bench.AIRCRAFT[0]
@@ -78,6 +79,7 @@ def test_loads_tell_one_lag_of_the_air_data(bench, flown, late):
     assert abs(lag_by_loads(on_time, lines, bench.SETTINGS).estimate) < 0.003
 
 
+@pytest.mark.slow
 def test_delays_that_no_injected_motion_tells_are_told_by_the_loads_or_named(bench, late):
     still = {
         n: replace(c, values=np.full_like(c.values, c.values.mean()))
@@ -132,6 +134,7 @@ def test_the_model_of_the_corrected_flight_holds_the_truth_and_the_doubt(bench, 
     assert abs(plain["M"].estimate[q] / true["M"]["q"] - 1) > 0.3
 
 
+@pytest.mark.slow
 def test_least_squares_takes_the_gusts_that_an_aircraft_rides_for_errors_of_its_vanes(bench, flown):
     """Nothing is wrong with these vanes; without instruments the errors must say that this is not known."""
     clean = bench.logged(bench.AIRCRAFT[0], flown, 1, 0.0, "vanes")

@@ -235,7 +235,8 @@ def diagnose_gap(
         *gap_flights.differing(every, found),
         *([rotors.rstrip(".")] if rotors else []),
     ]
-    diagnosis = replace(diagnosis, remarks=(*remarks, *diagnosis.remarks))
+    counted = (replace(t, source="stated") if t.name in sigmas else t for t in diagnosis.tolerances)
+    diagnosis = replace(diagnosis, remarks=(*remarks, *diagnosis.remarks), tolerances=tuple(counted))
     provenance = {
         "simulation": found.name,
         "kind": found.kind,

@@ -260,13 +260,14 @@ def test_the_terminal_gets_the_verdict_first_and_then_tables(diagnose):
 
 @pytest.mark.usefixtures("few_effects")
 def test_a_tolerance_that_is_given_counts_and_is_printed(diagnose):
-    words = ("--tolerance", "surface_effectiveness.de=0.5", "--tolerance", "mass=0.02", "--json")
+    given = ("surface_effectiveness.de=0.5", "mass=0.02", "cg_offset=0.005")  # the last as by default
+    words = (*(word for one in given for word in ("--tolerance", one)), "--json")
     code, out, _, _ = diagnose("good", *words)
     table = json.loads(out)
     assert code == 0
     assert not table["gap"]["exists"]  # so large a loss of the elevator is then no gap
     stated = {t["name"]: t["sigma"] for t in table["tolerances"] if t["source"] == "stated"}
-    assert stated == {"surface_effectiveness.de": 0.5, "mass": 0.02}
+    assert stated == {"surface_effectiveness.de": 0.5, "mass": 0.02, "cg_offset": 0.005}
 
 
 @pytest.mark.usefixtures("few_effects")

@@ -38,7 +38,7 @@ demo: $(READY)  ## study a tilt-wing, then diagnose flights with an effect that 
 	@$(BIN)/freqid open-seal $(DEMO)/sealed/seal.h5 $(DEMO)/sealed/gap.h5
 	@$(BIN)/freqid report $(DEMO) $(DEMO)/sealed/gap.h5 $(DEMO)/sealed/gap-trial.h5 --scenario la8 -o $(DEMO)/index.html
 
-test: $(READY) lint  ## everything that must hold: 8 to 20 minutes on two cores, by the machine
+test: $(READY) lint  ## everything that must hold: up to 20 minutes on two cores, by the machine
 	$(BIN)/pytest -n 2 --dist worksteal
 
 test-slow: $(READY)  ## tests that are marked slow: recovery on larger cases, further seeds

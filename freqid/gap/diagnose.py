@@ -50,6 +50,8 @@ class Question:
         Effects that are asked about, by id.
     tolerances : dict of float
         One sigma by name, of `freqid.gap.model.tolerance.stated`.
+    given : tuple of str
+        Those among them that the user stated.
     band_hz : tuple of 2 floats
     named : tuple of str
         Effects whose closure is wanted; those found where empty.
@@ -65,6 +67,7 @@ class Question:
     candidates: Mapping[str, Effect]
     tolerances: Mapping[str, float]
     band_hz: tuple[float, float] = (0.05, 2.0)
+    given: tuple[str, ...] = ()
     named: tuple[str, ...] = ()
     level: float = LEVEL
     draws: int = NULL_DRAWS
@@ -253,7 +256,7 @@ def diagnose(
         how_far=closures,
         remarks=tuple(remarks_of(used, simulation, existence, relations)),
         sensors=sensors,
-        tolerances=tolerances_used(q.tolerances, simulation, library, used[0].maneuvers[0]),
+        tolerances=tolerances_used(q.tolerances, simulation, library, used[0].maneuvers[0], q.given),
     )
     return Findings(
         diagnosis,

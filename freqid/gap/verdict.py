@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -273,6 +273,7 @@ def tolerances_used(
     simulation: Simulation,
     library: Mapping[str, Effect],
     maneuver: Maneuver | None = None,
+    given: Collection[str] = (),
 ) -> tuple[ToleranceUsed, ...]:
     """Return the tolerances that were allowed for, with their units and where each comes from.
 
@@ -286,6 +287,8 @@ def tolerances_used(
     maneuver : Maneuver, optional
         Its clock tells when a channel was taken, where nothing is stated; offsets of sensors that it lacks
         are left out.
+    given : collection of str
+        Names that are known to be stated; of others the size tells.
     """
     own = simulation.tolerances
     silent = {**DEFAULT, **UNDECLARED}
@@ -293,10 +296,12 @@ def tolerances_used(
     for name, sigma in sizes.items():
         if not sigma or (maneuver is not None and name in EACH_FLIGHT and not _logged(name, maneuver)):
             continue
-        if name in own and sigma == own[name].sigma:
-            source = "simulation"
-        elif name in EACH_FLIGHT:
+        if name in EACH_FLIGHT:
             source = "each record"
+        elif name in given:
+            source = "stated"
+        elif name in own and sigma == own[name].sigma:
+            source = "simulation"
         else:
             source = "default" if name not in own and silent.get(name) == sigma else "stated"
         found.append(ToleranceUsed(name, float(sigma), _unit_of(name, simulation, library), source))

@@ -214,6 +214,7 @@ def diagnose_gap(
     question = Question(
         candidates=candidates,
         tolerances=allowed,
+        given=tuple(sigmas),
         band_hz=band_hz or band_of(described) or gap_flights.injected_band(read),
         named=named,
         level=level,
@@ -235,8 +236,7 @@ def diagnose_gap(
         *gap_flights.differing(every, found),
         *([rotors.rstrip(".")] if rotors else []),
     ]
-    counted = (replace(t, source="stated") if t.name in sigmas else t for t in diagnosis.tolerances)
-    diagnosis = replace(diagnosis, remarks=(*remarks, *diagnosis.remarks), tolerances=tuple(counted))
+    diagnosis = replace(diagnosis, remarks=(*remarks, *diagnosis.remarks))
     provenance = {
         "simulation": found.name,
         "kind": found.kind,

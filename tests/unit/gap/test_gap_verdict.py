@@ -181,6 +181,14 @@ def test_tolerances_stand_with_unit_and_source():
         "lift_slope": (0.3, "1/rad", "simulation"),
         "sensor_bias.q": (0.002, "rad/s", "each record"),
     }
+    given = ("mass", "lift_slope", "sensor_bias.q")
+    told = {t.name: t.source for t in tolerances_used(sizes, simulation, library(), given=given)}
+    assert told == {
+        "mass": "stated",
+        "cg_offset": "stated",
+        "lift_slope": "stated",
+        "sensor_bias.q": "each record",
+    }
     stated = {**sizes, "time_skew": 0.001, "sensor_bias.V": 0.1, "sensor_bias.surface": 0.005}
     flight = fly()  # with gyros and surfaces, and no airspeed
     timed = {t.name: t for t in tolerances_used(stated, simulation, library(), flight)}

@@ -19,7 +19,7 @@ from freqid.simulate.control.law import Setting
 from freqid.simulate.control.linearize import STATES, linearize
 from freqid.simulate.control.lq import axes_of, design_law
 from freqid.simulate.control.trim import Trim, trim
-from freqid.simulate.effects import actuator_delay
+from freqid.simulate.effects import actuator_delay, motor_lag
 from freqid.simulate.maneuver import with_effects
 from freqid.simulate.motion import whole_vehicle as motion
 from freqid.simulate.motion.actuators import by_kind
@@ -175,7 +175,7 @@ def _actuation(parameters: motion.Parameters, speed_per_command: Array) -> Actua
     """Return the linear dynamics of surfaces and rotors, away from rate limits, stops and backlash."""
     act, effects = parameters.actuators, parameters.airframe.effects
     delay = actuator_delay.delays(effects["actuator_delay"], act.delay)
-    servo, motor = effects["actuator_lag"], effects.get("motor_lag", {})
+    servo, motor = effects["actuator_lag"], effects["motor_lag"]
     surfaces, rotors = act.surface.low.size, act.motor.low.size
 
     def both(surface: ArrayLike, rotor: ArrayLike) -> Array:
@@ -183,7 +183,8 @@ def _actuation(parameters: motion.Parameters, speed_per_command: Array) -> Actua
         return np.concatenate(parts).astype(float)
 
     # in a small oscillation a rotor follows with the mean of its rates up and down
-    lag = 2 / (1 / np.asarray(act.motor.rise) + 1 / np.asarray(act.motor.fall))
+    slower = motor_lag.longer(motor)
+    lag = 2 * slower / (1 / np.asarray(act.motor.rise) + 1 / np.asarray(act.motor.fall))
     return Actuation(
         gain=both(1.0, speed_per_command),
         delay=np.maximum(both(np.asarray(delay.surface), np.asarray(delay.speed)), 0.0),
@@ -191,7 +192,7 @@ def _actuation(parameters: motion.Parameters, speed_per_command: Array) -> Actua
         damping=both(np.asarray(act.surface.damping), 1.0),
         share=both(np.asarray(servo["strength"]), 1.0),
         lag=both(np.asarray(servo.get("extra", 0.0)), lag),
-        lag_2=both(0.0, np.asarray(motor.get("extra", 0.0))),
+        lag_2=both(0.0, motor_lag.before(motor)),
     )
 
 

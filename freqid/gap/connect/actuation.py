@@ -16,7 +16,7 @@ from freqid.core.record import FlightRecord
 from freqid.core.vehicle import Vehicle
 from freqid.gap.connect.loads import Along, piece, torques
 from freqid.gap.simulation import Settings
-from freqid.simulate.effects import actuator_delay, actuator_lag, battery_sag, rate_limit
+from freqid.simulate.effects import actuator_delay, actuator_lag, battery_sag, motor_lag, rate_limit
 from freqid.simulate.loads import airframe
 from freqid.simulate.motion.actuators import (
     Actuators,
@@ -66,10 +66,17 @@ def positions(
     time = record.time - record.time[0]
     steps = int(np.ceil(time[-1] / STEP - 1e-9)) + 1
     fine = STEP * np.arange(steps + 1, dtype=float)
+    rotors = [e.name for e in vehicle.effectors if e.kind == "rotor"]
     slow = settings["rate_limit"]
     of_each = [slow["slowness"] + slow.get(e.name, 0.0) for e in vehicle.effectors if e.kind == "surface"]
     limits = rate_limit.limits({"slowness": jnp.array(of_each)}, act.surface.rate_limit)
-    act = act._replace(surface=act.surface._replace(rate_limit=limits))
+    servo, motor = settings["actuator_lag"], settings["motor_lag"]
+    lag = leaves({**motor, "extra": 0.0}) | {"extra": np.array([_lag(motor, r) for r in rotors])}
+    slower, ahead = motor_lag.longer(lag), dict(zip(rotors, motor_lag.before(lag).tolist(), strict=True))
+    act = act._replace(
+        surface=act.surface._replace(rate_limit=limits),
+        motor=act.motor._replace(rise=act.motor.rise * slower, fall=act.motor.fall * slower),
+    )
     sent, rest = np.zeros((len(names), steps)), np.zeros(len(names))
     ratio = CubicSpline(time, ratio)(np.minimum(fine, time[-1]))
     late = actuator_delay.delays(leaves(settings["actuator_delay"]), act.delay)
@@ -78,11 +85,9 @@ def positions(
     for name, values in zip(commanded, _on_steps(record, commanded, fine), strict=True):
         row, kind = names.index(name), kinds[name]
         first = _split(record, name)[0][0]
-        lag = settings["motor_lag" if kind == "rotor" else "actuator_lag"]
-        extra = settings["actuator_delay"].get(name, 0.0)
-        sent[row] = gain[name] * _arriving(
-            first, values, delays[kind] + extra, lag["extra"] + lag.get(name, 0.0)
-        )
+        delay = delays[kind] + settings["actuator_delay"].get(name, 0.0)
+        before = ahead[name] if kind == "rotor" else _lag(servo, name)
+        sent[row] = gain[name] * _arriving(first, values, delay, before)
         held = gain[name] * first * (ratio[0] if kind == "rotor" else 1.0)
         rest[row] = held
         if f"effector/{name}" in record:
@@ -102,6 +107,11 @@ def positions(
         rows[:, np.asarray(columns)] = values
     found = _between_steps(rows, time)
     return {n: found[:, names.index(n)] for n in commanded}
+
+
+def _lag(settings: Mapping[str, float], name: str) -> float:
+    """Return the time constant of a lag at one actuator, s: what all have in common, and its own."""
+    return settings["extra"] + settings.get(name, 0.0)
 
 
 def _split(record: FlightRecord, name: str) -> tuple[Array, Array]:

@@ -72,6 +72,7 @@ def _of_effect(effect: Effect, vehicle: Vehicle, blocks: Sequence[Block]) -> lis
     }
     if effect.alternatives:
         shapes = {n: p for n, p in free.items() if p.looked_at}
+        in_force = blocks[0].trial.simulation.effects.get(effect.id, {}).get(effect.size)
         free = {n: p for n, p in free.items() if n not in shapes}
         places = [Place(n, (n,), effectors=_effectors_of(n, vehicle)) for n in free]
         if effect.size in free and effect.stage != "sensor":  # at all places alike; sensors have no such size
@@ -81,7 +82,7 @@ def _of_effect(effect: Effect, vehicle: Vehicle, blocks: Sequence[Block]) -> lis
             for group in vehicle.groups
             if all(e in free for e in group.effectors)
         ]
-        for name, parameter in shapes.items():
+        for name, parameter in () if in_force else shapes.items():  # what acts already keeps its shape
             places += [
                 replace(p, label=f"{p.label} {name}={value:.4g}".strip(), fixed=((name, value),))
                 for p in places

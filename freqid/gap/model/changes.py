@@ -26,8 +26,8 @@ from freqid.simulate.effects.effect import Effect
 
 Signals = dict[str, Array]
 
-_POSITIONS: WeakKeyDictionary[Trial, dict[tuple[str, float], Signals]] = WeakKeyDictionary()
-"""Of actuators with an effect in their loops, by effect and size: many places ask for the same."""
+_POSITIONS: WeakKeyDictionary[Trial, dict[tuple, Signals]] = WeakKeyDictionary()
+"""Of actuators with an effect in their loops, by effect, shape and size: many places ask for the same."""
 
 
 def change(
@@ -108,17 +108,18 @@ def _in_loop(effect: Effect, values: Mapping[str, float], trial: Trial) -> Signa
     simulation that knows those of single effectors. They come on top of what is in force.
     """
     own = trial.simulation.effects[effect.id]
-    every = own.get(effect.size, 0.0)
+    every, shape = own.get(effect.size, 0.0), _shape(effect, values, trial)
     made, sizes = _POSITIONS.setdefault(trial, {}), _sizes(effect, values, trial)
     each = {n: x for n, x in sizes.items() if x}
     if len(set(each.values())) > 1 and set(each) <= set(trial.simulation.effects[effect.id]):
         alone = {n: own.get(n, 0.0) + x for n, x in each.items()}
-        return trial.positions_with({effect.id: {effect.size: every, **alone}})
+        return trial.positions_with({effect.id: {**shape, effect.size: every, **alone}})
     found = {}
     for name, size in sizes.items():
-        if (effect.id, size) not in made:
-            made[effect.id, size] = trial.positions_with({effect.id: {effect.size: every + size}})
-        found[name] = made[effect.id, size][name]
+        key = (effect.id, *shape.items(), size)
+        if key not in made:
+            made[key] = trial.positions_with({effect.id: {**shape, effect.size: every + size}})
+        found[name] = made[key][name]
     return found
 
 
@@ -132,6 +133,13 @@ def _sizes(effect: Effect, values: Mapping[str, float], trial: Trial) -> dict[st
     kinds = trial.maneuver.vehicle.effector_kinds
     of_kind = {k: values.get(k, 0.0) for k in kinds.values() if k not in kinds}
     return {n: values[effect.size] + of_kind.get(kinds[n], 0.0) + values.get(n, 0.0) for n in trial.positions}
+
+
+def _shape(effect: Effect, values: Mapping[str, float], trial: Trial) -> dict[str, float]:
+    """Return an effect's parameters that are no sizes, those that are not at their usual value."""
+    kinds = trial.maneuver.vehicle.effector_kinds
+    sizes = {effect.size, *kinds, *kinds.values()}
+    return {n: x for n, x in values.items() if n not in sizes and x != effect.parameters[n].default}
 
 
 def change_together(
@@ -225,7 +233,8 @@ def beside(effects: Sequence[tuple[Effect, Mapping[str, float]]], trial: Trial) 
         values, at = {**in_force_of(effect, trial.simulation), **settings}, acts_on(effect, trial)
         hook = effect.act or effect.feel
         if at == "positions" and _inside(effect, trial):
-            trial = trial.inside_of(Inside(effect.id, effect.size, _sizes(effect, values, trial)))
+            sizes, shape = _sizes(effect, values, trial), _shape(effect, values, trial)
+            trial = trial.inside_of(Inside(effect.id, effect.size, sizes, shape))
         elif at and hook is not None:
             act = _acting(hook, values, dt, kinds)
             trial = trial.acted_on(act) if at == "positions" else trial.felt_through(act)

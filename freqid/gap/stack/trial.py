@@ -32,11 +32,14 @@ class Inside(NamedTuple):
         Ids of the effect and of the parameter that is its size.
     sizes : dict of float
         By effector.
+    shape : dict of float
+        Its other parameters.
     """
 
     effect: str
     size: str
     sizes: Mapping[str, float]
+    shape: Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,6 +185,7 @@ class Trial:
                 asked = {n: dict(s) for n, s in effects.items()}
                 for inside, force, size in zip(self.inside, in_force, at, strict=True):
                     settings = asked.setdefault(inside.effect, {})
+                    settings.update(inside.shape)
                     own = {n: x for n, x in inside.sizes.items() if n in force}
                     for n, x in (own if size is None else {inside.size: size}).items():
                         settings[n] = settings.get(n, force.get(n, 0.0)) + x

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,6 +17,17 @@ from freqid.simulate.effects.signals import lagged
 Signals = dict[str, NDArray[np.float64]]
 
 _KINDS = ("rotor", "thrust", "throttle")
+
+
+def before(settings: Mapping[str, jax.Array]) -> jax.Array:
+    """Return the time constant of the lag that stands before motors, s; none where they are slower."""
+    return jnp.where(settings["time_constant"] > 0, 0.0, settings["extra"])
+
+
+def longer(settings: Mapping[str, jax.Array]) -> jax.Array:
+    """Return time constants of motors over those that are described; one where a lag stands before them."""
+    own = settings["time_constant"]
+    return jnp.where(own > 0, 1 + settings["extra"] / jnp.where(own > 0, own, 1.0), 1.0)
 
 
 def _act(settings: Mapping[str, float], signals: Signals, dt: float, kinds: dict[str, str]) -> Signals:
@@ -75,7 +88,6 @@ EFFECT = Effect(
             0.5,
             looked_at=(0.03, 0.1),
             follows=True,
-            replay_only=True,
         ),
     },
     needs=("command",),

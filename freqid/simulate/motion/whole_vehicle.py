@@ -246,7 +246,9 @@ def derivative(
     servos = act.surface._replace(rate_limit=rate_limit.limits(effects["rate_limit"], act.surface.rate_limit))
     surface_rate = servo_acceleration(servos, moving.surface, moving.surface_rate, commands.surface)
     tilt_rate = servo_acceleration(act.tilt, moving.tilt, moving.tilt_rate, commands.tilt)
-    speed = motor_acceleration(act.motor, moving.speed, commands.speed, ratio)
+    slower = motor_lag.longer(effects["motor_lag"])
+    motors = act.motor._replace(rise=slower * act.motor.rise, fall=slower * act.motor.fall)
+    speed = motor_acceleration(motors, moving.speed, commands.speed, ratio)
     body = rigid_body.derivative(
         gyroscopic.spinning(effects["gyroscopic"], parameters.mass),
         Configuration(moving.tilt, moving.tilt_rate, moving.speed),
@@ -310,7 +312,7 @@ def _arrived(parameters: Parameters, sent: Commands, before: Commands, dt: float
     """Return the commands that the described actuators follow, late and behind by lags."""
     effects = parameters.airframe.effects
     arrived = actuator_delay.arrived(effects["actuator_delay"], parameters.actuators.delay, sent, dt)
-    servo, motor = effects["actuator_lag"]["extra"], effects["motor_lag"]["extra"]
+    servo, motor = effects["actuator_lag"]["extra"], motor_lag.before(effects["motor_lag"])
     return Commands(
         *(
             actuator_lag.behind(lag, command, old, dt)

@@ -174,6 +174,37 @@ def test_lags_and_rate_limits_act_on_positions_as_in_flight(simulation, la8, inp
         assert np.abs(plain[name] - flown_there)[25:].max() > 1e-3 * size, name
 
 
+def test_motors_are_as_much_slower_as_those_of_another_scenario(simulation, la8, inputs):
+    """A motor that is slower is not one with a lag before it."""
+    motor = la8.simulation.actuators["motor"]
+    longer = {n: 1.4 * motor[n] for n in ("rise_s", "fall_s")}
+    actuators = {**la8.simulation.actuators, "motor": {**motor, **longer}}
+    slower = msgspec.structs.replace(
+        la8, simulation=msgspec.structs.replace(la8.simulation, actuators=actuators)
+    )
+    settings = {"motor_lag": {"extra": 0.02, "time_constant": 0.05}}
+    at = la8.reference_of("u45")
+    record, same = (
+        fly_maneuver(s, at, inputs, Conditions()).record for s in (slower, with_effects(la8, settings))
+    )
+    trial = Trial.of(simulation, Maneuver.of(record))
+    effect = library()["motor_lag"].of(trial.maneuver.vehicle)
+    found = change(effect, trial, settings["motor_lag"])
+    one = change(effect, trial, {"n1": 0.02, "time_constant": 0.05})
+    ahead = change(effect, trial, {"extra": 0.02})
+    inside = beside([(effect, settings["motor_lag"])], trial)
+    for i, row in enumerate(found.rows):
+        name = row.name.removeprefix("actuator/")
+        if name in ("n1", "n8"):
+            moved = record[f"effector/{name}"] - trial.positions[name]
+            size = np.std(moved[25:])
+            assert np.std(record[f"effector/{name}"] - same[f"effector/{name}"]) < 1e-6 * size
+            assert np.std((found.direct[i] - moved)[25:]) < 1e-4 * size
+            assert np.std((inside.positions[name] - record[f"effector/{name}"])[25:]) < 1e-4 * size
+            assert np.std((ahead.direct[i] - moved)[25:]) > 0.05 * size
+            np.testing.assert_allclose(one.direct[i], found.direct[i] if name == "n1" else 0.0, atol=1e-12)
+
+
 def test_a_delay_comes_before_the_voltage_of_the_motors(simulation, la8, inputs):
     """Positions that come late as a whole would carry the voltage of an earlier moment.
 

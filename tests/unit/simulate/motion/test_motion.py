@@ -262,7 +262,7 @@ def test_a_delay_that_is_longer_than_the_line_is_refused():
 
 @pytest.mark.parametrize(
     ("effect", "name"),
-    [("battery_sag", "emptying"), ("motor_lag", "time_constant"), ("rotor_inplane_force", "hub_moment")],
+    [("battery_sag", "emptying"), ("rotor_inplane_force", "hub_moment")],
 )
 def test_what_flights_have_in_another_way_is_refused(effect, name):
     effects = {**SCENARIO.simulation.effects, effect: {name: 0.005}}

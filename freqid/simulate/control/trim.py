@@ -7,9 +7,11 @@ equations of equilibrium; nothing is assumed about symmetry.
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy.optimize import least_squares, minimize
@@ -37,6 +39,10 @@ _STEPS = np.array([3.0, 0.1])  # m/s and rad: changes of speed and tilts that co
 _FARTHEST = 40.0  # of these steps, to a condition that can be flown
 _SIDE = 0.01  # weight of the effectors' effort beside that distance
 _MARGIN = 1.02  # of the way there, so that rounding does not leave it at the edge of what flies
+
+_FOUND: dict[Hashable, Array] = {}
+"""Unknowns of trims by all that they depend on: laws, flights and pages ask for the same ones again."""
+_KEPT = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,16 +98,24 @@ def trim(scenario: Scenario, parameters: motion.Parameters, reference: Reference
         Where no position of the effectors inside their limits balances the vehicle: which equation
         cannot be met and by how much, and the nearest condition that can be flown.
     """
-    problem = _Problem(parameters, _held(scenario, reference))
+    held = _held(scenario, reference)
     tilts = [reference.scheduled.get(e.name, 0.0) for e in scenario.effector if e.kind == "tilt"]
     condition = np.array([reference.rho, reference.u, *tilts])
-    x = problem.solve(condition)
+    leaves, structure = jax.tree.flatten(parameters)
+    asked = structure, *(np.asarray(x).tobytes() for x in (*leaves, held, condition))
+    x = _FOUND.get(asked)
     if x is None:
-        raise UsageError(
-            problem.shortfall(condition),
-            where=f"reference '{reference.id}'",
-            remedy=problem.nearest(condition),
-        )
+        problem = _Problem(parameters, held)
+        x = problem.solve(condition)
+        if x is None:
+            raise UsageError(
+                problem.shortfall(condition),
+                where=f"reference '{reference.id}'",
+                remedy=problem.nearest(condition),
+            )
+        if len(_FOUND) >= _KEPT:
+            _FOUND.clear()
+        _FOUND[asked] = x
     found, residual, _, _ = _balance(parameters, condition, x)
     around = _around(reference.rho)
     body = found.body._replace(position=jnp.asarray(np.array([0.0, 0.0, -HEIGHT - float(around.ground)])))
@@ -193,6 +207,7 @@ class _Problem:
         rotors = motor.high.size
         largest = np.maximum(np.abs(surface.low), np.abs(surface.high))
         self._parameters = parameters
+        self._last: tuple[Array, Array, tuple[Array, Array, Array]] | None = None
         self._scale = np.concatenate([np.full(2, _ANGLE), largest, _SPREAD * np.asarray(motor.high)])
         low = np.concatenate([np.full(2, -LARGEST_ANGLE), surface.low, motor.low])
         high = np.concatenate([np.full(2, LARGEST_ANGLE), surface.high, motor.high])
@@ -294,9 +309,17 @@ class _Problem:
         return None
 
     def _balance(self, condition: Array, x: Array) -> tuple[Array, Array, Array]:
-        """Return the unbalance over the weight (times 1 m), and its two Jacobians."""
-        _, unbalanced, by_condition, by_x = _balance(self._parameters, condition, x * self._scale)
-        return unbalanced / self._weight, by_condition / self._weight, by_x * self._scale / self._weight
+        """Return the unbalance over the weight (times 1 m), and its two Jacobians.
+
+        The search asks for the unbalance, and then for its slope at the same place.
+        """
+        last = self._last
+        if last is None or not (np.array_equal(last[0], condition) and np.array_equal(last[1], x)):
+            _, unbalanced, by_condition, by_x = _balance(self._parameters, condition, x * self._scale)
+            weight = self._weight
+            found = unbalanced / weight, by_condition / weight, by_x * self._scale / weight
+            self._last = last = condition.copy(), x.copy(), found
+        return last[2]
 
     def _moved(self, condition: Array, steps: Array) -> Array:
         """Return the condition with its speed and all its tilts changed."""

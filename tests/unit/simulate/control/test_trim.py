@@ -11,7 +11,7 @@ import pytest
 
 from freqid.core.errors import UsageError
 from freqid.core.scenario import Reference, read_scenario
-from freqid.simulate.control.trim import EQUATIONS, HEIGHT, _balance, trim
+from freqid.simulate.control.trim import EQUATIONS, HEIGHT, _balance, _Problem, trim
 from freqid.simulate.motion import whole_vehicle as motion
 
 SCENARIO = read_scenario(Path(__file__).parents[4] / "scenarios" / "la8.toml")[0]
@@ -51,6 +51,28 @@ def test_every_reference_condition_is_balanced_inside_the_limits(trims, paramete
     assert (u, v) == (at.reference.u, 0)
     assert w * np.cos(phi) * np.cos(theta) - u * np.sin(theta) == pytest.approx(0, abs=1e-12)
     assert -at.body.position[2] - at.around.ground == pytest.approx(HEIGHT)
+
+
+def test_a_trim_that_was_found_is_not_looked_for_again_unless_something_else_is_asked(
+    trims, parameters, monkeypatch
+):
+    searched = []
+
+    class Seen(_Problem):
+        def solve(self, condition):
+            searched.append(condition)
+            return super().solve(condition)
+
+    monkeypatch.setattr("freqid.simulate.control.trim._Problem", Seen)
+    at = SCENARIO.reference_of("u45")
+    again = trim(SCENARIO, jax.tree.map(np.array, parameters), at)
+    assert not searched
+    np.testing.assert_array_equal(unknowns(again)[0], unknowns(trims["u45"])[0])
+    heavier = parameters._replace(mass=parameters.mass._replace(mass=1.01 * parameters.mass.mass))
+    held = msgspec.structs.replace(at, scheduled={**at.scheduled, "de1": 0.01})
+    for asked in ((heavier, at), (parameters, msgspec.structs.replace(at, u=at.u + 0.1)), (parameters, held)):
+        assert not np.array_equal(unknowns(trim(SCENARIO, *asked))[0], unknowns(trims["u45"])[0])
+    assert len(searched) == 3
 
 
 def test_the_trim_is_as_symmetric_as_the_vehicle(trims):

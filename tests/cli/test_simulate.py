@@ -13,7 +13,7 @@ from freqid.simulate.truth import read_truth
 
 LA8 = Path(__file__).resolve().parents[2] / "scenarios" / "la8.toml"
 SCENARIO = read_scenario(LA8)[0]
-SHORT = ("--at", "u45", "--duration", "4.5")
+SHORT = ("--at", "u45", "--duration", "4.5", "--no-page")
 
 
 @pytest.fixture
@@ -134,7 +134,8 @@ def test_the_same_command_gives_the_same_flight(freqid, tmp_path):
 
 def test_a_transition_is_flown_and_told_in_words(freqid, tmp_path):
     code, out, err = freqid(
-        "simulate", LA8, "--at", "u00", "--to", "u85", "--duration", "60", "-o", tmp_path / "t.h5"
+        *("simulate", LA8, "--at", "u00", "--to", "u85", "--duration", "60", "--no-page"),
+        *("-o", tmp_path / "t.h5"),
     )
     assert (code, err) == (0, "")
     assert "t.h5: 60 s from u00; the truth is in" in out
@@ -147,7 +148,8 @@ def test_a_transition_is_flown_and_told_in_words(freqid, tmp_path):
 def test_a_flight_that_diverges_leaves_its_record_up_to_there(freqid, tmp_path):
     record = tmp_path / "loose.h5"
     code, out, err = freqid(
-        "simulate", LA8, "--at", "u20", "--duration", "60", "--no-feedback", "--turbulence", "-o", record
+        *("simulate", LA8, "--at", "u20", "--duration", "60", "--no-feedback", "--turbulence", "--no-page"),
+        *("-o", record),
     )
     assert (code, out) == (3, "")
     found = re.search(r"the flight diverged at t = (\S+) s: (\w+) is (\S+), expected (\S+) to (\S+);", err)
@@ -278,7 +280,7 @@ def campaign(tmp_path):
 
 def test_a_campaign_is_flown_and_its_manoeuvres_are_cut_out(freqid, campaign, tmp_path):
     flight = tmp_path / "flight.h5"
-    words = ("--campaign", "--noise", "--turbulence", "1", "--seed", "3", "-o", flight)
+    words = ("--campaign", "--noise", "--turbulence", "1", "--seed", "3", "--no-page", "-o", flight)
     code, out, err = freqid("simulate", campaign(), *words)
     assert (code, err) == (0, "")
     table = [line.split() for line in out.splitlines()[3:]]
@@ -297,7 +299,7 @@ def test_a_campaign_is_flown_and_its_manoeuvres_are_cut_out(freqid, campaign, tm
 
 def test_a_campaign_of_one_trim_is_flown_and_said_to_be_one(freqid, campaign, tmp_path):
     one = campaign('[[campaign.trim]]\nspeed = 16.5\nclimb_rad = -0.09\nrotors = "stopped"\n', "")
-    code, out, _ = freqid("simulate", one, "--campaign", "--json", "-o", tmp_path / "flight.h5")
+    code, out, _ = freqid("simulate", one, "--campaign", "--json", "--no-page", "-o", tmp_path / "f.h5")
     assert code == 0
     said = json.loads(out)
     assert len(said["trims"]) == 1

@@ -44,7 +44,7 @@ from joblib import Parallel, delayed
 import freqid as fq
 from freqid.core.channels import WRENCH
 from freqid.core.results.design import SampledInputs
-from freqid.core.results.point import Fit
+from freqid.core.results.fit import Fit
 from freqid.identify.model.line_equations import LineEquations
 from freqid.identify.point import predict_responses
 from freqid.identify.regress.two_stage import WeakInstruments

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.optimize import fsolve
 
 from freqid.core.record import Channel, FlightRecord, Maneuver
-from freqid.core.results.point import Fit, PointModel, ResponseModel
+from freqid.core.results.fit import Fit
+from freqid.core.results.point import PointModel, ResponseModel
 from freqid.core.scenario import Reference
 from freqid.core.sections.identification import Identification
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle, Wing

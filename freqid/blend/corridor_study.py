@@ -12,9 +12,10 @@ import numpy as np
 from freqid.blend.global_model import GlobalModel
 from freqid.core.arrays import Array
 from freqid.core.results.design import MultisineDesign
+from freqid.core.results.fit import Fit
 from freqid.core.results.judged.doubt import Doubt, doubts_of
 from freqid.core.results.judged.truth import KnownTruth, Miss, as_many_as_by_chance
-from freqid.core.results.point import Fit, PointModel
+from freqid.core.results.point import PointModel
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Vehicle
 from freqid.core.viewable import Viewable

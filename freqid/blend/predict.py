@@ -9,7 +9,7 @@ import numpy as np
 from freqid.blend.global_model import GlobalModel
 from freqid.blend.locate import Outside
 from freqid.core.record import Maneuver
-from freqid.core.results.point import Fit
+from freqid.core.results.fit import Fit
 from freqid.identify.loads.explanatory import history
 from freqid.identify.loads.wrench import AppliedWrench, Form, applied_wrench
 from freqid.identify.spectra.trend import up_to

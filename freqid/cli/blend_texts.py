@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from freqid.blend.consistency import Agreement
 from freqid.core.results.corridor import Corridor
-from freqid.core.results.point import Fit
+from freqid.core.results.fit import Fit
 
 
 def blend_result(corridor: Corridor, agreement: list[Agreement], predicted: dict[str, Fit]) -> dict[str, Any]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from freqid.core.results.point import DISTORTED, Fit, PointModel, ResponseModel, per
+from freqid.core.results.fit import Fit
+from freqid.core.results.point import DISTORTED, PointModel, ResponseModel, per
 from freqid.identify.model.selection import F_TO_STAY
 
 

@@ -12,7 +12,8 @@ from freqid.core.arrays import Array
 from freqid.core.channels import ADVANCE_RATIO, AIR, EFFECTOR_UNITS, STATE
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.core.results.point import Fit, PointModel, ResponseModel
+from freqid.core.results.fit import Fit
+from freqid.core.results.point import PointModel, ResponseModel
 from freqid.core.scenario import Reference
 from freqid.core.sections.estimators import EstimatorName
 from freqid.core.sections.excitation import Excitation

@@ -235,7 +235,7 @@ def test_a_flight_at_no_condition_is_named(study, tmp_path):
 
 
 def test_theil_and_coherence_are_what_their_definitions_say():
-    from freqid.core.results.point import Fit
+    from freqid.core.results.fit import Fit
 
     time = np.arange(400) / 100
     z, y = np.sin(2 * np.pi * time), 0.5 * np.sin(2 * np.pi * time)

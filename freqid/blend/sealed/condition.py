@@ -12,7 +12,8 @@ from freqid.blend.global_model import GlobalModel
 from freqid.core.arrays import Array, Complex
 from freqid.core.channels import WRENCH
 from freqid.core.errors import DataError, UsageError, nearest
-from freqid.core.results.point import Fit, PointModel, ResponseModel
+from freqid.core.results.fit import Fit
+from freqid.core.results.point import PointModel, ResponseModel
 from freqid.core.results.prediction import PredictedResponse
 from freqid.core.scenario import Reference
 from freqid.core.vehicle import Vehicle

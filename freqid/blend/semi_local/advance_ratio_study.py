@@ -14,7 +14,8 @@ from freqid.core.arrays import Array
 from freqid.core.channels import COEFFICIENT
 from freqid.core.record import Maneuver
 from freqid.core.results.advance_ratio import AdvanceRatioModel, LocalDerivatives
-from freqid.core.results.point import Fit, PointModel
+from freqid.core.results.fit import Fit
+from freqid.core.results.point import PointModel
 from freqid.core.sections.identification import Identification
 from freqid.core.viewable import Viewable
 from freqid.identify.loads.explanatory import history

@@ -9,7 +9,8 @@ from typing import Any
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
 from freqid.core.layout import Attribute, Dataset, NestedSeries, ResultFile
-from freqid.core.results.point import Fit, PointModel
+from freqid.core.results.fit import Fit
+from freqid.core.results.point import PointModel
 from freqid.core.viewable import Viewable
 
 

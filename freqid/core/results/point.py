@@ -2,181 +2,25 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
 from freqid.core.layout import Attribute, Attributes, Dataset, Nested, NestedSeries, ResultFile, Table
-from freqid.core.scenario import Gates, Reference
+from freqid.core.results.fit import Fit, fit_layout
+from freqid.core.scenario import Reference
 from freqid.core.vehicle import Vehicle
 from freqid.core.viewable import Viewable
 
 DISTORTED = 1.5
 """Distortion from which a response is taken to be bent: of a linear one it is 1.1 +- 0.17 on 106 lines."""
-
-
-@dataclass(frozen=True)
-class WorstBand:
-    """Where in frequency a fit is worst.
-
-    Attributes
-    ----------
-    low_hz, high_hz : float
-        First and last line of the band.
-    over_noise : float
-        Root mean square of the residual over that of noise, in the band; nan where noise is not known.
-    share : float
-        Of the power of the whole residual.
-    """
-
-    low_hz: float
-    high_hz: float
-    over_noise: float
-    share: float
-
-
-@dataclass(frozen=True)
-class Fit:
-    """A response as measured and as the model gives it, on frequencies or samples.
-
-    Attributes
-    ----------
-    axis : ndarray, shape (n,)
-        Frequencies in Hz, or times in s.
-    measured, modelled : ndarray, shape (n,)
-        Complex transforms on frequencies, real values in time.
-    noise : ndarray, shape (n,), optional
-        On frequencies, where noise lines tell it: rms magnitude of a residual that is noise alone, allowing
-        for what the fit takes of it.
-    """
-
-    axis: Array
-    measured: NDArray[Any]
-    modelled: NDArray[Any]
-    noise: Array | None = None
-
-    def __repr__(self) -> str:
-        kind = "lines" if np.iscomplexobj(self.measured) else "samples"
-        return f"<Fit on {self.axis.size} {kind}: R2 {self.r2:.4f}, rms of the residual {self.rms:.4g}>"
-
-    @property
-    def axis_unit(self) -> str:
-        """Hz or s."""
-        return "Hz" if np.iscomplexobj(self.measured) else "s"
-
-    @property
-    def transform_unit(self) -> str:
-        """What the unit of a transform has beyond that of the response; empty in time."""
-        return " s" if np.iscomplexobj(self.measured) else ""
-
-    @property
-    def residual(self) -> NDArray[Any]:
-        """Measured less modelled, shape (n,)."""
-        return self.measured - self.modelled
-
-    @property
-    def r2(self) -> float:
-        """Share of the measured energy that the model explains; about the mean in time."""
-        centre = 0.0 if np.iscomplexobj(self.measured) else self.measured.mean()
-        total = np.sum(np.abs(self.measured - centre) ** 2)
-        return float(1 - np.sum(np.abs(self.residual) ** 2) / total) if total else float("nan")
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the residual."""
-        return float(np.sqrt(np.mean(np.abs(self.residual) ** 2)))
-
-    def inside(self, highest_hz: float = float("inf")) -> Fit:
-        """Return a history without its ends.
-
-        A history up to a highest frequency is made from samples on both sides, and moments from differences
-        of rates: within two periods of that frequency of an end it says more about the end than about the
-        model. A history too short for that keeps its ends.
-
-        Parameters
-        ----------
-        highest_hz : float
-            Of what the history holds; infinite where it holds all.
-        """
-        ends = round(2 / highest_hz / (self.axis[1] - self.axis[0]))
-        keep = slice(ends, self.axis.size - ends)
-        if self.axis.size - 2 * ends <= 2 * ends:
-            return self
-        return Fit(self.axis[keep], self.measured[keep], self.modelled[keep])
-
-    @property
-    def worst_band(self) -> WorstBand | None:
-        """The `LEAST_LINES` neighbouring lines with the greatest normalised residual; None of a history.
-
-        The power of the residual on each line is normalised by that of noise; without known noise all lines
-        count alike, so that the band holds the most of the residual.
-        """
-        count = min(LEAST_LINES, self.axis.size)
-        if not np.iscomplexobj(self.measured) or not count:
-            return None
-        left = np.abs(self.residual) ** 2
-        known = self.noise is not None and bool(np.all(self.noise > 0))
-        power = left / self.noise**2 if known and self.noise is not None else left
-        within = np.convolve(power, np.ones(count), mode="valid")
-        first = int(within.argmax())
-        band = slice(first, first + count)
-        total = float(left.sum())
-        return WorstBand(
-            low_hz=float(self.axis[band][0]),
-            high_hz=float(self.axis[band][-1]),
-            over_noise=float(np.sqrt(within[first] / count)) if known else float("nan"),
-            share=float(left[band].sum()) / total if total else float("nan"),
-        )
-
-    @property
-    def theil(self) -> float:
-        """Theil's inequality coefficient of a history, about the means: 0 is perfect, 1 is none at all.
-
-        References
-        ----------
-        Theil, Economic Forecasts and Policy, 2nd ed., 1961; Jategaonkar, Flight Vehicle System
-        Identification, 2nd ed., ch. 11: below 0.25 to 0.3 in flight-model validation.
-        """
-        both = [np.sqrt(np.mean(np.abs(x - x.mean()) ** 2)) for x in (self.measured, self.modelled)]
-        return float(np.std(self.residual) / sum(both)) if sum(both) else float("nan")
-
-    @property
-    def coherence(self) -> float:
-        """Lowest coherence of measured and modelled transforms over the octaves of the lines.
-
-        ``|sum conj(measured) modelled|^2 / (sum |measured|^2 sum |modelled|^2)`` over the lines of each
-        octave from the lowest line on. Octaves of fewer than eight lines are taken with the next, because two
-        noises of n lines have a coherence of 1/n in the mean. nan of a history.
-        """
-        if not np.iscomplexobj(self.measured):
-            return float("nan")
-        octave = np.floor(np.log2(self.axis / self.axis[0]) + 1e-9).astype(int)
-        groups: list[list[int]] = [[]]
-        for k in range(octave.max() + 1):
-            if len(groups[-1]) >= LEAST_LINES:
-                groups.append([])
-            groups[-1] += np.flatnonzero(octave == k).tolist()
-        if len(groups) > 1 and len(groups[-1]) < LEAST_LINES:
-            groups[-2] += groups.pop()
-        values = []
-        for of in groups:
-            z, y = self.measured[of], self.modelled[of]
-            power = float(np.sum(np.abs(z) ** 2) * np.sum(np.abs(y) ** 2))
-            values.append(float(np.abs(np.vdot(z, y)) ** 2 / power) if power else float("nan"))
-        return min(values)
-
-
 NEAR_CEILING = 0.02
 """Below what noise allows, where R2 is still said to reach it."""
-LEAST_LINES = 8
-"""Lines that a coherence is taken over at least, and that make the band of the worst fit."""
 
 
 @dataclass(frozen=True)
@@ -556,105 +400,12 @@ def spread_of(covariance: Array) -> Array:
     return vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :]
 
 
-@dataclass(frozen=True)
-class MissedGate:
-    """A figure of merit that is not what the scenario asks for.
-
-    Attributes
-    ----------
-    response : str
-    figure : str
-        ``"R2"``, ``"condition number"``, ``"variance inflation"``, ``"coherence"``, ``"validation error"`` or
-        ``"consistency"``.
-    value, gate : float
-    why : str
-        What it comes from, in a few words, where that is known.
-    """
-
-    response: str
-    figure: str
-    value: float
-    gate: float
-    why: str = ""
-
-    @property
-    def unjudged(self) -> bool:
-        """Whether the gate is on a manoeuvre that was not used, and none was given."""
-        return self.figure == "validation error" and math.isnan(self.value)
-
-    def __str__(self) -> str:
-        said = f"{self.figure} of {self.response} is {self.value:.5g}"
-        return f"{said}{f', because {self.why}' if self.why else ''}, the gate is {self.gate:g}"
-
-
-def unjudged_gates(model: PointModel, gates: Gates) -> str:
-    """Return one sentence on gates that nothing was given to judge by; empty where there are none."""
-    left = [miss.response for miss in missed_gates(model, gates) if miss.unjudged]
-    if not left:
-        return ""
-    return (
-        f"the gate on validation of {', '.join(left)} is not judged: no manoeuvre that was not used was "
-        "predicted (--predict)"
-    )
-
-
-def missed_gates(model: PointModel, gates: Gates) -> list[MissedGate]:
-    """Return the gates that a model misses; a figure that is not a number misses its gate."""
-    missed = []
-    for name, response in model.responses.items():
-        asked = gates.r2.get(name) if isinstance(gates.r2, dict) else gates.r2
-        if asked is not None and not response.r2 >= asked:
-            missed.append(MissedGate(name, "R2", response.r2, asked))
-        bound = gates.condition_number
-        if bound is not None and not response.condition_number <= bound:
-            missed.append(MissedGate(name, "condition number", response.condition_number, bound))
-        pair = response.most_collinear
-        if gates.collinearity is not None and pair and not pair.inflation <= gates.collinearity:
-            one, other = pair.regressors
-            why = (
-                f"'{one}' and '{other}' moved together (their parameters' errors are correlated by "
-                f"{pair.correlation:.3f})"
-            )
-            missed.append(MissedGate(name, "variance inflation", pair.inflation, gates.collinearity, why))
-        if gates.coherence is not None:
-            lines = response.fit.get("frequency")
-            value = lines.coherence if lines is not None else float("nan")
-            if not value >= gates.coherence:
-                missed.append(MissedGate(name, "coherence", value, gates.coherence))
-        asked = gates.validation.get(name) if isinstance(gates.validation, dict) else gates.validation
-        if asked is not None and not (error := validation_error(model, name)) <= asked:
-            missed.append(MissedGate(name, "validation error", error, asked))
-    return missed
-
-
-def gate_sentences(model: PointModel, gates: Gates) -> list[str]:
-    """Return a sentence for each gate that a model misses; one for all that nothing was given to judge by."""
-    missed = [str(miss) for miss in missed_gates(model, gates) if not miss.unjudged]
-    return [*missed, *filter(None, [unjudged_gates(model, gates)])]
-
-
-def validation_error(model: PointModel, response: str) -> float:
-    """Return Theil's coefficient on the manoeuvre that a model was not made from; nan where there is none."""
-    fit, lines = model.prediction.get(response), model[response].fit.get("frequency")
-    if fit is None:
-        return float("nan")
-    return fit.inside(float(lines.axis[-1]) if lines is not None else float("inf")).theil
-
-
 def per(unit: str, regressor_unit: str) -> str:
     """Return the unit of a parameter: that of the response over that of the regressor."""
     if regressor_unit == "1":
         return unit
     over = f"({regressor_unit})" if any(c in regressor_unit for c in " /") else regressor_unit
     return f"{unit}/{over}"
-
-
-def _fits(group: str, unit: str) -> dict[str, Dataset]:
-    """Return the layout of a fit in a group."""
-    values = ("measured", "modelled", "noise")
-    return {"axis": Dataset(f"{group}/axis", "{axis_unit}", ("sample",))} | {
-        name: Dataset(f"{group}/{name}", unit + "{transform_unit}", ("sample",)) for name in values
-    }
 
 
 _PARAMETER = "parameter/{response}/{regressors}"
@@ -691,7 +442,7 @@ _RESPONSE = {
     "condition_index": Dataset(f"{_DIAGNOSTICS}/condition_index"),
     "correlation": Dataset(f"{_DIAGNOSTICS}/correlation", "1", ("regressors", "regressors")),
     "variance_proportion": Dataset(f"{_DIAGNOSTICS}/variance_proportion"),
-    "fit": NestedSeries(Fit, _fits("fit/{response}/{domain}", "{unit}"), "domain", "fit/{response}"),
+    "fit": NestedSeries(Fit, fit_layout("fit/{response}/{domain}", "{unit}"), "domain", "fit/{response}"),
 }
 _POINT = {
     "reference": Attributes("reference"),
@@ -706,7 +457,7 @@ _POINT = {
     "provenance": Attribute("provenance@json", json=True),
     "aircraft": Table("aircraft"),
     "responses": NestedSeries(ResponseModel, _RESPONSE, "response", "@responses"),
-    "prediction": NestedSeries(Fit, _fits("prediction/{of}", "{units.of}"), "of", "prediction"),
+    "prediction": NestedSeries(Fit, fit_layout("prediction/{of}", "{units.of}"), "of", "prediction"),
 }
 
 

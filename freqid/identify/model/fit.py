@@ -10,7 +10,8 @@ from scipy.linalg import block_diag
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError
-from freqid.core.results.point import Fit, ResponseModel
+from freqid.core.results.fit import Fit
+from freqid.core.results.point import ResponseModel
 from freqid.identify.model.line_equations import LineEquations, on_lines
 from freqid.identify.model.problem import Problem, numbered
 from freqid.identify.regress.covariance_corrections import (

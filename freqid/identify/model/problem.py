@@ -11,7 +11,8 @@ from freqid.core.arrays import Array
 from freqid.core.channels import RESPONSE
 from freqid.core.errors import DataError, UsageError
 from freqid.core.record import Maneuver
-from freqid.core.results.point import Fit, ResponseModel
+from freqid.core.results.fit import Fit
+from freqid.core.results.point import ResponseModel
 from freqid.core.sections.identification import Identification, factors_of
 from freqid.identify.loads.explanatory import explanatory_variables, history
 from freqid.identify.loads.wrench import AppliedWrench, applied_wrench, response_name

@@ -10,8 +10,8 @@ import numpy as np
 
 from freqid.core.arrays import Array
 from freqid.core.errors import UsageError, nearest
+from freqid.core.results.fit import Fit
 from freqid.core.results.output_error import OutputErrorModel
-from freqid.core.results.point import Fit
 from freqid.identify.output_error.filter_error import FilterError
 from freqid.identify.output_error.frequency_domain import FrequencyDomain
 from freqid.identify.output_error.minimise import Minimum, minimise, unexcited

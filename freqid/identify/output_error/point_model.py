@@ -9,8 +9,9 @@ import numpy as np
 from freqid.core.arrays import Array
 from freqid.core.errors import DataError, UsageError, nearest
 from freqid.core.record import Maneuver
+from freqid.core.results.fit import Fit
 from freqid.core.results.output_error import OutputErrorModel
-from freqid.core.results.point import Fit, PointModel, ResponseModel, per
+from freqid.core.results.point import PointModel, ResponseModel, per
 from freqid.core.scenario import Reference
 from freqid.core.sections.identification import Identification, factors_of
 from freqid.identify.advance_ratio.trim import flown_trim

@@ -13,7 +13,7 @@ from freqid.core.arrays import Array
 from freqid.core.channels import FLOW, FORCES, GROUND, RATES, VELOCITY
 from freqid.core.errors import UsageError, nearest
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.core.results.point import Fit
+from freqid.core.results.fit import Fit
 from freqid.dynamics.frames import flow_angles
 from freqid.identify.regress.confidence_interval import half_width
 from freqid.identify.sensors.air_data_lag import UNSTEADY, LagByLoads

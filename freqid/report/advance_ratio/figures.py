@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from freqid.core.results.advance_ratio import AdvanceRatioModel, TrimCluster
-from freqid.core.results.point import Fit
+from freqid.core.results.fit import Fit
 from freqid.report.kit.drawing import (
     BLUE,
     GREY,

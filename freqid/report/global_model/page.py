@@ -18,7 +18,8 @@ from freqid.blend.global_model import GlobalModel
 from freqid.core.arrays import Array
 from freqid.core.channels import AIR, STATE
 from freqid.core.results.corridor import Corridor
-from freqid.core.results.point import Fit, per
+from freqid.core.results.fit import Fit
+from freqid.core.results.point import per
 from freqid.identify.regress.confidence_interval import confidence_interval
 from freqid.report.kit.corridor import (
     SPEED,

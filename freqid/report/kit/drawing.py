@@ -17,7 +17,7 @@ from matplotlib.ticker import MaxNLocator
 
 from freqid.core.arrays import Array
 from freqid.core.record import Channel
-from freqid.core.results.point import Fit
+from freqid.core.results.fit import Fit
 from freqid.report.kit.notation import shown_unit, with_unit
 
 Drawing = TypeVar("Drawing", bound=Any)

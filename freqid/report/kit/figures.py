@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from freqid.core.arrays import Array
 from freqid.core.record import FlightRecord
-from freqid.core.results.point import Fit
+from freqid.core.results.fit import Fit
 from freqid.report.kit.drawing import (
     BLUE,
     GREY,

@@ -10,7 +10,8 @@ from markupsafe import Markup
 from freqid import __version__
 from freqid.core.errors import DataError
 from freqid.core.record import FlightRecord, parse_span
-from freqid.core.results.point import ErrorsInVariables, Fit, PointModel, ResponseModel, per
+from freqid.core.results.fit import Fit
+from freqid.core.results.point import ErrorsInVariables, PointModel, ResponseModel, per
 from freqid.core.scenario import Gates
 from freqid.identify.model.problem import numbered
 from freqid.identify.regress.two_stage import LEAST_STRENGTH

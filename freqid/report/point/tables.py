@@ -11,8 +11,9 @@ from markupsafe import Markup
 
 from freqid.core.channels import KNOWN
 from freqid.core.record import FlightRecord
+from freqid.core.results.fit import Fit
 from freqid.core.results.judged.doubt import HIGH_INFLATION
-from freqid.core.results.point import Fit, PointModel, ResponseModel, per
+from freqid.core.results.point import PointModel, ResponseModel, per
 from freqid.core.scenario import Gates
 from freqid.identify.regress.estimators import label_of
 from freqid.report.kit import notation

@@ -6,14 +6,8 @@ import numpy as np
 from markupsafe import Markup
 
 from freqid.core.results.judged.doubt import HIGH_INFLATION
-from freqid.core.results.point import (
-    DISTORTED,
-    NEAR_CEILING,
-    PointModel,
-    ResponseModel,
-    missed_gates,
-    unjudged_gates,
-)
+from freqid.core.results.judged.gates import missed_gates, unjudged_gates
+from freqid.core.results.point import DISTORTED, NEAR_CEILING, PointModel, ResponseModel
 from freqid.core.scenario import Gates
 from freqid.identify.regress.two_stage import LEAST_STRENGTH
 from freqid.report.kit.findings import Finding, code, finding, listed

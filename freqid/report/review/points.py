@@ -18,9 +18,10 @@ from freqid.blend.corridor_study import (
     doubts_of_points,
     left_to_noise,
 )
+from freqid.core.results.fit import Fit
 from freqid.core.results.judged.doubt import DOUBT_KINDS, HIGH_INFLATION, MATTERS, WIDE, Doubt
 from freqid.core.results.judged.truth import BEYOND, Miss
-from freqid.core.results.point import Fit, PointModel, ResponseModel
+from freqid.core.results.point import PointModel, ResponseModel
 from freqid.report.kit.findings import code, finding
 from freqid.report.kit.notation import (
     NONE,

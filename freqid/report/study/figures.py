@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from freqid.core.arrays import Array
-from freqid.core.results.point import Fit
+from freqid.core.results.fit import Fit
 from freqid.report.kit.drawing import (
     BLUE,
     GREY,

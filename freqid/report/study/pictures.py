@@ -9,7 +9,8 @@ import numpy as np
 from markupsafe import Markup
 
 from freqid.blend.corridor_study import StudiedPoint, StudyResults
-from freqid.core.results.point import Fit, per
+from freqid.core.results.fit import Fit
+from freqid.core.results.point import per
 from freqid.core.vehicle import Vehicle
 from freqid.identify.in_flight.parameter_history import ParameterHistory
 from freqid.report.kit.corridor import derivative_name

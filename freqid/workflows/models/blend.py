@@ -13,7 +13,8 @@ from freqid.blend.line_up import line_up
 from freqid.blend.predict import replay
 from freqid.core.blas import on_one_thread
 from freqid.core.errors import DataError, UsageError
-from freqid.core.results.point import Fit, PointModel
+from freqid.core.results.fit import Fit
+from freqid.core.results.point import PointModel
 from freqid.core.scenario import Scenario
 from freqid.core.toml import overridden
 from freqid.identify import point

@@ -10,7 +10,8 @@ from freqid import __version__
 from freqid.core.blas import on_one_thread
 from freqid.core.errors import DataError, GateFailed, UsageError, nearest
 from freqid.core.record import FlightRecord, Maneuver
-from freqid.core.results.point import PointModel, gate_sentences
+from freqid.core.results.judged.gates import gate_sentences
+from freqid.core.results.point import PointModel
 from freqid.core.scenario import Scenario
 from freqid.core.sections.estimators import EstimatorName
 from freqid.core.sections.identification import MAXIMUM_LIKELIHOOD, Method

@@ -20,18 +20,12 @@ from freqid.blend.corridor_study import (
 )
 from freqid.core.channels import WRENCH_MEANING
 from freqid.core.results.gap import GapResult
+from freqid.core.results.judged.gates import MissedGate, missed_gates, unjudged_gates
 from freqid.core.results.judged.review import Ground, Reversal
 from freqid.core.results.judged.sealed_trial import TrialOutcome
 from freqid.core.results.loop_margins import LoopMargins, least_of
 from freqid.core.results.output_error import OutputErrorModel
-from freqid.core.results.point import (
-    DISTORTED,
-    MissedGate,
-    PointModel,
-    ResponseModel,
-    missed_gates,
-    unjudged_gates,
-)
+from freqid.core.results.point import DISTORTED, PointModel, ResponseModel
 from freqid.core.results.prediction import Score
 from freqid.core.results.quicklook import Quicklook
 from freqid.core.results.rivals import Rivals

@@ -14,8 +14,9 @@ from freqid.blend.predict import replay
 from freqid.blend.semi_local.advance_ratio_study import CampaignStudy
 from freqid.core.errors import GateFailed
 from freqid.core.record import Maneuver
+from freqid.core.results.judged.gates import MissedGate, gate_sentences, missed_gates
 from freqid.core.results.judged.truth import KnownTruth
-from freqid.core.results.point import MissedGate, PointModel, gate_sentences, missed_gates
+from freqid.core.results.point import PointModel
 from freqid.core.scenario import Gates, Scenario
 from freqid.core.sections.estimators import ESTIMATOR_NAMES
 from freqid.identify.in_flight.convergence import validation_rmse

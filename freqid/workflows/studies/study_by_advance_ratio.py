@@ -21,7 +21,8 @@ from freqid.blend.semi_local.parametric import global_model
 from freqid.core.errors import DataError, FreqidError, UsageError
 from freqid.core.record import FlightRecord, Maneuver, read_record, write_record
 from freqid.core.results.advance_ratio import AdvanceRatioModel, LocalDerivatives
-from freqid.core.results.point import Fit, PointModel, read_point
+from freqid.core.results.fit import Fit
+from freqid.core.results.point import PointModel, read_point
 from freqid.core.scenario import Scenario
 from freqid.core.sections.estimators import EstimatorName
 from freqid.core.store import replacing

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from freqid.core.record import Channel, Configuration, FlightRecord, Maneuver
-from freqid.core.results.point import Fit, PointModel
+from freqid.core.results.fit import Fit
+from freqid.core.results.point import PointModel
 from freqid.core.scenario import Reference
 from freqid.core.sections.identification import Identification
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Vehicle

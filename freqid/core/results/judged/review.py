@@ -196,7 +196,7 @@ class WorstFit:
     r2, r2_ceiling : float
         What the model explains, and what noise allows; nan where that is not known.
     low_hz, high_hz, over_noise, share : float
-        As `freqid.core.results.point.WorstBand`; nan of a model that has no spectrum.
+        As `freqid.core.results.fit.WorstBand`; nan of a model that has no spectrum.
     """
 
     at: str

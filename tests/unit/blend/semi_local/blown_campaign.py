@@ -4,7 +4,8 @@ import numpy as np
 
 from freqid.blend.semi_local.problem import estimated_maneuvers
 from freqid.core.results.advance_ratio import LocalDerivatives
-from freqid.core.results.point import Fit, PointModel, ResponseModel
+from freqid.core.results.fit import Fit
+from freqid.core.results.point import PointModel, ResponseModel
 from freqid.core.scenario import Reference
 
 NAMES = ("Cm.0", "Cm.alpha", "Cm.qhat", "Cm.de")

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from freqid.core.results.fit import Fit
 from freqid.core.results.judged.doubt import doubts_of
 from freqid.core.results.judged.truth import KnownTruth
-from freqid.core.results.point import Fit, ResponseModel
+from freqid.core.results.point import ResponseModel
 
 NAMES = ("w", "q", "de", "dr")
 

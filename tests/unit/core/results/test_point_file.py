@@ -7,14 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from freqid.core.results.point import (
-    ErrorsInVariables,
-    Fit,
-    PointModel,
-    ResponseModel,
-    read_point,
-    write_point,
-)
+from freqid.core.results.fit import Fit
+from freqid.core.results.point import ErrorsInVariables, PointModel, ResponseModel, read_point, write_point
 from freqid.core.scenario import Reference
 
 

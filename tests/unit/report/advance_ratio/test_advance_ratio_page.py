@@ -14,7 +14,7 @@ from freqid.blend.semi_local.held import semi_local_model
 from freqid.blend.semi_local.held_out import score_held_out
 from freqid.blend.semi_local.one_shot import one_shot_model
 from freqid.blend.semi_local.parametric import global_model
-from freqid.core.results.point import Fit
+from freqid.core.results.fit import Fit
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
 
-from freqid.core.results.point import Fit
+from freqid.core.results.fit import Fit
 from freqid.report.kit import figures
 from freqid.report.kit.drawing import envelope
 from freqid.report.kit.figures import Spectrum

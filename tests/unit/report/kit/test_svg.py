@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from freqid.core.results.point import Fit
+from freqid.core.results.fit import Fit
 from freqid.report.kit import figures
 from freqid.report.kit.drawing import WIDTH, draw_legend, stacked_panels, styled
 from freqid.report.kit.svg import inline_svg, relative

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from freqid.core.results.point import Fit
+from freqid.core.results.fit import Fit
 from freqid.core.scenario import Gates
 from freqid.report.point.verdict import crosses_zero, missed_by_response, point_verdict
 

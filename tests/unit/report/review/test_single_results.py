@@ -6,8 +6,8 @@ from test_page import HOSTILE, Page
 from test_study_page import aircraft, designed, flown, results
 
 import freqid as fq
+from freqid.core.results.fit import Fit
 from freqid.core.results.output_error import OutputErrorModel
-from freqid.core.results.point import Fit
 
 
 @pytest.fixture

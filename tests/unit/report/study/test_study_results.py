@@ -9,7 +9,7 @@ import pytest
 from test_study_page import DENSITIES, results
 
 from freqid.blend.corridor_study import HeldOut, rmse_inside, same_density, spanning_conditions
-from freqid.core.results.point import Fit
+from freqid.core.results.fit import Fit
 from freqid.core.scenario import Reference
 from freqid.identify.in_flight.parameter_history import ParameterHistory
 from freqid.report.study.results import densities, settled, settled_share

@@ -26,6 +26,7 @@ def short_la8() -> str:
     text = shipped.read_text(encoding="utf-8").replace("\n[excitation]\n", FASTER, 1)
     text = re.sub(r'\[\[reference\]\]\nid = "(.*)"\n(?:.+\n)*', lambda m: m[0] * (m[1] in CONDITIONS), text)
     text = re.sub(r"(net_load|power_db|residuals) = .*\n", "", text)
+    text = text.replace('allocation = "propulsors-low"', 'allocation = "interleaved"')
     text = text.replace('estimator = "instruments"', 'estimator = "least-squares"')
     return (
         re.sub(r"period_s = .*\nperiods = .*", "period_s = 30.0\nperiods = 1\nstarts = 1", text) + ELEVATORS

@@ -23,7 +23,7 @@ from freqid.gap.connect import answers
 from freqid.gap.connect.differences import by_parameters, central
 from freqid.gap.connect.what_is_read import Answers
 from freqid.gap.simulation import LARGEST_SIGMA, Departures, Settings, Tolerance, checked_departures
-from freqid.identify.loads.explanatory import history
+from freqid.identify.loads.explanatory import motion_of_centre
 
 _AIR = ("V", "alpha", "beta", "qbar")  # computed where the record does not have them
 _MOTION = ("u", "v", "w")
@@ -270,13 +270,9 @@ def arguments(
         for group in ("state", "effector", "air")
     )
     if described is not None:
-        maneuver = Maneuver.of(record, described)
+        motion = motion_of_centre(Maneuver.of(record, described))
         for group, names in ((state, _MOTION), (air, _AIR)):
-            for name in names:
-                try:
-                    group[name] = history(maneuver, name)
-                except DataError:  # neither logged nor computable: the function may not need it
-                    continue
+            group |= {n: motion[n] for n in names if n in motion}  # the function may not need the others
     return state, effector, air
 
 

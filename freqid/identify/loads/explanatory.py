@@ -70,6 +70,36 @@ def history(maneuver: Maneuver, name: str, trim: Mapping[str, float] | None = No
     )
 
 
+def motion_of_centre(maneuver: Maneuver) -> dict[str, Array]:
+    """Return what can be had of u, v, w, V, alpha, beta and qbar of the centre of gravity, as `history` does.
+
+    The way from the sensors to there, which moves with tilting wings, is computed once for all of them.
+    """
+    record = maneuver.record
+    names = [name for name in (*VELOCITY, *FLOW) if name in record]
+    found: dict[str, Array] = {}
+    try:
+        velocity = _velocity(maneuver)
+    except DataError:  # what was logged there may be had all the same
+        velocity = None
+    else:
+        found = dict(zip("uvw", velocity, strict=True))
+        names = [n for n in names if n not in VELOCITY or not all(v in record for v in VELOCITY)]
+        if not all(name in record for name in FLOW):
+            found |= dict(zip(("V", "alpha", "beta"), flow_angles(velocity), strict=True))
+    for name in names:
+        short = name.partition("/")[2]
+        try:
+            found[short] = _at_centre_of_gravity(maneuver, name, velocity)
+        except DataError:
+            found.pop(short, None)
+    if "air/qbar" in record:
+        found["qbar"] = record["air/qbar"]
+    elif "V" in found and "air/rho" in record:
+        found["qbar"] = 0.5 * record["air/rho"] * found["V"] ** 2
+    return found
+
+
 def unit_of(maneuver: Maneuver, name: str) -> str:
     """Return the SI unit of an explanatory variable."""
     factors = factors_of(name)
@@ -89,7 +119,13 @@ def _velocity(maneuver: Maneuver) -> Array:
     """Return u v w of the centre of gravity, shape (3, sample), logged or from V, alpha and beta."""
     record = maneuver.record
     if all(name in record for name in VELOCITY):
-        return np.array([_at_centre_of_gravity(maneuver, name) for name in VELOCITY])
+        velocity, lever = record.matrix(VELOCITY), {}
+        for k, name in enumerate(VELOCITY):
+            place = record.channel(name).position_m
+            if place not in lever:
+                lever[place] = _lever(maneuver, name)
+            velocity[k] -= lever[place][k]
+        return velocity
     logged, lever = record.matrix(FLOW), [_lever(maneuver, name) for name in FLOW]
     velocity = body_velocity(*logged)
     for _ in range(FLOW_ROUNDS if any(part.any() for part in lever) else 0):
@@ -103,8 +139,11 @@ def _flow(maneuver: Maneuver) -> tuple[Array, Array, Array]:
     return flow_angles(np.array([history(maneuver, n) for n in "uvw"]))
 
 
-def _at_centre_of_gravity(maneuver: Maneuver, name: str) -> Array:
-    """Return a logged channel, shape (sample,), as a sensor at the centre of gravity would have it."""
+def _at_centre_of_gravity(maneuver: Maneuver, name: str, velocity: Array | None = None) -> Array:
+    """Return a logged channel, shape (sample,), as a sensor at the centre of gravity would have it.
+
+    `velocity` is that of the centre of gravity, where it is known already.
+    """
     values = maneuver.record[name]
     if name not in (*VELOCITY, *FLOW):
         return values
@@ -113,7 +152,8 @@ def _at_centre_of_gravity(maneuver: Maneuver, name: str) -> Array:
         return values
     if name in VELOCITY:
         return values - lever[VELOCITY.index(name)]
-    return values - _flow_shift(FLOW.index(name), _velocity(maneuver), lever)
+    velocity = _velocity(maneuver) if velocity is None else velocity
+    return values - _flow_shift(FLOW.index(name), velocity, lever)
 
 
 def _flow_shift(k: int, velocity: Array, lever: Array) -> Array:

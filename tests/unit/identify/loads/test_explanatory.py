@@ -11,7 +11,7 @@ import pytest
 from freqid.core.errors import DataError
 from freqid.core.record import Channel, FlightRecord, Maneuver
 from freqid.core.vehicle import Effector, Inertia, MassProperties, Rotor, Vehicle, Wing
-from freqid.identify.loads.explanatory import history, unit_of
+from freqid.identify.loads.explanatory import history, motion_of_centre, unit_of
 
 CG = np.array([0.09, 0.0, 0.03])
 VELOCITY, FLOW = ("u", "v", "w"), ("V", "alpha", "beta")
@@ -103,6 +103,28 @@ def test_the_centre_of_gravity_moves_with_the_wings(motion):
         dw1=tilt,
     )
     np.testing.assert_allclose(history(maneuver, "w"), v[2], atol=1e-12)
+
+
+@pytest.mark.parametrize("logged", ["uvw", "Vab", "uvwVab", "uwa", "V"])
+@pytest.mark.parametrize("rates_too", [True, False])
+def test_all_of_the_motion_at_once_is_each_of_it_alone(motion, logged, rates_too):
+    v, rates = motion
+    places = dict.fromkeys(VELOCITY, (0.4, 0.1, 0.0)) | {"V": None, "alpha": (1.2, 0.0, 0.0), "beta": None}
+    seen = dict(zip(VELOCITY, v, strict=True)) | {"V": v[0], "alpha": v[2] / v[0], "beta": v[1] / v[0]}
+    maneuver = recorded({n: x for n, x in seen.items() if n[0] in logged}, rates, places)
+    channels = {n: c for n, c in maneuver.record.channels.items() if rates_too or n[-2:] not in ("/p", "/q")}
+    channels["air/rho"] = Channel("air/rho", "kg/m3", np.full(500, 1.2), 50.0, "test")
+    maneuver = replace(maneuver, record=FlightRecord(maneuver.record.time, channels))
+    alone = {}
+    for name in (*VELOCITY, *FLOW, "qbar"):
+        try:
+            alone[name] = history(maneuver, name)
+        except DataError:
+            continue
+    together = motion_of_centre(maneuver)
+    assert set(together) == set(alone)
+    for name, values in alone.items():
+        np.testing.assert_allclose(together[name], values, atol=1e-12)
 
 
 def test_without_rates_it_cannot_be_moved(motion):

@@ -28,7 +28,7 @@ from freqid.gap.infer.system import System
 from freqid.gap.infer.where import gap_map
 from freqid.gap.infer.which import Ranking, detectable_sizes, groups_of, probability_of_none, rank
 from freqid.gap.model.candidate import OTHER, Candidate
-from freqid.gap.settings import FORM_ERRORS, INTERVAL, LEVEL, NAMED, NULL_DRAWS, TEMPERATURE
+from freqid.gap.settings import FORM_ERRORS, FORM_TYPICAL, INTERVAL, LEVEL, NAMED, NULL_DRAWS, TEMPERATURE
 from freqid.gap.simulation import Settings, Simulation
 from freqid.gap.stack.block import Block, stack_of
 from freqid.gap.verdict import remarks_of, tolerances_used, verdict
@@ -37,6 +37,7 @@ from freqid.simulate.effects.effect import Effect
 _STRAINED = 3  # tolerances whose strain is said
 _AWAY = 1.0  # sigmas between departures with and without the effect, from which those with it are flown
 _SHOWN = 0.001  # of what a row moves, from which an effect is said to move it
+_FORM_SHOWN = 1.05 * FORM_TYPICAL  # from which an error of form is one that the record shows
 _FLIGHTS = 2  # times at most that it flies with what was found
 
 
@@ -238,9 +239,9 @@ def diagnose(
         ]
         closed = close(closing, explanation, q.seed, library, q.tolerances, len(leading), singles)
     forms = evidence.form_sizes(at.columns[0].form_names)
-    forms = {n: f if f >= FORM_ERRORS[1] else 0.0 for n, f in forms.items()}
     relations = {n.partition("/")[2]: f for n, f in forms.items() if n.startswith("kinematic/")}
-    forms = {n: f for n, f in forms.items() if "/" not in n}
+    relations = {n: f if f >= FORM_ERRORS[1] else 0.0 for n, f in relations.items()}
+    forms = {n: f if f >= _FORM_SHOWN else 0.0 for n, f in forms.items() if "/" not in n}
     existence = _existence(exists, p, threshold, q.level, evidence, used, forms)
     which = _which(ranking, evidence, explanation, exists, not_tested, closed, used, library)
     sensors = _sensors(explanation, library, which) if exists else ()
@@ -254,7 +255,7 @@ def diagnose(
         where=where,
         which=which,
         how_far=closures,
-        remarks=tuple(remarks_of(used, simulation, existence, relations)),
+        remarks=tuple(remarks_of(used, simulation, existence, relations, tried=len(names) > 1)),
         sensors=sensors,
         tolerances=tolerances_used(q.tolerances, simulation, library, used[0].maneuvers[0], q.given),
     )

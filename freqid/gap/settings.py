@@ -27,7 +27,12 @@ Chosen, not measured: above one, because derivatives are wrong sooner than dynam
 """
 
 FORM_TYPICAL = 0.002
-"""Error of form of a good simulation, before the data."""
+"""Error of form of a good simulation, before the data; no record makes one of a load smaller.
+
+Tolerances take most of what a formula is wrong by, and what they leave looks smaller than it is. It enters
+several loads in the ratios of that formula, as an effect does and no error of form: ducts that were wrong by
+2 % of what they move were called a slipstream of 2 %.
+"""
 
 FORM_KIND_SPREAD = 1.0
 """E-foldings by which the errors of form of all loads, actuators or sensors together may differ from that."""

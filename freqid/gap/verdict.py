@@ -21,6 +21,7 @@ from freqid.core.results.gap import GapMap
 from freqid.gap.infer.evidence import NONE
 from freqid.gap.model.candidate import OTHER
 from freqid.gap.model.tolerance import DEFAULT, EACH_FLIGHT, TIMING, UNDECLARED, by_clock
+from freqid.gap.settings import FORM_TYPICAL
 from freqid.gap.simulation import Simulation
 from freqid.gap.stack.block import Block
 from freqid.simulate.effects.effect import Effect
@@ -109,7 +110,10 @@ def _closed(closure: Closure, which: Which, faults: Sequence[str]) -> str:
         need = f", but only with {strained}"
     elif closure.strained and closure.log_score > 0:
         nats = f"{closure.log_score:.0f} nats"
-        need = f" within what is stated, but the flights are likelier with {what} by {nats}"
+        need = (
+            f", each off by less than {_STRAINED:.0f} times what is stated; so many at once are less likely "
+            f"than {what}, by {nats}"
+        )
     else:
         need = ""
     return f"{text}. Without {without}, tolerances alone would close {100 * alone:.0f} % of it{need}"
@@ -218,7 +222,12 @@ def _name(which: Which, faults: Sequence[str], library: Mapping[str, Effect], ro
 
 
 def remarks_of(
-    used: Sequence[Block], simulation: Simulation, gap: Existence, relations: Mapping[str, float]
+    used: Sequence[Block],
+    simulation: Simulation,
+    gap: Existence,
+    relations: Mapping[str, float],
+    *,
+    tried: bool,
 ) -> Iterator[str]:
     """Yield what records and simulation leave untold.
 
@@ -229,6 +238,8 @@ def remarks_of(
     gap : Existence
     relations : dict of float
         Error of form of the relations between sensors, by what each is the rate of.
+    tried : bool
+        Whether there is more than one record.
     """
     if not any(b.lines.inputs for b in used):
         yield "the records hold no injected signals: where a gap lies by input cannot be told"
@@ -256,7 +267,7 @@ def remarks_of(
     if poor:
         shares = ", ".join(f"{100 * error:.0f} % of d{name}/dt" for name, error in poor.items())
         yield f"the sensors contradict each other: {shares}; they count as little there"
-    if len(used) == 1 and len(used[0].names) == 1:
+    if not tried:
         yield "one manoeuvre only: what is said of it was not tried on another"
     if gap.form_error:
         yield (
@@ -264,7 +275,10 @@ def remarks_of(
             "which is allowed for"
         )
     else:
-        yield "the records show no error of form in the simulation's terms"
+        yield (
+            "the records show no error of form in the simulation's terms beyond the "
+            f"{_percent(FORM_TYPICAL)} that is allowed for in every one"
+        )
     yield f"noise learned from {' and from '.join(gap.noise_from)}"
 
 

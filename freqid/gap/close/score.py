@@ -98,8 +98,10 @@ def _share(before: Array, after: Array, drawn: NDArray[np.intp], level: float) -
     over = before.sum() - before.size
     if over < _CLEAR * np.sqrt(2 * before.size):
         return Share(float("nan"), float("nan"), float("nan"), "the gap is no larger than the noise there")
-    gone = before - after
-    each = gone[drawn].sum(axis=1) / np.maximum(before[drawn].sum(axis=1) - before.size, 1e-9 * over)
+    gone, there = before - after, before[drawn].sum(axis=1) - before.size
+    # where a few numbers hold the gap, as means do, draws without them have none to close
+    some = there >= _CLEAR * np.sqrt(2 * before.size)
+    each = gone[drawn[some]].sum(axis=1) / there[some]
     lo, hi = np.quantile(each, [(1 - level) / 2, (1 + level) / 2])
     whole = float(gone.sum() / over)
     return Share(min(whole, 1.0), min(float(lo), 1.0), min(float(hi), 1.0))

@@ -37,8 +37,8 @@ from freqid.gap.settings import (
 )
 
 _KINDS = ("", "actuator/", "kinematic/")
-_LEAST = (FORM_ERRORS[1], ACTUATOR_FORM, FORM_ERRORS[1])  # from which sizes of a kind are looked for
-_SMALLEST = (1e-5, ACTUATOR_FORM, 1e-5)  # of a kind: what is below a hundred-thousandth is nothing
+_LEAST = (FORM_TYPICAL, ACTUATOR_FORM, FORM_ERRORS[1])  # from which sizes of a kind are looked for
+_SMALLEST = (FORM_TYPICAL, ACTUATOR_FORM, 1e-5)  # of a kind: below a hundred-thousandth is nothing
 _REACH = 50.0  # by which a term may be worse than what is common to its kind
 _HOPELESS = 30.0  # nats below the best, from which larger ones are no better
 _STEPS = 50  # of the search at most
@@ -58,7 +58,7 @@ def common_form(system: System, terms: Sequence[str]) -> Form:
         That have a form.
     """
     kinds = np.array([_kind(name) for name in terms], dtype=int)
-    at = np.array([FORM_ERRORS[0], ACTUATOR_FORM, FORM_ERRORS[0]])
+    at = np.array([FORM_TYPICAL, ACTUATOR_FORM, FORM_ERRORS[0]])
     for kind in range(len(_KINDS)):
         found: list[tuple[float, float]] = []
         for size in (f for f in FORM_ERRORS if f >= at[kind]):

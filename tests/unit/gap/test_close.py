@@ -10,6 +10,7 @@ from linear_flight import LIBRARY, Linear, Truth, fly, motion
 
 from freqid.gap.close.closing import closing_of
 from freqid.gap.close.closure import close
+from freqid.gap.close.score import shares_of
 from freqid.gap.diagnose import Question, diagnose
 from freqid.gap.infer.explain import explain
 from freqid.gap.infer.linearise import Linearised
@@ -33,6 +34,18 @@ def diagnosed(truth, held_out=(), question=QUESTION):
 @pytest.fixture(scope="module")
 def worn():
     return diagnosed(WORN, [flight(WORN, 3)])
+
+
+def test_a_gap_in_few_numbers_has_an_interval_of_what_goes_where_there_is_one():
+    """Draws that hold none of its numbers have no gap, and no share of it."""
+    rng = np.random.default_rng(0)
+    before = rng.standard_normal(3000) ** 2
+    before[:2] = 4000.0
+    closed = before.copy()
+    closed[:2] = 1.0
+    found = shares_of(before, {"closed": closed, "half": np.where(before > 100, 2000.0, before)}, rng, 0.9)
+    assert found["closed"].lo > 0.9
+    assert 0.4 < found["half"].lo <= found["half"].G <= found["half"].hi < 0.6
 
 
 def test_a_lost_surface_is_named_sized_and_closed_to_the_noise(worn):

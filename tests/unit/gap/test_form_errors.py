@@ -27,7 +27,7 @@ from freqid.gap.settings import (
 ROWS = ("X", "Z", "M", "actuator/de", "kinematic/u", "kinematic/w")
 NUMBERS, TERMS = 240, 12  # of each row
 LARGEST = FORM_ERRORS[-1]
-UNSEEN = 0.002  # an error that makes as much as the noise on one term: 1 / (30 sqrt(240))
+UNSEEN = 1.01 * FORM_TYPICAL  # which makes as much as the noise on one term: 1 / (30 sqrt(240))
 LEAST = tuple(1.01 * ACTUATOR_FORM if name.startswith("actuator/") else UNSEEN for name in ROWS)
 
 
@@ -54,6 +54,14 @@ def best(system):
 
 def test_a_simulation_without_errors_of_form_has_none():
     assert np.all(best(stack((0.0,) * 6)) <= np.array(LEAST))
+
+
+def test_no_record_makes_a_load_better_than_those_of_a_good_simulation():
+    quiet = stack((0.0,) * 6)
+    quiet = replace(quiet, blocks=[replace(b, form=30 * b.form) for b in quiet.blocks])
+    for form in likely_forms(quiet, ROWS, np.full(len(ROWS), 0.05)):
+        assert np.all(np.array(form.loads[:3]) >= 0.999 * FORM_TYPICAL)
+        assert max(form.loads[4:]) < FORM_TYPICAL  # relations between sensors are no simulation
 
 
 @pytest.mark.parametrize(

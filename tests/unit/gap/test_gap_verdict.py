@@ -83,7 +83,10 @@ def test_what_goes_stands_beside_what_tolerances_would_have_to_do():
     near = replace(CLOSURE, strained={"derivatives.M.de": 1.2})
     assert said(closures=(near,)).endswith("would close 90 % of it.")
     told = said(closures=(replace(near, log_score=17.2),))
-    assert told.endswith("90 % of it within what is stated, but the flights are likelier with it by 17 nats.")
+    assert told.endswith(
+        "90 % of it, each off by less than 3 times what is stated; so many at once are less likely than it, "
+        "by 17 nats."
+    )
 
 
 def test_an_effect_that_closes_less_alone_is_said_to():
@@ -164,11 +167,11 @@ def test_a_narrow_interval_is_said_with_as_many_digits_as_it_has():
 
 def test_error_of_form_and_noise_are_said_in_words():
     simulation = SimpleNamespace(name="sim", tolerances={})
-    remarks = list(remarks_of([], simulation, replace(GAP, form_errors={"Z": 0.02}), {"w": 0.3}))
+    remarks = list(remarks_of([], simulation, replace(GAP, form_errors={"Z": 0.02}), {"w": 0.3}, tried=True))
     assert any("error of form of about 2 % in Z" in r for r in remarks)
     assert any("30 % of dw/dt" in r for r in remarks)
     assert "noise learned from repeats of the manoeuvre" in remarks
-    assert any("no error of form" in r for r in remarks_of([], simulation, GAP, {}))
+    assert any("no error of form" in r for r in remarks_of([], simulation, GAP, {}, tried=True))
 
 
 def test_tolerances_stand_with_unit_and_source():

@@ -170,6 +170,7 @@ def test_check_says_that_wings_outweigh_their_vehicle(freqid, tmp_path):
     code, out, _ = freqid("check", path, "--no-draw")
     assert code == 0
     assert re.search(r"identify-point +missing: vehicle .* without its wings has a mass of -", out)
+    assert re.search(r"diagnose-gap +missing: .*without its wings has a mass of -", out)
 
 
 def test_names_as_people_write_them():

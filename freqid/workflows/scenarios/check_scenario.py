@@ -119,7 +119,8 @@ def check_scenario(scenario: Scenario | File) -> ScenarioCheck:
         "import-log": () if described.effector else ("[[effector]]: kinds, and so units, of what is logged",),
         "identify-point": identifies,
         "global-blend": (*identifies, *_blend(described)),
-        "diagnose-gap": identifies if described.simulation.loads else (),  # with --sim it needs no regressors
+        # with --sim it needs no regressors
+        "diagnose-gap": identifies if described.simulation.loads else _body(described),
         "study --flights": (*identifies, *_blend(described)),
         "study": tuple(dict.fromkeys((*designs, *simulates, *identifies, *_blend(described)))),
     }
@@ -185,13 +186,18 @@ def _identify(scenario: Scenario) -> tuple[str, ...]:
         out.append(f"[[effector]] of regressor {', '.join(unknown)}")
     if settings.residuals == "noise-lines" and scenario.excitation and scenario.excitation.periods < 2:
         out.append("excitation.periods of two or more, for residuals 'noise-lines'")
+    return (*out, *_body(scenario))
+
+
+def _body(scenario: Scenario) -> tuple[str, ...]:
+    """Return why what does not tilt is no body: applied moments need its mass and inertia."""
     vehicle = scenario.aircraft()
     heavy = [w for w in vehicle.wings if w.mass_kg or w.inertia.matrix.any()]
     try:
         without_wings(vehicle, heavy, vehicle.mass_properties.cg_m)
-    except FreqidError as error:  # applied moments need the mass of what does not tilt
-        out.append(error.message)
-    return tuple(out)
+    except FreqidError as error:
+        return (error.message,)
+    return ()
 
 
 def _blend(scenario: Scenario) -> tuple[str, ...]:

@@ -140,8 +140,8 @@ def without_wings(vehicle: Vehicle, wings: Sequence[Wing], about: ArrayLike) -> 
         raise UsageError(
             f"vehicle '{vehicle.name}' without its wings has a mass of {mass:.4g} kg and a lowest moment of "
             f"inertia of {lowest:.4g} kg m2, expected both positive",
-            remedy="correct the mass properties of [vehicle] or of a [[wing]]: those of the vehicle hold with "
-            "its wings on, each with its mass at its arm",
+            remedy="correct the mass properties of [vehicle] or of a [[wing]]: those of the vehicle hold "
+            "with its wings on, each with its mass at its arm",
         )
     return moment, inertia
 

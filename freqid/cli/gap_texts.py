@@ -106,10 +106,11 @@ def _which(d: GapDiagnosis) -> str:
         for name, p in w.probabilities.items()
         if p >= _LISTED
     ]
-    lines = ["Which (* in the set that holds the truth in 90 of 100 cases):"]
+    alone = ", each weighed as the only one" if w.pair else ""
+    lines = [f"Which{alone} (* in the set that holds the truth in 90 of 100 cases):"]
     lines.append(text_table(("effect", "probability", "set", "place"), rows))
     if w.pair:
-        lines.append(f"  together: {' and '.join(w.pair)}")
+        lines.append(f"  both together are likelier than either: {' and '.join(w.pair)}")
     lines += [f"  withdrawn: {name}, {why}" for name, why in w.withdrawn.items()]
     lines += [f"  not to be told apart here: {', '.join(group)}" for group in w.aliases]
     by_reason: dict[str, list[str]] = {}

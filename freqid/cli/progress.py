@@ -1,4 +1,4 @@
-"""Progress on a terminal: bars, and a line that is written over; nothing elsewhere."""
+"""Progress on a terminal: bars, and a line that is written over; a few lines in a job's log."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import click
+
+_SELDOM = 10.0  # s between lines in a log
 
 
 def bar(what: str, unit: str) -> Callable[[int, int], None]:
@@ -33,10 +35,22 @@ def watched(found: Iterable[Any], what: str, count: int) -> Iterable[Any]:
 
 
 def line() -> Callable[[str], None]:
-    """Return what tells of progress: a line on a terminal that is written over, nothing elsewhere."""
-    if not sys.stderr.isatty():
-        return lambda text: None
-    return lambda text: click.echo(f"\r\033[K{text}", nl=False, err=True)
+    """Return what tells of progress: on a terminal a line that is written over.
+
+    Elsewhere, as in a job's log, one every ten seconds at most, with the time since the start.
+    """
+    if sys.stderr.isatty():
+        return lambda text: click.echo(f"\r\033[K{text}", nl=False, err=True)
+    began = said = time.monotonic()
+
+    def progress(text: str) -> None:
+        nonlocal said
+        now = time.monotonic()
+        if text and now - said >= _SELDOM:
+            said = now
+            click.echo(f"{_duration(now - began)}: {text}", err=True)
+
+    return progress
 
 
 def paced(what: str) -> Callable[[int, int], None]:
@@ -53,7 +67,7 @@ def paced(what: str) -> Callable[[int, int], None]:
         now = time.monotonic()
         if first < 0:  # what was done before this run says nothing of its rate
             began, first = now, done
-        if now - said < (0.2 if terminal else 10.0) and done < total:
+        if now - said < (0.2 if terminal else _SELDOM) and done < total:
             return
         said = now
         text = f"{done} of {total} {what}"

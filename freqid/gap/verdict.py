@@ -102,7 +102,7 @@ def _closed(closure: Closure, which: Which, faults: Sequence[str]) -> str:
     both, own = closure.wrench.G, closure.effect_only.G
     text = f"; with {what} {100 * both:.0f} % of the gap is closed {closure.scored_text}"
     if np.isfinite(own) and own < both - _LESS:
-        text += f"; by {what} alone, at nominal tolerances, {100 * max(own, 0.0):.0f} %"
+        text += f", {100 * max(own, 0.0):.0f} % while all that has a tolerance stays nominal"
     if not np.isfinite(alone):
         return text
     strained, without = _strained(closure), "them" if what == "both" else what

@@ -92,13 +92,13 @@ def test_what_goes_stands_beside_what_tolerances_would_have_to_do():
 def test_an_effect_that_closes_less_alone_is_said_to():
     alone = replace(CLOSURE, effect_only=Share(0.04, 0.0, 0.1))
     text = said(closures=(alone,))
-    assert "is closed on c.h5; by it alone, at nominal tolerances, 4 %. Without it" in text
+    assert "is closed on c.h5, 4 % while all that has a tolerance stays nominal. Without it" in text
 
 
 def test_a_closure_by_two_effects_is_said_of_both():
     two = replace(CLOSURE, effects=("surface_effectiveness", "mass"), effect_only=Share(0.04, 0.0, 0.1))
     text = said(replace(WORN, pair=("surface_effectiveness", "mass")), closures=(two,))
-    assert "with both 98 % of the gap is closed on c.h5; by both alone, at nominal tolerances, 4 %" in text
+    assert "both 98 % of the gap is closed on c.h5, 4 % while all that has a tolerance stays nominal" in text
     assert "Without them, tolerances alone" in text
 
 

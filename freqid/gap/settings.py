@@ -46,6 +46,12 @@ Chosen on open cases, as the two before it. Nulls do not depend on it from .7 to
 FORM_ALIKE = 1.0
 """Errors of form that are the same in all conditions, over those of each condition, where there are any."""
 
+UNEVEN = 0.05
+"""Share of its sigma by which a parameter of the simulation differs for each standard deviation of a motion.
+
+Twenty motions are then a quarter of the sigma that is stated. Chosen on a null of a reader's aircraft 13.
+"""
+
 ACTUATOR_FORM = 0.005
 """Least error of form of an actuator, as share of its movement.
 

@@ -56,7 +56,7 @@ def test_a_stiffness_at_ten_stated_sigmas_is_a_gap_that_is_said():
     assert found.which.named == ()
     interval = found.which.parameters["other"]["pitch.stiffness"]
     assert interval.lo < 0.2 < interval.hi
-    assert f"its own parameter pitch.stiffness does, off by {interval.estimate:.4g} (" in found.verdict
+    assert f"its own parameter pitch.stiffness does, off by {interval.estimate:.3g} (" in found.verdict
 
 
 @pytest.mark.parametrize("share", [0.0, 0.03])

@@ -1,0 +1,60 @@
+"""Parameters that are no constants: one that is off by so much here is off by more or less there.
+
+A parameter of a simulation, such as the thrust of a propeller, stands for a formula. Where the formula is
+wrong, the parameter that would be right changes with the motion, and with it all loads that the part makes,
+in fixed ratios. So does an effect. Errors of form of single loads know nothing of such ratios: it takes many
+of them to do what one effect does, and the effect is the better explanation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from freqid.core.arrays import Complex
+from freqid.gap.settings import UNEVEN
+from freqid.gap.stack.block import Block
+
+NAME = "uneven."
+"""What names of these columns begin with."""
+
+_SEEN = 0.1  # standard deviations of the noise: directions below it are left out
+
+
+def uneven_columns(block: Block, sizes: Mapping[str, float]) -> dict[str, Complex]:
+    """Return what loads do where the simulation's own parameters change with the motion.
+
+    Each parameter by `UNEVEN` of its sigma for each standard deviation of each motion. The columns, of one
+    sigma and shape (row, line), are the principal directions of what all of these make, in the noise of the
+    loads: they are other ones in each condition, for so are the motions that a formula is right about.
+
+    Parameters
+    ----------
+    block : Block
+    sizes : dict of float
+        One sigma by name, where it is not that of the simulation.
+    """
+    trial = block.drawn
+    own, record = trial.simulation.tolerances, trial.maneuver.record
+    asked = {n: s for n, t in own.items() if not t.actuator and (s := sizes.get(n, t.sigma))}
+    rows = [i for i, row in enumerate(block.rows) if row.kind == "response"]
+    if not (asked and trial.inputs and rows):
+        return {}
+    moves = np.array([record[n] - record[n].mean() for n in trial.inputs])
+    moves *= UNEVEN / moves.std(axis=1, keepdims=True)
+    alone = 1 / np.einsum("lii->il", np.linalg.inv(block.covariance)).real  # the others known
+    root = np.sqrt(alone[rows])
+    each = []
+    for change in trial.simulation.sensitivity(record, asked):
+        z = block.grid.spectrum(change[None] * moves[:, None]) / root
+        each.append(block.lines.real(z).reshape(len(moves), -1))
+    products = np.concatenate(each)
+    few = len(products) < products.shape[1]  # a matrix of the smaller side is quicker than singular values
+    values, basis = np.linalg.eigh(products @ products.T if few else products.T @ products)
+    kept = values > _SEEN**2
+    made = basis[:, kept].T @ products if few else np.sqrt(values[kept, None]) * basis[:, kept].T
+    made = made.reshape(len(made), len(rows), 2 * block.lines.hz.size - 1)
+    whole = np.zeros((len(made), len(block.rows), block.lines.hz.size), dtype=complex)
+    whole[:, rows] = block.lines.complex(made) * root
+    return {f"{NAME}{k}": z for k, z in enumerate(whole)}

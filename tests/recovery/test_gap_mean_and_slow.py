@@ -76,7 +76,7 @@ def test_drag_as_it_is_simulated_is_left_alone():
 
 def slow_flights(seed, **truth):
     off = scatter(seed)
-    return [slowing(seed + i, off, slowest=14.5 + 0.1 * i, **truth) for i in range(4)]
+    return [slowing(seed + i, off, slowest=14.2 + 0.1 * i, **truth) for i in range(3)]
 
 
 def test_a_stall_in_a_slow_deceleration_is_named_though_nothing_was_injected():

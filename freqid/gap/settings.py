@@ -52,6 +52,9 @@ UNEVEN = 0.05
 Twenty motions are then a quarter of the sigma that is stated. Chosen on a null of a reader's aircraft 13.
 """
 
+SEEN = 0.1
+"""Standard deviations of the noise: directions of an error of form or of parameters below it are left out."""
+
 ACTUATOR_FORM = 0.005
 """Least error of form of an actuator, as share of its movement.
 

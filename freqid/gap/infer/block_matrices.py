@@ -15,8 +15,8 @@ from scipy.linalg.lapack import dtrtri
 
 from freqid.core.arrays import Array
 from freqid.gap.model.row_columns import RowColumns
+from freqid.gap.settings import SEEN
 
-SEEN = 0.1  # standard deviations of the noise: directions of a form below it are left out
 _EMPTY = 1e-10  # of the largest eigenvalue of the form's columns: directions below it are none
 _FACTORS = 32  # that are kept: all blocks of a usual stack at all errors of form that are weighed
 

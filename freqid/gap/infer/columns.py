@@ -12,7 +12,7 @@ from scipy.linalg import cho_solve
 
 from freqid.core.arrays import Array, Complex
 from freqid.gap.infer.at_form import Kept
-from freqid.gap.infer.block_matrices import SEEN, BlockMatrices, Form, Products, backward, forward
+from freqid.gap.infer.block_matrices import BlockMatrices, Form, Products, backward, forward
 from freqid.gap.infer.evidence import weigh
 from freqid.gap.infer.system import System
 from freqid.gap.model.candidate import Candidate
@@ -20,7 +20,7 @@ from freqid.gap.model.form import FormColumns, form_columns, form_terms, product
 from freqid.gap.model.row_columns import RowColumns
 from freqid.gap.model.tolerance import record_columns
 from freqid.gap.model.uneven import uneven_columns
-from freqid.gap.settings import FORM_ERRORS, NOISE_SCALES
+from freqid.gap.settings import FORM_ERRORS, NOISE_SCALES, SEEN
 from freqid.gap.stack.block import REPEATS, Block
 from freqid.simulate.effects.effect import Effect
 
@@ -97,10 +97,9 @@ class Parts:
             By term, the largest error of form that is weighed: what it makes below the noise is left out.
         """
         block = self.block
-        alone = 1 / np.einsum("lii->il", np.linalg.inv(block.covariance)).real  # the others known
         form = []
         for term, i, spectra in self.form:
-            size, root = largest.get(term, 0.0), np.sqrt(alone[i])
+            size, root = largest.get(term, 0.0), np.sqrt(block.power_alone[i])
             if not size:
                 continue
             _, seen, basis = np.linalg.svd(block.lines.real(spectra / root), full_matrices=False)

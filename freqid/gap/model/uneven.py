@@ -13,27 +13,30 @@ from collections.abc import Mapping
 import numpy as np
 
 from freqid.core.arrays import Complex
-from freqid.gap.settings import UNEVEN
+from freqid.gap.settings import SEEN, UNEVEN
 from freqid.gap.stack.block import Block
 
 NAME = "uneven."
 """What names of these columns begin with."""
 
-_SEEN = 0.1  # standard deviations of the noise: directions below it are left out
-
 
 def uneven_columns(block: Block, sizes: Mapping[str, float]) -> dict[str, Complex]:
     """Return what loads do where the simulation's own parameters change with the motion.
 
-    Each parameter by `UNEVEN` of its sigma for each standard deviation of each motion. The columns, of one
-    sigma and shape (row, line), are the principal directions of what all of these make, in the noise of the
-    loads: they are other ones in each condition, for so are the motions that a formula is right about.
+    Each parameter changes by `UNEVEN` of its sigma for each standard deviation of each motion. There are
+    hundreds of such products; their principal directions, in the noise of the loads, are the columns. Each
+    condition has its own: a formula that is right at one speed may be wrong at another.
 
     Parameters
     ----------
     block : Block
     sizes : dict of float
         One sigma by name, where it is not that of the simulation.
+
+    Returns
+    -------
+    dict of ndarray of complex, shape (row, line)
+        One sigma of each direction; none where the simulation declares no parameters of its loads.
     """
     trial = block.drawn
     own, record = trial.simulation.tolerances, trial.maneuver.record
@@ -43,8 +46,7 @@ def uneven_columns(block: Block, sizes: Mapping[str, float]) -> dict[str, Comple
         return {}
     moves = np.array([record[n] - record[n].mean() for n in trial.inputs])
     moves *= UNEVEN / moves.std(axis=1, keepdims=True)
-    alone = 1 / np.einsum("lii->il", np.linalg.inv(block.covariance)).real  # the others known
-    root = np.sqrt(alone[rows])
+    root = np.sqrt(block.power_alone[rows])
     each = []
     for change in trial.simulation.sensitivity(record, asked):
         z = block.grid.spectrum(change[None] * moves[:, None]) / root
@@ -52,7 +54,7 @@ def uneven_columns(block: Block, sizes: Mapping[str, float]) -> dict[str, Comple
     products = np.concatenate(each)
     few = len(products) < products.shape[1]  # a matrix of the smaller side is quicker than singular values
     values, basis = np.linalg.eigh(products @ products.T if few else products.T @ products)
-    kept = values > _SEEN**2
+    kept = values > SEEN**2
     made = basis[:, kept].T @ products if few else np.sqrt(values[kept, None]) * basis[:, kept].T
     made = made.reshape(len(made), len(rows), 2 * block.lines.hz.size - 1)
     whole = np.zeros((len(made), len(block.rows), block.lines.hz.size), dtype=complex)

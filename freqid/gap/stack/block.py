@@ -122,6 +122,11 @@ class Block:
         """Diagonal of the covariance, shape (row, line)."""
         return np.einsum("lii->il", self.covariance).real
 
+    @cached_property
+    def power_alone(self) -> Array:
+        """Power of the noise of each row where that of all others is known, shape (row, line)."""
+        return 1 / np.einsum("lii->il", np.linalg.inv(self.covariance)).real
+
     def white(self, z: Complex, rows: Sequence[int] | None = None) -> Array:
         """Return rows on lines, shape (..., row, line), as independent real numbers of variance one.
 

@@ -38,9 +38,8 @@ def test_few_directions_make_what_all_products_make(block):
     covariance, expected = made.T @ made, one_by_one.T @ one_by_one
     largest = np.linalg.norm(expected, 2)
     assert largest > 1.0  # they are seen
-    assert (
-        np.linalg.norm(covariance - expected, 2) < 0.02
-    )  # what is left out is a tenth of the noise, squared
+    # a direction that is left out makes less than a hundredth of the noise's power
+    assert np.linalg.norm(covariance - expected, 2) < 0.02
     assert len(made) < len(one_by_one)
 
 

@@ -46,8 +46,8 @@ Chosen on open cases, as the two before it. Nulls do not depend on it from .7 to
 FORM_ALIKE = 1.0
 """Errors of form that are the same in all conditions, over those of each condition, where there are any."""
 
-UNEVEN = 0.05
-"""Share of its sigma by which a parameter of the simulation differs for each standard deviation of a motion.
+VARIATION = 0.05
+"""Share of its sigma by which a parameter of the simulation varies for each standard deviation of a motion.
 
 Twenty motions are then a quarter of the sigma that is stated. Chosen on a null of a reader's aircraft 13.
 """

@@ -19,7 +19,7 @@ from freqid.gap.model.candidate import Candidate
 from freqid.gap.model.form import FormColumns, form_columns, form_terms, product_columns
 from freqid.gap.model.row_columns import RowColumns
 from freqid.gap.model.tolerance import record_columns
-from freqid.gap.model.uneven import uneven_columns
+from freqid.gap.model.varying_parameters import varying_columns
 from freqid.gap.settings import FORM_ERRORS, NOISE_SCALES, SEEN
 from freqid.gap.stack.block import REPEATS, Block
 from freqid.simulate.effects.effect import Effect
@@ -76,7 +76,7 @@ class Parts:
             One sigma by name.
         """
         effects = np.concatenate([c.columns[index] for c in found]) if found else _zeros(block, 0)
-        own = record_columns(block, library, sizes) | uneven_columns(block, sizes)
+        own = record_columns(block, library, sizes) | varying_columns(block, sizes)
         form = tuple(form_columns(block, form_terms(block)))
         return cls(
             block,

@@ -28,7 +28,7 @@ from freqid.gap.infer.evidence import Evidence, weigh, weights_of
 from freqid.gap.infer.joint_sizes import joint_estimates
 from freqid.gap.infer.system import About, System
 from freqid.gap.infer.together import Acting, Point
-from freqid.gap.model import uneven
+from freqid.gap.model import varying_parameters
 from freqid.gap.model.candidate import OTHER, Candidate
 from freqid.gap.model.candidates import recomputed
 from freqid.gap.model.tolerance import own_departures, record_columns, tolerance_columns
@@ -343,7 +343,7 @@ class Linearised:
         stated, unknown = (of(block, self.effects, self.sizes) for of in (tolerance_columns, record_columns))
         sigmas = np.array([stated.get(n, z) for n in names]) if names else c.sigmas
         own = np.array([unknown.get(n, z) for n in c.own_names]) if c.own_names else c.sigmas[:0]
-        stay = np.array([n.startswith(uneven.NAME) for n in c.own_names], dtype=bool)[:, None]
+        stay = np.array([n.startswith(varying_parameters.NAME) for n in c.own_names], dtype=bool)[:, None]
         return c.with_slopes(sigmas, block.white(sigmas), np.where(stay, c.own, block.white(own)))
 
     def _log_evidence(self, form_error: Form, acting: Acting | None) -> float:

@@ -1,4 +1,4 @@
-"""Parameters that change with the motion: the directions that are left make what all products make."""
+"""Parameters that vary with the motion: the directions that are left make what all products make."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import pytest
 from linear_flight import Linear, fly
 from test_beyond_tolerance import Declared
 
-from freqid.gap.model.uneven import uneven_columns
-from freqid.gap.settings import UNEVEN
+from freqid.gap.model.varying_parameters import varying_columns
+from freqid.gap.settings import VARIATION
 from freqid.gap.stack.block import stack_of
 
 
@@ -28,12 +28,12 @@ def product_by_product(block):
         up, down = (trial.simulation.predict(record, None, {name: s * tolerance.sigma}) for s in (1, -1))
         for moving in trial.inputs:
             move = (record[moving] - np.mean(record[moving])) / np.std(record[moving])
-            found.append(block.transform(trial.rows(UNEVEN * 0.5 * (up - down) * move)))
+            found.append(block.transform(trial.rows(VARIATION * 0.5 * (up - down) * move)))
     return np.array(found)
 
 
 def test_few_directions_make_what_all_products_make(block):
-    made = block.white(np.array(list(uneven_columns(block, {}).values())))
+    made = block.white(np.array(list(varying_columns(block, {}).values())))
     one_by_one = block.white(product_by_product(block))
     covariance, expected = made.T @ made, one_by_one.T @ one_by_one
     largest = np.linalg.norm(expected, 2)
@@ -43,9 +43,9 @@ def test_few_directions_make_what_all_products_make(block):
     assert len(made) < len(one_by_one)
 
 
-def test_a_parameter_that_is_known_exactly_is_even(block):
-    assert uneven_columns(block, dict.fromkeys(block.trial.simulation.tolerances, 0.0)) == {}
+def test_a_parameter_that_is_known_exactly_does_not_vary(block):
+    assert varying_columns(block, dict.fromkeys(block.trial.simulation.tolerances, 0.0)) == {}
 
 
 def test_a_simulation_without_parameters_of_its_own_has_none():
-    assert uneven_columns(block_of(Linear()), {}) == {}
+    assert varying_columns(block_of(Linear()), {}) == {}

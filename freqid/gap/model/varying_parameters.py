@@ -1,4 +1,4 @@
-"""Parameters that are no constants: one that is off by so much here is off by more or less there.
+"""Parameters of the simulation that vary with the motion: errors of the formula of one part.
 
 A parameter of a simulation, such as the thrust of a propeller, stands for a formula. Where the formula is
 wrong, the parameter that would be right changes with the motion, and with it all loads that the part makes,
@@ -13,17 +13,17 @@ from collections.abc import Mapping
 import numpy as np
 
 from freqid.core.arrays import Complex
-from freqid.gap.settings import SEEN, UNEVEN
+from freqid.gap.settings import SEEN, VARIATION
 from freqid.gap.stack.block import Block
 
-NAME = "uneven."
+NAME = "varying."
 """What names of these columns begin with."""
 
 
-def uneven_columns(block: Block, sizes: Mapping[str, float]) -> dict[str, Complex]:
+def varying_columns(block: Block, sizes: Mapping[str, float]) -> dict[str, Complex]:
     """Return what loads do where the simulation's own parameters change with the motion.
 
-    Each parameter changes by `UNEVEN` of its sigma for each standard deviation of each motion. There are
+    Each parameter changes by `VARIATION` of its sigma for each standard deviation of each motion. There are
     hundreds of such products; their principal directions, in the noise of the loads, are the columns. Each
     condition has its own: a formula that is right at one speed may be wrong at another.
 
@@ -45,7 +45,7 @@ def uneven_columns(block: Block, sizes: Mapping[str, float]) -> dict[str, Comple
     if not (asked and trial.inputs and rows):
         return {}
     moves = np.array([record[n] - record[n].mean() for n in trial.inputs])
-    moves *= UNEVEN / moves.std(axis=1, keepdims=True)
+    moves *= VARIATION / moves.std(axis=1, keepdims=True)
     root = np.sqrt(block.power_alone[rows])
     each = []
     for change in trial.simulation.sensitivity(record, asked):

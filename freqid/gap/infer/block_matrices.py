@@ -175,6 +175,12 @@ class Products:
         data = self.data._replace(form=self.data.form[kept])
         return replace(self, form=self.form[kept], unknowns=fewer, data=data)
 
+    def with_own_sizes(self, sizes: Array) -> Products:
+        """Return them where each of the record's own unknowns is so many times as large, shape (own,)."""
+        u, each = self.unknowns, sizes[:, None]
+        unknowns = Unknowns(each * u.own * sizes, each * u.own_form, u.form)
+        return replace(self, own=each * self.own, own_data=sizes * self.own_data, unknowns=unknowns)
+
     def with_columns(
         self,
         kept: NDArray[np.intp],
@@ -251,7 +257,8 @@ class Products:
             form_row = np.full(len(form.gram), -1)
         if shared_row is None:
             shared_row = np.full(self.shared, -1)
-        return BlockMatrices(inner, across, form, form_row, shared_row, data, self.number)
+        half = half_determinant(self.unknowns.factor[0])
+        return BlockMatrices(inner, across, form, form_row, shared_row, data, self.number, half)
 
     @property
     def data_beside_own(self) -> Data:
@@ -306,6 +313,8 @@ class BlockMatrices:
         Of the residual.
     number : int
         Real numbers in the stack.
+    own_half : float
+        Half the log determinant of the own unknowns.
     """
 
     gram: Array
@@ -315,6 +324,7 @@ class BlockMatrices:
     shared_row: NDArray[np.intp]
     data: Data
     number: int
+    own_half: float = 0.0
     _taken: dict[float | tuple[float, ...], tuple[Array, float]] = field(
         init=False, default_factory=dict, repr=False
     )
@@ -374,7 +384,7 @@ class BlockMatrices:
         across : ndarray, shape (kept, n)
             Its square is taken off.
         determinant : float
-            Half its log determinant.
+            Half its log determinant, that of the own unknowns in it.
         """
         found = self._taken.get(error)
         if found is None:
@@ -386,9 +396,10 @@ class BlockMatrices:
     def _take(self, error: float | tuple[float, ...]) -> tuple[Array, float]:
         if error and not isinstance(error, tuple):  # one size: directions at right angles to each other
             left = 1 + error**2 * self.form_power
-            return (error / np.sqrt(left))[:, None] * self.form, 0.5 * float(np.log(left).sum())
+            half = 0.5 * float(np.log(left).sum())
+            return (error / np.sqrt(left))[:, None] * self.form, self.own_half + half
         lower, size, at = self.factor(error)
-        return forward(lower, size[:, None] * self.form[at]), half_determinant(lower)
+        return forward(lower, size[:, None] * self.form[at]), self.own_half + half_determinant(lower)
 
     def factor(
         self, error: float | tuple[float, ...], *, once: bool = False

@@ -126,7 +126,7 @@ def _straight(
         """Return the whitened columns of a block, and its form: the others fill most of the memory."""
         tolerances, shared = [stated[i].get(n) for n in names], [alike[i].get(n) for n in labels]
         parts = Parts.of(blocks[i], i, found, tolerances, shared, library, sizes)
-        parts = parts.as_loud_as_flown(found) if quiet else parts
+        parts = parts.likeliest(found, quiet=quiet)
         return _whitened(parts, labels), parts.form_alone()
 
     made = side_by_side(simulation, whitened, range(len(blocks)))
@@ -204,7 +204,7 @@ def columns_of(
     stated, alike = tolerance_columns(block, library, sizes), shared_columns(block)
     tolerances = [stated.get(n) for n in like.system.tolerances]
     shared = [alike.get(n) for n in c.shared_names]
-    parts = Parts.of(block, index, found, tolerances, shared, library, sizes).as_loud_as_flown(found)
+    parts = Parts.of(block, index, found, tolerances, shared, library, sizes).likeliest(found, quiet=True)
     made = _whitened(parts, c.shared_names)
     return _with_form(made, parts.second_order(), c.form_names, like.system.form_errors), parts.block
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -19,8 +19,9 @@ from freqid.gap.model.candidate import Candidate
 from freqid.gap.model.form import FormColumns, form_columns, form_terms, product_columns
 from freqid.gap.model.row_columns import RowColumns
 from freqid.gap.model.tolerance import record_columns
+from freqid.gap.model.varying_parameters import NAME as VARYING
 from freqid.gap.model.varying_parameters import varying_columns
-from freqid.gap.settings import FORM_ERRORS, NOISE_SCALES, SEEN
+from freqid.gap.settings import FORM_ERRORS, NOISE_SCALES, SEEN, VARIATIONS
 from freqid.gap.stack.block import REPEATS, Block
 from freqid.simulate.effects.effect import Effect
 
@@ -121,46 +122,80 @@ class Parts:
         row = [np.full(len(c.spectra), terms.index(c.term)) for c in self.form]
         return RowColumns.of(self.block, self.form), np.concatenate([[], *row]).astype(int)
 
-    def as_loud_as_flown(self, found: Sequence[Candidate]) -> Parts:
-        """Return the parts with loads as noisy as is likeliest: sensors tell nothing of gusts and buffet.
+    def likeliest(self, found: Sequence[Candidate], *, quiet: bool) -> Parts:
+        """Return the parts with parameters that vary as much, and loads that are as noisy, as is likeliest.
 
-        Every effect and every error of form is allowed for while the scale is chosen. Where repeats of a
-        manoeuvre told the noise, it stays.
+        Sensors tell nothing of gusts and buffet, so where it is `quiet` the noise of loads may be louder;
+        where repeats of a manoeuvre told it, it stays. Every effect and every error of form is allowed for
+        while the two are chosen, one after the other.
         """
-        block = self.block
-        if block.noise_from == REPEATS:
-            return self
+        block, quiet = self.block, quiet and self.block.noise_from != REPEATS
         rows = [i for i, row in enumerate(block.rows) if row.kind == "response"]
-        if not rows:
+        varying = np.array([n.startswith(VARYING) for n in self.own_names], dtype=bool)
+        if not rows or not (quiet or varying.any()):
             return self
-        system, products = self._alone(rows, found)
-        best, chosen = -np.inf, 1.0
-        for scale in NOISE_SCALES:  # as long as the evidence rises
-            evidence = weigh(replace(system, blocks=[products.matrices(scale)], _kept=Kept()), once=True)
-            total = evidence.log_none + np.logaddexp(0.0, evidence.statistic)
-            total -= products.number * np.log(scale)
-            if total < best:
-                break
-            best, chosen = total, scale
-        root = np.ones(len(block.rows))
-        root[rows] = chosen
-        return replace(self, block=replace(block, covariance=block.covariance * root[:, None] * root))
+        system, products, own = self._alone(rows, found)
 
-    def _alone(self, rows: Sequence[int], found: Sequence[Candidate]) -> tuple[System, Products]:
+        def of(products: Products, scale: float = 1.0) -> float:
+            """Return the log evidence with no effect or any, at noise of so many times what was shown."""
+            evidence = weigh(replace(system, blocks=[products.matrices(scale)], _kept=Kept()), once=True)
+            total = evidence.log_none + float(np.logaddexp(0.0, evidence.statistic))
+            return total - products.number * float(np.log(scale))
+
+        share = np.ones(len(varying))
+
+        def varied(size: float) -> Products:
+            share[varying] = size / VARIATIONS[-1]
+            return products.with_own_sizes(share[own])
+
+        parts = self
+        if varying.any():
+            share[varying] = _first_best(lambda size: of(varied(size)), VARIATIONS) / VARIATIONS[-1]
+            products = products.with_own_sizes(share[own])
+            parts = self._seen(share)
+        scale = _first_best(lambda scale: of(products, scale), NOISE_SCALES if quiet else NOISE_SCALES[:1])
+        root = np.ones(len(block.rows))
+        root[rows] = scale
+        return replace(parts, block=replace(block, covariance=block.covariance * root[:, None] * root))
+
+    def _seen(self, sizes: Array) -> Parts:
+        """Return the parts with own unknowns of so many times their sizes, those that are seen at that."""
+        block = self.block
+        white = block.lines.real(self.own / np.sqrt(block.power_alone))
+        stays = sizes == 1.0
+        seen = stays | (sizes * np.sqrt((white**2).sum(axis=(1, 2))) > SEEN)
+        names = tuple(n for n, kept in zip(self.own_names, seen, strict=True) if kept)
+        return replace(self, own=(sizes[:, None, None] * self.own)[seen], own_names=names)
+
+    def _alone(
+        self, rows: Sequence[int], found: Sequence[Candidate]
+    ) -> tuple[System, Products, NDArray[np.intp]]:
         """Return a system of some rows of the block, and the products that its matrices are made of.
 
-        With the candidates that change these rows.
+        With the candidates that change these rows, and the places of the own unknowns that do.
         """
         start = np.concatenate([[0], np.cumsum([len(c.sizes) for c in found])]).astype(int)
         moved = _in(self.effects, rows)
         few = [i for i in range(len(found)) if moved[start[i] : start[i + 1]].any()]
         effects = np.concatenate([self.effects[:0], *(self.effects[start[i] : start[i + 1]] for i in few)])
-        shared, own = (z[_in(z, rows)] for z in (self.tolerances, self.own))
-        x, t, r, o = (self.block.white(z, rows) for z in (effects, shared, self.block.residual, own))
+        shared, own = self.tolerances[_in(self.tolerances, rows)], np.flatnonzero(_in(self.own, rows))
+        each = effects, shared, self.block.residual, self.own[own]
+        x, t, r, o = (self.block.white(z, rows) for z in each)
         products = Products.of(x, t, r, o, RowColumns.of(self.block, self.form, rows), x[:0])
         names = tuple(map(str, range(len(shared))))
         forms = tuple(Form(f, 0.0) for f in FORM_ERRORS)
-        return System([found[i] for i in few], names, [], forms), products
+        return System([found[i] for i in few], names, [], forms), products, own
+
+
+def _first_best(of: Callable[[float], float], sizes: Sequence[float]) -> float:
+    """Return the size up to which something rises, from the first one on."""
+    best, chosen = -np.inf, sizes[0]
+    for size in sizes if len(sizes) > 1 else ():
+        here = of(size)
+        if here < best:
+            break
+        best, chosen = here, size
+    return chosen
 
 
 def _in(columns: Complex, rows: Sequence[int]) -> NDArray[np.bool_]:

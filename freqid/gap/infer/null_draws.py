@@ -121,7 +121,7 @@ def _at_loads(
     """Return drawn inner products of ``[X, T, A]`` less the loads' error of form, and its evidence."""
     lower, size, at = block.factor(error)
     if not at.size:
-        return inner, np.zeros(inner.shape[1])
+        return inner, np.full(inner.shape[1], -block.own_half)
     across, determinant = block.taken(error)
     projected = forward(lower, size[:, None] * form[at])
     log = 0.5 * (projected**2).sum(axis=0) - determinant

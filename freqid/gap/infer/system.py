@@ -341,7 +341,7 @@ class System:
             gram[:-1, -1] += b.data.columns[kept] * scale
             gram[-1, -1] += b.data.energy
             gram -= taken.T @ taken
-            determinant += half_determinant(lower)
+            determinant += b.own_half + half_determinant(lower)
             parts.append((b, form, lower, at, taken))
         gram[-1, :-1] = gram[:-1, -1]
         inverse, half = rooted(gram[:-1, :-1])

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from freqid.core.arrays import Complex
-from freqid.gap.settings import SEEN, VARIATION
+from freqid.gap.settings import SEEN, VARIATIONS
 from freqid.gap.stack.block import Block
 
 NAME = "varying."
@@ -23,9 +23,10 @@ NAME = "varying."
 def varying_columns(block: Block, sizes: Mapping[str, float]) -> dict[str, Complex]:
     """Return what loads do where the simulation's own parameters change with the motion.
 
-    Each parameter changes by `VARIATION` of its sigma for each standard deviation of each motion. There are
-    hundreds of such products; their principal directions, in the noise of the loads, are the columns. Each
-    condition has its own: a formula that is right at one speed may be wrong at another.
+    Each parameter changes by the largest of `VARIATIONS` for each standard deviation of each motion: how much
+    is likeliest, the record says (`Parts.likeliest`). There are hundreds of such products; their principal
+    directions, in the noise of the loads, are the columns. Each condition has its own: a formula that is
+    right at one speed may be wrong at another.
 
     Parameters
     ----------
@@ -45,7 +46,7 @@ def varying_columns(block: Block, sizes: Mapping[str, float]) -> dict[str, Compl
     if not (asked and trial.inputs and rows):
         return {}
     moves = np.array([record[n] - record[n].mean() for n in trial.inputs])
-    moves *= VARIATION / moves.std(axis=1, keepdims=True)
+    moves *= VARIATIONS[-1] / moves.std(axis=1, keepdims=True)
     root = np.sqrt(block.power_alone[rows])
     each = []
     for change in trial.simulation.sensitivity(record, asked):

@@ -8,7 +8,7 @@ from linear_flight import Linear, fly
 from test_beyond_tolerance import Declared
 
 from freqid.gap.model.varying_parameters import varying_columns
-from freqid.gap.settings import VARIATION
+from freqid.gap.settings import VARIATIONS
 from freqid.gap.stack.block import stack_of
 
 
@@ -28,7 +28,7 @@ def product_by_product(block):
         up, down = (trial.simulation.predict(record, None, {name: s * tolerance.sigma}) for s in (1, -1))
         for moving in trial.inputs:
             move = (record[moving] - np.mean(record[moving])) / np.std(record[moving])
-            found.append(block.transform(trial.rows(VARIATION * 0.5 * (up - down) * move)))
+            found.append(block.transform(trial.rows(VARIATIONS[-1] * 0.5 * (up - down) * move)))
     return np.array(found)
 
 

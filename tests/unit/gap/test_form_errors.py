@@ -119,9 +119,22 @@ def test_slopes_of_the_evidence_are_those_of_the_dense_density():
         log, slope, _ = system.slope(Form(tuple(sizes), shared))
         expected = [(density(at + e, shared) - density(at - e, shared)) / 2e-5 for e in step]
         np.testing.assert_allclose(slope, expected, rtol=1e-5, atol=1e-6)
+        assert log == pytest.approx(density(at, shared), rel=1e-9)  # own unknowns of every size count
         higher, *_ = system.slope(Form(tuple(2 * sizes), shared))
         change = density(at + np.log(2), shared) - density(at, shared)
         assert higher - log == pytest.approx(change, rel=1e-9)
+
+
+def test_own_unknowns_of_another_size_are_those_that_are_made_at_it():
+    rng = np.random.default_rng(5)
+    x, t, o, d, a = (rng.standard_normal((k, 40)) for k in (2, 3, 4, 6, 3))
+    residual, sizes = rng.standard_normal(40), np.array([0.0, 0.5, 1.0, 3.0])
+    sized = Products.of(x, t, residual, o, d, a).with_own_sizes(sizes).matrices()
+    anew = Products.of(x, t, residual, sizes[:, None] * o, d, a).matrices()
+    for name in ("gram", "own_half"):
+        np.testing.assert_allclose(getattr(sized, name), getattr(anew, name), rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(sized.data.columns, anew.data.columns, rtol=1e-10, atol=1e-12)
+    assert sized.data.energy == pytest.approx(anew.data.energy)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

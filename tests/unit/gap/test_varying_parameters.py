@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from linear_flight import Linear, fly
+from linear_flight import LIBRARY, RESPONSES, SLOPES, U0, W0, Linear, fly
 from test_beyond_tolerance import Declared
 
-from freqid.gap.model.varying_parameters import varying_columns
+from freqid.gap.infer.build import build
+from freqid.gap.model.tolerance import stated
+from freqid.gap.model.varying_parameters import NAME, varying_columns
 from freqid.gap.settings import VARIATIONS
 from freqid.gap.stack.block import stack_of
 
@@ -49,3 +51,32 @@ def test_a_parameter_that_is_known_exactly_does_not_vary(block):
 
 def test_a_simulation_without_parameters_of_its_own_has_none():
     assert varying_columns(block_of(Linear()), {}) == {}
+
+
+class WithWrongFormula(Declared):
+    """Its pitch stiffness goes with the speed, as that of the truth does not."""
+
+    def predict(self, record, effects=None, departures=None):
+        found = super().predict(record, effects, departures)
+        faster = (record["state/u"] - U0) / np.std(record["state/u"])
+        found[RESPONSES.index("M")] += 0.05 * SLOPES[2, 1] * (record["state/w"] - W0) * faster
+        return found
+
+
+@pytest.mark.parametrize(("simulation", "vary"), [(Declared(), False), (WithWrongFormula(), True)])
+def test_a_record_tells_whether_parameters_vary(simulation, vary):
+    flights = [fly(noise=1.0, duration=40.0, seed=s, phases=s, reference=f"r{s}") for s in (1, 2)]
+    blocks = stack_of(simulation, flights, ["one", "two"], (0.05, 2.0))
+    at, _ = build(blocks, LIBRARY, stated({"dynamics": 0.02}, LIBRARY, simulation))
+    largest = [
+        max([np.linalg.norm(z) for n, z in zip(c.own_names, c.own, strict=True) if n.startswith(NAME)] or [0])
+        for c in at.columns
+    ]
+    known = [np.linalg.norm(block_columns(b), axis=1).max() for b in at.blocks]
+    for found, at_most in zip(largest, known, strict=True):  # at the largest share that is asked
+        assert found == pytest.approx(at_most, rel=0.2) if vary else found < 0.1 * at_most
+
+
+def block_columns(block):
+    made = block.white(np.array(list(varying_columns(block, {}).values())))
+    return made.reshape(len(made), -1)

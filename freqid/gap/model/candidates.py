@@ -233,7 +233,8 @@ def beyond_tolerance(
         if not sigma or len(columns) < len(blocks) or not seen([z[0] for z in columns], blocks):
             continue
         beyond = sigma * np.geomspace(*_BEYOND, _GRID)
-        prior = np.concatenate([-beyond[::-1], beyond])
+        below = beyond[beyond < 1.0] if tolerance.unit == "1" else beyond  # no share falls by more than all
+        prior = np.concatenate([-below[::-1], beyond])
         place = Place(name, (name,))
         made.append(Candidate(OTHER, place, "scalar", np.array([sigma]), prior, columns, tolerance.unit))
     return made

@@ -10,8 +10,10 @@ import pytest
 from linear_flight import INPUTS, LIBRARY, RESPONSES, SLOPES, TRIM, U0, W0, Linear, Truth, fly
 
 from freqid.gap.diagnose import Question, diagnose
-from freqid.gap.model.tolerance import stated
+from freqid.gap.model.candidates import beyond_tolerance
+from freqid.gap.model.tolerance import stated, tolerance_columns
 from freqid.gap.simulation import Tolerance
+from freqid.gap.stack.block import stack_of
 
 OWN = {"pitch.stiffness": ("M", "state/w"), "elevator.power": ("M", "effector/d1")}
 
@@ -59,6 +61,18 @@ def test_a_stiffness_at_ten_stated_sigmas_is_a_gap_that_is_said():
     assert interval.lo < 0.2 < interval.hi
     said = re.search(r"its own parameter pitch\.stiffness does, off by ([\d.]+) \(", found.verdict)
     assert float(said[1]) == pytest.approx(interval.estimate, rel=5e-3)
+
+
+def test_no_share_falls_by_more_than_all():
+    """A servo's natural frequency below zero makes positions of 1e187."""
+    simulation = Declared(tolerances=dict.fromkeys(OWN, Tolerance(0.1, loads_only=True)))
+    block = stack_of(simulation, [fly(noise=1.0, seed=1)], ["one"], (0.05, 2.0))[0]
+    sizes = dict.fromkeys(OWN, 0.1)
+    made = beyond_tolerance([block], [tolerance_columns(block, LIBRARY, sizes)], sizes)
+    assert {c.place.label for c in made} == set(OWN)
+    for c in made:
+        assert -1 < c.prior[0] < 0
+        assert c.prior[-1] > 1
 
 
 @pytest.mark.parametrize("share", [0.0, 0.03])
